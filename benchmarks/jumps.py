@@ -59,7 +59,7 @@ BUSY = 1
 
 def fault_plan(jumps: int) -> dict[str, object]:
     """Plan a jump in every second stroke, there and back by turns so that they cancel."""
-    per_count = abs(AxisScale.of(DRIVES.axes[AXIS]).position)
+    per_count = abs(AxisScale.derive(DRIVES.axes[AXIS]).position)
     sizes = np.geomspace(LEAST, MOST, jumps // 2)
     return {
         "faults": [

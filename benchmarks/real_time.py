@@ -90,7 +90,7 @@ def unlike(
     ]
     best = int(np.argmin(off))
     assert off[best] < SAME, f"the witness saw other SYNCs: {off[best]:.2g} s off"
-    scales = [AxisScale.of(axis) for axis in drives.axes]
+    scales = [AxisScale.derive(axis) for axis in drives.axes]
     q = [(positions[nearest[best], j] - s.zero) * s.position for j, s in enumerate(scales)]
     wrong = ~np.isclose(recording.q, np.transpose(q), rtol=0, atol=1e-9)
     return int(np.any(wrong & (recording.flags == 0), axis=1).sum())

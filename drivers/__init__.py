@@ -1,5 +1,5 @@
-"""The fieldbus: servo axes behind one seam, `drivers.drive_bus.DriveBus`.
+"""Servo axes on a fieldbus, behind the interface `drivers.drive_bus.DriveBus`.
 
-Nothing here knows of a robot's dynamics. Everything that leaves this package is joint side and
-SI; counts, per mille and milliamperes stay inside.
+The package is independent of robot dynamics. Values at the interface are on the joint side, in
+SI; counts, per mille and milliamperes are internal.
 """

@@ -1,18 +1,20 @@
-"""Counts to radians and per mille to newton metres, from what the drives file states.
+"""Conversion between drive units and SI: counts to radians, per mille to newton metres.
 
-A drive speaks in counts of its encoder or in parts of a degree, in per mille of a rated value or in
-milliamperes; we speak SI on the joint side. An `Axis` is one of a session, and what all who move or
-watch it need to know of it. With counts c of 6064, counts per motor revolution R (a
-ratio of integers), gear ratio N (motor angle over joint coordinate), direction s = +-1, zero c0 and
-sign of the current's count against the drive's position sc = +-1::
+A drive reports counts of its encoder or parts of a degree, and per mille of a rated value or
+milliamperes; the framework uses SI on the joint side. With counts c of 6064, counts per motor
+revolution R (a ratio of integers), gear ratio N (motor angle over joint coordinate), direction
+s = +-1, zero c0 and sign of the current's count against the drive's position sc = +-1::
 
     q   = s (c - c0) 2 pi / (R N)                                                  [rad or m]
     tau = s sc N kt a i     i = mA / 1000  or  per mille / 1000 of rated current   [N m or N]
     tau = s sc N T per mille / 1000                    per mille of rated torque T
 
-where a count may be several mA or per mille (`per_count`), and a turns the amplitude of the
-current's readback (rms or peak) into that of the torque constant kt. For a prismatic axis N is in
+A count may be several mA or per mille (`per_count`). The factor a converts the amplitude of the
+current's readback (rms or peak) to that of the torque constant kt. For a prismatic axis N is in
 rad of the motor per m.
+
+Positions that wrap around (`Wrap`) become places of the axes: received positions are unwrapped and
+sent targets are wrapped, only here, so that other modules see no ends of a range.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from drivers.drive_bus import AxisInfo
 from drivers.drives_file import Basis
@@ -32,17 +34,18 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from drivers.cycle_data import ProcessData
     from drivers.drives_file import AxisDrive
     from drivers.remote_dictionary import RemoteDictionary
 
 FINEST = 2.0**-24
-"""Share of a number by which it is rounded in 32 bits (IEEE 754)."""
+"""Relative rounding error of a 32-bit floating-point number (IEEE 754)."""
 Number = TypeVar("Number", float, "NDArray[np.float64]")
 
 
 @dataclass(frozen=True, slots=True)
 class AxisScale:
-    """Factors between a drive's counts and SI on the joint side.
+    """Conversion factors between drive units and SI on the joint side.
 
     Attributes
     ----------
@@ -57,7 +60,7 @@ class AxisScale:
     torque_limit : float
         Joint torque per unit of 6072 (per mille of rated torque), positive [N m or N].
     torque_step : float
-        Smallest step of joint torques that the current object shows, positive [N m or N].
+        Resolution of the joint torque in the current object, positive [N m or N].
     """
 
     position: float
@@ -69,11 +72,12 @@ class AxisScale:
     torque_step: float
 
     @classmethod
-    def of(cls, axis: AxisDrive) -> AxisScale:
-        """Derive the factors from an axis of the drives file."""
+    def derive(cls, axis: AxisDrive) -> AxisScale:
+        """Derive the conversion factors from an axis of the drives file."""
         increment = 2 * math.pi / float(axis.increments_per_revolution) / axis.gear_ratio
-        per_mille = axis.gear_ratio * axis.rated_torque / 1000
-        torque = axis.sign * axis.current.sign * axis.gear_ratio * _motor_torque(axis)
+        motor_torque = motor_torque_per_count(axis, axis.current.basis)
+        assert motor_torque is not None  # noqa: S101 - the validator of the file saw to it
+        torque = axis.sign * axis.current.sign * axis.gear_ratio * motor_torque
         real = axis.current.type == "f32"
         return cls(
             position=axis.sign * increment,
@@ -81,96 +85,98 @@ class AxisScale:
             torque=torque,
             velocity=_rate(velocity_unit(axis.velocity_unit), axis),
             acceleration=_rate(acceleration_unit(axis.acceleration_unit), axis),
-            torque_limit=per_mille,
+            torque_limit=axis.gear_ratio * axis.rated_torque / 1000,
             torque_step=FINEST * axis.limits.torque if real else abs(torque),
         )
 
     def position_from_counts(self, counts: Number) -> Number:
-        """Joint coordinate of a drive's position (6064), scalar or array [rad or m]."""
+        """Convert a position of the drive (6064), scalar or array, to a coordinate [rad or m]."""
         return (counts - self.zero) * self.position
 
     def position_to_counts(self, q: float) -> int:
-        """Drive's position (607A) nearest to a joint coordinate [increments]."""
+        """Convert a joint coordinate to the nearest position of the drive (607A) [increments]."""
         return round(q / self.position) + self.zero
 
     def torque_from_counts(self, counts: Number) -> Number:
-        """Joint torque from the current object, scalar or array [N m or N]."""
+        """Convert a value of the current object, scalar or array, to a joint torque [N m or N]."""
         return counts * self.torque
 
     def velocity_to_counts(self, velocity: float) -> int:
-        """Velocity in the drive's unit (6081, 607F), never above the one that is asked for."""
+        """Convert a joint velocity to the unit of the drive (6081, 607F), rounded down."""
         return _floor(velocity / self.velocity)
 
     def acceleration_to_counts(self, acceleration: float) -> int:
-        """Acceleration in the drive's unit (6083..6085), never above the one asked for."""
+        """Convert a joint acceleration to the unit of the drive (6083..6085), rounded down."""
         return _floor(acceleration / self.acceleration)
 
     def velocity_offset_to_counts(self, velocity: Number) -> Number:
-        """Joint velocity in the drive's unit and direction (60B1), not rounded."""
+        """Convert a joint velocity to unit and direction of the drive (60B1), not rounded."""
         return velocity / math.copysign(self.velocity, self.position)
 
     def torque_offset_to_counts(self, torque: Number) -> Number:
-        """Joint torque in per mille of rated torque, in the drive's direction (60B2), unrounded."""
+        """Convert a joint torque to signed per mille of rated torque (60B2), not rounded."""
         return torque / math.copysign(self.torque_limit, self.position)
 
     def torque_limit_to_counts(self, torque: float) -> int:
-        """Torque limit in per mille of rated torque (6072), never above the one asked for."""
+        """Convert a torque limit to per mille of rated torque (6072), rounded down."""
         return _floor(torque / self.torque_limit)
 
 
 @dataclass(frozen=True, slots=True)
 class Wrap:
-    """Positions of a drive that wrap around at the ends of a range (607B).
+    """Wrap-around of a drive's positions at the ends of a range (607B).
 
-    The range is wider than an axis's way, so each of them is one place of the axis.
+    The range is wider than the travel of the axis, so a position belongs to one place of the axis.
 
     Attributes
     ----------
     low, size : int
-        The lowest position that the drive shows, and how many there are: the highest may follow
-        upon itself in some drives, which makes one count.
+        Lowest position of the drive, and number of positions [increments]. Some drives show lowest
+        and highest
+        for the same place, which counts once.
     first : int
-        From which place on the axis is counted [increments].
+        First place on the axis [increments].
     """
 
     low: int
     size: int
     first: int
 
-    def unwrapped(self, position: int) -> int:
-        """Return the place of the axis that the drive shows as `position`."""
+    def unwrap(self, position: int) -> int:
+        """Return the place of the axis for a position of the drive [increments]."""
         return self.first + (position - self.first) % self.size
 
-    def wrapped(self, place: int) -> int:
-        """Return how the drive shows a place."""
+    def wrap(self, place: int) -> int:
+        """Return the position of the drive for a place of the axis [increments]."""
         return self.low + (place - self.low) % self.size
 
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One axis of a session.
+    """Axis of a session: drive, limits in force, units and object dictionary.
 
     Attributes
     ----------
     index : int
-        In joint order, from 0.
+        Joint index, from 0.
     stated : AxisDrive
-        What the drives file states of it.
+        Axis as stated in the drives file.
     drive : AxisDrive
-        The same with the limits that hold.
+        Axis as stated, with the limits in force.
     server : RemoteDictionary
-        Its drive's object dictionary.
+        Object dictionary of the drive.
     own : mapping of str to str
-        Which of these limits are the drive's own: field, and the object that sets it.
+        Limits set by the drive rather than the file: field, and the object that sets the limit.
     stop_deceleration : float or None
-        Of a quick stop, as it stands in the drive [rad/s^2 or m/s^2]; None where it has no 6085 and
-        its ramp is the maker's.
+        Quick stop deceleration of the drive (6085) [rad/s^2 or m/s^2]; None where the object is
+        absent and the ramp unknown.
     identity : str
         Identity of the drive (1018), in words.
     planned : bool
-        The driver plans its ways, since its drive has no profile position or its positions wrap.
+        The driver plans the path, since the drive has no profile position mode or its positions
+        wrap around.
     wrap : Wrap or None
-        How they do.
+        Wrap-around of the positions.
     """
 
     index: int
@@ -193,12 +199,12 @@ class Axis:
 
     @property
     def label(self) -> str:
-        """How messages name it."""
+        """Name of the axis in messages."""
         return self.server.label
 
     @property
     def info(self) -> AxisInfo:
-        """What is known of it for the provenance."""
+        """Description of the axis for the provenance."""
         limits = self.drive.limits
         return AxisInfo(
             name=self.drive.name,
@@ -215,27 +221,27 @@ class Axis:
 
     @cached_property
     def scale(self) -> AxisScale:
-        """Its drive's units."""
-        return AxisScale.of(self.drive)
+        """Conversion factors between the units of the drive and SI."""
+        return AxisScale.derive(self.drive)
 
     @cached_property
     def per_count(self) -> float:
-        """What one increment is [rad or m], positive."""
+        """Size of an increment [rad or m], positive."""
         return abs(self.scale.position)
 
     @cached_property
     def window(self) -> float:
-        """Its following error window [increments]."""
+        """Following error window [increments]."""
         return self.drive.following_error_window / self.per_count
 
     @cached_property
     def band(self) -> float:
-        """Its position window [increments]."""
+        """Position window [increments]."""
         return self.drive.position_window / self.per_count
 
 
 def _rate(unit: RateUnit, axis: AxisDrive) -> float:
-    """Joint side of one unit of velocity or acceleration, positive."""
+    """Convert a unit of velocity or acceleration to the joint side, positive."""
     turns = motor_turns(unit, axis.increments_per_revolution, axis.gear_ratio)
     return 2 * math.pi * float(turns) / axis.gear_ratio
 
@@ -245,9 +251,9 @@ def _floor(value: float) -> int:
 
 
 def motor_torque_per_count(axis: AxisDrive, basis: Basis) -> float | None:
-    """Return the motor's torque per count of the current object, were it in `basis` [N m].
+    """Return the motor torque per count of the current object, read in `basis` [N m].
 
-    None where the drives file states no torque constant, which currents need.
+    None for currents if the drives file states no torque constant.
     """
     counted = axis.current.per_count if basis is axis.current.basis else 1.0
     if basis is Basis.RATED_TORQUE:
@@ -255,19 +261,46 @@ def motor_torque_per_count(axis: AxisDrive, basis: Basis) -> float | None:
     if axis.torque_constant is None:
         return None
     ampere = 0.001 if basis is Basis.MILLIAMPERE else axis.rated_current / 1000
-    return axis.torque_constant * ampere * _amplitude_factor(axis) * counted
+    # sinusoidal currents: the peak is sqrt(2) times the rms value
+    peaks = (axis.torque_constant_amplitude == "peak") - (axis.current.amplitude == "peak")
+    return axis.torque_constant * ampere * math.sqrt(2) ** peaks * counted
 
 
-def _motor_torque(axis: AxisDrive) -> float:
-    per_count = motor_torque_per_count(axis, axis.current.basis)
-    assert per_count is not None  # noqa: S101 - the file's validator saw to it
-    return per_count
+def unwrap_positions(process_data: ProcessData, axes: Sequence[Axis]) -> ProcessData:
+    """Return process data in places of the axes; unchanged where no positions wrap around."""
+    if not any(axis.wrap for axis in axes):
+        return process_data
+    return cast("ProcessData", _Unwrapped(process_data, axes))
 
 
-def _amplitude_factor(axis: AxisDrive) -> float:
-    match axis.current.amplitude, axis.torque_constant_amplitude:
-        case "rms", "peak":
-            return math.sqrt(2)
-        case "peak", "rms":
-            return math.sqrt(0.5)
-    return 1.0
+class _Unwrapped:
+    """Process data with positions and targets converted, and other members passed on."""
+
+    looks_ahead = False
+
+    def __init__(self, process_data: ProcessData, axes: Sequence[Axis]) -> None:
+        self.__dict__.update(_inner=process_data, _wraps=[axis.wrap for axis in axes])
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._inner, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        setattr(self._inner, name, value)
+
+    @property
+    def positions(self) -> tuple[int, ...]:
+        """Places of the axes [increments]."""
+        pairs = zip(self._wraps, self._inner.positions, strict=True)
+        return tuple(wrap.unwrap(position) if wrap else position for wrap, position in pairs)
+
+    def command(self, axis: int, target: int, controlword: int) -> None:
+        """Send a place [increments] and controlword to an axis."""
+        self._inner.command(axis, self._wrap(axis, target), controlword)
+
+    def lead(self, axis: int, target: int) -> None:
+        """Send a streamed set-point to an axis [increments]."""
+        self._inner.lead(axis, self._wrap(axis, target))
+
+    def _wrap(self, axis: int, target: int) -> int:
+        wrap = self._wraps[axis]
+        return wrap.wrap(target) if wrap else target

@@ -1,4 +1,4 @@
-"""Process data of all axes on whichever bus, as those see them who move and watch the axes."""
+"""Process data of the axes, independent of the bus."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from drivers.sync_clock import SyncClock
 
 SPEED_TIME = 0.008
-"""Over which speeds are taken at least [s]: positions need not change at every cycle."""
+"""Minimum time base of speeds [s]: positions need not change in every cycle."""
 CODES = {"u16": "H", "i16": "h", "i32": "i", "f32": "f"}
-"""Types of what is read, as `struct` has them; bytes of other types are skipped."""
+"""Format characters of `struct` for the types evaluated; bytes of other types are skipped."""
 
 
 class Cycles(NamedTuple):
-    """Process data of several SYNCs in turn, none of them irregular.
+    """Process data of consecutive regular SYNCs.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Cycles(NamedTuple):
 
 
 class ProcessData(ABC):
-    """Process data of all axes, latched at SYNC, and the time that SYNC makes.
+    """Process data of a session's axes, latched at SYNC, and the time of the SYNC.
 
     Positions are in increments, currents in the drive's unit; axes are in joint order.
 
@@ -46,28 +46,27 @@ class ProcessData(ABC):
     ----------
     n_axes : int
     clock : SyncClock
-        Where the time of a cycle comes from.
+        Source of the cycle time.
 
     Attributes
     ----------
     words, positions, currents : sequence of int (currents of float), length n_axes
-        Statusword, position and current; where an axis's telegram is missing, those of the SYNC
-        before.
+        Statusword, position and current; values of the SYNC before where a telegram is missing.
     flags : tuple of int, length n_axes
         `drivers.drive_bus.SampleFlag` of each axis: MISSING, DOUBLED, LATE and SKIPPED.
     irregular : bool
-        Some flag is set.
+        True if a flag is set.
     untimed : bool
-        The instant `time` is uncertain.
+        True if the instant `time` is uncertain.
     misfits : dict
-        By axis, what came in place of its telegram, in words.
+        Description of the telegram that arrived instead of the expected one, by axis.
     time : float
-        The last SYNC's instant [s].
+        Instant of the last SYNC [s].
     looks_ahead : bool
-        `sync_ahead` may send several SYNCs.
+        True if `sync_ahead` may send several SYNCs.
     on_arrival : tuple of int
-        Axes on which set-points of a stream act when they arrive, and then those of all do; where
-        there are none they act at the next SYNC.
+        Axes whose streamed set-points act on arrival, and then those of all axes do; if empty,
+        set-points act at the next SYNC.
     """
 
     on_arrival: tuple[int, ...] = ()
@@ -87,38 +86,38 @@ class ProcessData(ABC):
 
     @abstractmethod
     def command(self, axis: int, target: int, controlword: int) -> None:
-        """Send target position [increments] and controlword to one axis, at once.
+        """Send target position [increments] and controlword to an axis immediately.
 
-        Each word counts, also where several are sent between two SYNCs: a fault reset sends two.
+        Every word must arrive, also of several between two SYNCs: a fault reset sends two.
         """
 
     @abstractmethod
     def lead(self, axis: int, target: int) -> None:
-        """Send a set-point of a stream to one axis that follows it [increments]."""
+        """Send a streamed set-point to an axis [increments]."""
 
     @abstractmethod
     def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
-        """Send offsets of velocity [the drive's unit] and torque [per mille of rated] to one axis.
+        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to an axis.
 
-        They count until the next ones; only for drives that were set up to take them.
+        Offsets act until the next ones; only for drives set up for feed-forward.
         """
 
     @abstractmethod
     def withdraw(self, axis: int) -> None:
-        """Take back what is fed forward to one axis; nothing where drives take no offsets."""
+        """Cancel the feed-forward of an axis; no effect where drives take no offsets."""
 
     @abstractmethod
     def sync(self) -> float:
-        """Send the next SYNC when it is due and collect its answers; return its instant [s].
+        """Wait until the next SYNC is due, send it, collect answers; return its instant [s].
 
         Raises
         ------
         drivers.drive_bus.BusUnavailable
-            The bus does not take or give telegrams any more.
+            The bus no longer takes or delivers telegrams.
         """
 
     def sync_ahead(self, times: int) -> Cycles | None:
-        """Do as `sync` for up to several SYNCs: one, unless the bus is in lock-step.
+        """Send up to several SYNCs as `sync` does: one, unless the bus is in lock-step.
 
         Parameters
         ----------
@@ -128,7 +127,12 @@ class ProcessData(ABC):
         Returns
         -------
         Cycles or None
-            Of all SYNCs but the last, with unchanged statuswords; None if only one was sent.
+            SYNCs before the last, with unchanged statuswords; None if only one was sent.
+
+        Raises
+        ------
+        drivers.drive_bus.BusUnavailable
+            The bus no longer takes or delivers telegrams.
         """
         del times
         self.sync()
@@ -136,15 +140,15 @@ class ProcessData(ABC):
 
     @abstractmethod
     def tick(self) -> None:
-        """Let one period pass while the drives send no process data yet."""
+        """Let a period pass while the drives send no process data yet."""
 
     def now(self) -> float:
-        """Time of the same clock as `time` [s]."""
+        """Return the time on the clock of `time` [s]."""
         return self._clock.now()
 
     @property
     def skipped(self) -> int:
-        """SYNCs that were left out because we came too late for them; may be set."""
+        """Number of SYNCs left out because the deadline had passed; may be set."""
         return self._clock.skipped
 
     @skipped.setter
@@ -152,17 +156,17 @@ class ProcessData(ABC):
         self._clock.skipped = number
 
     def miss(self) -> None:
-        """Let one period pass in which the bus took no SYNC."""
+        """Let a period pass in which the bus accepted no SYNC."""
         self._clock.miss()
 
     def hurry(self, hurried: bool) -> None:
-        """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
+        """Shorten waits to the time available during a stop of the axes, or restore them."""
         self._clock.hurry(hurried)
 
     def speeds(self) -> list[float]:
-        """Return how fast each axis went in the last `SPEED_TIME` or twice that [increments/s].
+        """Return the speeds of the axes over the last `SPEED_TIME` or twice that [increments/s].
 
-        An axis that took no part in the last cycle has the speed ``inf``: it is not seen.
+        An axis whose telegram is missing has the speed ``inf``.
         """
         then, positions = self._before
         elapsed = self.time - then
@@ -172,20 +176,20 @@ class ProcessData(ABC):
         ]
 
     def _pass_to(self, instant: float) -> None:
-        """Let the instant of a cycle [s] come, before its values are taken."""
+        """Set the time to the instant of a new cycle [s], before its values are stored."""
         if self.time - self._anchor[0] >= SPEED_TIME:
             self._before, self._anchor = self._anchor, (self.time, self.positions)
         self.time = instant
 
     def _publish(self, found: Mapping[int, int]) -> None:
-        """Set the flags: those of single axes, and of all where cycles were passed over."""
+        """Set the flags of single axes, and those of every axis if cycles were passed over."""
         all_axes = SampleFlag.SKIPPED.value if self._clock.passed_over else 0
         self.irregular = bool(found) or bool(all_axes)
         self.flags = tuple(found.get(axis, 0) | all_axes for axis in range(len(self._regular)))
 
 
-def unpacking(layout: str, order: Sequence[int]) -> Callable[[bytes], tuple[int, ...]]:
-    """Return what unpacks a layout from the first bytes, and returns its values in an order."""
+def make_unpacker(layout: str, order: Sequence[int]) -> Callable[[bytes], tuple[int, ...]]:
+    """Return a function that unpacks the start of a buffer and puts the values in an order."""
     unpack = struct.Struct(layout).unpack_from
     if list(order) == list(range(len(unpack(bytes(struct.calcsize(layout)))))):
         return unpack

@@ -1,12 +1,13 @@
-"""The seam between identification and servo axes.
+"""The interface between identification and servo axes.
 
-A `DriveBus` is a set of axes that can be given profile position set-points and that report
-position and torque once per SYNC. Whoever measures (``sequencer``) sees only this protocol:
-joint side, SI, no counts, no objects, no threads. Time passes only in `DriveBus.sample`, which
-returns the state of all axes latched at one SYNC; a bus in lock-step is as fast as the processor,
-a bus on the wall clock returns when the next SYNC is due.
+A `DriveBus` is a set of axes that take profile position set-points and report position and torque
+once per SYNC. The measuring side (``sequencer``) sees only this protocol: joint side, SI, no
+counts, no objects, no threads. Time passes only in `DriveBus.sample`, which returns the state of
+the axes latched at one SYNC; a bus in lock-step is as fast as the processor, a bus on the wall
+clock returns
+when the next SYNC is due.
 
-What can go wrong is a `DriveError`::
+Failures are a `DriveError`::
 
     DriveError
      +-- BusUnavailable      no such interface or channel, no permission, bus off
@@ -35,11 +36,11 @@ if TYPE_CHECKING:
     from typing import Self
 
 LATE_FOR = 0.5
-"""Time after a late SYNC in which it is the first cause to look at for whatever goes wrong [s]."""
+"""Time after a late SYNC in which the late SYNC is the first suspected cause of a failure [s]."""
 
 
 class DriveError(HilError):
-    """What the operator must know about a drive or the bus; the message names the remedy."""
+    """Failure of a drive or the bus; the message names the remedy."""
 
 
 class BusUnavailable(DriveError):
@@ -51,7 +52,7 @@ class NodeSilent(DriveError):
 
 
 class DriveRefused(DriveError):
-    """A drive that cannot serve our purpose, and why."""
+    """A drive is unsuitable; the message names the reason."""
 
 
 class LimitExceeded(DriveError):
@@ -67,44 +68,44 @@ class MoveFailed(DriveError):
 
 
 class Tripped(DriveError):
-    """An axis too far off its way, too fast or too strong for too long: we stopped all axes."""
+    """An axis too far off the path, too fast or too strong for too long: axes stopped."""
 
 
-def joined(problems: Sequence[DriveError], head: str = "") -> DriveError:
-    """Return one error for several drives, a line each: that they are silent, if all are."""
+def join_errors(problems: Sequence[DriveError], head: str = "") -> DriveError:
+    """Return a common error for several drives, a line each; `NodeSilent` if no drive answers."""
     silent = all(isinstance(problem, NodeSilent) for problem in problems)
     lines = (*filter(None, [head]), *map(str, problems))
     return (NodeSilent if silent else DriveRefused)("\n".join(lines))
 
 
 class SampleFlag(enum.IntFlag):
-    """What is wrong with one axis's share of a sample; 0 when nothing is."""
+    """Defect of an axis's share of a sample; 0 if there is none."""
 
     MISSING = 1
-    """No TPDO answered this SYNC: position and torque are NaN, never a guess."""
+    """No TPDO answered this SYNC: position and torque are NaN."""
     DOUBLED = 2
-    """More than one TPDO answered this SYNC; the first counts."""
+    """More than one TPDO answered this SYNC; the first is used."""
     LATE = 4
-    """A TPDO of an earlier SYNC arrived within this one's period and was dropped, or this one came
-    alone soon after a missing one and may be that."""
+    """A TPDO of an earlier SYNC arrived in this period and was dropped, or a TPDO that follows a
+    missing one may be a late one."""
     LIMIT = 8
     """The drive reports an internal limit (statusword bit 11): its torque saturates."""
     SKIPPED = 16
-    """SYNCs right before this one were passed over: they had waited too long to be judged."""
+    """SYNCs immediately before this one were passed over: their answers were too old to judge."""
     OLD = 32
-    """The drive had not renewed position or torque since the SYNC before, in motion."""
+    """Position or torque in motion not refreshed by the drive since the SYNC before."""
     UNTIMED = 64
-    """This computer was interrupted while it sent this SYNC, so its instant is uncertain."""
+    """The instant of this SYNC is uncertain: the computer was interrupted while sending."""
 
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """A profile position set-point of one axis: a trapezoid of velocity.
+    """Profile position set-point of an axis: a trapezoidal velocity profile.
 
     Attributes
     ----------
     target : float
-        Where the axis shall come to rest [rad, or m for a prismatic joint].
+        Rest position at the end [rad, or m for a prismatic joint].
     velocity : float
         Profile velocity, positive [rad/s].
     acceleration : float
@@ -117,7 +118,7 @@ class Move:
 
 
 class Sample(NamedTuple):
-    """All axes at one SYNC.
+    """State of the axes at a SYNC.
 
     Attributes
     ----------
@@ -130,7 +131,7 @@ class Sample(NamedTuple):
     flags : tuple of int, length n_axes
         `SampleFlag` bits of each axis.
     reached : bool
-        Every axis that was given a set-point has acknowledged it, reached it and stands still.
+        True if every axis with a set-point has acknowledged and reached it and stands still.
     """
 
     time: float
@@ -142,17 +143,17 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class AxisInfo:
-    """What a drive stated about itself when the bus was entered; goes into the provenance.
+    """Description of a drive, read when the bus was entered; part of the provenance.
 
     Attributes
     ----------
     q_min, q_max, velocity_max, acceleration_max : float
-        Limits that hold [rad, rad/s, rad/s^2; m if prismatic].
+        Limits in force [rad, rad/s, rad/s^2; m if prismatic].
     own_limits : mapping of str to str
-        Where it is the drive's own limit that holds: ``q_min``, ``q_max``, ``velocity``,
-        ``acceleration`` or ``torque``, and the object that sets it, such as ``607D``.
+        Limits set by the drive: ``q_min``, ``q_max``, ``velocity``, ``acceleration`` or
+        ``torque``, and the object that sets the limit, such as ``607D``.
     unit : {"rad", "m"}
-        Of its position.
+        Unit of the position.
     """
 
     name: str
@@ -185,7 +186,7 @@ class DriveBus(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the operator should know though it stops nothing; grows."""
+        """Remarks for the operator that stop nothing; the tuple grows."""
 
     def __enter__(self) -> Self:
         """Check, configure and power on every drive."""
@@ -212,7 +213,7 @@ class DriveBus(Protocol):
         """
 
     def sample(self) -> Sample:
-        """Wait for the next SYNC and return what the axes reported for it.
+        """Wait for the next SYNC and return the state of the axes.
 
         Raises
         ------
@@ -223,8 +224,7 @@ class DriveBus(Protocol):
     def samples(self, limit: int) -> Sequence[Sample]:
         """Return the samples of the next SYNCs: one on the wall clock, several in lock-step.
 
-        Nothing needs to be commanded before the last of them: only that one may have `reached`
-        changed.
+        No command is due before the last sample: `reached` can change only there.
 
         Parameters
         ----------
@@ -238,10 +238,10 @@ class DriveBus(Protocol):
         """
 
     def halt(self) -> None:
-        """Bring every axis to rest with its profile deceleration; the drives stay powered."""
+        """Stop every axis with the profile deceleration; the drives stay powered."""
 
     def reset(self) -> None:
-        """Power the axes on again after something has stopped them; a decision of the caller's.
+        """Power the axes on again after a stop; a decision of the caller.
 
         Raises
         ------
@@ -252,18 +252,17 @@ class DriveBus(Protocol):
 
 @runtime_checkable
 class StreamingBus(DriveBus, Protocol):
-    """A `DriveBus` whose axes also follow set-points that the master sends at every SYNC.
+    """A `DriveBus` with axes that also follow set-points sent by the master at every SYNC.
 
-    Where set-points cannot be sent or supervised in time the axes pass their path more slowly, to
-    rest if need be, and go on by themselves.
+    If set-points cannot be sent or supervised in time, the path is slowed down, to rest if
+    necessary, and then resumed.
     """
 
     @property
-    def along(self) -> float:
-        """Number of the set-points that act from the last sample's SYNC on, from 0.
+    def path_index(self) -> float:
+        """Index of the set-points that act from the last sample's SYNC on, from 0.
 
-        Between two of them where the path is slowed down; axes follow later, by the delay of their
-        drives.
+        A fraction where the path is slowed down; axes follow later, by the delay of their drives.
         """
 
     def stream(
@@ -273,28 +272,28 @@ class StreamingBus(DriveBus, Protocol):
         torque: Sequence[Sequence[float]] | None = None,
         holding: Sequence[Sequence[float]] | None = None,
     ) -> None:
-        """Begin to send a path of set-points, the next of which goes out with every `sample`.
+        """Start a path of set-points; every `sample` sends the next one.
 
         The whole path is checked before any set-point is sent; some SYNCs may pass while the drives
-        change their mode. `Sample.reached` shows when the axes rest at the last set-point, where
-        they are held until the next `move` or `stream`.
+        change their mode. `Sample.reached` is True when the axes rest at the last set-point, which
+        is held until the next `move` or `stream`.
 
         Parameters
         ----------
         path : array_like, shape (n, n_axes)
-            A set-point of each axis every `period`, beginning where the axes stand [rad or m].
+            A set-point of each axis every `period`, beginning at the present positions [rad or m].
         velocity, torque, holding : array_like, shape (n, n_axes), optional
-            What is fed forward with each set-point and counts until the next [rad/s or m/s], [N m
-            or N]; zero at both ends, for at rest the loops hold the axes by themselves. Where
-            any is given drives feed nothing forward by themselves, and what is left out is zero. A
-            stop or halt takes all back. `holding` is the part of the torque that holds the axes
-            where they are: where the path is slowed down, it counts as it is, and the rest less.
+            Feed-forward of each set-point [rad/s or m/s], [N m or N], in effect until the next;
+            zero at both ends, since the loops alone hold the axes at rest. If any is given, drives
+            add no feed-forward of their own, and omitted ones are zero. A stop or halt cancels the
+            feed-forward. `holding` is the part of the torque that holds the axes against gravity:
+            the part is kept where the path is slowed down, the rest is reduced.
 
         Raises
         ------
         LimitExceeded
-            The path leaves the limits, or does not begin where the axes stand; what is fed forward
-            is beyond the limits or does not begin and end with zero.
+            The path leaves the limits or does not begin at the present positions; the feed-forward
+            exceeds the limits or does not begin and end with zero.
         DriveRefused
-            A drive has no mode for it, or was not set up to take what is fed forward.
+            A drive has no mode for streaming, or was not set up for feed-forward.
         """

@@ -1,10 +1,10 @@
-"""`drives.yaml`: which drive moves which axis, and what its numbers mean.
+"""`drives.yaml`: assignment of drives to axes, and the meaning of the drives' numbers.
 
-Real drives agree on object indices and on little else: the current readback may be in mA or in per
-mille of a rated value, rms or peak, from 6077, 6078 or an object of the maker's own; positions
-come in increments or in parts of a degree, velocities in either or in revolutions. So each axis
-states it all, nothing is guessed, and where the drive knows better (1018, 6075, 6076, 608F, 6091,
-6092, 60A8 to 60AA) the two are compared before anything moves.
+Drives agree on object indices and on little else: the current readback may be in mA or in per
+mille of a rated value, rms or peak, in 6077, 6078 or an object of the maker; positions come in
+increments or in parts of a degree, velocities in either or in revolutions. Hence each axis states
+its units, nothing is guessed, and where the drive has objects for them (1018, 6075, 6076, 608F,
+6091, 6092, 60A8 to 60AA) file and drive are compared before anything moves.
 
 A prismatic axis's gear ratio is in rad of the motor per m of the axis; its limits and windows are
 in m, m/s, m/s^2 and N.
@@ -24,7 +24,7 @@ from drivers import rate_units
 from drivers.fieldbus import Entry
 from drivers.in_node import AXES, PDOS, InNode
 from drivers.rate_units import AccelerationUnit, Per, VelocityUnit
-from drivers.remote_dictionary import in_words
+from drivers.remote_dictionary import axis_suffix
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,14 +35,14 @@ Words = Annotated[tuple[U32, ...], Field(min_length=1, max_length=8)]
 I32_MAX = 2**31 - 1
 PdoNumber = Annotated[int, Field(ge=1, le=512)]
 FREE_IDENTIFIERS = range(0x680, 0x6E0)
-"""Identifiers that CiA 301 gives to no service."""
+"""Identifiers not assigned to a service by CiA 301."""
 PDO_USES = ("TPDO 1", "TPDO 2", "RPDO 1", "RPDO 2", "RPDO 3")
-"""PDOs that an axis uses at most, in the order of their identifiers from `AxisDrive.cob_id` on."""
+"""PDOs of an axis, at most, in the order of their identifiers from `AxisDrive.cob_id` on."""
 STATUS_WORD, POSITION_WORD = 0x60410010, 0x60640020
 
 
 class Basis(Enum):
-    """What one count of the current object means."""
+    """Meaning of one count of the current object."""
 
     MILLIAMPERE = "mA"
     RATED_CURRENT = "per mille of rated current"
@@ -50,14 +50,14 @@ class Basis(Enum):
 
 
 class TorqueUnit(Enum):
-    """Unit of the rated torque (6076): the standard's, or a thousandth of it."""
+    """Unit of the rated torque (6076): as standardised, or a thousandth."""
 
     MILLI = "mN m"
     MICRO = "uN m"
 
 
-def _counts(value: object) -> Fraction:
-    """Take a number or a ratio; decimals mean what they say."""
+def _parse_counts(value: object) -> Fraction:
+    """Parse a number or a ratio exactly, decimals included."""
     counts = rate_units.ratio(str(value))
     if counts > I32_MAX:
         raise ValueError(
@@ -66,11 +66,11 @@ def _counts(value: object) -> Fraction:
     return counts
 
 
-Counts = Annotated[Fraction, PlainValidator(_counts), PlainSerializer(str)]
+Counts = Annotated[Fraction, PlainValidator(_parse_counts), PlainSerializer(str)]
 
 
 class Identity(FileModel):
-    """The drive that is expected at a node (1018); what is left out is not compared."""
+    """Identity of the drive expected at a node (1018); omitted fields are not compared."""
 
     vendor: U32
     product: U32
@@ -79,15 +79,15 @@ class Identity(FileModel):
 
 
 class CurrentObject(FileModel):
-    """Where the drive shows its motor current or torque, and in what.
+    """Object with the motor current or torque, and its unit.
 
     Attributes
     ----------
     per_count : float
-        What one count is, in units of `basis`: with the basis mA 10 where the drive counts in
-        0.01 A, 1000 where it shows A (f32); so too for any unit of the maker's.
+        Size of one count in units of `basis`: with basis mA, 10 for a drive that counts in 0.01 A,
+        1000 for one that shows A (f32).
     sign : int
-        -1 where it counts against the drive's position; `hil drives check` finds out.
+        -1 if the sign is opposite to the drive's position; `hil drives check` finds out.
     """
 
     index: Annotated[int, Field(ge=0x2000, le=0x9FFF)]
@@ -100,12 +100,12 @@ class CurrentObject(FileModel):
 
     @property
     def entry(self) -> Entry:
-        """Where it stands in the drive's object dictionary."""
+        """Entry of the current object in the object dictionary."""
         return Entry(self.index, self.subindex, self.type, "current readback")
 
 
 class AxisLimits(FileModel):
-    """What an axis must never leave [rad, rad/s, rad/s^2, N m; m and N if prismatic]."""
+    """Limits of an axis [rad, rad/s, rad/s^2, N m; m and N if prismatic]."""
 
     q_min: float
     q_max: float
@@ -114,7 +114,7 @@ class AxisLimits(FileModel):
     torque: Positive
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_order(self) -> Self:
         if self.q_min >= self.q_max:
             raise ValueError(
                 f"q_min = {self.q_min:g} must be below q_max = {self.q_max:g}; exchange them"
@@ -123,15 +123,15 @@ class AxisLimits(FileModel):
 
 
 class Trip(FileModel):
-    """When the driver stops all axes by itself, whatever the drive does.
+    """Thresholds at which the driver stops the axes.
 
     Attributes
     ----------
     torque, torque_time : float
-        Torque that may not last longer than this [N m or N, s]; by default 95 % of the torque
-        limit, which only an axis needs that is blocked.
+        Torque, and its longest duration [N m or N, s]; by default 95 % of the torque limit, needed
+        for long only by a blocked axis.
     velocity : float
-        Speed that the encoder may not show [rad/s or m/s]; by default 130 % of the limit.
+        Speed at the encoder [rad/s or m/s]; by default 130 % of the limit.
     """
 
     torque: Positive | None = None
@@ -140,18 +140,18 @@ class Trip(FileModel):
 
 
 class Homing(FileModel):
-    """How the drive itself looks for its reference (mode 6), for `hil drives home`.
+    """Homing by the drive (mode 6), for `hil drives home`.
 
     Attributes
     ----------
     method : int
-        6098: 37 takes the present position, others look for a switch or an index pulse.
+        6098: 37 takes the present position, other methods search a switch or an index pulse.
     position : float
         Joint coordinate of the home position [rad or m].
     velocity, creep : float
-        Towards the switch and away from it [rad/s or m/s].
+        Speed towards the switch and away from it [rad/s or m/s].
     acceleration : float
-        [rad/s^2 or m/s^2].
+        Homing acceleration [rad/s^2 or m/s^2].
     """
 
     method: Annotated[int, Field(ge=-128, le=37)]
@@ -162,66 +162,66 @@ class Homing(FileModel):
 
 
 class AxisDrive(FileModel):
-    """One axis and its drive, as the drives file states them.
+    """Axis and drive, as stated in the drives file.
 
     Attributes
     ----------
     node : int
-        Its node number; on EtherCAT its position on the line, from 1, where no alias is stated.
+        Node number; on EtherCAT the position on the line, from 1, unless an alias is stated.
     gear_ratio : float
         Motor angle over joint coordinate [-, or rad/m if prismatic], positive.
     sign : int
-        +1 where the motor turns with q, -1 where against it.
+        +1 if the motor turns with q, -1 if against.
     increments_per_revolution : Fraction
-        Counts of 6064 per revolution of the motor, in whatever unit the drive counts: an integer,
-        or a ratio such as 360000/101 (0.001 degree behind a gear of 101).
+        Counts of 6064 per motor revolution, in the position unit of the drive: an integer, or a
+        ratio such as 360000/101 (0.001 degree after a gear of 101).
     zero : int
         Position of the drive at q = 0 [counts].
     velocity_unit, acceleration_unit : str
-        Of 6081 and 607F, of 6083 to 6085 (see `drivers.rate_units`).
+        Units of 6081 and 607F, of 6083 to 6085 (see `drivers.rate_units`).
     rated_current, rated_torque : float
-        What the drive's per mille refer to [A, N m of the motor]; compared with 6075 and 6076.
+        Reference of the drive's per mille [A, N m of the motor]; compared with 6075 and 6076.
     rated_torque_unit : TorqueUnit
-        In what the drive states 6076: mN m by the standard, uN m with some makers.
+        Unit of 6076: mN m by the standard, uN m with some makers.
     torque_constant : float
         Motor torque over current [N m/A], for the amplitude `torque_constant_amplitude`.
     following_error_window, following_error_time : float
-        Largest following error [rad or m] and how long it may last [s].
+        Largest following error [rad or m] and its longest duration [s].
     position_lag : float
-        Time by which the axis follows its demand late at constant speed [s]: one over the gain of
-        the position loop, or 0 for a drive that feeds the demand's velocity forward.
+        Delay of the axis after its demand at constant speed [s]: one over the gain of the position
+        loop, or 0 for a drive with velocity feed-forward.
     position_window, position_window_time : float
-        How near to its target [rad or m], and for how long [s], an axis counts as there.
+        Largest deviation from the target [rad or m] and its duration [s] for `target reached`.
     homing : Homing, optional
-        How its reference is found, for drives that do it themselves.
+        Homing parameters, for drives that home themselves.
     trip : Trip
-        When the driver stops all axes by itself.
+        Thresholds at which the driver stops all axes.
     quick_stop_deceleration : float, optional
-        How a quick stop slows the axis down [rad/s^2 or m/s^2], for a drive whose own ramp cannot
-        be set (no 6085) and is another than `limits.acceleration`.
+        Quick stop deceleration [rad/s^2 or m/s^2] of a drive whose ramp cannot be set (no 6085) and
+        differs from `limits.acceleration`.
     brake_delay : float
-        How long after standstill the voltage is left on, so that a brake can close [s].
+        Time from standstill to power-off, for the brake to close [s].
     allow_no_heartbeat : str, optional
-        What else stops the axis when our process dies, for a drive that cannot watch our heartbeat
-        (neither 1016 nor 100C and 100D); without this reason such a drive is refused.
+        Other means that stop the axis when our process dies, for a drive that cannot supervise our
+        heartbeat (neither 1016 nor 100C and 100D); without this reason such a drive is refused.
     acknowledge : {"taken", "reached"}
-        Until when the drive acknowledges a set-point (6041 bit 12): until it has taken it, or until
-        the target is reached; in the second case no set-point is offered while one is under way.
+        End of the set-point acknowledge (6041 bit 12): once the set-point is taken, or once the
+        target is reached; in the second case no set-point is sent while another is under way.
     acknowledge_timeout : float
-        How long the acknowledge may take [s].
+        Longest time until the acknowledge [s].
     tpdos : tuple of tuple of int, optional
-        What TPDO 1 and, if there is one, TPDO 2 carry, in the words of 1A00 and 1A01, where that is
-        not status, position and current in one TPDO (two for a current of 32 bits). The driver asks
-        the drive anyway; who only listens reads it here.
+        Mapping of TPDO 1 and, if there is one, TPDO 2, as in 1A00 and 1A01, unless status, position
+        and current share one TPDO (two for a current of 32 bits). For listeners; the driver itself
+        asks the drive.
     axis : int
-        Which axis of a drive with several (CiA 402: objects 800h apart), from 1.
+        Number of the axis in a multi-axis drive (CiA 402: objects 800h apart), from 1.
     pdos : tuple of int
-        Numbers of its first and its last PDO in such a drive: 1 to 4, 5 to 8 and so on by default.
+        Numbers of the first and last PDO in such a drive: by default 1 to 4, 5 to 8 and so on.
     cob_id : int, optional
-        First of five identifiers for its PDOs after the fourth, which have none of their own; by
-        default from 680h on, where no other service is.
+        First of five identifiers for PDOs after the fourth, which have no predefined ones; by
+        default from 680h on, where no service is.
     alias : int, optional
-        Of a drive on EtherCAT (register 0012h), by which it is found wherever it is on the line.
+        Alias of a drive on EtherCAT (register 0012h), valid at any position on the line.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -261,27 +261,27 @@ class AxisDrive(FileModel):
 
     @property
     def within(self) -> InNode:
-        """Which of several axes of its node it is."""
+        """Axis and PDOs within the node."""
         last = PDOS * self.axis
         return InNode(self.axis, self.pdos or (last - PDOS + 1, last))
 
     @property
     def unit(self) -> str:
-        """Unit of its joint coordinate."""
+        """Unit of the joint coordinate."""
         return "rad" if self.joint == "revolute" else "m"
 
     @property
     def effort_unit(self) -> str:
-        """Unit of its torque, or force."""
+        """Unit of torque or force."""
         return "N m" if self.joint == "revolute" else "N"
 
     @property
     def label(self) -> str:
-        """How messages name it."""
-        return f"{self.name} (node {self.node}{in_words(self.axis)})"
+        """Name of the axis in messages."""
+        return f"{self.name} (node {self.node}{axis_suffix(self.axis)})"
 
     @model_validator(mode="after")
-    def _current_explained(self) -> Self:
+    def _check_current(self) -> Self:
         stated = {
             "torque_constant": self.torque_constant,
             "torque_constant_amplitude": self.torque_constant_amplitude,
@@ -297,7 +297,7 @@ class AxisDrive(FileModel):
         return self
 
     @model_validator(mode="after")
-    def _tpdos_whole(self) -> Self:
+    def _check_tpdos(self) -> Self:
         if self.tpdos is None:
             return self
         carried = {word for words in self.tpdos for word in words}
@@ -316,7 +316,7 @@ class AxisDrive(FileModel):
         return self
 
     @model_validator(mode="after")
-    def _within_counts(self) -> Self:
+    def _check_range(self) -> Self:
         per_unit = self.gear_ratio * float(self.increments_per_revolution) / (2 * math.pi)
         for key, q in (("q_min", self.limits.q_min), ("q_max", self.limits.q_max)):
             if abs(q) * per_unit + abs(self.zero) > I32_MAX:
@@ -327,16 +327,10 @@ class AxisDrive(FileModel):
         return self
 
     @model_validator(mode="after")
-    def _lengths_of_lengths(self) -> Self:
-        for key, text, unit in (
-            ("velocity_unit", self.velocity_unit, rate_units.velocity_unit(self.velocity_unit)),
-            (
-                "acceleration_unit",
-                self.acceleration_unit,
-                rate_units.acceleration_unit(self.acceleration_unit),
-            ),
-        ):
-            if unit.of is Per.METRE and self.joint == "revolute":
+    def _check_rate_units(self) -> Self:
+        for key in ("velocity_unit", "acceleration_unit"):
+            text = getattr(self, key)
+            if getattr(rate_units, key)(text).of is Per.METRE and self.joint == "revolute":
                 raise ValueError(
                     f"{key}: {text} is a unit of lengths and the joint is revolute; state one of "
                     "revolutions, angles or position units"
@@ -345,22 +339,22 @@ class AxisDrive(FileModel):
 
 
 class DrivesFile(FileModel):
-    """`drives.yaml`: the axes in joint order, and what they share.
+    """`drives.yaml`: the axes in joint order, and their common settings.
 
     Attributes
     ----------
     bitrate : int
-        Of the bus [bit/s].
+        Bit rate of the bus [bit/s].
     sync_period : float
         Time between two SYNCs [s].
     master_node : int
-        Our own node number, whose heartbeat the drives watch.
+        Our node number; drives supervise its heartbeat.
     heartbeat_period, heartbeat_timeout : float
-        How often a heartbeat is sent, and how long it may stay away [s], both ways.
+        Period of heartbeats, and longest time without one [s], in both directions.
     sdo_timeout : float
-        How long a drive may take to answer a request [s].
+        Longest response time to an SDO request [s].
     distributed_clock : bool
-        Drives on EtherCAT that can act and latch at SYNC0 do so; else as frames come.
+        Drives on EtherCAT act and latch at SYNC0 if able; otherwise when frames arrive.
     quick_stop_option : int
         605A: 2 = quick stop ramp, then off; 6 = quick stop ramp, then QUICK STOP ACTIVE.
     """
@@ -377,8 +371,8 @@ class DrivesFile(FileModel):
 
     @field_validator("axes")
     @classmethod
-    def _identified(cls, axes: tuple[AxisDrive, ...]) -> tuple[AxisDrive, ...]:
-        """Give PDOs that have no identifier of their own one that no other service has."""
+    def _assign_identifiers(cls, axes: tuple[AxisDrive, ...]) -> tuple[AxisDrive, ...]:
+        """Assign free identifiers to PDOs without predefined ones."""
         stated = {axis.cob_id for axis in axes}
         free = (each for each in FREE_IDENTIFIERS[:: len(PDO_USES)] if each not in stated)
         given = []
@@ -395,7 +389,7 @@ class DrivesFile(FileModel):
         return tuple(given)
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _check_nodes(self) -> Self:
         taken: dict[tuple[int, int], str] = {}
         for axis in self.axes:
             ours = axis.node == self.master_node
@@ -403,7 +397,7 @@ class DrivesFile(FileModel):
             other = "the master (master_node)" if ours else taken.get(place)
             if other is not None:
                 raise ValueError(
-                    f"node {axis.node}{in_words(axis.axis)} of {axis.name!r} is also that of"
+                    f"node {axis.node}{axis_suffix(axis.axis)} of {axis.name!r} is also that of"
                     f" {other}; give each its own, or number the axes of one drive (axis: 2)"
                 )
             used = {
@@ -427,5 +421,5 @@ class DrivesFile(FileModel):
 
 
 def load_drives(path: Path | str) -> DrivesFile:
-    """Read a drives file; `checked_files.yaml_file.FileError` states line, value and remedy."""
+    """Read a drives file; errors (`checked_files.yaml_file.FileError`) state line and remedy."""
     return load_yaml(path, DrivesFile)

@@ -1,10 +1,10 @@
-"""What the profile of drives (CiA 402) needs of the fieldbus beneath it, whichever that is.
+"""Interface between the drive profile (CiA 402) and a fieldbus.
 
-A drive of this profile is an object dictionary and process data: statusword, position and current
-come with each SYNC, target and controlword go out. CANopen carries both (`drivers.canopen`);
-another fieldbus that carries the profile (CANopen over EtherCAT) is a folder beside it that offers
-the same. `drivers.cia402` and `drivers.safety` see objects (`drivers.remote_dictionary`), process
-data (`drivers.cycle_data`) and a sign of life; what sessions and tools need beside that is
+A drive of this profile consists of an object dictionary and process data: statusword, position and
+current arrive with each SYNC, target and controlword are sent. CANopen carries both
+(`drivers.canopen`), and so does CANopen over EtherCAT (`drivers.ethercat`). `drivers.cia402` and
+`drivers.safety` see objects (`drivers.remote_dictionary`), process data (`drivers.cycle_data`) and
+a sign of life; the further needs of sessions and tools are in
 `drivers.session.connection.Fieldbus`.
 """
 
@@ -18,25 +18,25 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveError
 
 PacingName = Literal["auto", "lock-step", "wall-clock"]
-"""Where SYNC's time comes from: auto takes lock-step where a bus offers it."""
+"""Source of SYNC's time: auto selects lock-step where the bus offers lock-step."""
 TOO_LATE = 0.5
-"""Share of the period by which a SYNC may be late before its deadline counts as missed."""
+"""Largest delay of a SYNC as a share of the period; beyond it the deadline counts as missed."""
 _PROFILES = 0x2000
-"""First index beyond the objects of communication."""
+"""First index after the communication objects."""
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One number of an object dictionary.
+    """Numeric entry of an object dictionary.
 
     Attributes
     ----------
     index, subindex : int
-        Where it stands.
+        Address of the entry.
     type : str
-        u8, u16, u32, i8, i16 or i32; f32 of what is only measured.
+        u8, u16, u32, i8, i16 or i32; f32 for measured values only.
     name : str
-        For messages.
+        Name in messages.
     """
 
     index: int
@@ -45,7 +45,7 @@ class Entry:
     name: str
 
     def shown(self, value: int) -> str:
-        """Return a value in words: identifiers and mappings, below 2000h, in hexadecimal."""
+        """Return a value as text; identifiers and mappings, below 2000h, in hexadecimal."""
         hexadecimal = self.index < _PROFILES and value > 0xFFFF
         return f"{value:08X}h" if hexadecimal else f"{value}"
 
@@ -56,7 +56,7 @@ class Entry:
 
     @property
     def place(self) -> str:
-        """Index and sub-index as they are written everywhere."""
+        """Index and sub-index as text, such as 6041:00."""
         return f"{self.index:04X}:{self.subindex:02X}"
 
     @property
@@ -71,26 +71,26 @@ class Entry:
 
     @property
     def word(self) -> int:
-        """How a mapping names it: index, sub-index and length in bits."""
+        """Entry of a PDO mapping: index, sub-index and length in bits."""
         return self.index << 16 | self.subindex << 8 | self.bits
 
     @property
     def signed(self) -> bool:
-        """Whether negative numbers exist."""
+        """True for types with negative numbers."""
         return self.type.startswith("i")
 
     @property
     def bounds(self) -> tuple[int, int]:
-        """The lowest number that it holds, and the highest."""
+        """Lowest and highest number of the type."""
         half = 1 << self.bits - 1
         return (-half, half - 1) if self.signed else (0, 2 * half - 1)
 
     def data(self, value: int) -> bytes:
-        """Return the bytes of a number, little endian."""
+        """Encode a number, little endian."""
         return value.to_bytes(self.size, "little", signed=self.signed)
 
     def number(self, data: bytes) -> float:
-        """Return the number that its bytes are, little endian; an integer but of f32."""
+        """Decode a number, little endian; an integer except for f32."""
         if self.type == "f32":
             return float(struct.unpack("<f", data)[0])
         return int.from_bytes(data, "little", signed=self.signed)
@@ -100,18 +100,18 @@ class Entry:
 
 
 class LifeSign(Protocol):
-    """What the drives watch to know that we are alive, and we of them; without it they stop.
+    """Mutual supervision of master and drives; drives stop when the sign of life ends.
 
     Attributes
     ----------
     name : str
-        Which that is, for messages: our heartbeat, or what feeds a watchdog of the bus.
+        Name in messages: our heartbeat, or the trigger of a watchdog of the bus.
     timeout : float
-        After which drives miss it [s].
+        Time without a sign of life until a drive reacts [s].
     due : float
-        When `service` must be called next [s].
+        Time of the next call of `service` [s].
     trouble : DriveError or None
-        Why a drive is no longer with us.
+        Reason why a drive has left the bus.
     """
 
     name: str
@@ -124,13 +124,13 @@ class LifeSign(Protocol):
     def trouble(self) -> DriveError | None: ...  # noqa: D102 - an attribute
 
     def watch(self) -> None:
-        """Begin to expect those of drives that exchange process data, and to give ours again."""
+        """Start to supervise drives that exchange process data, and to send our sign of life."""
 
     def service(self) -> None:
-        """Give ours if it is due, and look who is overdue."""
+        """Send our sign of life if due, and check the drives for overdue signs."""
 
     def beat(self) -> None:
-        """Give it if it is due."""
+        """Send our sign of life if due."""
 
     def cease(self) -> None:
-        """Give it no more: drives that watch it stop by themselves."""
+        """Stop our sign of life: drives that supervise the master stop their axes."""

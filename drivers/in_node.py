@@ -1,10 +1,10 @@
-"""Several axes in one node (CiA 402): where an axis finds its own objects and PDOs.
+"""Multi-axis nodes (CiA 402): objects and PDOs of an axis within its node.
 
-The profile objects of axis k stand 800h times k - 1 after those of the first, and each axis has
-PDOs of its own. `AxisAccess` shows the drive as each axis of it would be if it were the only one,
-so that all others know a single dictionary: 6041 is the statusword of the axis, TPDO 1 the first
-of its own, and mappings name objects likewise. The objects of the first axis stand in exchange
-where those of the axis would be.
+The profile objects of axis k lie 800h (k - 1) above those of the first axis, and the PDOs of the
+node are divided among the axes. `AxisAccess` shows the drive as if an axis were the only one,
+so that callers know a single dictionary: 6041 is the statusword of the axis, TPDO 1 its first
+TPDO, and mappings name objects likewise. The objects of the first axis and of the axis shown
+change places.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 AXES = 8
 PDOS = 4
-"""PDOs that an axis has by default, in each direction."""
+"""Default number of PDOs of an axis, in each direction."""
 _PDOS_OF_PROFILE = 64
-"""The same where a drive numbers its PDOs as CiA 402 does."""
+"""Number of PDOs of an axis where a drive numbers PDOs as in CiA 402."""
 _PROFILE, _PER_AXIS = 0x6000, 0x800
 _RECORDS, _EACH = range(0x1400, 0x1C00), 0x200
 _MAPPING = 0x200
@@ -31,56 +31,56 @@ _Answer = TypeVar("_Answer")
 
 
 class InNode(NamedTuple):
-    """One of several axes of a node.
+    """Axis within a node, and the PDOs that belong to the axis.
 
     Attributes
     ----------
     axis : int
-        Which, from 1.
+        Number of the axis, from 1.
     pdos : tuple of int
-        Numbers of its first and its last PDO, in each direction.
+        Numbers of the first and the last PDO, in each direction.
     """
 
     axis: int = 1
     pdos: tuple[int, int] = (1, PDOS)
 
     def place(self, index: int) -> int | None:
-        """Return where the drive has an object of this axis; None where that is another axis's."""
+        """Return the index in the drive of an object of this axis; None if it is another axis's."""
         if index in _RECORDS:
             number = index % _EACH + self.pdos[0]
             return index + self.pdos[0] - 1 if number <= self.pdos[1] else None
-        return self._exchanged(index)
+        return self._exchange(index)
 
     def relative(self, index: int) -> int | None:
-        """Return where this axis has an object of the drive; None for PDOs of other axes."""
+        """Return the index in this axis of an object of the drive; None for PDOs of other axes."""
         if index in _RECORDS:
             inside = self.pdos[0] <= index % _EACH + 1 <= self.pdos[1]
             return index + 1 - self.pdos[0] if inside else None
-        return self._exchanged(index)
+        return self._exchange(index)
 
     def word(self, word: int) -> int:
-        """Turn a mapping entry of the axis into the drive's, or the other way round."""
-        return self._exchanged(word >> 16) << 16 | word & 0xFFFF
+        """Convert a mapping entry from the axis to the drive, or back."""
+        return self._exchange(word >> 16) << 16 | word & 0xFFFF
 
-    def _exchanged(self, index: int) -> int:
+    def _exchange(self, index: int) -> int:
         block, offset = divmod(index - _PROFILE, _PER_AXIS)
         other = {0: self.axis - 1, self.axis - 1: 0}.get(block, block)
         return _PROFILE + other * _PER_AXIS + offset
 
 
 ALONE = InNode()
-"""The axis of a drive that has no other."""
+"""The only axis of a drive."""
 
 
 class AxisAccess:
-    """The objects of one axis of a drive (see `drivers.remote_dictionary.Access`).
+    """Objects of an axis of a drive (see `drivers.remote_dictionary.Access`).
 
     Parameters
     ----------
     access : Access
-        To the drive.
+        Access to the objects of the drive.
     within : InNode
-        Which axis.
+        Axis within the node.
     """
 
     def __init__(self, access: Access, within: InNode) -> None:
@@ -88,30 +88,30 @@ class AxisAccess:
 
     def read(self, index: int, subindex: int, size: int | None = None) -> bytes:
         """Read an object."""
-        data = self._asked(index, subindex, lambda i: self._access.read(i, subindex, size))
+        data = self._request(index, subindex, lambda i: self._access.read(i, subindex, size))
         return self._word(data) if maps(index, subindex) else data
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
         """Write an object."""
         sent = self._word(data) if maps(index, subindex) else data
-        self._asked(index, subindex, lambda i: self._access.write(i, subindex, sent))
+        self._request(index, subindex, lambda i: self._access.write(i, subindex, sent))
 
     def order(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object and await no answer."""
-        self._asked(index, subindex, lambda i: self._access.order(i, subindex, data))
+        """Write an object without waiting for an answer."""
+        self._request(index, subindex, lambda i: self._access.order(i, subindex, data))
 
     def go_operational(self) -> None:
-        """Command the drive to exchange process data."""
+        """Command the drive to start the exchange of process data."""
         self._access.go_operational()
 
     def leave_operational(self) -> None:
-        """Command the drive to exchange none."""
+        """Command the drive to stop the exchange of process data."""
         self._access.leave_operational()
 
     def _word(self, data: bytes) -> bytes:
         return self._within.word(int.from_bytes(data, "little")).to_bytes(len(data), "little")
 
-    def _asked(self, index: int, subindex: int, access: Callable[[int], _Answer]) -> _Answer:
+    def _request(self, index: int, subindex: int, access: Callable[[int], _Answer]) -> _Answer:
         place = self._within.place(index)
         if place is None:
             raise AccessRefused(_NO_OBJECT, "a PDO of another axis of this drive")
@@ -127,22 +127,23 @@ def maps(index: int, subindex: int) -> bool:
     return index in _RECORDS and bool(index & _MAPPING and subindex)
 
 
-def seen_by(access: Access, within: InNode) -> Access:
-    """Return the access to a drive as one of its axes has it."""
+def show_axis(access: Access, within: InNode) -> Access:
+    """Return the access to the objects of an axis of a drive."""
     return access if within == ALONE else AxisAccess(access, within)
 
 
 def find_axes(has: Callable[[int, int], bool]) -> Sequence[InNode]:
-    """Find the axes of a drive and which PDOs are whose.
+    """Find the axes of a drive and the PDOs of each.
 
     Parameters
     ----------
     has : callable
-        Whether the drive has an object, by index and sub-index.
+        Returns True if the drive has an object, by index and sub-index.
     """
     number = 1
     while number < AXES and all(has(i + number * _PER_AXIS, 0) for i in (0x6040, 0x6041)):
         number += 1
+    # PDOs in blocks of 64 or of 4 an axis if the drive has them, else its first 4 are divided
     for each in (_PDOS_OF_PROFILE, PDOS):
         firsts = [each * axis + 1 for axis in range(number)]
         if number == 1 or all(has(0x17FF + first, 1) for first in firsts[1:]):

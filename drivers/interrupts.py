@@ -1,4 +1,4 @@
-"""Holding back what ends a program while something must be finished, as powering off a robot."""
+"""Postponement of signals while a step must be finished, such as powering off a robot."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ if TYPE_CHECKING:
     from types import FrameType
 
 HELD = tuple(
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+    # Windows has no SIGHUP
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP")
+    if hasattr(signal, name)
 )
-"""SIGHUP is not everywhere."""
 
 
 @contextmanager
-def interrupts_held() -> Iterator[None]:
-    """Postpone SIGINT, SIGTERM and SIGHUP to the end of the block; they are delivered then.
+def hold_interrupts() -> Iterator[None]:
+    """Postpone SIGINT, SIGTERM and SIGHUP to the end of the block.
 
-    Outside the main thread, where Python delivers no signals, the block simply runs. A signal that
-    is ignored stays so, as SIGHUP under nohup.
+    Outside the main thread, where Python delivers no signals, the block runs unchanged. Ignored
+    signals stay ignored, such as SIGHUP under nohup.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

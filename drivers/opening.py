@@ -1,18 +1,18 @@
-"""The buses that there are, by what names them: this is where one is chosen and opened.
+"""Choice and opening of a fieldbus by interface name.
 
-All else sees `drivers.session.connection.Fieldbus` and `drivers.dictionary.bus_rules.BusRules`.
+Other modules see `drivers.session.connection.Fieldbus` and `drivers.dictionary.review.BusRules`.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.can_bus.frame_log import logged
+from drivers.can_bus.frame_log import log_frames
 from drivers.can_bus.opening import open_can_bus
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.bus_load import cycle_on_bus
 from drivers.canopen.eds_file import read_eds
 from drivers.canopen.rules import RULES
+from drivers.canopen.sync_rate import cycle_on_bus
 from drivers.drive_bus import BusUnavailable
 from drivers.ethercat.bus import EthercatBus
 from drivers.ethercat.esi_file import read_esi
@@ -24,28 +24,28 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from drivers.dictionary.bus_rules import BusRules
+    from drivers.dictionary.review import BusRules
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import PacingName
     from drivers.found_settings.keeping import SettingsKeeper
     from drivers.session.connection import Fieldbus
 
 ETHERCAT = "ethercat"
-"""Interface of EtherCAT drives; its channel is a network interface."""
+"""Interface name of EtherCAT drives; the channel is a network interface."""
 __all__ = [
     "ETHERCAT",
     "RULES",
     "cycle_on_bus",
+    "find_rules",
     "open_drive_bus",
     "open_fieldbus",
     "read_eds",
     "read_esi",
-    "rules_of",
 ]
 
 
-def rules_of(interface: str | None) -> BusRules:
-    """Return what a bus has of its own in dictionaries, by the interface that drives are on."""
+def find_rules(interface: str | None) -> BusRules:
+    """Return the object dictionary rules of the bus behind an interface."""
     return ETHERCAT_RULES if interface == ETHERCAT else RULES
 
 
@@ -61,20 +61,20 @@ def open_fieldbus(
     Parameters
     ----------
     interface, channel : str
-        As python-can names them, or `ETHERCAT` and a network interface.
+        Names as in python-can, or `ETHERCAT` and a network interface.
     options : mapping
-        Further arguments of the interface, the bit rate among them.
+        Further arguments of the interface, such as the bit rate.
     pacing : {"auto", "lock-step", "wall-clock"}
         See `drivers.canopen.sync_clock.choose_sync_clock`, `drivers.ethercat.bus.EthercatBus`.
     frame_log : path, optional
-        Where to log all frames (see `drivers.can_bus.frame_log`).
+        Log of frames to write (see `drivers.can_bus.frame_log`).
 
     Raises
     ------
     BusUnavailable
-        No such interface or channel, or it cannot be opened, with the remedy.
+        Interface or channel does not exist or cannot be opened; with the remedy.
     FileError
-        The log of frames cannot be written.
+        The frame log cannot be written.
     """
     if interface == ETHERCAT:
         if frame_log is not None:
@@ -83,7 +83,7 @@ def open_fieldbus(
             )
         return EthercatBus(RawWire(channel), pacing)
     bus = open_can_bus(interface, channel, options)
-    return CanopenBus(bus if frame_log is None else logged(bus, frame_log), pacing)
+    return CanopenBus(bus if frame_log is None else log_frames(bus, frame_log), pacing)
 
 
 def open_drive_bus(
@@ -97,14 +97,14 @@ def open_drive_bus(
     *,
     feed_forward: bool = False,
 ) -> ServoAxes:
-    """Open a bus and put servo axes on it, which shut it down when left.
+    """Open a bus and connect servo axes; the bus is shut down when the axes are left.
 
     Parameters
     ----------
     drives : DrivesFile
-        The axes in joint order, and the bit rate.
+        Axes in joint order, and the bit rate.
     interface, channel, bus_options, pacing, frame_log
-        See `open_fieldbus`, which says what is raised.
+        See `open_fieldbus`, also for errors.
     keeper, feed_forward
         See `ServoAxes`.
     """

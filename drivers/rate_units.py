@@ -1,9 +1,9 @@
-"""Units of velocities and accelerations in a drive, as the drives file names them.
+"""Units of velocity and acceleration in a drive, by their names in the drives file.
 
-A unit is a symbol with a factor before it where there is one: ``rpm``, ``0.1 rpm``, ``1/101 rpm``,
-``inc/s``. One ``inc/s`` is one unit of position (a count of 6064) per second, whatever that unit
-is. Revolutions, degrees and radians are those of the motor shaft, metres those of a prismatic axis.
-Sizes are exact fractions.
+A unit is a symbol, with a factor before the symbol if required: ``rpm``, ``0.1 rpm``, ``1/101
+rpm``,
+``inc/s``. One ``inc/s`` is one unit of position (a count of 6064) per second. Revolutions, degrees
+and radians refer to the motor shaft, metres to a prismatic axis. Sizes are exact fractions.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Per(enum.Enum):
-    """What moves by so much per second (or per second squared)."""
+    """Quantity counted by a rate, per second or per second squared."""
 
     COUNT = "position unit"
     TURN = "motor revolution"
@@ -32,14 +32,14 @@ class Per(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class RateUnit:
-    """A unit of velocity or acceleration.
+    """Unit of velocity or acceleration.
 
     Attributes
     ----------
     of : Per
-        What it counts.
+        Quantity counted.
     size : Fraction
-        How many of these per second (or per second squared) one unit is.
+        Amount of the quantity per second (or per second squared).
     """
 
     of: Per
@@ -47,16 +47,16 @@ class RateUnit:
 
 
 class NamedRate(NamedTuple):
-    """A rate by its two names, of a velocity and of its change per second.
+    """Rate unit with its names as velocity and as acceleration.
 
     Attributes
     ----------
     velocity, acceleration : str
-        The names in the drives file.
+        Names in the drives file.
     unit : RateUnit
-        What they mean.
+        Meaning of the names.
     code : tuple of int, optional
-        Numerator and denominator by which 60A9 names the velocity (CiA 303-2), where it can.
+        Numerator and denominator of the velocity unit in 60A9 (CiA 303-2), if defined.
     """
 
     velocity: str
@@ -67,7 +67,7 @@ class NamedRate(NamedTuple):
 
 INCREMENT, REVOLUTION, DEGREE, RADIAN, METRE = 0xB5, 0xB4, 0x41, 0x10, 0x01
 SECOND, MINUTE = 0x03, 0x47
-"""Codes of CiA 303-2, of what moves and per which time."""
+"""Unit codes of CiA 303-2: quantity and time."""
 
 RATES = (
     NamedRate("inc/s", "inc/s^2", RateUnit(Per.COUNT, Fraction(1)), (INCREMENT, SECOND)),
@@ -88,28 +88,28 @@ _WHOLE = re.compile(_RATIO)
 
 
 def velocity_unit(text: str) -> RateUnit:
-    """Return what a unit of velocity of the drives file means.
+    """Parse a velocity unit of the drives file.
 
     Raises
     ------
     ValueError
-        It is none.
+        Unknown unit.
     """
     return _unit(text, VELOCITIES, "velocities", "0.1 rpm")
 
 
 def acceleration_unit(text: str) -> RateUnit:
-    """Return what a unit of acceleration of the drives file means (errors as `velocity_unit`)."""
+    """Parse an acceleration unit of the drives file (errors as `velocity_unit`)."""
     return _unit(text, ACCELERATIONS, "accelerations", "0.1 rpm/s")
 
 
 def ratio(text: str) -> Fraction:
-    """Return a positive number or ratio such as 4096, 0.1 or 360000/101, exactly.
+    """Parse a positive number or ratio such as 4096, 0.1 or 360000/101, exactly.
 
     Raises
     ------
     ValueError
-        It is none.
+        Neither a positive number nor a ratio.
     """
     compact = re.sub(r"\s", "", text) if _WHOLE.fullmatch(text.strip()) else ""
     over, _, under = compact.partition("/")
@@ -119,12 +119,12 @@ def ratio(text: str) -> Fraction:
 
 
 def motor_turns(unit: RateUnit, counts: Fraction, gear_ratio: float) -> Fraction:
-    """Return one unit in revolutions of the motor per second, or per second squared.
+    """Convert a unit to motor revolutions per second, or per second squared.
 
     Parameters
     ----------
     unit : RateUnit
-        Which.
+        Unit to convert.
     counts : Fraction
         Counts of 6064 per motor revolution.
     gear_ratio : float
@@ -152,18 +152,18 @@ def _unit(text: str, units: Mapping[str, RateUnit], what: str, example: str) -> 
     return RateUnit(unit.of, unit.size * ratio(found["factor"] or "1"))
 
 
-def _checked_velocity(text: str) -> str:
+def _check_velocity(text: str) -> str:
     velocity_unit(text)
     return text
 
 
-def _checked_acceleration(text: str) -> str:
+def _check_acceleration(text: str) -> str:
     acceleration_unit(text)
     return text
 
 
-VelocityUnit = Annotated[str, AfterValidator(_checked_velocity)]
-"""Unit of velocities in the drive (6081, 607F), by its name in the drives file."""
+VelocityUnit = Annotated[str, AfterValidator(_check_velocity)]
+"""Velocity unit of the drive (6081, 607F), by name in the drives file."""
 
-AccelerationUnit = Annotated[str, AfterValidator(_checked_acceleration)]
-"""Unit of accelerations in the drive (6083, 6084, 6085), by its name in the drives file."""
+AccelerationUnit = Annotated[str, AfterValidator(_check_acceleration)]
+"""Acceleration unit of the drive (6083, 6084, 6085), by name in the drives file."""

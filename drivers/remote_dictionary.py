@@ -1,10 +1,10 @@
 """Typed access to a drive's object dictionary, with errors that state the remedy.
 
-A `RemoteDictionary` reads and writes numbers of one drive, through whatever access its bus gives to
-them. What goes wrong names drive, object, abort code and remedy; the codes are those of CiA 301,
-which every fieldbus of the profile has. `set` writes and reads back, since a drive may
-round a value, clip it or ignore it; what it keeps instead is accepted where `Judge` says so. Where
-the object is optional and missing, that is noted instead of refused.
+A `RemoteDictionary` reads and writes numbers of one drive, through the access of its bus. Errors
+name drive, object, abort code and remedy; the codes are those of CiA 301, common to every fieldbus
+of the profile. `set` writes and reads back, since a drive may round, clip or ignore a value;
+`Judge` decides whether a different value is accepted. A missing optional object is noted instead
+of refused.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ if TYPE_CHECKING:
 
 READ_ONLY = 0x06010002
 ABSENT = frozenset({0x06020000, 0x06090011})
-"""A drive says so that it does not have an object."""
+"""Abort codes for an object that does not exist."""
 _STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
 RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
 FIXED_CODES = RANGE_CODES | {READ_ONLY}
-"""A drive keeps its value: the object is read-only, or ours is outside its range."""
+"""Abort codes for a value that cannot be changed: read-only, or ours is outside the range."""
 
 
 Judge: TypeAlias = "Callable[[Entry, int, int], tuple[bool, str]]"
-"""Judges what a drive keeps of an object after a value was written (entry, written, kept): whether
-it will do, and " (... instead of ...)" in SI; empty where the numbers say it all."""
+"""Judges the value kept by a drive after a value was written (entry, written, kept): True if
+acceptable, and " (... instead of ...)" in SI, empty where the numbers suffice."""
 
 
 class AccessRefused(Exception):
-    """A drive answered an access with an abort code, in words where it is known."""
+    """A drive answered an access with an abort code; the text explains known codes."""
 
     def __init__(self, code: int, words: str = "") -> None:
         super().__init__(words)
@@ -43,7 +43,7 @@ class AccessRefused(Exception):
 
 
 class NoAnswer(Exception):
-    """A drive did not answer an access, or not so that it can be understood; `where` to look."""
+    """A drive gave no intelligible answer to an access; `where` names the place to check."""
 
     def __init__(self, words: str, where: str) -> None:
         super().__init__(words)
@@ -65,22 +65,22 @@ class Aborted(DriveRefused):
 
     @property
     def missing(self) -> bool:
-        """The object does not exist in this drive."""
+        """True if the object does not exist in this drive."""
         return self.code in ABSENT
 
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """Something about a drive that its operator should see.
+    """Remark about a drive for the operator.
 
     Attributes
     ----------
     place : str
-        The drive, as messages name it.
+        Name of the drive in messages.
     text : str
-        What there is to say.
+        The remark.
     lack : bool
-        Of what the drive does not have or does not say, which shows without power as well.
+        True for a missing object or value, which is visible without power.
     """
 
     place: str
@@ -92,52 +92,52 @@ class Note:
 
 
 class Access(Protocol):
-    """How a bus reaches the objects of one drive; raises `AccessRefused` and `NoAnswer`."""
+    """Access of a bus to the objects of a drive; raises `AccessRefused` and `NoAnswer`."""
 
     def read(self, index: int, subindex: int, size: int | None = None) -> bytes:
-        """Read an object whose length is `size` [bytes], or any."""
+        """Read an object with a length of `size` [bytes], or of any length."""
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
         """Write an object."""
 
     def order(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object and await no answer."""
+        """Write an object without waiting for an answer."""
 
     def go_operational(self) -> None:
-        """Command the drive to exchange process data."""
+        """Command the drive to start the exchange of process data."""
 
     def leave_operational(self) -> None:
-        """Command the drive to exchange none."""
+        """Command the drive to stop the exchange of process data."""
 
 
 class RemoteDictionary:
-    """The object dictionary of one drive, which serves it (hence `server` wherever one is meant).
+    """Object dictionary of a drive, the SDO server (hence `server` in other modules).
 
     Parameters
     ----------
     access : Access
-        To the drive, which the bus that it is on gives.
+        Access to the drive through its bus.
     node : int
-        Its number on the bus.
+        Node number.
     name : str
-        The axis's name, for messages.
+        Name of the axis in messages.
     axis : int
-        Which axis of the node.
+        Number of the axis in the node.
 
     Attributes
     ----------
     place : tuple of int
         Node and axis.
     label : str
-        How messages name the drive.
+        Name of the drive in messages.
     missing : set of Entry
-        Optional objects that the drive lacks, or keeps as they are.
+        Optional objects that the drive lacks or cannot change.
     notes : list of Note
-        What that means, and what else was noted.
+        Consequences of missing objects, and other remarks.
     kept : dict of Entry to int
-        What the drive holds of all that `set` has written, which may be another value.
+        Values in the drive of objects written by `set`, which may differ from those written.
     judge : Judge
-        Decides which other values are accepted; at first none.
+        Decides which different values are accepted; initially none.
     saved : set of (int, int)
         Index and sub-index of objects that are written without `first_write`.
     first_write : callable, optional
@@ -146,7 +146,7 @@ class RemoteDictionary:
 
     def __init__(self, access: Access, node: int, name: str, axis: int = 1) -> None:
         self.node, self.place = node, (node, axis)
-        self.label = f"{name} (node {node}{in_words(axis)})"
+        self.label = f"{name} (node {node}{axis_suffix(axis)})"
         self.missing: set[Entry] = set()
         self.notes: list[Note] = []
         self.kept: dict[Entry, int] = {}
@@ -155,13 +155,13 @@ class RemoteDictionary:
         self.first_write: Callable[[Entry], None] | None = None
         self.access = access
 
-    def seen_through(self, layer: Callable[[Access], Access]) -> RemoteDictionary:
-        """Return this drive's dictionary as `layer` shows it, with notes of its own.
+    def copy_through(self, layer: Callable[[Access], Access]) -> RemoteDictionary:
+        """Return a copy of this dictionary with `layer` over the access, and with empty notes.
 
         Parameters
         ----------
         layer : callable
-            Turns the access to the drive into one that need not hand writes on.
+            Wraps the access to the drive; may withhold writes.
         """
         other = copy(self)
         other.missing, other.notes, other.kept, other.saved = set(), [], {}, set()
@@ -177,16 +177,16 @@ class RemoteDictionary:
         NodeSilent
             No answer.
         DriveRefused
-            An abort code, or a length that does not fit the type.
+            An abort code, or a length that differs from that of the type.
         """
         return int(self.measure(entry))
 
     def measure(self, entry: Entry) -> float:
-        """Read a number that need not be an integer (errors as in `get`)."""
+        """Read a number of any type, integer or real (errors as in `get`)."""
         try:
             data = self.access.read(entry.index, entry.subindex, entry.size)
         except (AccessRefused, NoAnswer) as error:
-            raise self._explained(error, entry, "read") from error
+            raise self._explain(error, entry, "read") from error
         if len(data) != entry.size:
             raise DriveRefused(
                 f"{self.label}: object {entry} has {len(data)} bytes, expected {entry.size} "
@@ -195,7 +195,7 @@ class RemoteDictionary:
         return entry.number(data)
 
     def find(self, entry: Entry) -> int | None:
-        """Read a number that not every drive has; None where it is missing."""
+        """Read a number from an optional object; return None if the object is missing."""
         try:
             return self.get(entry)
         except Aborted as error:
@@ -216,30 +216,30 @@ class RemoteDictionary:
         try:
             self.access.write(entry.index, entry.subindex, entry.data(value))
         except (AccessRefused, NoAnswer) as error:
-            raise self._explained(error, entry, f"write {value} to") from error
+            raise self._explain(error, entry, f"write {value} to") from error
 
     def order(self, entry: Entry, value: int) -> None:
-        """Write a number at once, await no answer and keep nothing of what was there.
+        """Write a number without waiting for an answer and without saving the old value.
 
         Raises
         ------
         BusUnavailable
-            The bus does not take it.
+            The bus does not accept the frame.
         """
         self.access.order(entry.index, entry.subindex, entry.data(value))
 
     def set(self, entry: Entry, value: int) -> None:
-        """Write a number and read it back; note another value that is accepted.
+        """Write a number and read it back; note a different value if accepted.
 
         Raises
         ------
         NodeSilent, DriveRefused
-            As in `get`, and where the drive keeps a value that is not accepted.
+            As in `get`, and if the drive keeps a value that is not accepted.
         """
-        self._settle(entry, value, self._written(entry, value))
+        self._settle(entry, value, self._write_and_read(entry, value))
 
     def set_unless_fixed(self, entry: Entry, value: int) -> bool:
-        """Do as `set`; return False where the drive refuses to change the object."""
+        """Write as `set` does; return False if the drive refuses to change the object."""
         try:
             self.set(entry, value)
         except Aborted as error:
@@ -252,15 +252,15 @@ class RemoteDictionary:
     def set_if_present(
         self, entry: Entry, value: int, consequence: str, also: Container[int] = ()
     ) -> None:
-        """Do as `set`; where the object is missing, note what follows from that.
+        """Write as `set` does; if the object is missing, note the consequence.
 
-        So too where the drive does not take the value and keeps one that is in `also`.
+        The consequence is also noted if the drive keeps its own value and that is in `also`.
         """
         if self.find(entry) is None:
             self.do_without((entry,), consequence)
             return
         try:
-            kept = self._written(entry, value)
+            kept = self._write_and_read(entry, value)
         except Aborted as error:
             kept = self.get(entry)
             if error.code not in FIXED_CODES or not (kept == value or kept in also):
@@ -273,7 +273,7 @@ class RemoteDictionary:
             self._settle(entry, value, kept)
 
     def set_any(self, values: Mapping[Entry, int]) -> bool:
-        """Do as `set` with each of several objects that is present; return whether any is."""
+        """Write as `set` does those objects that are present; return True if any is."""
         present = {entry: value for entry, value in values.items() if self.find(entry) is not None}
         self.missing.update(entry for entry in values if entry not in present)
         for entry, value in present.items():
@@ -281,7 +281,7 @@ class RemoteDictionary:
         return bool(present)
 
     def do_without(self, entries: Sequence[Entry], consequence: str) -> None:
-        """Note what follows from objects that are missing."""
+        """Note the consequence of missing objects."""
         self.missing.update(entries)
         self.note(f"no object {' nor '.join(map(str, entries))}: {consequence}", lack=True)
 
@@ -289,14 +289,14 @@ class RemoteDictionary:
         """Add a note on this drive (see `Note`)."""
         self.notes.append(Note(self.label, text, lack))
 
-    def _written(self, entry: Entry, value: int) -> int:
-        """Write a number; return what the drive keeps."""
+    def _write_and_read(self, entry: Entry, value: int) -> int:
+        """Write a number; return the value kept by the drive."""
         self.put(entry, value)
         kept = self.kept[entry] = self.get(entry)
         return kept
 
     def _settle(self, entry: Entry, value: int, kept: int) -> None:
-        """Note that a drive keeps another value, or refuse it."""
+        """Note or refuse a value kept by the drive that differs from the one written."""
         if kept == value:
             return
         accepted, compared = self.judge(entry, value, kept)
@@ -310,7 +310,7 @@ class RemoteDictionary:
             f"{kept} instead of {value} in object {entry}: the drive rounds or limits it{compared}"
         )
 
-    def _explained(
+    def _explain(
         self, error: AccessRefused | NoAnswer, entry: Entry, what: str
     ) -> DriveRefused | NodeSilent:
         if isinstance(error, AccessRefused):
@@ -325,13 +325,13 @@ class RemoteDictionary:
         )
 
 
-def in_words(axis: int) -> str:
-    """Return what messages add to the number of a node; empty for its first axis."""
+def axis_suffix(axis: int) -> str:
+    """Return the suffix of a node number in messages; empty for the first axis."""
     return f", axis {axis}" if axis > 1 else ""
 
 
 def labels_by_node(servers: Iterable[RemoteDictionary]) -> dict[int, str]:
-    """Return how messages name each node: the drive of all its axes."""
+    """Return the labels of nodes: the joined labels of the axes in each."""
     labels: dict[int, str] = {}
     for server in servers:
         first = labels.get(server.node)

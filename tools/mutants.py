@@ -52,7 +52,7 @@ _AXIS = "drivers/axis.py"
 _PDO = "drivers/canopen/process_data.py"
 _TRIPS = "drivers/safety/trips.py"
 _STOP = "drivers/cia402/stop.py"
-_LEAVING = "drivers/session/leaving.py"
+_LEAVING = "drivers/session/servo_axes.py"
 _BEAT = "drivers/canopen/heartbeat.py"
 _LEAST = "hil/least_squares/"
 _UNCERTAIN = f"{_LEAST}uncertainty.py"
@@ -82,14 +82,14 @@ MUTANTS = (
     Mutant("drivers/cycle_data.py", "math.inf if flag & SampleFlag.MISSING or elapsed <= 0",
            "0.0 if flag & SampleFlag.MISSING or elapsed <= 0"),
     Mutant(_PDO, "self.feed_forward(axis, 0, 0)", "pass"),
-    Mutant("drivers/cia402/unwrapping.py", "self._inner.lead(axis, self._wrapped(axis, target))",
+    Mutant("drivers/axis.py", "self._inner.lead(axis, self._wrapped(axis, target))",
            "self._inner.lead(axis, target)"),
     # what stops all axes
     Mutant(_TRIPS, "[2 * velocity * period", "[20 * velocity * period"),
     Mutant(_TRIPS, "if abs(current) <= bound", "if current <= bound"),
     Mutant(_TRIPS, "self._since.pop(axis.index, None)", "pass"),
     Mutant(_TRIPS, "min(low, self._lows[axis]) if moving else low", "low"),
-    Mutant("drivers/safety/missing_telegrams.py", "+ 1 if gone else 0",
+    Mutant("drivers/safety/trips.py", "+ 1 if gone else 0",
            "+ 1 if gone else self._counts[axis.index]"),
     Mutant(_STOP, "(STOP_DELAY + age + braking / 2)", "(STOP_DELAY + braking / 2)"),
     Mutant(_STOP, "_ENDS | _UNUSED | {Shown.ENABLED: StopPhase.DISABLING}", "_ENDS | _UNUSED"),
@@ -104,7 +104,7 @@ MUTANTS = (
     Mutant(_BEAT, "        if self.ceased:\n            return\n", ""),
     Mutant(_BEAT, "node in self.starting and self._now() <= self._start_ends",
            "node in self.starting"),
-    Mutant("drivers/canopen/watch_set_up.py", "if not least <= kept <= most",
+    Mutant("drivers/canopen/set_up.py", "if not least <= kept <= most",
            "if not least <= kept"),
     Mutant("drivers/cia402/supervision.py", "emergency.code & 0xFF00", "emergency.code & 0xFFFF"),
     # estimators

@@ -1,1 +1,1 @@
-"""CAN as python-can has it: opening, interfaces and logs of our own, SYNC from the kernel."""
+"""CAN by python-can: opening, own interfaces, frame logs, and SYNC from the kernel."""

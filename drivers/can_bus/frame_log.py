@@ -1,16 +1,16 @@
-"""All frames of a run beside it, in any format that python-can writes.
+"""Log of the frames of a run, in any format that python-can writes.
 
-A `FrameLog` stands between the driver and its bus and notes what passes, both ways, in the order in
-which the driver sent and received it: with that, `drivers.can_bus.replay_bus` can do the run again.
-A thread writes, so a disk that stalls does not stop the robot; after a kill the log lacks the last
-tenth of a second in the formats that are written line by line (.asc, .log, .trc, .csv), and in .blf
-up to 128 kB, some thousand frames.
+A `FrameLog` is a bus between the driver and the actual bus. It logs frames of both directions in
+the order of the driver's calls; `drivers.can_bus.replay_bus` can repeat the run from the log. A
+thread writes, so a stalled disk does not stop the robot; after a kill the log lacks the last
+tenth of a second in line-based formats (.asc, .log, .trc, .csv), and up to 128 kB, some thousand
+frames, in .blf.
 
-Time is that of `FrameLog.clock`, which the driver goes by too: instants of SYNC in the recordings
-are those of the log to the microsecond. A received frame keeps the time stamp of its interface as
-far as that lies between what went before it and the end of the driver's wait for it; beyond that
-it counts as come when the driver took it. Our heartbeats, which a replay passes over, bear the time
-of the frame before. In lock-step time is the plant's and stands still while we send.
+Times are those of `FrameLog.clock`, also used by the driver: instants of SYNC in the recordings
+are those of the log to the microsecond. A received frame keeps the time stamp of its interface if
+that lies between the frame before and the end of the driver's wait; otherwise it gets the time of
+the driver's call. Our heartbeats, ignored by a replay, get the time of the frame before. In
+lock-step time is that of the plant and does not advance during sending.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from typing import TYPE_CHECKING
 import can
 
 from checked_files.yaml_file import FileError
-from drivers.can_bus.capabilities import Capabilities, capabilities_of
-from drivers.can_bus.replay_log import SYNC, is_heartbeat
+from drivers.can_bus.capabilities import Capabilities, find_capabilities
+from drivers.can_bus.replay_bus import SYNC, is_heartbeat
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,37 +37,49 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 PAUSE = 0.05
-"""How often the thread looks for frames to write [s]."""
+"""Period of the writing thread [s]."""
 WAITING_MAX = 100_000
-"""Frames that may wait for the disk: half a minute or more of six axes."""
+"""Largest number of frames waiting for the disk: half a minute or more of six axes."""
 TICK = 1e-6
 """Resolution of the logs [s]."""
 CREDIBLE = 1.0
-"""A time stamp from further back is not by the computer's clock [s]."""
+"""Largest age of a time stamp made by the computer's clock [s]."""
 PATIENCE = 30.0
-"""How long sending waits for a place among them before the log is given up [s]."""
+"""Longest wait for the disk before the log is given up [s]."""
 
 
 class FrameLog(can.BusABC):
-    """A bus that logs the frames of another one, which it owns.
+    """A bus that logs the frames of another bus, and owns it.
 
     Parameters
     ----------
     bus : can.BusABC
     path : Path
-        Where to write; its suffix states the format.
+        File to write; the suffix selects the format.
 
     Raises
     ------
     FileError
-        The file is there already, cannot be written, or python-can has no such format.
+        The file exists, cannot be written, or python-can lacks the format.
     """
 
     def __init__(self, bus: can.BusABC, path: Path) -> None:
         self._path = path
-        self._writer = _open_writer(path)
+        try:
+            path.open("x").close()
+        except FileExistsError as error:
+            raise FileError(f"{path}: is there already; choose another name") from error
+        except OSError as error:
+            raise FileError(f"{path}: cannot be written: {error.strerror}") from error
+        try:
+            self._writer = can.Logger(path)
+        except Exception as error:  # a format without its library raises what it likes
+            path.unlink()
+            raise FileError(
+                f"{path}: {error}; choose .asc or .log, which survive a kill best, or .blf"
+            ) from error
         self._bus = bus
-        self.lock_step = capabilities_of(bus).lock_step
+        self.lock_step = find_capabilities(bus).lock_step
         self.channel_info = bus.channel_info
         self._name = "_".join(bus.channel_info.split())
         self._epoch = 0.0 if self.lock_step else round(time.time(), 6)
@@ -90,25 +102,25 @@ class FrameLog(can.BusABC):
 
     @property
     def capabilities(self) -> Capabilities:
-        """What can be logged and done again: SYNC only where we send it."""
+        """Capabilities that can be logged and replayed: SYNC only where we send it."""
         return Capabilities(lock_step=self.lock_step, clock=self.clock)
 
     def clock(self) -> float:
-        """Time since this was first called, in whole microseconds [s]."""
+        """Return the time since the first call, in whole microseconds [s]."""
         before, self._reading = self._reading, self._now()
         if self._sync is not None and not self.lock_step:
-            # as `WallClock` reckons, which read the clock right before it sent SYNC
+            # as in `WallClock`, which read the clock immediately before it sent SYNC
             self._latest = round(self._reading - (self._reading - before) / 2, 6)
-            self._let_go()
+            self._log_sync()
         return self._reading
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send and log a frame (see `can.BusABC.send`)."""
         self._bus.send(msg, timeout)
-        self._let_go()
+        self._log_sync()
         if self._begun and not (self.lock_step or is_heartbeat(msg) or msg.arbitration_id == SYNC):
             self._latest = self._now()
-        self._begun = True  # with the driver's zero
+        self._begun = True  # with the driver's zero of time
         sent = can.Message(
             arbitration_id=msg.arbitration_id,
             is_extended_id=msg.is_extended_id,
@@ -118,7 +130,7 @@ class FrameLog(can.BusABC):
             is_rx=False,
         )
         if msg.arbitration_id == SYNC:
-            self._sync = sent  # until the driver has read the clock
+            self._sync = sent  # its instant is known when the driver has read the clock
         else:
             self._note(sent)
         if len(self._waiting) > WAITING_MAX:
@@ -130,27 +142,33 @@ class FrameLog(can.BusABC):
         Raises
         ------
         FileError
-            The log cannot be written any more; raised once.
+            The log can no longer be written; raised once.
         """
         trouble, self._trouble = self._trouble, None
         if trouble is not None:
             raise FileError(f"{self._path}: cannot be written: {trouble}") from trouble
-        self._let_go()
+        self._log_sync()
         ends = self._latest
         if timeout != 0.0 and not self.lock_step:
             ends = math.inf if timeout is None else self._reading + timeout
         frame = self._bus.recv(timeout)
         if frame is not None:
-            self._latest = frame.timestamp if self.lock_step else self._instant(frame, ends)
+            if self.lock_step:
+                self._latest = frame.timestamp
+            else:
+                # the arrival as the driver saw it: after the frame before, within its wait
+                now, arrived = self._now(), frame.timestamp - self._epoch
+                arrived = arrived if now - CREDIBLE < arrived <= now else now
+                self._latest = max(self._latest, min(arrived, ends - TICK))
             self._note(frame)
         elif not self.lock_step:
             self._latest = max(self._latest, ends) + TICK
         return frame
 
     def shutdown(self) -> None:
-        """Write what is left, close the log and shut the bus down."""
+        """Write the remaining frames, close the log and shut the bus down."""
         super().shutdown()
-        self._let_go()
+        self._log_sync()
         self._closing.set()
         self._thread.join()
         if self._trouble is not None:
@@ -167,16 +185,8 @@ class FrameLog(can.BusABC):
             self._zero = reading
         return round(reading - self._zero, 6)
 
-    def _instant(self, frame: can.Message, ends: float) -> float:
-        """When a frame came, as the driver saw it that waited until `ends` [s]."""
-        now = self._now()
-        arrived = frame.timestamp - self._epoch
-        if not now - CREDIBLE < arrived <= now:
-            arrived = now
-        return max(self._latest, min(arrived, ends - TICK))
-
-    def _let_go(self) -> None:
-        """Pass on a SYNC whose instant is known."""
+    def _log_sync(self) -> None:
+        """Log a SYNC once its instant is known."""
         if self._sync is not None:
             self._note(self._sync)
             self._sync = None
@@ -210,38 +220,18 @@ class FrameLog(can.BusABC):
         if isinstance(self._writer, can.io.generic.FileIOMessageWriter):
             self._writer.file.flush()
         if isinstance(self._writer, can.SqliteWriter):
-            self._wait_for(self._writer)
-
-    @staticmethod
-    def _wait_for(writer: can.SqliteWriter) -> None:
-        """Let .db's own thread catch up: what waits for it when it is stopped, it drops."""
-        ends = time.monotonic() + PATIENCE
-        while not writer.buffer.empty():
-            if time.monotonic() > ends:
-                raise TimeoutError(f"the database took no frame for {PATIENCE:g} s")
-            time.sleep(0.001)
+            # .db has a thread of its own, which drops waiting frames when stopped
+            ends = time.monotonic() + PATIENCE
+            while not self._writer.buffer.empty():
+                if time.monotonic() > ends:
+                    raise TimeoutError(f"the database took no frame for {PATIENCE:g} s")
+                time.sleep(0.001)
 
 
-def logged(bus: can.BusABC, path: Path) -> FrameLog:
-    """Put a log on a bus, which is shut down where that fails (`FileError`: see `FrameLog`)."""
+def log_frames(bus: can.BusABC, path: Path) -> FrameLog:
+    """Put a log on a bus; shut the bus down if that fails (`FileError`: see `FrameLog`)."""
     try:
         return FrameLog(bus, path)
     except BaseException:
         bus.shutdown()
         raise
-
-
-def _open_writer(path: Path) -> can.io.generic.MessageWriter:
-    try:
-        path.open("x").close()
-    except FileExistsError as error:
-        raise FileError(f"{path}: is there already; choose another name") from error
-    except OSError as error:
-        raise FileError(f"{path}: cannot be written: {error.strerror}") from error
-    try:
-        return can.Logger(path)
-    except Exception as error:  # a format without its library raises what it likes
-        path.unlink()
-        raise FileError(
-            f"{path}: {error}; choose .asc or .log, which survive a kill best, or .blf"
-        ) from error

@@ -1,11 +1,11 @@
-"""SYNC from the kernel: Linux's broadcast manager sends it, however busy this process is.
+"""SYNC sent by the kernel: the broadcast manager of Linux, independent of this process's load.
 
-The broadcast manager keeps absolute deadlines by a timer in the kernel and leaves out what it
-missed. `KernelSync` starts it on a socketcan bus and lets the driver work as if it sent SYNC by
-itself: "sending" one means to wait for the kernel's next, which the kernel hands back like any
-frame of another socket, with the instant at which it went out. Whoever is busy meanwhile, with an
-SDO say, loses nothing: every SYNC and the TPDOs behind it wait in the order of their arrival. After
-a long pause they are dropped, since nobody wants the past then. If this process dies, so does SYNC.
+The broadcast manager keeps absolute deadlines with a kernel timer and skips missed ones.
+`KernelSync` starts it on a socketcan bus and lets the driver work as if it sent SYNC itself:
+"sending" a SYNC waits for the next one of the kernel, which is returned like a frame of another
+socket, with its instant. Nothing is lost during an SDO transfer, say: every SYNC and its TPDOs wait
+in order of arrival. After a long pause they are dropped as obsolete. If this process dies, SYNC
+ends as well.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
 SYNC_ID = 0x80
 
 SILENCE = 0.5
-"""How long the kernel's SYNC may stay away, beyond three periods, before the bus is down [s]."""
+"""Longest silence of the kernel's SYNC, beyond three periods, until the bus is down [s]."""
 
 BABBLE = 20_000
-"""Frames that are passed over at once: a bus may never fall silent."""
+"""Largest number of frames skipped in one call: a bus may never fall silent."""
 
 STALE = 2
-"""Periods after which a SYNC that waits for us is passed over for the newest."""
+"""Age [periods] at which a waiting SYNC is skipped in favour of the newest."""
 
 AT_ONCE = 50e-6
-"""Two readings of clocks that lie closer together were not interrupted [s]."""
+"""Longest time between two clock readings without an interruption [s]."""
 
 
 class KernelSync(can.BusABC):
-    """A bus on which the kernel sends SYNC and `send` of a SYNC waits for it.
+    """A bus with SYNC from the kernel; `send` of a SYNC waits for the kernel's next one.
 
     Parameters
     ----------
@@ -50,22 +50,22 @@ class KernelSync(can.BusABC):
     answers : collection of int
         Identifiers of the TPDOs that answer a SYNC.
     pause : float
-        A caller who stays away longer wants nothing of the past [s].
+        Absence of the caller after which waiting frames are obsolete [s].
     clock, wall : callable
-        Monotonic time; time of the frames' time stamps [s].
+        Monotonic clock; clock of the frames' time stamps [s].
 
     Attributes
     ----------
     deliver : callable
-        Takes frames that arrive while a SYNC is waited for.
+        Receives frames that arrive during the wait for a SYNC.
     instant : float
-        When the last SYNC went out, by `clock` [s].
+        Instant of the last SYNC, by `clock` [s].
     skipped : int
-        SYNCs that the kernel left out, that were lost on their way to us, or passed over.
+        SYNCs left out by the kernel, lost, or passed over.
     passed_over : int
-        SYNCs right before the last one that had waited for us for too long.
+        SYNCs passed over immediately before the last one, since they had waited too long.
     silence : float or None
-        How long a SYNC may stay away [s]; None for three periods and `SILENCE`.
+        Longest silence of SYNC [s]; None for three periods and `SILENCE`.
     """
 
     def __init__(
@@ -78,17 +78,14 @@ class KernelSync(can.BusABC):
         clock: Callable[[], float] = time.perf_counter,
         wall: Callable[[], float] = time.time,
     ) -> None:
-        self.deliver: Callable[[can.Message], None] = _ignore
+        self.deliver: Callable[[can.Message], None] = lambda _frame: None
         self.instant = clock()
         self.skipped = self.passed_over = 0
         self.silence: float | None = None
         self.channel_info = inner.channel_info
-        self._inner = inner
-        self._period = period
-        self._pause = pause
+        self._inner, self._period, self._pause = inner, period, pause
         self._answers = frozenset(answers)
-        self._clock = clock
-        self._wall = wall
+        self._clock, self._wall = clock, wall
         self._offset = clock() - wall()
         self._task: can.CyclicSendTaskABC | None = None
         self._waiting: deque[can.Message] = deque()
@@ -98,42 +95,42 @@ class KernelSync(can.BusABC):
 
     @property
     def capabilities(self) -> Capabilities:
-        """None of the inner bus's: frames wait here for their SYNC."""
+        """No capability of the inner bus: frames wait here for their SYNC."""
         return Capabilities()
 
     @property
     def overdue(self) -> bool:
-        """The next SYNC is here already: nobody need wait for answers to the last one."""
+        """True if the next SYNC has arrived, so that waiting for more answers is pointless."""
         return bool(self._waiting) and self._waiting[0].arbitration_id == SYNC_ID
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame; a SYNC is waited for instead.
+        """Send a frame; in place of a SYNC, wait for the kernel's next one.
 
         Raises
         ------
         drivers.drive_bus.BusUnavailable
-            The kernel's SYNC stays away.
+            No SYNC of the kernel arrives.
         """
         if msg.arbitration_id != SYNC_ID or msg.is_extended_id:
             return self._inner.send(msg, timeout)
         if self._task is None:
             sync = can.Message(arbitration_id=SYNC_ID, is_extended_id=False)
             self._task = self._inner.send_periodic(sync, self._period)
-            self._forget()
+            self._drop_waiting()
         elif self._clock() - self._returned > self._pause:
-            self._forget()
+            self._drop_waiting()
         self._take(self._await_sync())
         self.passed_over = 0
         if self._stale:
             self._catch_up()
-            if self._stale:  # the kernel's queue was full, and what came since is lost
+            if self._stale:  # the kernel's queue was full and later frames are lost
                 self._pass_over()
                 self._take(self._await_sync())
         self._returned = self._clock()
         return None
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Receive a frame that is no SYNC; a TPDO only once its SYNC has been waited for."""
+        """Receive a frame except SYNC; a TPDO only after `send` has taken the SYNC before."""
         if self._waiting and not self.overdue:
             return self._waiting.popleft()
         while (frame := self._inner.recv(timeout)) is not None:
@@ -158,7 +155,7 @@ class KernelSync(can.BusABC):
         return self._clock() - self.instant > STALE * self._period
 
     def _catch_up(self) -> None:
-        """Pass over what has waited too long: who supervises axes looks at the newest SYNC."""
+        """Skip SYNCs that have waited too long: supervision needs the newest."""
         arrived, self._waiting = list(self._waiting), deque()
         while len(arrived) < BABBLE and (frame := self._inner.recv(0.0)) is not None:
             arrived.append(frame)
@@ -173,7 +170,7 @@ class KernelSync(can.BusABC):
                 self._waiting.append(frame)
 
     def _pass_over(self) -> None:
-        """Count the SYNC that was taken already."""
+        """Count a SYNC taken before as passed over."""
         self.passed_over += 1
         self.skipped += 1
 
@@ -203,8 +200,8 @@ class KernelSync(can.BusABC):
             self.skipped += max(0, round((self.instant - last) / self._period) - 1)
         self._counting = True
 
-    def _forget(self) -> None:
-        """Drop the past: the SYNCs and TPDOs that nobody waited for."""
+    def _drop_waiting(self) -> None:
+        """Drop obsolete SYNCs and TPDOs."""
         self._waiting.clear()
         for _ in range(BABBLE):
             frame = self._inner.recv(0.0)
@@ -216,9 +213,5 @@ class KernelSync(can.BusABC):
 
     @staticmethod
     def _is_ours(frame: can.Message) -> bool:
-        """Whether this is a SYNC of this machine and not of another master."""
+        """Return True for a SYNC of this machine, False for that of another master."""
         return frame.arbitration_id == SYNC_ID and not (frame.is_rx or frame.is_extended_id)
-
-
-def _ignore(_frame: can.Message) -> None:
-    pass

@@ -1,16 +1,15 @@
-"""CAN between processes of one machine, for kernels that have no CAN: python-can's ``local``.
+"""CAN between processes of a machine without CAN in the kernel: python-can's ``local``.
 
 ``can.Bus("name", interface="local")``: every bus on a channel has a Unix datagram socket in the
-channel's folder, and a frame goes to all the others as the kernel's ``struct can_frame``. There is
-no server. Frames arrive whole, in the order in which they were sent, and none is lost: a full queue
-lets the sender wait, as a bus under load would, and it goes on receiving meanwhile, so that two
-who send to each other do not wait for ever. A peer who hangs misses what does not fit into its
-queue, as the receiver of a CAN node would; one whose process died is dropped at the next frame.
-The time stamp of a frame is the kernel's and says when it was sent, however late it is received.
+channel's folder, and sends each frame to all others as the kernel's ``struct can_frame``. There is
+no server. Frames arrive whole and in order, and none is lost: with a full queue the sender waits,
+as on a bus under load, and receives meanwhile, so that two senders do not block each other. A peer
+that hangs misses frames beyond its queue, like the receiver of a CAN node; a dead peer is dropped
+at the next frame. The time stamp of a frame is the kernel's time of sending.
 
-Other users of the machine neither read, send nor delete here: the channel's folder is this user's
-alone (mode 0700) and no link, nobody else can put another in its place, and nothing is connected to
-or removed that is no socket of this user with a name that this module gives.
+Other users of the machine cannot read, send or delete: the channel's folder belongs to this user
+alone (mode 0700), is no link, cannot be replaced by others, and only sockets of this user with a
+name given by this module are connected or removed.
 """
 
 from __future__ import annotations
@@ -32,24 +31,24 @@ from typing import TYPE_CHECKING, Any
 
 import can
 
-from drivers.awake import LONG, look_out
+from drivers.sync_clock import LOCK_STEP_WAIT, poll_actively
 
 if TYPE_CHECKING:
     from can.typechecking import CanFilters, Channel
 
 PATIENCE = 0.25
-"""How long a peer may leave its queue full before it counts as hanging [s]."""
+"""Time with a full queue after which a peer counts as hanging [s]."""
 
 SLICE = 0.001
-"""How often a waiting sender looks for frames that it must take out of others' way [s]."""
+"""Period at which a waiting sender empties its own queue [s]."""
 
 FD_SETSIZE = 1024
-"""File descriptors from here on are more than `select` takes."""
+"""Smallest file descriptor that `select` does not accept."""
 
 _FRAME = struct.Struct("=IB3x8s")
 _EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 _STAMPS, _TIMESPEC = 35, struct.Struct("@ll")
-"""SO_TIMESTAMPNS of Linux, which Python does not name, and what it gives: seconds, nanoseconds."""
+"""SO_TIMESTAMPNS of Linux, missing in Python's socket module: seconds, nanoseconds."""
 _ANCILLARY = socket.CMSG_SPACE(_TIMESPEC.size)
 _numbers = count()
 _MEMBER = re.compile(r"\d+-\d+")  # number of the process, number of the bus in it
@@ -62,12 +61,12 @@ class LocalBus(can.BusABC):
     Parameters
     ----------
     channel : str
-        Letters, digits, dots, underscores and hyphens, the first no dot and no hyphen; same name,
-        same machine, same user: same bus.
+        Letters, digits, dots, underscores and hyphens, the first no dot and no hyphen. Buses of one
+        user and machine with the same name are connected.
     can_filters : optional
-        As everywhere in python-can.
+        As in python-can.
     receive_own_messages : bool
-        Whether sent frames come back.
+        True to receive sent frames.
 
     Raises
     ------
@@ -109,12 +108,12 @@ class LocalBus(can.BusABC):
         super().__init__(channel, can_filters)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame to every other member of the channel.
+        """Send a frame to the other members of the channel.
 
         Parameters
         ----------
         timeout : float, optional
-            How long a full queue is waited for instead of `PATIENCE` [s].
+            Longest wait for a full queue, instead of `PATIENCE` [s].
 
         Raises
         ------
@@ -151,51 +150,17 @@ class LocalBus(can.BusABC):
         if not self._inbox:
             self._collect()
         if not self._inbox and timeout != 0 and self._socket.fileno() >= 0:
-            if timeout is None or timeout >= LONG:
-                look_out(self._came)
+            if timeout is None or timeout >= LOCK_STEP_WAIT:
+                poll_actively(self._receive_one)
             if not self._inbox:
-                self._await(timeout)
+                self._wait(timeout)
                 self._collect(1)
         if not self._inbox:
             return None, False
         instant, frame = self._inbox.popleft()
-        return self._message(instant, frame), False
-
-    def _came(self) -> deque[tuple[float, bytes]] | None:
-        """Take a frame that is there; return the inbox, None if it is empty."""
-        self._collect(1)
-        return self._inbox or None
-
-    def _await(self, timeout: float | None) -> None:
-        """Wait for a frame; `select` keeps a timeout to the microsecond, `poll` to whole ms."""
-        if self._socket.fileno() < FD_SETSIZE:
-            select.select([self._socket], [], [], None if timeout is None else max(0.0, timeout))
-        else:
-            self._arrivals.poll(None if timeout is None else max(0.0, timeout * 1e3))
-
-    def _collect(self, most: int = 1000) -> None:
-        """Take frames out of the socket's queue, which is short."""
-        try:
-            for _ in range(most):
-                self._inbox.append(self._received())
-        except BlockingIOError:
-            pass
-        except OSError as error:
-            raise can.CanOperationError(f"{self.channel_info}: this bus is shut down") from error
-
-    def _received(self) -> tuple[float, bytes]:
-        """Return the next frame and when it was sent, which the kernel notes [s]."""
-        frame, stamps, _, _ = self._socket.recvmsg(_FRAME.size, _ANCILLARY)
-        for level, kind, data in stamps:
-            if (level, kind) == (socket.SOL_SOCKET, _STAMPS):
-                seconds, nanoseconds = _TIMESPEC.unpack_from(data)
-                return seconds + 1e-9 * nanoseconds, frame
-        return time.time(), frame
-
-    def _message(self, instant: float, frame: bytes) -> can.Message:
         identifier, size, data = _FRAME.unpack(frame)
         remote = bool(identifier & _REMOTE)
-        return can.Message(
+        message = can.Message(
             timestamp=instant,
             arbitration_id=identifier & 0x1FFF_FFFF,
             is_extended_id=bool(identifier & _EXTENDED),
@@ -205,9 +170,38 @@ class LocalBus(can.BusABC):
             data=None if remote else data[:size],
             channel=self._folder.name,
         )
+        return message, False
+
+    def _receive_one(self) -> deque[tuple[float, bytes]] | None:
+        """Receive a waiting frame; return the inbox, None if empty."""
+        self._collect(1)
+        return self._inbox or None
+
+    def _wait(self, timeout: float | None) -> None:
+        """Wait for a frame; `select` resolves microseconds, `poll` whole milliseconds."""
+        if self._socket.fileno() < FD_SETSIZE:
+            select.select([self._socket], [], [], None if timeout is None else max(0.0, timeout))
+        else:
+            self._arrivals.poll(None if timeout is None else max(0.0, timeout * 1e3))
+
+    def _collect(self, most: int = 1000) -> None:
+        """Move frames from the socket's short queue to the inbox, with the time of sending [s]."""
+        try:
+            for _ in range(most):
+                frame, stamps, _, _ = self._socket.recvmsg(_FRAME.size, _ANCILLARY)
+                instant = time.time()
+                for level, kind, data in stamps:
+                    if (level, kind) == (socket.SOL_SOCKET, _STAMPS):
+                        seconds, nanoseconds = _TIMESPEC.unpack_from(data)
+                        instant = seconds + 1e-9 * nanoseconds
+                self._inbox.append((instant, frame))
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            raise can.CanOperationError(f"{self.channel_info}: this bus is shut down") from error
 
     def _pass(self, frame: bytes, address: Path, peer: socket.socket, patience: float) -> None:
-        """Put a frame into a peer's queue; one that hangs is not waited for again."""
+        """Put a frame into a peer's queue; a hanging peer is not waited for again."""
         ends = time.monotonic() + (0.0 if address in self._hanging else patience)
         while True:
             try:
@@ -223,12 +217,12 @@ class LocalBus(can.BusABC):
                 return self._hanging.discard(address)
 
     def _announce(self) -> None:
-        """Stamp the folder with an instant of its own; its time stamps alone are too coarse."""
+        """Set the folder's time stamp to now, since its own time stamps are too coarse."""
         now = time.time_ns()
         os.utime(self._folder, ns=(now, now))
 
     def _look_around(self) -> None:
-        """Find out who is on the channel, if that has changed."""
+        """Update the list of members if the folder has changed."""
         try:
             changed = self._folder.stat().st_mtime_ns
         except OSError as error:
@@ -240,16 +234,12 @@ class LocalBus(can.BusABC):
         for address in set(self._peers) - there:
             self._peers.pop(address).close()
         for address in there - set(self._peers):
-            self._connect(address)
-
-    def _connect(self, address: Path) -> None:
-        peer = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        peer.setblocking(False)
-        self._peers[address] = peer
-        try:
-            peer.connect(str(address))
-        except (ConnectionError, FileNotFoundError):
-            self._drop(address)
+            peer = self._peers[address] = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+            peer.setblocking(False)
+            try:
+                peer.connect(str(address))
+            except (ConnectionError, FileNotFoundError):
+                self._drop(address)
 
     def _drop(self, address: Path) -> None:
         self._peers.pop(address).close()
@@ -257,7 +247,7 @@ class LocalBus(can.BusABC):
 
 
 def _ours(path: Path) -> bool:
-    """Whether a path is a socket of this user that a bus has made, and no link to one."""
+    """Return True if a path is a socket of this user made by a bus, and no link."""
     if not _MEMBER.fullmatch(path.name):
         return False
     try:
@@ -268,7 +258,7 @@ def _ours(path: Path) -> bool:
 
 
 def _own_folder(channel: str) -> Path:
-    """Make the folder of a channel, or take the one that is there if it is this user's alone."""
+    """Make the folder of a channel, or return an existing one that only this user can access."""
     if not _CHANNEL.fullmatch(channel):
         raise can.CanInitializationError(
             f"channel {channel!r}: must be a name such as bench, of letters, digits, '.', '_' and"
@@ -292,7 +282,7 @@ def _own_folder(channel: str) -> Path:
 
 
 def _refuse_changeable(folder: Path) -> None:
-    """Refuse a folder in which another user can replace what this user has made."""
+    """Refuse a folder whose entries another user can replace."""
     state = folder.stat()
     # whoever owns / can do everything in any case: root, or the outside of a container
     trusted = state.st_uid in {0, os.getuid(), Path("/").stat().st_uid}
@@ -306,9 +296,9 @@ def _refuse_changeable(folder: Path) -> None:
 
 
 def _refuse_foreign(folder: Path) -> None:
-    """Refuse a folder of a channel that is a link, belongs to others, or was open to their writing.
+    """Refuse a channel's folder that is a link, of another user, or writable for another user.
 
-    One that others could only read, as earlier versions made it, is closed to them.
+    A folder that was only readable for others, as made by earlier versions, is closed.
     """
     state = folder.lstat()
     if not stat.S_ISDIR(state.st_mode):

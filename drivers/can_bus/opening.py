@@ -14,18 +14,18 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 LINES = 5
-"""Of an error's message that are shown."""
+"""Largest number of lines shown of an error."""
 WITHOUT_ADAPTER = frozenset({"local", "replay", "sim_plant", "udp_multicast", "virtual"})
-"""Interfaces that consist of software alone."""
+"""Interfaces without hardware."""
 
 
 def open_can_bus(interface: str, channel: str, options: Mapping[str, Any]) -> can.BusABC:
-    """Open a bus from what is given alone, ignoring python-can's configuration files.
+    """Open a bus with the given arguments only, without python-can's configuration files.
 
     Raises
     ------
     BusUnavailable
-        No such interface or channel, a missing driver, or options that it does not take.
+        No such interface or channel, a missing driver, or invalid options.
     """
     if interface not in BACKENDS:
         raise BusUnavailable(
@@ -34,18 +34,15 @@ def open_can_bus(interface: str, channel: str, options: Mapping[str, Any]) -> ca
         )
     try:
         return can.Bus(channel, interface, ignore_config=True, **options)
-    except Exception as error:  # back ends without their vendor's library raise what they like
+    except Exception as error:  # back ends without their vendor's library raise any type
+        lines = str(error).splitlines()
+        if (more := len(lines) - LINES) > 1:  # a file of another kind has an error in every line
+            lines = [*lines[:LINES], f"... and {more} lines more"]
+        shown = "\n".join(lines)
         raise BusUnavailable(
-            f"{interface} channel {channel!r} cannot be opened: {_shortened(str(error))}; "
+            f"{interface} channel {channel!r} cannot be opened: {shown}; "
             f"{_remedy(interface, channel, options, error)}"
         ) from error
-
-
-def _shortened(text: str) -> str:
-    """Leave out what a file of a wholly different kind has wrong in each of its lines."""
-    lines = text.splitlines()
-    more = len(lines) - LINES
-    return "\n".join([*lines[:LINES], f"... and {more} lines more"] if more > 1 else lines)
 
 
 def _remedy(interface: str, channel: str, options: Mapping[str, object], error: Exception) -> str:

@@ -1,32 +1,115 @@
-"""A log of frames as a bus: ``can.Bus(interface="replay", channel="run.asc")``.
+"""Frame log as a bus: ``can.Bus(interface="replay", channel="run.asc")``.
 
-A driver that does what it did when the log was written gets the same answers. Each frame that it
-sends is compared with the log; what had been received by then, and up to the next sent one, is
-handed out. Where the two part, an error names the frame: another plan, other drives file or another
-version of the program. Heartbeats of the master go by the clock, show nothing and are passed over.
+A driver that repeats its actions gets the same answers. Each sent frame is compared with the log;
+frames received before it, and up to the next sent one, are delivered. At a difference an error
+names the frame: another plan, other drives file or another version of the program. Heartbeats of
+the master depend on the clock, carry no information and are skipped.
 
-A log of lock-step is replayed in lock-step. In one of a real bus time is the log's too: it jumps to
-the instant of each frame, and waiting without a frame takes just as long as was asked for. So SYNCs
-have the instants they had, and a telegram that came too late comes too late again.
+A log of lock-step is replayed in lock-step. For a real bus, time is that of the log: it jumps to
+the instant of each frame, and waiting without a frame takes exactly the timeout. Hence SYNCs keep
+their instants, and a late telegram is late again.
+
+Log formats differ in content. Where none of the first frames is marked as sent (.csv, .db, or a log
+of `candump`), the predefined connection set (CiA 301) identifies the sender: NMT, SYNC, RPDOs and
+SDO requests are the master's, and so is the heartbeat of a node that answers no SDO. In lock-step
+the plant's time does not advance while the master sends; a log with this property is one of
+lock-step.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import can
 
-from drivers.can_bus.replay_log import SYNC, ReplayLog, is_heartbeat
 from drivers.drive_bus import BusUnavailable
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from can.typechecking import CanFilters, Channel
 
+HEAD = 5000
+"""Number of first frames that classify a log: setting up the drives alone takes hundreds."""
+
+SYNC = 0x80
+_MASTERS = frozenset({0x200, 0x300, 0x400, 0x500, 0x600})
+_HEARTBEAT = 0x700
+
+
+def is_heartbeat(frame: can.Message) -> bool:
+    """Return True if a frame is a heartbeat or boot-up message."""
+    return frame.arbitration_id & ~0x7F == _HEARTBEAT and not frame.is_extended_id
+
+
+class ReplayLog:
+    """Frames of a log.
+
+    Parameters
+    ----------
+    path : Path
+        Log in any format that python-can reads.
+
+    Attributes
+    ----------
+    lock_step : bool
+        True if time does not advance while frames are sent.
+    begin : float
+        Time stamp of the first frame [s].
+    damage : str
+        Reason why reading ended before the end of the file; empty if none.
+
+    Raises
+    ------
+    can.CanInitializationError
+        No such file, an unknown format, or no frame.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.damage = ""
+        self._path = path
+        head = list(islice(self._frames(), HEAD))
+        if not head:
+            raise can.CanInitializationError(
+                f"{path}: holds no frames {self.damage or 'at all'}; give a log that hil run"
+                " --frame-log wrote"
+            )
+        self._marked = not all(frame.is_rx for frame in head)
+        answering = {f.arbitration_id - 0x580 for f in head if f.arbitration_id & ~0x7F == 0x580}
+        self._slaves = {_HEARTBEAT + node for node in answering}
+        self.begin = head[0].timestamp
+        steps = [b.timestamp - a.timestamp for a, b in pairwise(head) if self._is_sent(b)]
+        self.lock_step = bool(steps) and max(map(abs, steps)) < 1e-6
+
+    def __iter__(self) -> Iterator[tuple[int, can.Message, bool]]:
+        """Iterate over number from 1, frame, and True for frames of the master."""
+        for number, frame in enumerate(self._frames(), start=1):
+            yield number, frame, self._is_sent(frame)
+
+    def _is_sent(self, frame: can.Message) -> bool:
+        if self._marked:
+            return not frame.is_rx
+        identifier = frame.arbitration_id
+        if frame.is_extended_id or frame.is_error_frame:
+            return False
+        if identifier & ~0x7F == _HEARTBEAT:
+            return identifier not in self._slaves
+        return identifier in {0x000, 0x080} or identifier & ~0x7F in _MASTERS
+
+    def _frames(self) -> Iterator[can.Message]:
+        try:
+            with can.LogReader(self._path) as reader:
+                yield from reader
+        except Exception as error:  # each format raises its own for damaged places
+            self.damage = f"({error or type(error).__name__})"
+
+
 TICK = 1e-6
-"""Even asking without waiting takes some time, so that every wait ends [s]."""
+"""Time taken by a poll without waiting, so that every wait ends [s]."""
 
 
 class ReplayBus(can.BusABC):
@@ -37,11 +120,11 @@ class ReplayBus(can.BusABC):
     channel : str
         Path of the log.
     can_filters : optional
-        As everywhere in python-can.
+        As in python-can.
     lock_step : bool, optional
-        Whether time is counted in SYNCs; by default the log shows it.
+        True if time is counted in SYNCs; by default found from the log.
     bitrate : int, optional
-        Without meaning here.
+        Ignored.
 
     Attributes
     ----------
@@ -77,44 +160,44 @@ class ReplayBus(can.BusABC):
         super().__init__(channel, can_filters)
 
     def clock(self) -> float:
-        """Time since the log's first frame [s]."""
+        """Return the time since the log's first frame [s]."""
         return self._now
 
     def until_next_sent(self) -> float:
-        """How long until the next frame was sent [s], at least 0."""
+        """Return the time until the next frame was sent [s], at least 0."""
         return max(0.0, self._instant(self._next) - self._now) if self._next else 0.0
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
-        """Compare a frame with the one that was sent then.
+        """Compare a frame with the sent frame in the log.
 
         Raises
         ------
         BusUnavailable
-            The log has another frame here or none any more; raised once, then frames are ignored.
+            The log has another frame or none; raised once, then frames are ignored.
         """
         if self._over or is_heartbeat(msg):
             return
         if self._next is None:
-            self._end(f"before {_shown(msg)} was sent")
-        if _shown(msg) != _shown(self._next):
+            self._end(f"before {_format_frame(msg)} was sent")
+        if _format_frame(msg) != _format_frame(self._next):
             self._over, self._last = True, None
             self._received.clear()
             raise BusUnavailable(
-                f"{self._path}: frame {self._number}: the log has {_shown(self._next)}, now"
-                f" {_shown(msg)} is sent; replay with the plan, robot, drives file, options and"
-                " version that the log was made with"
+                f"{self._path}: frame {self._number}: the log has {_format_frame(self._next)}, now"
+                f" {_format_frame(msg)} is sent; replay with the plan, robot, drives file, options"
+                " and version that the log was made with"
             )
         self._now = self._instant(self._next)
         self._last = self._next
         self._read_on()
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Hand out the next frame if it was received by now or comes within `timeout` [s].
+        """Deliver the next frame if received by now or within `timeout` [s].
 
         Raises
         ------
         BusUnavailable
-            The log breaks off here; raised once.
+            The log ends here; raised once.
         """
         ends = math.inf if timeout is None or self.lock_step else self._now + timeout
         while self._received and self._instant(self._received[0]) <= ends:
@@ -129,7 +212,7 @@ class ReplayBus(can.BusABC):
         return None
 
     def _read_on(self) -> None:
-        """Go on to the next sent frame; what was received before it may be handed out."""
+        """Advance to the next sent frame; frames received before it may then be delivered."""
         self._next = None
         for number, frame, sent in self._frames:
             self._number = number
@@ -153,7 +236,7 @@ class ReplayBus(can.BusABC):
         pass
 
 
-def _shown(frame: can.Message) -> str:
-    """Write a frame as candump does: all that has to agree."""
+def _format_frame(frame: can.Message) -> str:
+    """Format a frame like candump: identifier, type and data."""
     identifier = f"{frame.arbitration_id:0{8 if frame.is_extended_id else 3}X}"
     return f"{identifier}#{'R' if frame.is_remote_frame else frame.data.hex().upper()}"

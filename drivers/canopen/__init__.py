@@ -1,1 +1,1 @@
-"""CANopen (CiA 301), a file a service."""
+"""CANopen (CiA 301): services of the drives on a CAN bus."""

@@ -1,22 +1,20 @@
-"""An open python-can bus with CANopen drives on it (`drivers.session.connection.Fieldbus`)."""
+"""CANopen drives on an open python-can bus (`drivers.session.connection.Fieldbus`)."""
 
 from __future__ import annotations
 
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from drivers.can_bus.capabilities import capabilities_of
-from drivers.canopen.bus_load import MAX_LOAD, cycle_time
+from drivers.can_bus.capabilities import find_capabilities
 from drivers.canopen.communication import CanopenCommunication
 from drivers.canopen.connection import CanopenConnection
-from drivers.canopen.monitor import BusPicture, questions
+from drivers.canopen.monitor import NODES, BusPicture, questions, scan_bus
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.process_data import SyncProcessData
 from drivers.canopen.rules import RULES
-from drivers.canopen.scan import NODES, scan_bus
 from drivers.canopen.sdo import SDO_TIMEOUT, server_of
 from drivers.canopen.sync_clock import choose_sync_clock
-from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
+from drivers.canopen.sync_rate import MAX_LOAD, StopwatchBus, achievable_rate, cycle_time
 from drivers.session.connection import Fieldbus, TimedFieldbus, UnpoweredDrives, places_of
 
 if TYPE_CHECKING:
@@ -24,7 +22,7 @@ if TYPE_CHECKING:
 
     import can
 
-    from drivers.dictionary.found_nodes import Scan
+    from drivers.dictionary.review import Scan
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import PacingName
     from drivers.remote_dictionary import RemoteDictionary
@@ -32,12 +30,12 @@ if TYPE_CHECKING:
 
 
 class CanopenBus(Fieldbus):
-    """An open python-can bus.
+    """Open python-can bus with CANopen drives.
 
     Parameters
     ----------
     bus : can.BusABC
-        An open bus on which nobody else receives from this object.
+        An open bus whose frames nobody else receives from this object.
     pacing : {"auto", "lock-step", "wall-clock"}
         See `drivers.canopen.sync_clock.choose_sync_clock`.
     """
@@ -47,20 +45,20 @@ class CanopenBus(Fieldbus):
     def __init__(self, bus: can.BusABC, pacing: PacingName = "auto") -> None:
         self._bus = bus
         self._pacing: PacingName = pacing
-        able = capabilities_of(bus)
+        able = find_capabilities(bus)
         self.lock_step, self.keeps_time = able.lock_step, able.kernel_sync
         self.recorded = able.recorded
 
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
     ) -> CanopenConnection:
-        """Build all that is needed to talk to drives (see `Fieldbus`)."""
-        return CanopenConnection.on(
+        """Build the services for a set of drives (see `Fieldbus`)."""
+        return CanopenConnection.open(
             self._bus, drives, period, self._pacing, feed_forward=feed_forward
         )
 
     def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
-        """Reach drives by SDO alone; where SYNC is the plant's clock, it lets time pass."""
+        """Access drives by SDO alone; where SYNC is the plant's clock, SYNC lets time pass."""
         clock = choose_sync_clock(self._bus, self._pacing, drives.sync_period)
         network = PumpedNetwork(self._bus, synchronous=clock.synchronous)
         servers = tuple(server_of(network, at, drives.sdo_timeout) for at in places_of(drives.axes))
@@ -70,49 +68,49 @@ class CanopenBus(Fieldbus):
     def servers(
         self, places: Iterable[Place], timeout: float = SDO_TIMEOUT
     ) -> tuple[RemoteDictionary, ...]:
-        """Reach drives by number, which may take `timeout` to answer [s]."""
+        """Access drives by node number, with `timeout` for an answer [s]."""
         # no SYNC is sent, so its period has no effect
         synchronous = choose_sync_clock(self._bus, self._pacing, 1.0).synchronous
         network = PumpedNetwork(self._bus, synchronous=synchronous)
         return tuple(server_of(network, at, timeout) for at in places)
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
-        """Find nodes and what they offer (see `drivers.canopen.scan.scan_bus`)."""
+        """Find nodes and their offers (see `drivers.canopen.monitor.scan_bus`)."""
         asked = [node for node in NODES if node not in besides and (only is None or node in only)]
         return scan_bus(self._bus, only=asked)
 
     def wait(self, timeout: float) -> object:
-        """Wait for a frame, for so long at most [s]."""
+        """Wait for a frame, at most `timeout` [s]."""
         return self._bus.recv(timeout)
 
     @contextmanager
     def timed(self, drives: DrivesFile) -> Iterator[TimedCanopenBus]:
-        """Stand in for this bus and note how long drives take to answer."""
+        """Measure the response times of the drives, with a stopwatch in front of this bus."""
         with StopwatchBus(self._bus, drives) as stopwatch:
             yield TimedCanopenBus(stopwatch, drives, self._pacing)
 
     def picture(self, drives: DrivesFile, *, inputs: bool = False) -> BusPicture:
-        """Show what is seen by listening alone, and digital inputs (60FD) by asking for them."""
+        """Show the axes by listening, and digital inputs (60FD) by request."""
         return BusPicture(drives, self._bus, questions(drives) if inputs else ())
 
     def load(self, drives: DrivesFile) -> tuple[float, float]:
-        """Return the time of a cycle on the bus [s], and the share of the period it may take."""
+        """Return the duration of a cycle on the bus [s], and its largest share of the period."""
         return cycle_time(drives), MAX_LOAD
 
     def shutdown(self) -> None:
-        """Close it."""
+        """Close the bus."""
         self._bus.shutdown()
 
 
 class TimedCanopenBus(CanopenBus, TimedFieldbus):
-    """A bus that notes how long the answers to each SYNC take.
+    """Bus with measured response times of the answers to each SYNC.
 
     Parameters
     ----------
     stopwatch : StopwatchBus
-        In front of the bus.
+        Stopwatch in front of the bus.
     drives : DrivesFile
-        Whose TPDOs are answers.
+        Drives whose TPDOs are answers.
     pacing
         As for `CanopenBus`.
     """
@@ -125,17 +123,17 @@ class TimedCanopenBus(CanopenBus, TimedFieldbus):
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
     ) -> CanopenConnection:
-        """Build all that is needed, and remember what the drives are set up to send."""
+        """Build the services, and remember the TPDOs set up in the drives."""
         connection = super().connect(drives, period, feed_forward=feed_forward)
         self._found = connection.communications
         return connection
 
     def achievable_rate(self) -> tuple[float, float]:
-        """Return the highest rate of SYNC [1/s], and the slowest answer [s], 0 in lock-step."""
+        """Return the highest rate of SYNC [1/s] and the slowest answer [s], 0 in lock-step."""
         slowest = 0.0 if self.lock_step else self._stopwatch.slowest
         sent = [drive.transmitted for drive in self._found]
         return achievable_rate(self._drives, slowest, sent), slowest
 
     def jitter(self, period: float) -> float:
-        """Return how far SYNC was off its period where it acts [s], 0 in lock-step."""
+        """Return the deviation of SYNC from its period at the drives [s], 0 in lock-step."""
         return 0.0 if self.lock_step else self._stopwatch.jitter(period)

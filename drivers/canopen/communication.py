@@ -1,9 +1,9 @@
-"""How the drives communicate, as commissioning found it, and whether they can share a bus.
+"""Communication of the drives as found in commissioning, and conflicts on a shared bus.
 
-Most of it is as we write it. Some is the drive's own: in which order fixed TPDOs carry what we
-need, under which identifier emergencies come (1014), which TPDOs cannot be switched off. Nothing of
-that hinders, unless two senders claim one identifier: then frames of one are taken for the other's,
-set-points included, and both are refused.
+Most settings are written by us. Some belong to the drive: the order of objects in fixed TPDOs, the
+identifier of emergencies (1014), TPDOs that cannot be switched off. These are harmless unless two
+senders use one identifier: frames of one are then mistaken for the other's, set-points included,
+and both drives are refused.
 """
 
 from __future__ import annotations
@@ -23,9 +23,14 @@ from drivers.canopen.pdo_mapping import (
     transmitted,
 )
 from drivers.canopen.pdo_set_up import set_up_pdos
-from drivers.canopen.requirements import REQUIREMENTS
-from drivers.canopen.set_up import find_emergency, note_arrival, note_others, set_up_sync
-from drivers.canopen.watch_set_up import set_up_watch
+from drivers.canopen.rules import REQUIREMENTS
+from drivers.canopen.set_up import (
+    find_emergency,
+    note_arrival,
+    note_others,
+    set_up_sync,
+    set_up_watch,
+)
 from drivers.commissioning.communication import Communication
 from drivers.drive_bus import DriveRefused
 
@@ -42,24 +47,24 @@ if TYPE_CHECKING:
 
 @dataclass
 class CanopenCommunication(Communication):
-    """What one drive sends and listens to (see `drivers.commissioning.communication`).
+    """Frames of a drive, sent and received (see `drivers.commissioning.communication`).
 
     Attributes
     ----------
     label : str
-        How messages name the drive.
+        Name of the drive in messages.
     node : int
-        Its node number.
+        Node number.
     transmitted : tuple of Pdo
-        The TPDOs that answer SYNC, with all that they carry, in order.
+        TPDOs that answer SYNC, with their entire content, in order.
     inputs : Inputs
-        The RPDOs that command it.
+        RPDOs with commands.
     emergency : int or None
-        Identifier of its emergencies; None where it sends none.
+        Identifier of emergencies; None if the drive sends none.
     others : tuple of OtherTpdo
-        TPDOs that we do not use and that go on.
+        Unused TPDOs that cannot be switched off.
     guarded : bool
-        It watches our guarding requests instead of our heartbeat.
+        True if the drive supervises our guarding requests instead of our heartbeat.
     """
 
     label: str
@@ -72,12 +77,12 @@ class CanopenCommunication(Communication):
 
     @property
     def feed_forward(self) -> bool:
-        """It is to take offsets of velocity and torque."""
+        """True if the drive takes offsets of velocity and torque."""
         return self.inputs.offsets is not None
 
     @classmethod
     def predefined(cls, axis: AxisDrive, *, feed_forward: bool = False) -> Self:
-        """Return what a drive does whose communication is as we write it."""
+        """Return the communication of a drive with the preferred settings."""
         node, offsets = axis.node, fed_forward(axis) if feed_forward else None
         inputs = Inputs(received(axis), led(axis), offsets)
         return cls(axis.label, node, transmitted(axis), inputs, 0x80 + node)
@@ -86,21 +91,16 @@ class CanopenCommunication(Communication):
     later = LATER
 
     def refusable(self, axis: AxisDrive) -> Refusable | None:
-        """Return what drives refuse whose TPDO 1 takes two objects, if there is another way."""
+        """Return the entry refused by drives with two objects in TPDO 1, if there is a remedy."""
         return FURTHEST if len(arrangements(axis)) > 1 else None
 
     def set_up(
         self, server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile, period: float
     ) -> None:
-        """Configure how a drive communicates.
+        """Configure the communication of a drive (see `Communication`).
 
-        The order is the drive's: it must not produce SYNC when it gets a period to do so, and it
-        takes a counter in SYNC only without a period.
-
-        Raises
-        ------
-        DriveRefused, NodeSilent
-            Why the drive cannot take part.
+        The order matters: a drive must not produce SYNC when it gets a period, and its SYNC counter
+        can be changed only without a period.
         """
         set_up_sync(server, period)
         self.set_up_process_data(server, axis)
@@ -110,42 +110,38 @@ class CanopenCommunication(Communication):
         self.guarded = set_up_watch(server, axis, drives)
 
     def set_up_process_data(self, server: RemoteDictionary, axis: AxisDrive) -> None:
-        """Configure the PDOs alone."""
+        """Configure the PDOs only."""
         self.transmitted, self.inputs, self.others = set_up_pdos(
             server, axis, feed_forward=self.feed_forward
         )
 
     def claims(self, *, first: bool = True) -> Iterator[tuple[int, str]]:
-        """Yield the identifiers that it uses, and for what; its node's with its `first` axis."""
+        """Yield the used identifiers and their purpose; those of the node with its `first` axis."""
         if first:
-            yield from self._of_node()
+            for base, service in (
+                (0x580, "the answers of its SDO server"),
+                (0x600, "the requests to its SDO server"),
+                (0x700, "its heartbeat"),
+            ):
+                yield base + self.node, service
+            for number in range(1, 5):
+                yield 0x100 + 0x100 * number + self.node, f"its RPDO {number}"
+            if self.emergency is not None:
+                yield self.emergency, "its emergencies (1014)"
         for pdo in self.transmitted:
             yield pdo.cob_id, f"its {pdo.name}"
         for other in self.others:
             if not other.cob_id & EXTENDED:
                 yield other.cob_id & IDENTIFIER, f"its {other.name}, which cannot be switched off"
 
-    def _of_node(self) -> Iterator[tuple[int, str]]:
-        node = self.node
-        for base, service in (
-            (0x580, "the answers of its SDO server"),
-            (0x600, "the requests to its SDO server"),
-            (0x700, "its heartbeat"),
-        ):
-            yield base + node, service
-        for number in range(1, 5):
-            yield 0x100 + 0x100 * number + node, f"its RPDO {number}"
-        if self.emergency is not None:
-            yield self.emergency, "its emergencies (1014)"
-
 
 def find_collisions(drives: Sequence[CanopenCommunication], master: int) -> list[DriveRefused]:
-    """Return which drives use an identifier that is in use already.
+    """Return an error for each drive that uses an identifier already in use.
 
     Parameters
     ----------
     drives : sequence of CanopenCommunication
-        All drives on the bus.
+        Drives on the bus.
     master : int
         Our node number.
     """

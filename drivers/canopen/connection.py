@@ -1,10 +1,10 @@
-"""What connecting builds on CANopen: complete or absent.
+"""Services of CANopen drives, built completely or not at all.
 
-Nothing is sent while it is built. Where a part cannot be built, what stands on the bus already is
-taken away again and nothing is left; the bus itself belongs to the caller.
+Nothing is sent during building. If a part cannot be built, the parts already on the bus are
+removed; the bus itself belongs to the caller.
 
-A drive may take its time from NMT start to OPERATIONAL, or lose the command: it is repeated until
-the drive answers SYNC, which only an operational one does.
+A drive may take some time from NMT start to OPERATIONAL, or miss the command: the command is
+repeated until the drive answers SYNC, which only an operational one does.
 """
 
 from __future__ import annotations
@@ -12,13 +12,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.canopen.communication import CanopenCommunication, find_collisions
-from drivers.canopen.emergency import Emergencies
-from drivers.canopen.foreign_frames import ForeignFrames
-from drivers.canopen.heartbeat import START_TIME, Heartbeats, guarding_request
+from drivers.canopen.heartbeat import START_TIME, ForeignFrames, Heartbeats, guarding_request
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.pdo_mapping import answers
 from drivers.canopen.process_data import SyncProcessData
-from drivers.canopen.requirements import WATCHDOGS
+from drivers.canopen.rules import WATCHDOGS
 from drivers.canopen.sdo import server_of
 from drivers.canopen.sync_clock import KernelClock, choose_sync_clock, kernel_sync
 from drivers.drive_bus import DriveRefused, NodeSilent
@@ -33,27 +31,27 @@ if TYPE_CHECKING:
     from drivers.can_bus.kernel_sync import KernelSync
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import PacingName
-    from drivers.remote_dictionary import RemoteDictionary
     from drivers.sync_clock import SyncClock
 
 START_AGAIN = 0.1
-"""Time after which a drive that does not answer SYNC is commanded to start again [s]."""
+"""Time until NMT start is repeated for a drive that does not answer SYNC [s]."""
 
 
 class CanopenConnection(Connection):
-    """The services of all drives on one bus.
+    """Services of the drives on a bus.
 
     Parameters
     ----------
     channel : can.BusABC
-        An open bus, or what stands on it where the kernel sends SYNC (`kernel`).
+        An open bus, or the bus in front of it if the kernel sends SYNC (`kernel`).
     clock : SyncClock
-        Where SYNC's time comes from.
+        Source of SYNC's time.
     drives : DrivesFile
-        The axes in joint order.
+        Axes in joint order.
     feed_forward : bool
-        The drives are to take offsets of velocity and torque.
+        True if the drives take offsets of velocity and torque.
     kernel : KernelSync, optional
+        Bus on which the kernel sends SYNC.
     """
 
     silence = "no TPDO for {} SYNCs in a row"
@@ -95,11 +93,12 @@ class CanopenConnection(Connection):
         data = SyncProcessData(network, drives.axes, clock, communications)
         super().__init__(servers, communications, data, heartbeats)
         network.idle = heartbeats.beat
-        self._emergencies = Emergencies(network, list(labels), self.supervision.take_emergency)
+        self._nodes, self._emergencies = list(labels), dict[int, int]()
+        self._listen_to_emergencies([0x80 + node for node in labels])
         self._foreign = ForeignFrames(network, labels, heartbeats.fail, self._watch_again)
 
     @classmethod
-    def on(
+    def open(
         cls,
         bus: can.BusABC,
         drives: DrivesFile,
@@ -108,7 +107,7 @@ class CanopenConnection(Connection):
         *,
         feed_forward: bool = False,
     ) -> CanopenConnection:
-        """Build everything on an open bus, or nothing.
+        """Build all services on an open bus, or none.
 
         Parameters
         ----------
@@ -131,38 +130,45 @@ class CanopenConnection(Connection):
             raise
 
     def remarks(self) -> Sequence[str]:
-        """State who else was heard on the bus."""
+        """Return remarks on other participants heard on the bus."""
         return self._foreign.remarks
 
     def conflicts(self) -> Sequence[DriveRefused]:
-        """Return which drives use an identifier that is in use already."""
+        """Return an error for each drive that uses an identifier already in use."""
         return find_collisions(self.communications, self._master)
 
     def start(self) -> None:
-        """Expect TPDOs, emergencies and guarding of each drive as it has been set up; start all."""
+        """Expect the frames of each drive as set up, and start every drive (NMT)."""
         found = self.communications
         self.process_data.wire(found)
         ours = {pdo.cob_id: drive.node for drive in found for pdo in drive.inputs if pdo}
         self._foreign.wire(ours, [pdo.cob_id for drive in found for pdo in drive.transmitted])
         nodes = {drive.node: drive for drive in found}
-        self._emergencies.listen([drive.emergency for drive in nodes.values()])
+        self._listen_to_emergencies([drive.emergency for drive in nodes.values()])
         self.life_sign.requests = [
             guarding_request(n) for n, drive in nodes.items() if drive.guarded
         ]
         for server in self.servers:
             server.access.go_operational()
 
-    def await_answers(self) -> None:
-        """Watch drives that have just been commanded to start, until each answers SYNC.
+    def _listen_to_emergencies(self, identifiers: Sequence[int | None]) -> None:
+        """Receive emergencies of the nodes with these identifiers (1014), None where off."""
+        for identifier in self._emergencies:
+            self._network.unsubscribe(identifier, self._take_emergency)
+        pairs = zip(identifiers, self._nodes, strict=True)
+        self._emergencies = {number: node for number, node in pairs if number is not None}
+        for identifier in self._emergencies:
+            self._network.subscribe(identifier, self._take_emergency)
 
-        Raises
-        ------
-        NodeSilent
-            Which do not, or whose heartbeat stays away.
-        """
+    def _take_emergency(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        del timestamp
+        self.supervision.take_emergency(self._emergencies[can_id], bytes(data))
+
+    def await_answers(self) -> None:
+        """Wait until each drive answers SYNC, after the command to start (see `Connection`)."""
         clock, data, heartbeats = self._clock, self.process_data, self.life_sign
         heartbeats.watch(starting=True)
-        heartbeats.hurry()  # a drive watches from the first heartbeat on, not before
+        heartbeats.hurry()  # a drive starts to supervise with the first heartbeat
         self.supervision.forget()
         begun = clock.now()
         again = begun + START_AGAIN
@@ -171,7 +177,17 @@ class CanopenConnection(Connection):
             pairs = zip(self.servers, data.flags, strict=True)
             silent = [server for server, flag in pairs if flag]
             if clock.now() > begun + START_TIME:
-                raise _silence(silent, heartbeats.starting)
+                labels = "; ".join(server.label for server in silent)
+                if all(server.node in heartbeats.starting for server in silent):
+                    raise NodeSilent(
+                        f"{labels}: not operational {START_TIME:g} s after NMT start, which was"
+                        " repeated; check the drive's supply and state, and that no other master"
+                        " is on the bus"
+                    )
+                raise NodeSilent(
+                    f"{labels}: does not answer each SYNC with one TPDO of the mapped length; check"
+                    " that no other master is on the bus, and the bus load"
+                )
             if clock.now() > again:
                 for server in silent:
                     server.access.go_operational()
@@ -179,12 +195,12 @@ class CanopenConnection(Connection):
             self.cycle()
 
     def refuse_unwatched(self) -> None:
-        """Refuse drives whose watch on us is not as it was set: another master may be at work.
+        """Refuse drives whose supervision of our life sign was changed, as by another master.
 
         Raises
         ------
         DriveRefused
-            The first of them, with what it holds and what was written.
+            The first such drive, with present and written value.
         """
         for server in self.servers:
             for entry, value in server.kept.items():
@@ -195,7 +211,7 @@ class CanopenConnection(Connection):
                     )
 
     def _watch_again(self, node: int) -> None:
-        """Set a drive to watch us as start-up did, and let it hear us, where it is under power."""
+        """Restore a drive's supervision of our life sign as set at start-up, under power only."""
         if self.life_sign.trouble is None:
             return
         for server in self.servers:
@@ -205,24 +221,11 @@ class CanopenConnection(Connection):
         self.life_sign.hurry()
 
     def collect_late(self) -> None:
-        """Take telegrams off the bus that are merely late: with our heartbeat they come."""
+        """Receive late telegrams, which arrive with our heartbeat."""
         self.life_sign.hurry()
         self._network.pump(0.0)
 
     def close(self) -> None:
-        """Take away what was put on the bus, which stays open."""
+        """Remove the kernel's SYNC from the bus, which stays open."""
         if self._kernel is not None:
             self._kernel.shutdown()
-
-
-def _silence(silent: Sequence[RemoteDictionary], starting: set[int]) -> NodeSilent:
-    labels = "; ".join(server.label for server in silent)
-    if all(server.node in starting for server in silent):
-        return NodeSilent(
-            f"{labels}: not operational {START_TIME:g} s after NMT start, which was repeated; check"
-            " the drive's supply and state, and that no other master is on the bus"
-        )
-    return NodeSilent(
-        f"{labels}: does not answer each SYNC with one TPDO of the mapped length; check that no"
-        " other master is on the bus, and the bus load"
-    )

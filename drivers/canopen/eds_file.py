@@ -1,11 +1,15 @@
-"""Electronic data sheets (EDS) and device configuration files (DCF), read liberally.
+"""Tolerant reader of electronic data sheets (EDS) and device configuration files (DCF).
 
-Files in the wild break CiA 306 in every way that does no harm: section names and keys in any case,
-Latin-1, byte order marks, sections twice, hex without or with a sign, no PDOMapping, objects that
-are listed and not described. Such things are mended and noted. What cannot be understood is kept as
-`Dictionary.damaged` and reported with file, line and section by whoever needs that object, so that
-a wrong section about an unused input does not keep anyone from working. canopen's own reader gives
-up at the first of them, and takes its types from the file alone.
+Actual files break CiA 306 in harmless ways: section names and keys in any case, Latin-1, byte order
+marks, doubled sections, hex without or with a sign, no PDOMapping, objects listed without a
+description. Such defects are repaired and noted. Unintelligible sections are kept as
+`Dictionary.damaged` and reported with file, line and section when the object is needed, so that
+a wrong section of an unused input hinders nobody. canopen's own reader stops at the first of them,
+and takes types from the file alone.
+
+CiA 306 allows a long array as one section (CompactSubObj) with names and values of its members in
+two more. Tools also drop sections of objects still listed under [OptionalObjects]; these are
+supplied from the standard if defined there.
 """
 
 from __future__ import annotations
@@ -13,12 +17,95 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
-from drivers.canopen.eds_numbers import NoNumber, declared_type, number, real, stated, within
-from drivers.canopen.eds_objects import expand_compact, supply_listed
-from drivers.canopen.eds_sections import Section, sections_of
-from drivers.dictionary.dictionary import Declared, Dictionary, Key, with_proof
+from drivers.canopen import objects as cia301
+from drivers.canopen.eds_text import (
+    NoNumber,
+    Section,
+    declared_type,
+    number,
+    real,
+    sections_of,
+    stated,
+    within,
+)
+from drivers.cia402 import objects
+from drivers.dictionary.dictionary import Declared, Dictionary, Key, mark_mapped
+from drivers.fieldbus import Entry
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Mapping
+
+_LISTS = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
+_STANDARD = {
+    entry.key: entry
+    for standard in (cia301, objects)
+    for entry in vars(standard).values()
+    if isinstance(entry, Entry)
+}
+_NOTHING = Section("", 0)
+
+
+def expand_compact(
+    parents: Mapping[int, Section], sections: Mapping[str, Section]
+) -> dict[Key, Section]:
+    """Return the members of objects in the compact notation."""
+    return dict(
+        member
+        for index, section in parents.items()
+        if section.get("compactsubobj")
+        for member in _members(index, section, sections)
+    )
+
+
+def _members(
+    index: int, section: Section, sections: Mapping[str, Section]
+) -> Iterator[tuple[Key, Section]]:
+    try:
+        count = number(section.get("compactsubobj")) or 0
+    except NoNumber:
+        return
+    names = sections.get(f"{index:04x}name", _NOTHING)
+    values = sections.get(f"{index:04x}value", _NOTHING)
+    for subindex in range(1, min(count, 254) + 1):
+        member = Section(section.name, section.line, dict(section.values))
+        member.values["parametername"] = names.get(str(subindex))
+        member.values["parametervalue"] = values.get(str(subindex))
+        yield (index, subindex), member
+
+
+def supply_listed(
+    sections: Mapping[str, Section],
+    described: Collection[int],
+    entries: dict[Key, Declared],
+    notes: list[str],
+) -> None:
+    """Add objects that are listed without a description from the standard, and note them."""
+    supplied = []
+    for index in sorted(set(_listed(sections)) - set(described)):
+        members = [entry for key, entry in _STANDARD.items() if key[0] == index]
+        for entry in members:
+            entries[entry.key] = Declared(*entry.key, name=entry.name, type=entry.type)
+        if members:
+            supplied.append(f"{index:04X}")
+    if supplied:
+        notes.append(
+            f"lists {', '.join(supplied)} without describing them: taken as the standard has them"
+        )
+
+
+def _listed(sections: Mapping[str, Section]) -> Iterator[int]:
+    for name in _LISTS:
+        section = sections.get(name)
+        for key, text in section.values.items() if section else ():
+            if key.isdigit():
+                try:
+                    yield number(text) or 0
+                except NoNumber:
+                    continue
+
 
 _OBJECT = re.compile(r"(?:0x)?([0-9a-f]{4})(?:\s*sub\s*(?:0x)?([0-9a-f]{1,2}))?", re.I)
 _ACCESS = {"ro", "wo", "rw", "rwr", "rww", "const"}
@@ -37,12 +124,12 @@ def read_eds(path: Path | str, node: int | None = None) -> Dictionary:
     path : path
         The file.
     node : int, optional
-        Node number that stands for $NODEID; by default that of the DCF.
+        Node number for $NODEID; by default that of the DCF.
 
     Raises
     ------
     FileError
-        The file cannot be read, or is none.
+        The file cannot be read, or is no EDS.
     """
     path = Path(path)
     try:
@@ -53,7 +140,7 @@ def read_eds(path: Path | str, node: int | None = None) -> Dictionary:
 
 
 def parse_eds(raw: bytes, source: str, node: int | None = None) -> Dictionary:
-    """Read the content of an EDS or DCF; `source` names it in messages (see `read_eds`)."""
+    """Parse the content of an EDS or DCF; `source` is its name in messages (see `read_eds`)."""
     sections, notes = sections_of(raw, source)
     reading = _Reading(source, sections, notes)
     reading.node = node or reading.whole("devicecomissioning", "nodeid", NODES)
@@ -76,7 +163,7 @@ def parse_eds(raw: bytes, source: str, node: int | None = None) -> Dictionary:
 
 @dataclass
 class _Reading:
-    """A file half read."""
+    """Intermediate state of reading a file."""
 
     source: str
     sections: dict[str, Section]
@@ -86,7 +173,7 @@ class _Reading:
     damaged: dict[Key, str] = field(default_factory=dict)
 
     def objects(self) -> tuple[dict[int, Section], dict[Key, Section]]:
-        """Return the sections of objects by index, and those of members by their place."""
+        """Return the sections of objects by index, and those of members by index and sub-index."""
         parents, members = {}, {}
         for name, section in self.sections.items():
             found = _OBJECT.fullmatch(name)
@@ -98,7 +185,7 @@ class _Reading:
         return parents, members
 
     def whole(self, section: str, key: str, allowed: range) -> int | None:
-        """Return a number from a general section; one that makes no sense is noted."""
+        """Return an integer of a general section; note an implausible one."""
         found = self.sections.get(section)
         text = found.get(key) if found else ""
         try:
@@ -112,14 +199,14 @@ class _Reading:
         return None
 
     def is_number(self, section: Section) -> bool:
-        """Whether an object is a number of its own, not the head of an array or record."""
+        """Return True if an object is a number, False for the head of an array or record."""
         try:
             return number(section.get("objecttype")) not in {ARRAY, RECORD}
         except NoNumber:
             return bool(section.get("datatype"))
 
     def declare(self, key: Key, section: Section, parent: str) -> None:
-        """Take one number, a member of what `parent` names."""
+        """Store a number, a member of `parent`."""
         try:
             self.entries[key] = self._declared(key, section, parent)
         except NoNumber as error:
@@ -133,7 +220,14 @@ class _Reading:
         if access not in {None, *_ACCESS}:
             raise NoNumber(f"AccessType={access} is none of {', '.join(sorted(_ACCESS))}")
         mapped = section.get("pdomapping").lower()
-        value, default, low, high = self._values(section, kind)
+        value, default, low, high = (
+            [None] * len(VALUES)
+            if kind in {None, "f32"}
+            else [
+                within(kind, stated(section.get(key.lower()), key, self.node), key)
+                for key in VALUES
+            ]
+        )
         reals = [real(section.get(key.lower()), key) for key in VALUES] if kind == "f32" else ()
         return Declared(
             *key,
@@ -148,14 +242,8 @@ class _Reading:
             reals=tuple(reals),
         )
 
-    def _values(self, section: Section, kind: str | None) -> list[int | None]:
-        if kind is None or kind == "f32":
-            return [None] * len(VALUES)
-        texts = [(key, section.get(key.lower())) for key in VALUES]
-        return [within(kind, stated(text, key, self.node), key) for key, text in texts]
-
     def dictionary(self) -> Dictionary:
-        """Return what was read."""
+        """Return the dictionary read."""
         device = self.sections.get("deviceinfo") or Section("DeviceInfo", 0)
         u32 = range(1, 1 << 32)
         rate = self.whole("devicecomissioning", "baudrate", range(10, 1_000_001))
@@ -166,7 +254,7 @@ class _Reading:
         return Dictionary(
             self.source,
             live=False,
-            entries=with_proof(self.entries),
+            entries=mark_mapped(self.entries),
             damaged=self.damaged,
             node=self.node,
             bitrate=None if rate is None else rate if rate >= 10_000 else 1000 * rate,
@@ -183,7 +271,7 @@ class _Reading:
         )
 
     def _identity(self, subindex: int, key: str) -> int | None:
-        """Return a number of 1018; 0 stands for "not filled in" in data sheets."""
+        """Return a number of 1018; None for 0, which means "not filled in" in data sheets."""
         declared = self.entries.get((0x1018, subindex))
         for found in (declared and declared.value, declared and declared.default):
             if found:

@@ -1,9 +1,9 @@
-"""Whether a drive's PDOs can carry what we need: status, position and current of one SYNC.
+"""Review of a drive's PDOs: room for status, position and current of a SYNC.
 
-Where a mapping may be written, all that counts is room, and what TPDO 1 has none for may go into
-TPDO 2. Where it is fixed, the drive serves only if its PDOs carry the right objects already, TPDOs
-in any order, and then it is the fixed mapping that decides which current is used
-(`drivers.canopen.pdo_set_up` does the work itself).
+A writable mapping needs room only, and objects that TPDO 1 cannot hold may go into TPDO 2. With a
+fixed mapping the drive is suitable only if its PDOs carry the right objects already, TPDOs in any
+order, and the fixed mapping decides on the current object (the set-up itself is in
+`drivers.canopen.pdo_set_up`).
 """
 
 from __future__ import annotations
@@ -13,40 +13,39 @@ from typing import TYPE_CHECKING
 
 from drivers.canopen.objects import OFF
 from drivers.canopen.pdo_mapping import COMMAND, ON_SYNC, STATE
-from drivers.dictionary.bus_rules import ProcessDataReview
-from drivers.dictionary.missing_objects import Finding, fixed_at
+from drivers.dictionary.review import Finding, ProcessDataReview, fixed_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from drivers.dictionary.current_candidates import CurrentCandidate
-    from drivers.dictionary.dictionary import Declared, Dictionary
+    from drivers.dictionary.dictionary import Dictionary
 
 _STATE, _COMMAND = (tuple(entry.word for entry in entries) for entries in (STATE, COMMAND))
 
 
 @dataclass(frozen=True, slots=True)
 class PdoOffer:
-    """One PDO of a drive.
+    """PDO offered by a drive.
 
     Attributes
     ----------
     name : str
         "TPDO 1" and so on.
     writable : bool or None
-        Its mapping may be changed; None where that is not known.
+        True if the mapping may be changed; None if unknown.
     switchable : bool or None
-        Its COB-ID may be changed, and with that the PDO switched off.
+        True if the COB-ID may be changed, and thus the PDO switched off.
     on : bool
-        It is switched on as it stands.
+        True if the PDO is switched on.
     transmission : int or None
-        Its transmission type, where that is fixed.
+        Transmission type, if fixed.
     room : int or None
-        How many objects it can carry, where its count (sub-index 0) says so.
+        Largest number of objects, if stated by the count (sub-index 0).
     declared : int or None
-        How many sub-indices a data sheet declares for them.
+        Number of sub-indices declared for objects by a data sheet.
     carries : tuple of int
-        Its mapping as it stands, each object as `drivers.fieldbus.Entry.word` names it.
+        Present mapping, as `drivers.fieldbus.Entry.word`.
     """
 
     name: str
@@ -60,11 +59,11 @@ class PdoOffer:
 
 
 _Tpdos = tuple[PdoOffer | None, PdoOffer | None]
-"""Those that we would use; None where the drive does not have one."""
+"""The TPDOs that we would use; None for a missing one."""
 
 
 def review_mapping(dictionary: Dictionary, usable: Sequence[CurrentCandidate]) -> ProcessDataReview:
-    """Find out what the PDOs can carry (see `drivers.dictionary.bus_rules.ProcessDataReview`)."""
+    """Review the capacity of the PDOs (see `drivers.dictionary.review.ProcessDataReview`)."""
     tpdos = _offer(dictionary, "TPDO 1", 0x1800), _offer(dictionary, "TPDO 2", 0x1801)
     receiving = tuple(_obstacles(_offer(dictionary, "RPDO 1", 0x1400), "RPDO 1", _COMMAND))
     attempts = [(current, tuple(_sending(tpdos, current))) for current in usable]
@@ -76,7 +75,7 @@ def review_mapping(dictionary: Dictionary, usable: Sequence[CurrentCandidate]) -
 
 
 def _other_tpdos(tpdos: _Tpdos, current: CurrentCandidate) -> tuple[tuple[int, ...], ...] | None:
-    """Return the words that TPDO 1 and 2 carry, None where that is what we would have."""
+    """Return the mappings of TPDO 1 and 2 for the drives file, None for the preferred ones."""
     measured = _word(current)
     together, apart = ((*_STATE, measured),), (_STATE, (measured,))
     usual = together if current.declared.bits == 16 else apart
@@ -101,6 +100,7 @@ def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | 
         return None
     slots = [member for member in members if member.subindex]
     writable = [member.writable for member in members]
+    count = members[0].stated if members[0].subindex == 0 else None
     return PdoOffer(
         name,
         None if None in writable else all(writable),
@@ -109,15 +109,10 @@ def _offer(dictionary: Dictionary, name: str, communication: int) -> PdoOffer | 
         fixed_at(dictionary.find(communication, 2)),
         members[0].high if members[0].subindex == 0 else None,
         None if dictionary.live else len(slots),
-        tuple(_contents(members[0], slots)),
+        tuple(
+            slot.stated for slot in slots[: len(slots) if count is None else count] if slot.stated
+        ),
     )
-
-
-def _contents(count: Declared, slots: Sequence[Declared]) -> Iterator[int]:
-    number = count.stated
-    for slot in slots[: len(slots) if number is None or count.subindex else number]:
-        if slot.stated:
-            yield slot.stated
 
 
 def _sending(tpdos: _Tpdos, current: CurrentCandidate) -> Iterator[Finding]:
@@ -127,10 +122,15 @@ def _sending(tpdos: _Tpdos, current: CurrentCandidate) -> Iterator[Finding]:
     if declared.bits == 16 and not any(each.fatal for each in together):
         yield from _types(first)
         yield from together
-        yield from _goes_on(second)
+        if second is not None and second.switchable is False and second.on:
+            so = "it goes on to be sent, which does no harm under an identifier of its own"
+            yield Finding(
+                second.name, "cannot be switched off (its COB-ID is fixed)", so, fatal=False
+            )
         return
     fixed = first is not None and first.writable is False
-    if declared.bits == 16 and (first is None or (fixed and not _has(second, carried))):
+    elsewhere = second is not None and carried in second.carries
+    if declared.bits == 16 and (first is None or (fixed and not elsewhere)):
         yield from together
         return
     if declared.bits == 16 and not fixed:
@@ -150,10 +150,6 @@ def _shown(words: Sequence[int]) -> str:
     return ", ".join(f"{word >> 16:04X}:{word >> 8 & 0xFF:02X}" for word in words)
 
 
-def _has(offer: PdoOffer | None, wanted: int) -> bool:
-    return offer is not None and wanted in offer.carries
-
-
 def _types(*offers: PdoOffer | None) -> Iterator[Finding]:
     for offer in offers:
         if offer is not None and offer.transmission not in {None, ON_SYNC}:
@@ -162,24 +158,21 @@ def _types(*offers: PdoOffer | None) -> Iterator[Finding]:
             yield Finding(offer.name, problem, so, fatal=True)
 
 
-def _goes_on(offer: PdoOffer | None) -> Iterator[Finding]:
-    """Note a TPDO that we do not use and that goes on to be sent."""
-    if offer is not None and offer.switchable is False and offer.on:
-        so = "it goes on to be sent, which does no harm under an identifier of its own"
-        yield Finding(offer.name, "cannot be switched off (its COB-ID is fixed)", so, fatal=False)
-
-
 def _obstacles(offer: PdoOffer | None, name: str, wanted: tuple[int, ...]) -> Iterator[Finding]:
     what = _shown(wanted)
     if offer is None:
         yield Finding(name, "is missing", f"{what} cannot be exchanged", fatal=True)
         return
-    if offer.writable is False and not _serves(offer, wanted):
-        has = _shown(offer.carries) or "nothing"
-        so = f"{what} is needed; map it with the maker's tool or use another drive"
-        yield Finding(name, f"is fixed and carries {has}", so, fatal=True)
-    elif offer.writable is False:
-        return
+    if offer.writable is False:
+        # an RPDO must match exactly; a TPDO may have any order, and more objects of whole bytes
+        whole = all((word & 0xFF) % 8 == 0 for word in offer.carries)
+        serves = offer.carries == wanted or (
+            wanted != _COMMAND and whole and set(wanted) <= set(offer.carries)
+        )
+        if not serves:
+            has = _shown(offer.carries) or "nothing"
+            so = f"{what} is needed; map it with the maker's tool or use another drive"
+            yield Finding(name, f"is fixed and carries {has}", so, fatal=True)
     elif offer.room is not None and offer.room < len(wanted):
         problem = f"takes {offer.room} objects at most"
         yield Finding(name, problem, f"{what} does not fit", fatal=True)
@@ -189,11 +182,3 @@ def _obstacles(offer: PdoOffer | None, name: str, wanted: tuple[int, ...]) -> It
     elif offer.switchable is False and offer.carries != wanted:
         so = "whether its mapping may be changed all the same shows when the drive is set up"
         yield Finding(name, "cannot be switched off (its COB-ID is fixed)", so, fatal=False)
-
-
-def _serves(offer: PdoOffer, wanted: tuple[int, ...]) -> bool:
-    """Whether a fixed mapping will do: an RPDO as it is, a TPDO in any order and with more."""
-    if wanted == _COMMAND:
-        return offer.carries == wanted
-    whole = all((word & 0xFF) % 8 == 0 for word in offer.carries)
-    return whole and set(wanted) <= set(offer.carries)

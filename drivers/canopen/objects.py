@@ -1,4 +1,4 @@
-"""The objects of CiA 301, communication, that the driver reads or writes, by name."""
+"""Communication objects of CiA 301 used by the driver, by name."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ SYNC_COUNTER = Entry(0x1019, 0, "u8", "synchronous counter overflow value")
 SYNC, NMT = 0x80, 0x00
 """Identifiers of the predefined connection set."""
 NMT_STATES = {0x00: "boot-up", 0x04: "stopped", 0x05: "operational", 0x7F: "pre-operational"}
-"""What heartbeats show."""
+"""States shown by heartbeats."""
 OFF, NO_REMOTE, EXTENDED = 1 << 31, 1 << 30, 1 << 29
-"""Bits of a COB-ID: its service does not exist, allows no remote frame, has an extended frame."""
+"""Bits of a COB-ID: PDO does not exist, no remote frame allowed, extended frame."""
 IDENTIFIER = 0x7FF
 ON_REQUEST = (252, 253)
-"""Transmission types of a TPDO that is asked for."""
+"""Transmission types of a TPDO on request."""
 LAST_SYNCHRONOUS = 240

@@ -1,13 +1,13 @@
-"""The PDOs that we use: which objects travel in which frame.
+"""PDOs used by the driver, and their objects.
 
-Status, position and current must be latched at one SYNC (transmission type 1), so they are best
-carried by one TPDO. Where they do not fit into one frame (a current of 32 bits, or a TPDO that
-takes two objects) the current goes into TPDO 2 of the same SYNC. `pdo_set_up` writes all that to a
-drive, or finds out what a drive with fixed PDOs carries instead. The drives file may state that.
+Status, position and current must be latched at one SYNC (transmission type 1), preferably in one
+TPDO. If they do not fit (a current of 32 bits, or a TPDO with room for two objects), the current
+goes into TPDO 2 of the same SYNC. `pdo_set_up` writes the PDOs to a drive, or reads the mapping of
+fixed PDOs, which the drives file may state.
 
-Commands act when they arrive, so that a stop never waits. Set-points of a stream act at the next
-SYNC, all at the same instant, whenever the host has sent them within the period: they have an RPDO
-of their own, and so has what is fed forward with them.
+Commands act on arrival, so that a stop never waits. Streamed set-points act at the next SYNC, all
+at the same instant, whenever the host has sent them within the period: they have an RPDO of their
+own, and so have feed-forward offsets.
 """
 
 from __future__ import annotations
@@ -32,34 +32,34 @@ STATE, COMMAND = (
     (objects.STATUSWORD, objects.POSITION),
     (objects.TARGET_POSITION, objects.CONTROLWORD),
 )
-"""What a TPDO carries beside the current, and an RPDO: the target, then what makes it valid."""
+"""Objects of the TPDO besides the current, and of the RPDO: target before controlword."""
 AT_SYNC = range(241)
-"""Transmission types of an RPDO that acts with the next SYNC."""
+"""Transmission types of an RPDO that acts at the next SYNC."""
 RPDO_TYPES = (254, 0, 1)
-"""On event by the maker's rule, or with the next SYNC."""
+"""Accepted types for commands: event-driven (manufacturer), or at the next SYNC."""
 LATER = (Entry(0x1801, 2, "u8", "transmission type of TPDO 2"), mapping_count(0x1A01))
-"""What is written beside where TPDO 1 turns out to be fixed."""
+"""Objects also written if TPDO 1 turns out to be fixed."""
 FURTHEST = Refusable((0x1A00, 3), "if TPDO 1 takes fewer objects")
-"""The entry of TPDO 1 that drives with room for two objects refuse."""
+"""Entry of TPDO 1 refused by drives with room for two objects."""
 
 
 class Pdo(NamedTuple):
-    """One PDO of a drive as we want it.
+    """PDO of a drive, as preferred or as set up.
 
     Attributes
     ----------
     name : str
-        For messages.
+        Name in messages.
     communication, mapping : int
-        Index of its parameter records.
+        Index of the parameter records.
     cob_id : int
         CAN identifier.
     transmission : int
         1 = at every SYNC, 255 = on event.
     also : collection of int
-        Transmission types that will do where ours cannot be had.
+        Transmission types accepted where ours is impossible.
     entries : tuple of Entry
-        What it carries, in order.
+        Mapped objects, in order.
     """
 
     name: str
@@ -72,22 +72,22 @@ class Pdo(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Length of its frame [bytes]."""
+        """Length of the frame [bytes]."""
         return sum(entry.size for entry in self.entries)
 
     @property
     def sends(self) -> bool:
-        """Whether it comes from the drive."""
+        """True for a TPDO."""
         return self.communication >= 0x1800
 
 
 def transmitted(axis: AxisDrive) -> tuple[Pdo, ...]:
-    """Return the TPDOs that carry statusword, position and current, as we would have them."""
+    """Return the preferred TPDOs with statusword, position and current."""
     return arrangements(axis)[0]
 
 
 def arrangements(axis: AxisDrive) -> tuple[tuple[Pdo, ...], ...]:
-    """Return how statusword, position and current may be put into TPDOs, the best way first."""
+    """Return the possible TPDOs with statusword, position and current, best first."""
     if axis.tpdos is not None:
         ours = (*STATE, axis.current.entry)
         stated = enumerate(axis.tpdos, start=1)
@@ -98,42 +98,42 @@ def arrangements(axis: AxisDrive) -> tuple[tuple[Pdo, ...], ...]:
 
 
 def answers(axis: AxisDrive) -> tuple[int, ...]:
-    """Return all identifiers under which the drive of an axis may answer SYNC."""
+    """Return the identifiers of possible answers to SYNC from an axis."""
     return tuple(_tpdo(number, axis, ()).cob_id for number in (1, 2))
 
 
 def received(axis: AxisDrive) -> Pdo:
-    """Return the RPDO that carries the target, then the controlword that makes it valid."""
+    """Return the RPDO with target and, after it, the controlword that makes the target valid."""
     return _rpdo(1, axis, COMMAND)._replace(transmission=ON_EVENT, also=RPDO_TYPES)
 
 
 def fed_forward(axis: AxisDrive) -> Pdo:
-    """Return the RPDO that carries what is fed forward, sent before the target of its cycle."""
+    """Return the RPDO with feed-forward offsets, sent before the target of its cycle."""
     return _rpdo(3, axis, objects.OFFSETS)
 
 
 def fed_on_arrival(axis: AxisDrive) -> Pdo:
-    """Return the same for a drive with two RPDOs, which takes its set-points by RPDO 1."""
+    """Return the feed-forward RPDO of a drive with two RPDOs and set-points in RPDO 1."""
     wanted = _rpdo(2, axis, objects.OFFSETS)
     return wanted._replace(transmission=ON_EVENT, also=RPDO_TYPES)
 
 
 def led(axis: AxisDrive) -> Pdo:
-    """Return the RPDO that carries the set-points of a stream."""
+    """Return the RPDO with streamed set-points."""
     return _rpdo(2, axis, (objects.TARGET_POSITION,))
 
 
 class Inputs(NamedTuple):
-    """The RPDOs of a drive, as they are set up.
+    """RPDOs of a drive, as set up.
 
     Attributes
     ----------
     command : Pdo
         Target and controlword.
     target : Pdo or None
-        Set-points of a stream; `command` where the drive has no other, None where it follows none.
+        Streamed set-points; `command` where the drive has no other RPDO, None without streaming.
     offsets : Pdo or None
-        What is fed forward.
+        Feed-forward offsets.
     """
 
     command: Pdo
@@ -142,12 +142,12 @@ class Inputs(NamedTuple):
 
     @property
     def synchronous(self) -> bool:
-        """Whether set-points, and what is fed forward, act at SYNC."""
+        """True if set-points and feed-forward act at SYNC."""
         return all(p.transmission in AT_SYNC for p in (self.target, self.offsets) if p is not None)
 
 
 def mapped(words: Iterable[int], ours: Iterable[Entry]) -> tuple[Entry, ...]:
-    """Return the objects that a mapping names; those that are not ours have no name."""
+    """Return the objects of a mapping; objects other than ours get no name."""
     named = {entry.word: entry for entry in ours}
     return tuple(
         named.get(word) or Entry(word >> 16, word >> 8 & 0xFF, f"u{word & 0xFF}", "")
@@ -168,7 +168,7 @@ def _tpdo(number: int, axis: AxisDrive, entries: tuple[Entry, ...]) -> Pdo:
 
 
 def _identifier(name: str, base: int, number: int, axis: AxisDrive) -> int:
-    """Return the identifier of a PDO: predefined for the first four of a node, else given."""
+    """Return the identifier of a PDO: predefined for the first four of a node, else assigned."""
     in_node = axis.within.pdos[0] - 1 + number
     if in_node > PDOS and axis.cob_id is not None:
         return axis.cob_id + PDO_USES.index(name)

@@ -1,15 +1,14 @@
-"""PDO set-up by explicit SDO, each step read back.
+"""PDO set-up by SDO, with every step read back.
 
-A mapping may be changed only while its PDO is off, and so may its identifier: off (bit 31 of the
+Mapping and identifier may be changed only while the PDO is off. The order is: off (bit 31 of the
 COB-ID), identifier, transmission type, count 0, entries, count n, on. Some drives have fixed PDOs,
-in part or as a whole; what is fixed is taken as it is if it carries what we need, and the drive is
-refused otherwise. A fixed TPDO may carry it in any order, with other objects beside it. A fixed
-RPDO must be the very one, since its target has to come before the controlword that makes it valid;
-it may also act on SYNC: set-points and stops then take effect with the next one. A drive that has
-no RPDO for the set-points of a stream, or none that acts at SYNC, takes them by RPDO 1.
+in part or as a whole; a fixed setting is accepted if suitable, and the drive is refused otherwise.
+A fixed TPDO may have any order and further objects. A fixed RPDO must match exactly, since the
+target has to precede the controlword that makes it valid; it may also act at SYNC: set-points and
+stops then take effect at the next one. A drive without an RPDO for streamed set-points, or with
+none that acts at SYNC, takes them by RPDO 1.
 
-What a drive sends beside that is switched off. A TPDO that cannot be is reported, for it may be
-harmless.
+Other TPDOs are switched off; one that cannot be is reported, since it may be harmless.
 """
 
 from __future__ import annotations
@@ -42,16 +41,16 @@ if TYPE_CHECKING:
 
 
 class OtherTpdo(NamedTuple):
-    """A TPDO that we do not use and that cannot be switched off.
+    """An unused TPDO that cannot be switched off.
 
     Attributes
     ----------
     name : str
-        For messages.
+        Name in messages.
     cob_id : int
-        Its COB-ID with the flags in bits 29 to 31.
+        COB-ID with the flags in bits 29 to 31.
     transmission : int or None
-        Its transmission type; None where the drive does not say.
+        Transmission type; None if unknown.
     """
 
     name: str
@@ -60,41 +59,51 @@ class OtherTpdo(NamedTuple):
 
 
 class _TooShort(DriveRefused):
-    """A mapping that can be written takes fewer objects than we need."""
+    """A writable mapping has room for fewer objects than needed."""
 
 
 class _Unsuitable(DriveRefused):
-    """A fixed mapping does not carry what we need."""
+    """A fixed mapping lacks a needed object."""
 
 
 def set_up_pdos(
     server: RemoteDictionary, axis: AxisDrive, *, feed_forward: bool = False
 ) -> tuple[tuple[Pdo, ...], Inputs, tuple[OtherTpdo, ...]]:
-    """Map and switch on our PDOs, switch off other TPDOs; return both, and those that stay on.
+    """Set up our PDOs and switch off other TPDOs; return TPDOs, RPDOs, and TPDOs still on.
 
     Parameters
     ----------
     server : RemoteDictionary
-        The drive's object dictionary.
+        Object dictionary of the drive.
     axis : AxisDrive
-        What the drives file states.
+        Axis as stated in the drives file.
     feed_forward : bool
-        An RPDO carries the offsets of velocity and torque.
+        True to map offsets of velocity and torque to an RPDO.
 
     Raises
     ------
     DriveRefused
-        A fixed PDO that carries something else, or a value that reads back differently.
+        A fixed PDO with other objects, or a value that reads back differently.
     """
     sent = _set_up_sending(server, axis)
-    _compare(server, axis, sent)
+    expected, found = _shown(transmitted(axis)), _shown(sent)
+    if found != expected and axis.tpdos is not None:
+        raise DriveRefused(
+            f"{server.label}: its TPDOs carry {found}, the drives file states {expected}; correct "
+            "tpdos"
+        )
+    if found != expected:
+        server.note(
+            f"status, position and current come as its TPDOs have them; state tpdos: {found} in"
+            " the drives file, for those who only listen (hil drives monitor) and for the bus load"
+        )
     inputs = _set_up_receiving(server, axis, feed_forward=feed_forward)
     others = [_switch_off(server, number) for number in range(len(sent), PDOS)]
     return sent, inputs, tuple(other for other in others if other is not None)
 
 
 def _set_up_sending(server: RemoteDictionary, axis: AxisDrive) -> tuple[Pdo, ...]:
-    """Set up the first arrangement that the drive can serve; the first refusal counts."""
+    """Set up the first possible arrangement of TPDOs; a refusal is that of the first."""
     first, *rest = arrangements(axis)
     try:
         return tuple(_set_up(server, pdo) for pdo in first)
@@ -102,13 +111,19 @@ def _set_up_sending(server: RemoteDictionary, axis: AxisDrive) -> tuple[Pdo, ...
         if not rest:
             raise
     except _Unsuitable:
-        if not rest or not _carries(server, rest[0][-1]):
+        # TPDO 2 must carry the current already
+        current = rest[0][-1] if rest else None
+        if (
+            current is None
+            or server.find(mapping_count(current.mapping)) is None
+            or not set(current.entries) <= set(_content(server, current))
+        ):
             raise
     return tuple(_set_up(server, pdo) for pdo in rest[0])
 
 
 def _set_up_receiving(server: RemoteDictionary, axis: AxisDrive, *, feed_forward: bool) -> Inputs:
-    """Set up what commands the drive, and what leads it along a path where it can follow one."""
+    """Set up the RPDO for commands, and those for streaming if the drive supports streaming."""
     command = _set_up(server, received(axis))
     modes = server.find(SUPPORTED_MODES)
     follows = modes is None or bool(modes & Mode.CYCLIC_POSITION.supported_bit)
@@ -134,66 +149,40 @@ def _set_up_offsets(server: RemoteDictionary, pdo: Pdo, *, wanted: bool) -> Pdo 
     return _set_up(server, pdo)
 
 
-def _compare(server: RemoteDictionary, axis: AxisDrive, sent: tuple[Pdo, ...]) -> None:
-    """Compare what the drive sends with what the drives file states, or note what to state."""
-    expected, found = _shown(transmitted(axis)), _shown(sent)
-    if found == expected:
-        return
-    if axis.tpdos is not None:
-        raise DriveRefused(
-            f"{server.label}: its TPDOs carry {found}, the drives file states {expected}; correct "
-            "tpdos"
-        )
-    server.note(
-        f"status, position and current come as its TPDOs have them; state tpdos: {found} in"
-        " the drives file, for those who only listen (hil drives monitor) and for the bus load"
-    )
-
-
 def _shown(pdos: tuple[Pdo, ...]) -> str:
     words = (", ".join(f"0x{e.word:08X}" for e in pdo.entries) for pdo in pdos)
     return "[" + ", ".join(f"[{each}]" for each in words) + "]"
 
 
 def _set_up(server: RemoteDictionary, pdo: Pdo) -> Pdo:
-    """Set up one PDO; return it with what it carries in the end."""
+    """Set up a PDO; return the PDO with the actual content."""
     cob = Entry(pdo.communication, 1, "u32", f"COB-ID of {pdo.name}")
-    # Drives differ in whether bit 30 can be changed, so it stays as it is.
+    # drives differ in whether bit 30 can be changed, so it is left unchanged
     present = server.get(cob)
     identifier = present & NO_REMOTE | pdo.cob_id
     off = server.set_unless_fixed(cob, present | OFF)
     if off and present | OFF != identifier | OFF:
         server.set(cob, identifier | OFF)
-    transmission = _set_transmission(server, pdo)
-    if pdo.sends:
-        _let_send(server, pdo)
+    kind = Entry(pdo.communication, 2, "u8", f"transmission type of {pdo.name}")
+    transmission = pdo.transmission
+    if not server.set_unless_fixed(kind, transmission):
+        transmission = server.get(kind)
+        if transmission not in {pdo.transmission, *pdo.also}:
+            _refuse_fixed(server, kind, f"{transmission}", f"{pdo.transmission}")
+    # a TPDO must follow each SYNC: neither held back for a time nor sent in between
+    for subindex, name in ((3, "inhibit time"), (5, "event timer")) if pdo.sends else ():
+        timer = Entry(pdo.communication, subindex, "u16", f"{name} of {pdo.name}")
+        time = server.find(timer)
+        if time and not server.set_unless_fixed(timer, 0):
+            _refuse_fixed(server, timer, f"{time}", "0")
     carried = _set_mapping(server, pdo, off=off)
     if server.get(cob) != identifier:
         server.set(cob, identifier)
     return pdo._replace(entries=carried, transmission=transmission)
 
 
-def _set_transmission(server: RemoteDictionary, pdo: Pdo) -> int:
-    kind = Entry(pdo.communication, 2, "u8", f"transmission type of {pdo.name}")
-    if server.set_unless_fixed(kind, pdo.transmission):
-        return pdo.transmission
-    present = server.get(kind)
-    if present not in {pdo.transmission, *pdo.also}:
-        _refuse_fixed(server, kind, f"{present}", f"{pdo.transmission}")
-    return present
-
-
-def _let_send(server: RemoteDictionary, pdo: Pdo) -> None:
-    """Have a TPDO sent with each SYNC: neither held back for a time nor sent in between."""
-    for subindex, name in ((3, "inhibit time"), (5, "event timer")):
-        entry = Entry(pdo.communication, subindex, "u16", f"{name} of {pdo.name}")
-        present = server.find(entry)
-        if present and not server.set_unless_fixed(entry, 0):
-            _refuse_fixed(server, entry, f"{present}", "0")
-
-
 def _set_mapping(server: RemoteDictionary, pdo: Pdo, *, off: bool) -> tuple[Entry, ...]:
-    """Write a mapping, or take a fixed one; return what it carries."""
+    """Write a mapping, or accept a fixed one; return the mapped objects."""
     emptied = False
     try:
         server.set(mapping_count(pdo.mapping), 0)
@@ -206,12 +195,12 @@ def _set_mapping(server: RemoteDictionary, pdo: Pdo, *, off: bool) -> tuple[Entr
             raise _TooShort(str(error)) from error
         if error.code not in FIXED_CODES and off:
             raise
-        return _taken(server, pdo)
+        return _accept_fixed(server, pdo)
     return pdo.entries
 
 
-def _taken(server: RemoteDictionary, pdo: Pdo) -> tuple[Entry, ...]:
-    """Return what a fixed mapping carries, if that is all that we need of it."""
+def _accept_fixed(server: RemoteDictionary, pdo: Pdo) -> tuple[Entry, ...]:
+    """Return the objects of a fixed mapping, or refuse an unsuitable one."""
     carried = _content(server, pdo)
     if pdo.sends:
         fits = set(pdo.entries) <= set(carried)
@@ -233,19 +222,12 @@ def _taken(server: RemoteDictionary, pdo: Pdo) -> tuple[Entry, ...]:
     return carried
 
 
-def _carries(server: RemoteDictionary, pdo: Pdo) -> bool:
-    """Whether a PDO carries what we need as it stands."""
-    return server.find(mapping_count(pdo.mapping)) is not None and set(pdo.entries) <= set(
-        _content(server, pdo)
-    )
-
-
 def _content(server: RemoteDictionary, pdo: Pdo) -> tuple[Entry, ...]:
     return mapped(content(server, pdo.mapping), pdo.entries)
 
 
 def _switch_off(server: RemoteDictionary, number: int) -> OtherTpdo | None:
-    """Switch a TPDO off; return it if it cannot be."""
+    """Switch a TPDO off; return the TPDO if that is impossible."""
     name = f"TPDO {number + 1}"
     cob = Entry(0x1800 + number, 1, "u32", f"COB-ID of {name}")
     present = server.find(cob)

@@ -1,12 +1,12 @@
-"""The hot path: one SYNC out, the TPDOs of all drives in.
+"""Exchange of process data: SYNC out, the TPDOs of all drives in.
 
-Every frame that answers a SYNC has a slot; the slots of one axis stand side by side, so that one
-precompiled struct unpacks the frames of all axes, joined, at once. Where a drive's TPDO is fixed in
-another order, or carries more than we need, the values are picked by one `itemgetter` made for
-that. What is irregular leaves this path: a TPDO that is missing, doubled or late is flagged and
-never replaced by a guess. After a missing TPDO the axis owes one: if two come for the next SYNC,
-the first is the late one and is dropped. If one comes, nobody knows whether the other was lost or
-everything lags by a SYNC: it is flagged, for some SYNCs, unless all answers are known to be in.
+Every frame that answers a SYNC has a slot; the slots of one axis are adjacent, so that one
+precompiled struct unpacks the joined frames of all axes at once. If a fixed TPDO has another order
+or further objects, an `itemgetter` selects the values. Irregularities leave this fast path: a
+missing, doubled or late TPDO is flagged and never replaced by an estimate. After a missing TPDO the
+axis owes one: if two come for the next SYNC, the first is the late one and is dropped. If one
+comes, either the other was lost or everything lags by a SYNC: it is flagged, for some SYNCs, unless
+all answers are known to be in.
 """
 
 from __future__ import annotations
@@ -16,12 +16,11 @@ from typing import TYPE_CHECKING
 
 import can
 
-from drivers.can_bus.capabilities import capabilities_of
-from drivers.can_bus.frame_block import FrameBlock
+from drivers.can_bus.capabilities import FrameBlock, find_capabilities
 from drivers.canopen.network import SEND_ATTEMPTS
 from drivers.cia402.objects import POSITION, STATUSWORD
 from drivers.cia402.set_point import ENABLED
-from drivers.cycle_data import CODES, Cycles, ProcessData, unpacking
+from drivers.cycle_data import CODES, Cycles, ProcessData, make_unpacker
 from drivers.drive_bus import DriveError, SampleFlag
 
 if TYPE_CHECKING:
@@ -29,17 +28,15 @@ if TYPE_CHECKING:
 
     from drivers.canopen.communication import CanopenCommunication
     from drivers.canopen.network import PumpedNetwork
-    from drivers.canopen.pdo_mapping import Pdo
     from drivers.drives_file import AxisDrive
-    from drivers.fieldbus import Entry
     from drivers.sync_clock import SyncClock
 
 SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 BABBLE = 1000
-"""Frames that are read at most once the time of an answer is up: a node may never fall silent."""
+"""Largest number of frames read after the time of an answer: a node may never fall silent."""
 
 DOUBT = 5
-"""SYNCs with one answer each after which a TPDO that is owed counts as lost."""
+"""SYNCs with one answer each after which an owed TPDO counts as lost."""
 
 _COMMAND, _TARGET = struct.Struct("<iH"), struct.Struct("<i")
 _OFFSETS = struct.Struct("<ih")
@@ -47,16 +44,16 @@ Data = bytes | bytearray
 
 
 class SyncProcessData(ProcessData):
-    """Process data of all axes (`drivers.cycle_data.ProcessData`).
+    """Process data of CANopen axes (`drivers.cycle_data.ProcessData`).
 
     Parameters
     ----------
     network : PumpedNetwork
-        The bus.
+        Network of the drives.
     axes : sequence of AxisDrive
-        In joint order.
+        Axes in joint order.
     clock : SyncClock
-        Where SYNC's time comes from.
+        Source of SYNC's time.
     communications : sequence of CanopenCommunication
         See `wire`.
     """
@@ -72,14 +69,14 @@ class SyncProcessData(ProcessData):
         self._network = network
         self._in_lock_step = clock.synchronous
         self._receive = network.channel.recv
-        self._blocks = capabilities_of(network.channel).blocks if clock.synchronous else None
+        self._blocks = find_capabilities(network.channel).blocks if clock.synchronous else None
         self.looks_ahead = self._blocks is not None
         self._wanted = [(STATUSWORD, POSITION, drive.current.entry) for drive in axes]
         self._slots: dict[int, int] = {}
         self.wire(communications)
 
     def wire(self, communications: Sequence[CanopenCommunication]) -> None:
-        """Use the PDOs of each axis from the next SYNC on as their drives are set up."""
+        """Use the PDOs of the drives as set up, from the next SYNC on."""
         inputs = [drive.inputs for drive in communications]
         self._commands = [each.command.cob_id for each in inputs]
         self._offsets = [each.offsets.cob_id for each in inputs if each.offsets]
@@ -89,14 +86,19 @@ class SyncProcessData(ProcessData):
             for each in inputs
         ]
         for cob_id in self._slots:
-            self._network.unsubscribe(cob_id, self._on_late)
+            self._network.unsubscribe(cob_id, self._take_late)
         pdos = [(axis, pdo) for axis, each in enumerate(communications) for pdo in each.transmitted]
-        layouts = ["".join(map(_code, pdo.entries)) for _, pdo in pdos]
+        layouts = ["".join(CODES.get(e.type, "x" * e.size) for e in pdo.entries) for _, pdo in pdos]
         self._slots = {pdo.cob_id: slot for slot, (_, pdo) in enumerate(pdos)}
         self._sizes = [pdo.size for _, pdo in pdos]
         self._axis_of = [axis for axis, _ in pdos]
-        order = self._order(pdos)
-        self._unpack = unpacking("<" + "".join(layouts), order)
+        # indices of statusword, position and current of each axis among all values
+        values = [
+            (axis, entry) for axis, pdo in pdos for entry in pdo.entries if entry.type in CODES
+        ]
+        wanted = [(axis, entry) for axis, entries in enumerate(self._wanted) for entry in entries]
+        order = [values.index(each) for each in wanted]
+        self._unpack = make_unpacker("<" + "".join(layouts), order)
         self._block = FrameBlock([pdo.cob_id for _, pdo in pdos], layouts, order)
         self._last_block, self._complete = b"", False
         self._last: list[Data] = [bytes(size) for size in self._sizes]
@@ -104,25 +106,14 @@ class SyncProcessData(ProcessData):
         self._doubt: dict[int, int] = {}
         self._found: dict[int, int] = {}
         for cob_id in self._slots:
-            self._network.subscribe(cob_id, self._on_late)
-
-    def _order(self, pdos: Sequence[tuple[int, Pdo]]) -> list[int]:
-        """Where statusword, position and current of each axis stand among all values."""
-        values = [
-            (axis, entry) for axis, pdo in pdos for entry in pdo.entries if entry.type in CODES
-        ]
-        return [
-            values.index((axis, entry))
-            for axis, wanted in enumerate(self._wanted)
-            for entry in wanted
-        ]
+            self._network.subscribe(cob_id, self._take_late)
 
     def command(self, axis: int, target: int, controlword: int) -> None:
-        """Send target position [increments] and controlword to one axis."""
+        """Send target position [increments] and controlword to an axis."""
         self._network.send_message(self._commands[axis], _COMMAND.pack(target, controlword))
 
     def lead(self, axis: int, target: int) -> None:
-        """Send a set-point of a stream to one axis that follows it [increments]."""
+        """Send a streamed set-point to an axis [increments]."""
         cob_id = self._targets[axis]
         if cob_id is None:
             self.command(axis, target, ENABLED)
@@ -130,42 +121,30 @@ class SyncProcessData(ProcessData):
             self._network.send_message(cob_id, _TARGET.pack(target))
 
     def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
-        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to one axis."""
+        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to an axis."""
         self._network.send_message(self._offsets[axis], _OFFSETS.pack(velocity, torque))
 
     def withdraw(self, axis: int) -> None:
-        """Take back what is fed forward to one axis; nothing where drives take no offsets."""
+        """Cancel the feed-forward of an axis; no effect where drives take no offsets."""
         if self._offsets:
             self.feed_forward(axis, 0, 0)
 
     def sync(self) -> float:
-        """Send the next SYNC when it is due and collect its answers; return its instant [s].
-
-        Raises
-        ------
-        BusUnavailable
-            The bus does not take or give frames any more.
-        """
+        """Send the next SYNC when due, collect answers; return its instant (see `ProcessData`)."""
         clock = self._clock
         if not self._in_lock_step:
             self._network.pump(clock.due())
-        clock.sending()
+        clock.note_sending()
         try:
             self._network.channel.send(SYNC)
         except Exception as error:
             self._send_again(error)
-        instant = clock.sent()
+        instant = clock.note_sent()
         self._receive_answers(instant)
         return instant
 
     def sync_ahead(self, times: int) -> Cycles | None:
-        """Send several SYNCs where the last one was answered in full (see `ProcessData`).
-
-        Raises
-        ------
-        BusUnavailable
-            The bus does not take or give frames any more.
-        """
+        """Send several SYNCs if the last one was answered completely (see `ProcessData`)."""
         if times == 1 or self._blocks is None or not self._complete or self.irregular:
             self.sync()
             return None
@@ -174,11 +153,6 @@ class SyncProcessData(ProcessData):
         except Exception as error:
             self._send_again(error)
             blocks = []
-        cycles = self._cycles(blocks) if blocks else None
-        self._receive_answers(self._clock.sent())
-        return cycles
-
-    def _cycles(self, blocks: list[bytes]) -> Cycles:
         unpack, words = self._block.unpack, self.words
         cycles = Cycles([], [], [])
         for block in blocks:
@@ -186,20 +160,21 @@ class SyncProcessData(ProcessData):
             if values is None or values[0::3] != words:
                 reason = ValueError(f"other frames than before answered {len(blocks)} SYNCs")
                 raise self._network.unavailable("cannot receive", reason)
-            instant = self._clock.sent()
+            instant = self._clock.note_sent()
             self._pass_to(instant)
             self.positions = values[1::3]
             cycles.times.append(instant)
             cycles.positions.append(values[1::3])
             cycles.currents.append(values[2::3])
-        self._last_block = blocks[-1]
-        return cycles
+        self._last_block = blocks[-1] if blocks else self._last_block
+        self._receive_answers(self._clock.note_sent())
+        return cycles if blocks else None
 
     def _receive_answers(self, instant: float) -> None:
         clock = self._clock
         self.untimed = clock.uncertain
         try:
-            values = self._of_block() or self._unpack(b"".join(self._collected(clock)))
+            values = self._take_block() or self._unpack(b"".join(self._collect(clock)))
         except Exception as error:
             raise self._network.unavailable("cannot receive", error) from error
         self._pass_to(instant)
@@ -209,7 +184,7 @@ class SyncProcessData(ProcessData):
             self._publish(found)
 
     def _send_again(self, error: Exception) -> None:
-        """Send a SYNC that the bus did not take; in lock-step a period passes with each attempt."""
+        """Repeat a SYNC refused by the bus; in lock-step a period passes with each attempt."""
         if not self._in_lock_step:
             return self._network.send_again(SYNC, error)
         for _ in range(1, self._network.attempts):
@@ -223,20 +198,20 @@ class SyncProcessData(ProcessData):
         raise self._network.unavailable("SYNC cannot be sent", error)
 
     def hurry(self, hurried: bool) -> None:
-        """Wait for nothing longer than a stop of all axes can afford, or again as usual."""
+        """Shorten waits to the time available during a stop of the axes, or restore them."""
         self._network.attempts = 1 if hurried else SEND_ATTEMPTS
         super().hurry(hurried)
 
     def tick(self) -> None:
-        """Let one period pass while the drives send no TPDOs yet."""
+        """Let a period pass while the drives send no TPDOs yet."""
         self._network.pump(self._clock.due())
-        self._clock.sending()
+        self._clock.note_sending()
         self._network.send_frame(SYNC)
-        self._clock.sent()
+        self._clock.note_sent()
         self._network.pump(0.0)
 
-    def _of_block(self) -> tuple[int, ...] | None:
-        """Return the values of all answers where they came as one block and nothing is owed."""
+    def _take_block(self) -> tuple[int, ...] | None:
+        """Return the values of answers received as one block, None if a TPDO is owed."""
         if self._blocks is None or self._owed or (block := self._blocks.recv_block()) is None:
             return None
         values = self._block.unpack(block)
@@ -246,16 +221,8 @@ class SyncProcessData(ProcessData):
             self._last_block, self._complete = block, True
         return values
 
-    def _collected(self, clock: SyncClock) -> list[Data]:
-        """Return what each frame brought, or brought last."""
-        frames, missing = self._collect(clock)
-        if missing or self._owed:
-            self._fill(frames)
-        self._last, self._last_block = frames, b""
-        self._complete = not (missing or self._owed)
-        return frames
-
-    def _collect(self, clock: SyncClock) -> tuple[list[Data], int]:
+    def _collect(self, clock: SyncClock) -> list[Data]:
+        """Return the content of each frame; of a missing one, its last content."""
         receive, slots, sizes = self._receive, self._slots, self._sizes
         in_lock_step = self._in_lock_step
         timeout = 0.0 if in_lock_step else clock.window()
@@ -271,8 +238,13 @@ class SyncProcessData(ProcessData):
                 or frame.is_extended_id
             ):
                 self._network.dispatch(frame)
-            elif frames[slot]:
-                self._on_repeated(slot, data, frames)
+            elif frames[slot]:  # a second one: if one is owed, the first was that
+                if slot in self._owed:
+                    self._settle(slot)
+                    frames[slot] = data
+                    self._mark(slot, SampleFlag.LATE)
+                else:
+                    self._mark(slot, SampleFlag.DOUBLED)
             else:
                 frames[slot] = data
                 missing -= 1
@@ -281,7 +253,11 @@ class SyncProcessData(ProcessData):
                 if not ((missing or self._owed) and spare):
                     break
                 timeout = clock.window()
-        return frames, missing
+        if missing or self._owed:
+            self._fill(frames)
+        self._last, self._last_block = frames, b""
+        self._complete = not (missing or self._owed)
+        return frames
 
     def _fill(self, frames: list[Data]) -> None:
         if self._last_block:
@@ -293,33 +269,21 @@ class SyncProcessData(ProcessData):
                 self._owed[slot] = self._owed.get(slot, 0) + 1
                 self._doubt[slot] = 0 if self._in_lock_step else DOUBT
                 self._mark(slot, SampleFlag.MISSING)
-            elif slot in self._owed:
-                self._suspect(slot)
-
-    def _suspect(self, slot: int) -> None:
-        """Take note of an answer that came alone although another is owed."""
-        if self._doubt[slot]:
-            self._doubt[slot] -= 1
-            self._mark(slot, SampleFlag.LATE)
-        else:
-            del self._owed[slot]
+            elif slot in self._owed:  # an answer came alone although another is owed
+                if self._doubt[slot]:
+                    self._doubt[slot] -= 1
+                    self._mark(slot, SampleFlag.LATE)
+                else:
+                    del self._owed[slot]
 
     def _settle(self, slot: int) -> None:
-        """One of those that are owed has come."""
+        """Count an owed TPDO as arrived."""
         if self._owed.get(slot, 0) > 1:
             self._owed[slot] -= 1
         else:
             self._owed.pop(slot, None)
 
-    def _on_repeated(self, slot: int, data: Data, frames: list[Data]) -> None:
-        if slot in self._owed:
-            self._settle(slot)
-            frames[slot] = data
-            self._mark(slot, SampleFlag.LATE)
-        else:
-            self._mark(slot, SampleFlag.DOUBLED)
-
-    def _on_late(self, can_id: int, data: bytearray, timestamp: float) -> None:
+    def _take_late(self, can_id: int, data: bytearray, timestamp: float) -> None:
         del timestamp
         slot = self._slots[can_id]
         if len(data) == self._sizes[slot]:
@@ -334,7 +298,3 @@ class SyncProcessData(ProcessData):
     def _mark(self, slot: int, flag: SampleFlag) -> None:
         axis = self._axis_of[slot]
         self._found[axis] = self._found.get(axis, 0) | flag.value
-
-
-def _code(entry: Entry) -> str:
-    return CODES.get(entry.type, "x" * entry.size)

@@ -1,4 +1,4 @@
-"""The object dictionaries of nodes by SDO (CiA 301): canopen's client, pumped, as an `Access`."""
+"""SDO access to the object dictionaries of nodes (CiA 301): canopen's client, pumped."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from canopen import ObjectDictionary
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
-from drivers.in_node import seen_by
+from drivers.in_node import show_axis
 from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary
 
 if TYPE_CHECKING:
@@ -19,54 +19,52 @@ if TYPE_CHECKING:
     from drivers.session.connection import Place
 
 SDO_TIMEOUT = 0.5
-"""How long a drive may take to answer [s]."""
+"""Longest response time of a drive [s]."""
 EXCHANGES = 64
-"""Longest answer that is waited for [frames of 7 bytes]."""
+"""Length of the longest accepted answer [frames of 7 bytes]."""
 WHERE = "its node number, its bit rate, the CAN wiring, and sdo_timeout if it is slow at power-up"
-"""What to check where a node does not answer."""
+"""Checks for a node that does not answer."""
 NMT_START, NMT_ENTER_PRE_OPERATIONAL = 1, 128
 
 _ABORTED = 0x80
 _SDO_SIZE = 8
 _SIZE_INDICATION = 0xE3
 _SIZE_LEFT_OPEN = 0x42
-"""Bits of an answer that make it an expedited upload (command 2, e = 1) without size (s = 0)."""
+"""Bits of an expedited upload response (command 2, e = 1) without size (s = 0)."""
 _EXPEDITED = 0x23
-"""A request to write (command 1), its data in the frame (e = 1) and their size stated (s = 1)."""
+"""Download request (command 1) with the data in the frame (e = 1) and their size (s = 1)."""
 _INITIATING = frozenset({1, 2})
-"""Command specifiers of requests whose answer repeats index and sub-index."""
+"""Command specifiers of requests whose response repeats index and sub-index."""
 
 _Answer = TypeVar("_Answer")
 
 
 class PumpedSdoClient(SdoClient):
-    """canopen's SDO client, waiting by pumping its network.
+    """canopen's SDO client with pumped waits.
 
     Parameters
     ----------
     network : PumpedNetwork
-        The network, pumped while the client waits.
+        Network, pumped during waits.
     node : int
-        Whose default SDO server is asked.
+        Node of the default SDO server.
     timeout : float
-        How long an answer may take [s].
+        Longest response time [s].
     """
 
     def __init__(self, network: PumpedNetwork, node: int, timeout: float) -> None:
         dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
         super().__init__(0x600 + node, 0x580 + node, dictionary)  # type: ignore[no-untyped-call]
-        self.network = network
-        self._pumped = network
-        self._timeout = timeout
+        self.network, self._pumped, self._timeout = network, network, timeout
         self._answers: list[bytes] = []
         self._exchanges = 0
         self._object: bytes | None = None
         self._late = 0
         self.size_left_open = False
-        network.subscribe(self.tx_cobid, self.on_response)
+        network.subscribe(self.tx_cobid, self.take_response)
 
-    def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        """Take an answer from the network, unless it is none to what was asked."""
+    def take_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
+        """Take a response from the network; a response without a request counts as late."""
         del can_id, timestamp
         if len(data) == _SDO_SIZE and self._object in (None, data[1:4]):
             self._answers.append(bytes(data))
@@ -85,12 +83,12 @@ class PumpedSdoClient(SdoClient):
         super().download(index, subindex, data, force_segment)
 
     def request_response(self, sdo_request: bytes) -> bytes:
-        """Send a request and wait for its answer; answers to earlier requests are dropped.
+        """Send a request and wait for the response; responses to earlier requests are dropped.
 
         Raises
         ------
         canopen.SdoCommunicationError
-            There is no answer, or no end to it.
+            There is no response, or no end to it.
         """
         self._exchanges += 1
         if self._exchanges > EXCHANGES:
@@ -104,12 +102,12 @@ class PumpedSdoClient(SdoClient):
         return self.read_response()
 
     def read_response(self) -> bytes:
-        """Wait for one answer.
+        """Wait for a response.
 
         Raises
         ------
         canopen.SdoAbortedError, canopen.SdoCommunicationError
-            The server refuses; it does not answer in time.
+            The server refuses; it does not respond in time.
         """
         if not self._pumped.pump(self._timeout, lambda: bool(self._answers)):
             late = ", but one to an earlier request: its answers are late" if self._late else ""
@@ -122,16 +120,16 @@ class PumpedSdoClient(SdoClient):
 
 
 class SdoAccess:
-    """The objects of one node by its default SDO server, and its NMT state.
+    """Objects of a node through the default SDO server, and NMT commands.
 
     Parameters
     ----------
     network : PumpedNetwork
-        That the node is on.
+        Network of the node.
     node : int
-        Its number.
+        Node number.
     timeout : float
-        How long an answer may take [s].
+        Longest response time [s].
     """
 
     def __init__(self, network: PumpedNetwork, node: int, timeout: float) -> None:
@@ -141,38 +139,38 @@ class SdoAccess:
     def read(self, index: int, subindex: int, size: int | None = None) -> bytes:
         """Read an object (see `drivers.remote_dictionary.Access`).
 
-        A server may leave it open how many of the four bytes of an expedited answer count (CiA
-        301: size indicator 0); then those of the object do. Any other length is returned as it is.
+        A server may leave the number of valid bytes of an expedited response open (CiA 301: size
+        indicator 0); then the size of the object applies. Other lengths are returned unchanged.
         """
-        data = _asked(lambda: self._client.upload(index, subindex))
+        data = _translate_errors(lambda: self._client.upload(index, subindex))
         return data[:size] if self._client.size_left_open else data
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
         """Write an object."""
-        _asked(lambda: self._client.download(index, subindex, data))
+        _translate_errors(lambda: self._client.download(index, subindex, data))
 
     def order(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object of one to four bytes and await no answer."""
+        """Write an object of one to four bytes without waiting for an answer."""
         command = _EXPEDITED | (4 - len(data)) << 2
         request = struct.pack("<BHB4s", command, index, subindex, data)
         self._network.send_message(0x600 + self._node, request)
 
     def go_operational(self) -> None:
-        """Command the node to exchange process data (NMT start)."""
+        """Command the node to start the exchange of process data (NMT start)."""
         self._network.send_message(0, bytes([NMT_START, self._node]))
 
     def leave_operational(self) -> None:
-        """Command the node to exchange no process data (NMT enter pre-operational)."""
+        """Command the node to stop the exchange of process data (NMT enter pre-operational)."""
         self._network.send_message(0, bytes([NMT_ENTER_PRE_OPERATIONAL, self._node]))
 
 
 def server_of(network: PumpedNetwork, at: Place, timeout: float = SDO_TIMEOUT) -> RemoteDictionary:
     """Return the object dictionary of an axis (see `SdoAccess`, `RemoteDictionary`)."""
-    access = seen_by(SdoAccess(network, at.node, timeout), at.within)
+    access = show_axis(SdoAccess(network, at.node, timeout), at.within)
     return RemoteDictionary(access, at.node, at.name, at.within.axis)
 
 
-def _asked(access: Callable[[], _Answer]) -> _Answer:
+def _translate_errors(access: Callable[[], _Answer]) -> _Answer:
     try:
         return access()
     except SdoAbortedError as error:

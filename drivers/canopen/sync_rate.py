@@ -1,9 +1,12 @@
-"""How often the drives can be asked.
+"""Bus load and highest rate of SYNC.
 
-The rate of SYNC is bounded by the load of the bus (`bus_load`) and, on the wall clock, by how long
-the slowest answer takes and how far SYNC is off its period, which a bus with a stopwatch finds out.
-An adapter hands frames on when it likes, so SYNC acts at another instant than it was sent. Nobody
-but the drives sees that; as they answer each alike, their answers vary by no less.
+The bus load is that of SYNC and every TPDO in answer, with worst-case bit stuffing. The TPDOs of a
+drive are known after set-up: where its PDOs are fixed, the load is that of the fixed ones.
+
+The rate of SYNC is bounded by the bus load and, on the wall clock, by the slowest answer and
+the jitter of SYNC, measured on a bus with a stopwatch. An adapter may delay frames, so SYNC acts
+later than it was sent. Only the drives see that delay; since their response times are constant, the
+variation of their answers bounds the jitter.
 """
 
 from __future__ import annotations
@@ -15,14 +18,13 @@ from typing import TYPE_CHECKING, Any
 import can
 import numpy as np
 
-from drivers.can_bus.capabilities import Capabilities, capabilities_of
-from drivers.canopen.bus_load import MAX_LOAD, cycle_time
+from drivers.can_bus.capabilities import Capabilities, find_capabilities
 from drivers.canopen.objects import SYNC
-from drivers.canopen.pdo_mapping import answers
+from drivers.canopen.pdo_mapping import answers, fed_forward, received, transmitted
 from drivers.sync_clock import PAUSE, WINDOW
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from can.broadcastmanager import CyclicSendTaskABC
 
@@ -30,7 +32,74 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
 
 ANSWERED = 0.99
-"""Share of the SYNCs that must be answered in the time that a rate is computed from."""
+"""Share of SYNCs answered within the time that determines the rate."""
+
+MAX_LOAD = 0.7
+"""Largest bus load; above, identifiers of low priority starve."""
+
+
+def frame_bits(n_bytes: int) -> int:
+    """Return the length of a data frame with worst-case bit stuffing [bits]."""
+    return 47 + 8 * n_bytes + (33 + 8 * n_bytes) // 4
+
+
+def cycle_time(
+    drives: DrivesFile,
+    sent: Sequence[Sequence[Pdo]] | None = None,
+    *,
+    streamed: bool = False,
+    feed_forward: bool = False,
+) -> float:
+    """Return the time of SYNC and the frames of a cycle on the bus [s].
+
+    Parameters
+    ----------
+    drives : DrivesFile
+        Axes and bit rate.
+    sent : sequence, optional
+        TPDOs of each axis; by default the preferred ones.
+    streamed : bool
+        True if each axis also gets a set-point in every cycle.
+    feed_forward : bool
+        True if each axis also gets offsets of velocity and torque.
+    """
+    pdos = [transmitted(axis) for axis in drives.axes] if sent is None else sent
+    sizes = [pdo.size for own in pdos for pdo in own]
+    if streamed:
+        sizes += [received(axis).size for axis in drives.axes]
+    if feed_forward:
+        sizes += [fed_forward(axis).size for axis in drives.axes]
+    return time_on_bus(sizes, drives.bitrate)
+
+
+def time_on_bus(sizes: Iterable[int], bitrate: int) -> float:
+    """Return the time of SYNC and frames of these sizes [bytes] on the bus, at worst [s]."""
+    return (frame_bits(0) + sum(map(frame_bits, sizes))) / bitrate
+
+
+def cycle_on_bus(
+    drives: DrivesFile | None, n_axes: int, bitrate: int, *, streamed: bool, feed_forward: bool
+) -> tuple[float, str, float]:
+    """Return the time of a cycle on the bus [s], its frames in words, and the largest bus load.
+
+    Parameters
+    ----------
+    drives : DrivesFile or None
+        None if unknown: one TPDO of 8 bytes for each axis is assumed.
+    n_axes, bitrate : int
+        Number of axes, and bit rate [bit/s].
+    streamed, feed_forward : bool
+        See `cycle_time`.
+    """
+    set_points = f" and {(1 + feed_forward) * n_axes} RPDOs" if streamed else ""
+    if drives is None:
+        sizes = [8] * n_axes * (2 if streamed else 1)
+        frames = f"SYNC, {n_axes} TPDOs of 8 bytes{set_points} assumed without a drives file"
+        return time_on_bus(sizes, bitrate), frames, MAX_LOAD
+    drives = drives.model_copy(update={"bitrate": bitrate})
+    count = sum(len(transmitted(axis)) for axis in drives.axes)
+    frames = f"SYNC, {count} TPDOs{set_points} by the drives file"
+    return cycle_time(drives, streamed=streamed, feed_forward=feed_forward), frames, MAX_LOAD
 
 
 def achievable_rate(
@@ -43,7 +112,7 @@ def achievable_rate(
     drives : DrivesFile
         Axes and bit rate.
     answer : float
-        How long the slowest answer to a SYNC takes [s].
+        Response time of the slowest answer to a SYNC [s].
     sent : sequence, optional
         See `cycle_time`.
     """
@@ -51,51 +120,47 @@ def achievable_rate(
 
 
 class StopwatchBus(can.BusABC):
-    """A bus that notes how long the answers to each SYNC take, whoever sends it.
+    """Bus that measures the response time of the answers to each SYNC.
 
-    Where the kernel does, SYNC is heard like any frame, and time stamps are compared.
+    If the kernel sends SYNC, it is received like any frame, and time stamps are compared.
 
     Parameters
     ----------
     inner : can.BusABC
-        The bus that it stands for; shutting this one down leaves that one open.
+        Bus to measure; it stays open when this one is shut down.
     drives : DrivesFile
-        Whose TPDOs are answers.
+        Drives whose TPDOs are answers.
     clock : callable
-        [s].
+        Clock [s].
 
     Attributes
     ----------
     sent : list of float
-        When each SYNC was sent [s].
+        Instants of the SYNCs [s].
     answers : list of float
-        From each SYNC to the last TPDO that followed it [s], 0 where none did.
+        Time from each SYNC to the last TPDO in answer [s], 0 if none came.
     """
 
     def __init__(
-        self,
-        inner: can.BusABC,
-        drives: DrivesFile,
-        clock: Callable[[], float] = time.perf_counter,
+        self, inner: can.BusABC, drives: DrivesFile, clock: Callable[[], float] = time.perf_counter
     ) -> None:
         self.sent: list[float] = []
         self.answers: list[float] = []
         self.channel_info = inner.channel_info
-        self._inner = inner
-        self._clock = clock
+        self._inner, self._clock = inner, clock
         self._expected = {cob_id for axis in drives.axes for cob_id in answers(axis)}
         self._by_kernel = False
         super().__init__("stopwatch")
 
     @property
     def slowest(self) -> float:
-        """Time in which `ANSWERED` of the SYNCs were answered [s]."""
+        """Response time of `ANSWERED` of the SYNCs [s]."""
         return float(np.quantile(self.answers, ANSWERED))
 
     def jitter(self, period: float) -> float:
-        """Return how far SYNCs were off their period where they act, by `ANSWERED` of them [s].
+        """Return the deviation of SYNCs from their period at the drives, for `ANSWERED` [s].
 
-        That is how far they were off when they were sent, and by how much answers to them vary.
+        The deviation at sending and the variation of the response time are added.
         """
         sent, answers = np.array(self.sent), np.array(self.answers)
         gaps = np.diff(sent)[(answers[:-1] > 0) & (answers[1:] > 0)]
@@ -107,8 +172,8 @@ class StopwatchBus(can.BusABC):
 
     @property
     def capabilities(self) -> Capabilities:
-        """All of the inner bus's but blocks, whose frames would not be noted."""
-        return replace(capabilities_of(self._inner), blocks=None)
+        """Capabilities of the inner bus except blocks, whose frames could not be timed."""
+        return replace(find_capabilities(self._inner), blocks=None)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame."""
@@ -119,12 +184,12 @@ class StopwatchBus(can.BusABC):
     def send_periodic(
         self, msgs: can.Message | Sequence[can.Message], period: float, *args: Any, **kwargs: Any
     ) -> CyclicSendTaskABC:
-        """Let the inner bus send frames periodically; SYNC is the kernel's from now on."""
+        """Let the inner bus send frames periodically; SYNC is then sent by the kernel."""
         self._by_kernel = self.capabilities.kernel_sync
         return self._inner.send_periodic(msgs, period, *args, **kwargs)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Receive a frame; an answer to SYNC is noted."""
+        """Receive a frame, and note an answer to SYNC."""
         frame = self._inner.recv(timeout)
         if frame is None:
             return None

@@ -1,1 +1,1 @@
-"""Drives after CiA 402: states, set-points, samples, power on, stop, power off."""
+"""Drive profile CiA 402: states, set-points, samples, power-on, stop, power-off."""

@@ -1,21 +1,19 @@
-"""Set-points streamed at every SYNC: cyclic synchronous position mode (CiA 402, mode 8).
+"""Cyclic synchronous position mode (CiA 402, mode 8): set-points streamed at every SYNC.
 
-Beside profile position, where each drive plans its own way, the master can plan the ways of all
-axes and send the next set-point of each right after every SYNC; it acts at the next one, with those
-of all other axes, whenever within the period it was sent. Drives change their mode while the axes
-rest and are enabled: 607A is first put where the axis is commanded to already, so that a drive
-that follows it at once stays where it is. When a stream has ended its last set-point is repeated,
-for many drives fault when their set-points stay out, until `CyclicPosition.leave` changes the mode
-back.
+In profile position mode each drive plans its own path; in this mode the master plans the paths of
+all axes and sends the next set-point of each right after every SYNC. It acts at the next SYNC, with
+those of all other axes. Drives change their mode while the axes rest and are enabled: 607A is first
+set to the present command, so that a drive that follows at once does not move. After the end of a
+stream the last set-point is repeated, since many drives fault without set-points, until
+`CyclicPosition.leave` changes the mode back.
 
-Velocity and torque may be fed forward with each set-point (`drivers.cia402.feed_forward`). They go
-out before the target of the same cycle. Offsets that an earlier master left behind are set to zero
-before the mode is entered.
+Velocity and torque feed-forward (`drivers.cia402.feed_forward`) is sent before the target of the
+same cycle. Offsets left by an earlier master are set to zero before the mode is entered.
 
-Where an axis may be at an instant follows from the set-points of the last periods, so the corridor
-of `drivers.safety.trips` moves along with the stream. Where SYNCs were left out drives come
-to rest at the last set-point, and the path goes on from there (`drivers.cia402.path`); axes overrun
-it, and the corridor is as much wider until they are back.
+The corridor of `drivers.safety.trips` follows from the set-points of the last periods, so it moves
+along with the stream. If SYNCs are left out, drives come to rest at the last set-point, and the
+path is resumed from there (`drivers.cia402.path`); axes overrun the set-point, and the corridor is
+widened accordingly until they are back.
 """
 
 from __future__ import annotations
@@ -28,11 +26,10 @@ import numpy as np
 
 from drivers.cia402 import objects
 from drivers.cia402.feed_forward import FeedForward
-from drivers.cia402.path import MEMORY, STILL, Path
+from drivers.cia402.path import MEMORY, STILL, Path, Trapezoid
 from drivers.cia402.set_point import ENABLED, standstill_of
 from drivers.cia402.states import MODE_TIME, Mode
 from drivers.cia402.stop import STOP_MARGIN
-from drivers.cia402.trapezoid import Trapezoid
 from drivers.drive_bus import DriveRefused, MoveFailed
 
 if TYPE_CHECKING:
@@ -43,46 +40,45 @@ if TYPE_CHECKING:
     from drivers.axis import Axis
     from drivers.cycle_data import ProcessData
     from drivers.drive_bus import Move
-    from drivers.remote_dictionary import RemoteDictionary
     from drivers.safety.trips import Trips
 
 DELAY = 6
-"""Periods by which a drive may be behind the set-points that were sent: one until they act, five
-by its loops and interpolation."""
+"""Longest delay of a drive after its set-points [periods]: one until they act, five for loops and
+interpolation."""
 GRACE = 2.0
-"""Time that the axes may take to come to rest after the last set-point [s]."""
+"""Longest time of the axes to come to rest after the last set-point [s]."""
 LEAST, LOOKED_AT = 0.02, 60.0
-"""Share of its own pace at which a path must be passed in every so many seconds: half a minute of
-motion may take 25 minutes, while a computer that cannot do that will not recover by itself."""
+"""Smallest pace of a path, and the time over which it is taken [s]: half a minute of motion may
+take 25 minutes; a slower computer will not recover by itself."""
 
 
 class CyclicPosition:
-    """The stream under way, if any.
+    """Stream of set-points, if any is under way.
 
     Parameters
     ----------
     process_data : ProcessData
-        Of all axes.
+        Process data of the axes.
     axes : sequence of Axis
-        In joint order.
+        Axes in joint order.
     trips : Trips
-        Their corridor is moved along.
+        Supervision whose corridor moves along.
     period : float
         Time between two SYNCs [s].
     cycle : callable
         Lets one SYNC pass under supervision.
     note : callable, optional
-        Takes what the operator should know.
+        Receives notes for the operator.
 
     Attributes
     ----------
     cyclic : bool
-        The drives are in cyclic synchronous position mode.
+        True if the drives are in cyclic synchronous position mode.
     moving : bool
-        The last set-point has not been reached.
-    along : float
-        Number of the set-points that act from the last SYNC on, from 0; between two of them where
-        the path is slowed down.
+        True until the last set-point is reached.
+    path_index : float
+        Index of the set-points that act from the last SYNC on, from 0; a fraction where the path is
+        slowed down.
     """
 
     def __init__(
@@ -95,13 +91,9 @@ class CyclicPosition:
         note: Callable[[Iterable[str]], None] = lambda _: None,
     ) -> None:
         self.cyclic = self.moving = False
-        self.along = 0.0
-        self._process_data = process_data
-        self._axes = axes
-        self._trips = trips
-        self._period = period
-        self._cycle = cycle
-        self._note = note
+        self.path_index = 0.0
+        self._process_data, self._axes, self._trips = process_data, axes, trips
+        self._period, self._cycle, self._note = period, cycle, note
         self._path: Path | None = None
         self._first, self._halting = 0, False
         self._overrun, self._overruns_until = [0.0] * len(axes), -math.inf
@@ -113,12 +105,12 @@ class CyclicPosition:
     def begin(
         self, points: NDArray[np.float64], offsets: NDArray[np.float64] | None = None
     ) -> Path:
-        """Send set-points that have passed their checks, and what is fed forward with each.
+        """Start a stream of checked set-points, with feed-forward if given.
 
         Parameters
         ----------
         points : ndarray, shape (n, n_axes)
-            [rad or m].
+            Set-points [rad or m].
         offsets : ndarray, shape (n, n_axes, 3), optional
             See `drivers.cia402.path.Path`.
         """
@@ -136,9 +128,9 @@ class CyclicPosition:
         return path
 
     def move(self, moves: Mapping[int, Move]) -> None:
-        """Lead axes to targets by trapezoids of velocity, while others go on as they are led."""
+        """Lead axes to targets by trapezoidal velocity profiles, without change for other axes."""
         path = self._path
-        if path is None:  # nothing is led, as after a trip
+        if path is None:  # no stream, as after a trip
             positions = self._process_data.positions
             here = [a.scale.position_from_counts(positions[a.index]) for a in self._axes]
             path = self.begin(np.array([here, here]))
@@ -164,7 +156,7 @@ class CyclicPosition:
         self._first = len(recent)
 
     def _take(self, exact: NDArray[np.float64], offsets: NDArray[np.float64] | None) -> Path:
-        """Make set-points the path that is followed from its beginning."""
+        """Start a new path at its first set-points."""
         points = np.rint(exact).astype(int)
         windows = np.array([round(axis.window) for axis in self._axes])
         late = np.stack([np.roll(points, by, axis=0) for by in range(DELAY + 1)])
@@ -175,7 +167,7 @@ class CyclicPosition:
         accelerations = [a.drive.limits.acceleration / a.per_count for a in self._axes]
         self._path = path = Path(exact, accelerations, windows.tolist(), self._period, offsets)
         path.caution = MEMORY - (self._process_data.time - self._stalled)
-        self._points, self.moving, self.along, self._first = points.tolist(), True, 0.0, 0
+        self._points, self.moving, self.path_index, self._first = points.tolist(), True, 0.0, 0
         self._halting, self._arrived_late = False, 0.0
         self._looked_at = self._process_data.time, 0.0
         self._rests = [standstill_of(axis, self._period) for axis in self._axes]
@@ -183,18 +175,18 @@ class CyclicPosition:
         return path
 
     def advance(self, *, calm: bool = False) -> MoveFailed | None:
-        """Send the next set-points, or the last again; return what failed, if anything.
+        """Send the next set-points, or repeat the last; return a failure if any.
 
         Parameters
         ----------
         calm : bool
-            Slow the path down to rest, until that is no longer asked for.
+            True to slow the path down to rest while asked.
         """
         path, on_arrival = self._path, self._process_data.on_arrival
         if path is None:
             return None
         if not on_arrival:
-            self.along = path.at
+            self.path_index = path.at
         arriving = not path.ended
         if arriving:
             path.step(calm=calm or self._halting)
@@ -202,20 +194,20 @@ class CyclicPosition:
                 self._take(np.tile(path.exact, (2, 1)), None)
         self._send()
         if on_arrival:
-            self.along = path.at
+            self.path_index = path.at
             late = self._process_data.now() - self._process_data.time
             self._arrived_late = max(self._arrived_late, late)
         if arriving:
-            return self._creeping(path.at)
-        return self._settle() if self.moving else None
+            return self._judge_pace(path.at)
+        return self._judge_rest() if self.moving else None
 
-    def late(self, time: float) -> None:
-        """Take note by how much a SYNC was late, and with it the set-points [s]."""
+    def note_late(self, time: float) -> None:
+        """Record the delay of a SYNC, and with it of the set-points [s]."""
         if self._path is not None and not self._path.ended:
-            self._path.late(time)
+            self._path.note_late(time)
 
-    def left_out(self, late: float) -> None:
-        """Take note of one that came too `late` for its deadline [s]: axes overrun set-points."""
+    def note_left_out(self, late: float) -> None:
+        """Record a SYNC left out for a delay of `late` [s]: axes overrun their set-points."""
         path, now = self._path, self._process_data.time
         if late > STILL * self._period:
             self._stalled = now
@@ -231,53 +223,55 @@ class CyclicPosition:
 
     @property
     def streaming(self) -> bool:
-        """All axes are led along one path, or come to rest on it."""
+        """True while the axes follow a common path, or come to rest there."""
         return not (self._path is None or self._path.ended) and not self._moves
 
     def velocity(self, axis: int) -> float:
-        """Return how fast the stream leads an axis just now [rad/s or m/s], 0 without one."""
+        """Return the present speed of an axis in the stream [rad/s or m/s], 0 without one."""
         recent = self._recent(2)
         steps = [abs(b[axis] - a[axis]) for a, b in pairwise(recent)]
         return max(steps, default=0) * self._axes[axis].per_count / self._period
 
     def halt(self, decelerations: Sequence[float]) -> None:
-        """Send nothing more and let the axes go on as far as a halt takes them.
+        """End the stream and allow for the stopping distance of a halt.
 
         Parameters
         ----------
         decelerations : sequence of float, length n_axes
-            Of the ramps by which the drives halt [rad/s^2 or m/s^2].
+            Decelerations of the drives' halt [rad/s^2 or m/s^2].
         """
+        recent = self._recent(1)
         for axis, deceleration in zip(self._axes, decelerations, strict=True):
             speed = self.velocity(axis.index)
             if self.moving and speed:
                 here = self._process_data.positions[axis.index]
-                way = STOP_MARGIN * speed**2 / (2 * deceleration)
-                target = axis.scale.position_from_counts(here) + self._direction(axis) * way
+                distance = STOP_MARGIN * speed**2 / (2 * deceleration)
+                step = (recent[-1][axis.index] - recent[0][axis.index]) * axis.scale.position
+                target = axis.scale.position_from_counts(here) + float(np.sign(step)) * distance
                 self._trips.expect(axis.index, here, target, moving=True)
         self.withdraw()
         self.abandon()
 
     def brake(self) -> None:
-        """Slow down to rest along the way of all axes, and hold them there."""
+        """Slow the axes down to rest along the path, and hold the rest position."""
         self._halting = self.moving
         self._moves.clear()
 
     def abandon(self) -> None:
-        """Send nothing more; the drives stay in their mode."""
+        """End the stream; the drives stay in their mode."""
         self._path, self._points, self.moving = None, [], False
         self._moves.clear()
 
     def withdraw(self) -> None:
-        """Take back what is fed forward."""
+        """Cancel the feed-forward."""
         self._feed_forward.withdraw()
 
     def give_back(self) -> None:
-        """Let drives feed forward by themselves, as for a ramp of their own."""
+        """Restore the drives' own feed-forward, as for their own ramps."""
         self._feed_forward.give_back()
 
     def leave(self) -> None:
-        """Change back to profile position, where the axes rest.
+        """Change back to profile position mode; the axes rest.
 
         Raises
         ------
@@ -292,12 +286,6 @@ class CyclicPosition:
         self._change(Mode.PROFILE_POSITION)
         self.cyclic = False
 
-    def _direction(self, axis: Axis) -> float:
-        """Sign of the velocity with which the stream leads an axis."""
-        recent = self._recent(1)
-        first, last = recent[0][axis.index], recent[-1][axis.index]
-        return float(np.sign((last - first) * axis.scale.position))
-
     def _enter(self) -> None:
         for server in (axis.server for axis in self._axes):
             supported = server.find(objects.SUPPORTED_MODES)
@@ -307,21 +295,18 @@ class CyclicPosition:
                     " bit 7 is clear), so no trajectory can be streamed to it; plan measurements"
                     " of strokes instead, or use a drive or firmware that has it"
                 )
-            self._set_interpolation(server)
+            # the period as mantissa (8 bits) and power of ten (60C2)
+            mantissa, power = round(1e6 * self._period), -6
+            while mantissa % 10 == 0 or mantissa > 255:
+                mantissa, power = round(mantissa / 10), power + 1
+            unknown = "it takes its own time from one set-point to the next"
+            server.set_if_present(objects.INTERPOLATION_PERIOD, mantissa, unknown)
+            server.set_if_present(objects.INTERPOLATION_POWER, power, unknown)
             for entry in objects.OFFSETS:
                 if server.find(entry):
                     server.put(entry, 0)
         self._change(Mode.CYCLIC_POSITION)
         self.cyclic = True
-
-    def _set_interpolation(self, server: RemoteDictionary) -> None:
-        microseconds = round(1e6 * self._period)
-        power = -6
-        while microseconds % 10 == 0 or microseconds > 255:
-            microseconds, power = round(microseconds / 10), power + 1
-        unknown = "it takes its own time from one set-point to the next"
-        server.set_if_present(objects.INTERPOLATION_PERIOD, microseconds, unknown)
-        server.set_if_present(objects.INTERPOLATION_POWER, power, unknown)
 
     def _change(self, mode: Mode) -> None:
         servers = [axis.server for axis in self._axes]
@@ -339,7 +324,7 @@ class CyclicPosition:
         )
 
     def _recent(self, beyond: int) -> list[list[int]]:
-        """Set-points of the last periods and so many from the present one on."""
+        """Return the set-points of the last periods and `beyond` ones from the present on."""
         here = 0 if self._path is None else math.ceil(self._path.at)
         return self._points[max(0, here - DELAY) : here + beyond]
 
@@ -354,7 +339,7 @@ class CyclicPosition:
         self._let_pass()
 
     def _let_pass(self) -> None:
-        """Move the corridor along."""
+        """Move the corridor along with the path."""
         path = self._path
         assert path is not None  # noqa: S101 - by the callers
         before, after = math.floor(path.at), math.ceil(path.at)
@@ -368,8 +353,8 @@ class CyclicPosition:
             highs = [high + max(way, 0) for high, way in zip(highs, overrun, strict=True)]
         self._trips.follow(lows, highs)
 
-    def _creeping(self, at: float) -> MoveFailed | None:
-        """Return that a path is hardly passed at all, once that has lasted."""
+    def _judge_pace(self, at: float) -> MoveFailed | None:
+        """Return a failure if the path has hardly advanced for `LOOKED_AT`."""
         since, then = self._looked_at
         elapsed = self._process_data.time - since
         if elapsed < LOOKED_AT:
@@ -384,7 +369,10 @@ class CyclicPosition:
             " computer of other work, run with --realtime, sample more slowly, or check the wiring"
         )
 
-    def _settle(self) -> MoveFailed | None:
+    def _judge_rest(self) -> MoveFailed | None:
+        """Return a failure if the axes do not come to rest in time after the last set-point."""
+        path = self._path
+        assert path is not None  # noqa: S101 - by the caller
         positions, targets = self._process_data.positions, self._points[-1]
         resting = [r.update(p) for r, p in zip(self._rests, positions, strict=True)]
         off = [
@@ -393,32 +381,21 @@ class CyclicPosition:
             if not resting[axis] or abs(positions[axis] - targets[axis]) > 2 * rest.band
         ]
         self.moving = bool(off)
-        if not off:
-            self._conclude()
         self._patience -= 1
         if off and self._patience < 0:
             return MoveFailed(
                 f"{self._axes[off[0]].label}: not at rest at the end of its path after"
                 f" {GRACE:g} s; check brake, load and position_window"
             )
-        return None
-
-    def _conclude(self) -> None:
-        """Note what of the path was not as it should be."""
-        assert self._path is not None  # noqa: S101 - by the caller
-        if self._path.slowed:
-            self._note(
-                [
-                    f"path slowed down for {self._path.slowed * self._period:.2g} s, since this"
-                    " computer was late: relieve it of other work, run with --realtime, or sample"
-                    " more slowly"
-                ]
-            )
-        if self._process_data.on_arrival:
+        if not off and path.slowed:
+            self._note([
+                f"path slowed down for {path.slowed * self._period:.2g} s, since this computer was"
+                " late: relieve it of other work, run with --realtime, or sample more slowly"
+            ])  # fmt: skip
+        if not off and self._process_data.on_arrival:
             labels = ", ".join(self._axes[axis].label for axis in self._process_data.on_arrival)
-            self._note(
-                [
-                    f"{labels}: set-points acted when they arrived, up to"
-                    f" {1e3 * self._arrived_late:.2g} ms after SYNC on this path"
-                ]
-            )
+            self._note([
+                f"{labels}: set-points acted when they arrived, up to"
+                f" {1e3 * self._arrived_late:.2g} ms after SYNC on this path"
+            ])  # fmt: skip
+        return None

@@ -1,9 +1,8 @@
 """Error codes of drives in words: the emergency object (EMCY) and object 603F.
 
-An EMCY frame holds an error code (u16), the error register (1001, u8) and five bytes of the
-maker's own. Codes are hierarchical: where a code itself is unknown, its class still states what
-kind of trouble it is. Code 0000 says that the error has gone. Texts follow CiA 402-2, table of
-error codes, and CiA 301.
+An EMCY frame holds an error code (u16), the error register (1001, u8) and five manufacturer bytes.
+Codes are hierarchical: the class of an unknown code still names the kind of error. Code 0000
+reports the end of an error. Texts follow CiA 402-2, table of error codes, and CiA 301.
 """
 
 from __future__ import annotations
@@ -73,23 +72,23 @@ ERROR_CODES: dict[int, str] = {
     0xF000: "additional functions",
     0xFF00: "specific to the maker: see the drive's manual",
 }
-"""Error code to text; codes ending in 00 also stand for their class."""
+"""Texts of error codes; those of codes ending in 00 also apply to their class."""
 
 _CLASS_MASKS = (0xFFFF, 0xFFF0, 0xFF00, 0xF000)
 _EMCY = struct.Struct("<HB5s")
 
 
 class Emergency(NamedTuple):
-    """A decoded EMCY frame.
+    """Content of an EMCY frame.
 
     Attributes
     ----------
     code : int
-        Error code, 0 when an earlier error has gone.
+        Error code, 0 at the end of an error.
     register : int
         Error register (1001).
     vendor : bytes
-        Five bytes of the maker's own.
+        Five manufacturer bytes.
     """
 
     code: int
@@ -102,7 +101,7 @@ class Emergency(NamedTuple):
 
 
 def error_text(code: int) -> str:
-    """Return an error code (u16) with its meaning, that of its class where it is unknown."""
+    """Return an error code (u16) with the meaning, or with that of the class if unknown."""
     known = next((code & mask for mask in _CLASS_MASKS if code & mask in ERROR_CODES), None)
     if known is None:
         return f"{code:04X} (unknown error)"
@@ -110,5 +109,5 @@ def error_text(code: int) -> str:
 
 
 def decode_emergency(data: bytes | bytearray) -> Emergency:
-    """Decode the eight bytes of an EMCY frame; a shorter one is filled up with zeros."""
+    """Decode the eight bytes of an EMCY frame; a shorter frame is padded with zeros."""
     return Emergency(*_EMCY.unpack(bytes(data[:8]).ljust(8, b"\0")))

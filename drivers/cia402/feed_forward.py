@@ -1,13 +1,12 @@
-"""Offsets of velocity and torque (60B1, 60B2) that go out with each set-point of a stream.
+"""Feed-forward of velocity and torque (60B1, 60B2), sent with each set-point of a stream.
 
-A drive adds them to the commands of its loops until the next ones come, so that its loops correct
-what the master could not foresee, and nothing else. A drive that feeds the velocity of its demand
-forward by itself would do so twice: where the object that rules this is known, it is set to zero as
-long as we feed forward, and put back afterwards.
+A drive adds the offsets to the commands of its loops until the next ones arrive, so that the loops
+correct only the unforeseen. A drive with velocity feed-forward of its own would apply the velocity
+twice: where the responsible object is known, it is set to zero during our feed-forward and restored
+afterwards.
 
-An offset that nobody takes back goes on pushing. So a path must end with zero, and whatever breaks
-a stream off withdraws the offsets on every axis (`drivers.cia402.shutdown` does with each of its
-commands).
+An offset acts until cancelled. Hence a path must end with zero, and any end of a stream cancels the
+offsets on every axis (`drivers.cia402.shutdown` does so with each of its commands).
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.cia402.vendor_objects import own_feed_forward
+from drivers.cia402.objects import own_feed_forward
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,71 +31,68 @@ if TYPE_CHECKING:
 
 
 class FeedForward:
-    """What is fed forward to all axes in a stream.
+    """Feed-forward of the axes in a stream.
 
     Parameters
     ----------
     process_data : ProcessData
-        Of all axes.
+        Process data of the axes.
     axes : sequence of Axis
-        In joint order.
+        Axes in joint order.
 
     Attributes
     ----------
     wanted : bool
-        Offsets go out with each set-point.
+        True if offsets are sent with each set-point.
     """
 
     def __init__(self, process_data: ProcessData, axes: Sequence[Axis]) -> None:
-        self._process_data = process_data
-        self._axes = axes
+        self._process_data, self._axes = process_data, axes
         self.wanted = False
         self._found: list[tuple[RemoteDictionary, Entry, int]] = []
 
     def begin(self, *, feeding: bool) -> None:
-        """Get ready for a path that is about to begin, while the axes rest.
+        """Prepare for a path while the axes rest.
 
         Parameters
         ----------
         feeding : bool
-            Something goes with it. If not it is left to the drives to feed forward.
+            True if the path has feed-forward; otherwise the drives' own is restored.
         """
         self.wanted = feeding
         if not feeding:
             self.give_back()
         elif not self._found:
-            self._take_over()
+            # switch off the drives' own, and remember their values
+            for axis in self._axes:
+                for entry in own_feed_forward(axis.drive):
+                    value = axis.server.find(entry)
+                    if value:
+                        self._found.append((axis.server, entry, value))
+                        axis.server.put(entry, 0)
 
     def withdraw(self) -> None:
-        """Send zero to all axes, if anything was sent."""
+        """Send zero offsets to the axes if non-zero ones were sent."""
         if self.wanted:
             self.wanted = False
             for axis in self._axes:
                 self._process_data.withdraw(axis.index)
 
     def give_back(self) -> None:
-        """Let drives feed forward again by themselves as they were found to."""
+        """Restore the drives' own feed-forward."""
         while self._found:
             server, entry, value = self._found[-1]
             server.put(entry, value)
             self._found.pop()
 
-    def _take_over(self) -> None:
-        for axis in self._axes:
-            for entry in own_feed_forward(axis.drive):
-                value = axis.server.find(entry)
-                if value:
-                    self._found.append((axis.server, entry, value))
-                    axis.server.put(entry, 0)
-
 
 def offsets_in_counts(fed: Sequence[Array], axes: Sequence[Axis]) -> Array:
-    """Return offsets in the drives' units, shape (n, n_axes, 3), not rounded.
+    """Convert feed-forward to the drives' units, shape (n, n_axes, 3), not rounded.
 
     Parameters
     ----------
     fed : three ndarrays, shape (n, n_axes)
-        Velocity, torque, and the part of it that holds the axes [rad/s or m/s, N m or N].
+        Velocity, torque, and the part of the torque that holds the axes [rad/s or m/s, N m or N].
     axes : sequence of Axis
         In joint order.
     """

@@ -1,10 +1,21 @@
-"""The objects of CiA 402, the profile of drives, that the driver reads or writes, by name."""
+"""Objects of the drive profile (CiA 402) used by the driver, by name.
+
+Quantities without a standard object have manufacturer objects, by vendor (1018:01). Included are
+only objects named in a maker's dictionary with a unit in the manual; the same index of another
+vendor has no meaning.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 from drivers.fieldbus import Entry
 
-# Of CiA 301; every fieldbus that carries the profile has them at these places
+if TYPE_CHECKING:
+    from drivers.drives_file import AxisDrive
+
+# of CiA 301; every fieldbus of the profile has them
 DEVICE_TYPE = Entry(0x1000, 0, "u32", "device type")
 ERROR_HISTORY = Entry(0x1003, 1, "u32", "latest error")
 VENDOR = Entry(0x1018, 1, "u32", "vendor")
@@ -71,7 +82,7 @@ MAX_DECELERATION = Entry(0x60C6, 0, "u32", "max deceleration")
 DIGITAL_INPUTS = Entry(0x60FD, 0, "u32", "digital inputs")
 SUPPORTED_MODES = Entry(0x6502, 0, "u32", "supported drive modes")
 
-# Only looked at
+# for information only
 SHUTDOWN_OPTION = Entry(0x605B, 0, "i16", "shutdown option code")
 DISABLE_OPTION = Entry(0x605C, 0, "i16", "disable operation option code")
 FAULT_REACTION = Entry(0x605E, 0, "i16", "fault reaction option code")
@@ -81,8 +92,66 @@ POLARITY = Entry(0x607E, 0, "u8", "polarity")
 FOLLOWING_ERROR = Entry(0x60F4, 0, "i32", "following error actual value")
 
 INTERPOLATION = (INTERPOLATION_PERIOD, INTERPOLATION_POWER)
-"""Written where a path is streamed."""
+"""Objects written for streaming."""
 OFFSETS = (VELOCITY_OFFSET, TORQUE_OFFSET)
-"""Sent beside set-points where velocity and torque are fed forward."""
+"""Objects sent with set-points for feed-forward."""
 HOMING = (HOMING_METHOD, HOME_OFFSET, HOMING_SPEED, HOMING_CREEP, HOMING_ACCELERATION)
-"""Written where a drive homes."""
+"""Objects written for homing."""
+
+
+@dataclass(frozen=True, slots=True)
+class VendorObject:
+    """Manufacturer object, and the size of one count in SI units."""
+
+    entry: Entry
+    per_count: float
+
+    def value(self, counts: int) -> float:
+        """Convert counts to SI units."""
+        return counts * self.per_count
+
+
+@dataclass(frozen=True, slots=True)
+class Maker:
+    """Manufacturer objects of a maker's drives.
+
+    Attributes
+    ----------
+    rated_current : VendorObject
+        Rated current of the motor [A].
+    torque_constant : VendorObject
+        Torque constant of the motor [N m/A].
+    brake_delay : VendorObject
+        Closing time of the holding brake [s].
+    """
+
+    rated_current: VendorObject
+    torque_constant: VendorObject
+    brake_delay: VendorObject
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """Entries of all quantities."""
+        quantities = (self.rated_current, self.torque_constant, self.brake_delay)
+        return tuple(quantity.entry for quantity in quantities)
+
+
+MAKERS = {
+    0xFB: Maker(  # maxon, EPOS4 and IDX
+        rated_current=VendorObject(Entry(0x3001, 1, "u32", "nominal current"), 1e-3),
+        torque_constant=VendorObject(Entry(0x3001, 5, "u32", "torque constant"), 1e-6),
+        brake_delay=VendorObject(Entry(0x3158, 2, "u16", "holding brake fall time"), 1e-3),
+    )
+}
+"""Makers by vendor identifier."""
+
+VELOCITY_FEED_FORWARDS = {
+    0x4D2: Entry(0x2010, 0, "u16", "velocity feed-forward of the position loop")  # the plant's
+}
+"""Velocity feed-forward gain of a drive, by vendor; 0 for none."""
+
+
+def own_feed_forward(axis: AxisDrive) -> tuple[Entry, ...]:
+    """Return the object of a drive's own feed-forward, if known; ours would add to it."""
+    own = VELOCITY_FEED_FORWARDS.get(axis.identity.vendor)
+    return () if own is None else (own,)

@@ -1,35 +1,44 @@
-"""A path of set-points, passed at its own pace or slowed down along itself.
+"""Path of set-points, passed at full pace or slowed down.
 
-Whoever sends set-points may be late, and whoever supervises the axes may be away. Then the path is
-not left: the same points q(s) are passed more slowly, s being the number of a set-point and r <= 1
-the pace at which it grows. With q' and q'' by the path's own time, an axis has
+Set-points may be sent late, and the supervision may be interrupted. The axes then stay on the path:
+the same points q(s) are passed more slowly, with s the index of a set-point and r <= 1 the pace at
+which s grows. With q' and q'' the derivatives by the path's own time, an axis has
 
     velocity r q',  acceleration r^2 q'' + q' dr/dt,
 
-so the pace may change by what the acceleration limit a leaves to every axis,
+so the acceleration limit a of every axis bounds the change of pace,
 
     -(a + q'' r^2) <= q' dr/dt <= a - q'' r^2.
 
-A drive whose set-points stay out stops at the last one at once, but its axis slows down by a at
-most: it overruns that set-point, by v^2 / 2a where it comes to rest. When set-points come again,
-the pace has lost what the axes have: a t / |q'| in a time t, so that they are led on as they move.
+A drive without new set-points stops at the last one, but its axis slows down by a at most: it
+overruns that set-point, by v^2 / 2a until rest. When set-points come again, the pace has dropped
+like the speed of the axes, by a t / |q'| in a time t, so that they are led on as they move.
 
-While set-points stay out drives brake, and must regain that with torque that the path may need. So
-the path is passed the more slowly the greater the share s of the time is for which they did lately,
-however little each was late,
+Without set-points drives brake, and recover with torque that the path may need. Hence the pace is
+reduced with the recent share s of time without set-points, however short each gap was,
 
     r <= S / s.
 
-Where axes have come to rest they may again, so a path is passed with caution for a while: no axis
-overruns by more than its following error window w,
+After axes have come to rest, the path is passed with caution for a while: no axis may overrun by
+more than its following error window w,
 
     r |q'| <= sqrt(2 a w).
 
-At a quarter of such a pace a late set-point does no harm. So however often they are late, nothing
-else than the limits of acceleration keeps the pace from growing to that again.
+At a quarter of such a pace a late set-point does no harm. So up to that pace only the acceleration
+limits restrict its recovery, however often set-points are late.
 
-What is fed forward is passed alike: velocity by r; of the torque, what holds the axes counts as it
-is and the rest, by acceleration and speed, by r^2.
+Feed-forward is scaled alike: velocity by r; the holding part of the torque is kept, and the rest,
+due to acceleration and speed, is scaled by r^2.
+
+A move without a path has a trapezoidal velocity profile from any motion to rest, as in a drive's
+profile position mode. An axis at q0 with velocity v0 is to come to rest at a target at distance D
+(in the direction s of its final motion). It changes its speed to the peak, at most the profile
+velocity,
+
+    peak^2 = a D + v0^2 / 2,
+
+cruises, and brakes, all with the acceleration a. If v0 leads away from the target, or beyond it, s
+is the direction of the target from the place where the axis has braked, so that it turns round.
 """
 
 from __future__ import annotations
@@ -46,60 +55,100 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+
+class Trapezoid:
+    """Trapezoidal profile of an axis.
+
+    Parameters
+    ----------
+    start, speed : float
+        Initial position and velocity.
+    target : float
+        Final position.
+    velocity, acceleration : float
+        Profile velocity and acceleration, positive.
+    """
+
+    def __init__(
+        self, start: float, speed: float, target: float, velocity: float, acceleration: float
+    ) -> None:
+        braked = start + speed * abs(speed) / (2 * acceleration)
+        sign = math.copysign(1.0, target - braked)
+        v0, way = sign * speed, sign * (target - start)
+        peak = min(velocity, math.sqrt(max(0.0, acceleration * way + v0**2 / 2)))
+        first, last = abs(peak - v0) / acceleration, peak / acceleration
+        rising = math.copysign(acceleration, peak - v0)
+        left = way - (v0 + peak) / 2 * first - peak / 2 * last
+        cruise = max(0.0, left) / peak if peak > 0 else 0.0
+        self.duration = first + cruise + last
+        self._start, self._speed, self._target = start, speed, target
+        self._ends = np.array([first, first + cruise, self.duration])
+        self._rates = sign * np.array([rising, 0.0, -acceleration])
+
+    def motion(self, t: Array) -> tuple[Array, Array]:
+        """Return positions and velocities at times since the start, each of the shape of `t`."""
+        q, v = np.full(t.shape, self._start), np.full(t.shape, self._speed)
+        begin = 0.0
+        for end, rate in zip(self._ends, self._rates, strict=True):
+            spent = np.clip(t - begin, 0.0, end - begin)
+            q += v * spent + rate * spent**2 / 2
+            v += rate * spent
+            begin = end
+        over = t >= self.duration
+        return np.where(over, self._target, q), np.where(over, 0.0, v)
+
+
 SHARE = 0.9
-"""Of what the acceleration limits leave; the rest is for the steps in which a pace changes."""
+"""Used share of the acceleration limits; the rest is a margin for the steps of the pace."""
 
 RECOVERY = 0.3
-"""Time in which the pace goes from rest to the path's own at the least, where late set-points would
-do harm [s]."""
+"""Minimum time of the pace from rest to full pace where late set-points do harm [s]."""
 
 GENTLE = 0.25
-"""Share of the pace at which an axis overruns by its window: of 0.15 to 1, the one that passes an
-exciting trajectory soonest while torques are beyond 95 % of their limit for less than a sixth of
-the time, 5 to 42 % of the SYNCs being late by 10 ms on average; a share of 1 is ended by trips."""
+"""Harmless share of the pace at which an axis overruns by its window. Of 0.15 to 1, this value
+passes an exciting trajectory soonest with torques beyond 95 % of their limit for less than a sixth
+of the time, at 5 to 42 % of SYNCs late by 10 ms on average; a share of 1 ends in trips."""
 
 OUT, LATELY = 0.04, 1.0
-"""Share of the time for which set-points may stay out, and time over which it is taken [s]. A
-computer in real time stays far below (0.16 ms of each 4). At 0.1 and its own pace an axis of the
-virtual plant that needed most of its torque fell behind by its window, and was ended for it."""
+"""Largest share of time without set-points at full pace, and the time over which it is taken [s].
+A computer in real time stays far below (0.16 ms of each 4). At 0.1 and full pace an axis of the
+virtual plant that needed most of its torque fell behind by its window and tripped."""
 
 STILL = 1.5
-"""Periods by which set-points may be late before drives have come to rest at the last ones."""
+"""Delay of set-points after which drives have come to rest at the last ones [periods]."""
 
 MEMORY = 10.0
-"""Time for which a path is passed with caution [s]: what keeps a computer busy comes back within
-seconds, if it comes back at all."""
+"""Duration of caution [s]: disturbances of a computer recur within seconds, if at all."""
 
 
 class Path:
-    """Set-points of all axes, and where along them the last ones stand that were sent.
+    """Set-points of the axes, and the present place among them.
 
     Parameters
     ----------
     points : ndarray, shape (n, n_axes)
         A set-point of each axis every period, not rounded; at rest at both ends [increments].
     accelerations : sequence of float, length n_axes
-        Limits [increments/s^2].
+        Acceleration limits [increments/s^2].
     windows : sequence of float, length n_axes
-        Of the following error [increments].
+        Following error windows [increments].
     period : float
-        Between two set-points [s].
+        Time between two set-points [s].
     offsets : ndarray, shape (n, n_axes, 3), optional
-        Velocity [the drive's unit], torque and the part of it that holds the axes [per mille of
-        rated].
+        Velocity [drive's unit], torque and its holding part [per mille of rated].
 
     Attributes
     ----------
     at : float
-        Number of the last set-points, from 0; between two of them where the path was slowed down.
+        Index of the last set-points, from 0; a fraction where the path was slowed down.
     pace : float
         Set-points passed in a period, 0 to 1.
     slowed : int
-        Periods in which it was below 1.
+        Periods with a pace below 1.
     out : float
-        Time for which set-points stayed out lately [s]; what is long past counts less.
+        Recent time without set-points [s], with exponential forgetting.
     caution : float
-        Time for which set-points may be expected to stay out again [s].
+        Time for which gaps in the set-points are expected again [s].
     """
 
     def __init__(
@@ -124,48 +173,41 @@ class Path:
 
     @property
     def ended(self) -> bool:
-        """The last set-points have been reached."""
+        """True if the last set-points are reached."""
         return self.at >= self._last
 
     @property
     def exact(self) -> Array:
-        """The set-points that stand at `at`, not rounded, shape (n_axes,)."""
+        """Set-points at `at`, not rounded, shape (n_axes,)."""
         k = int(self.at)
         f = self.at - k
         a, b, c, d = self._exact[min(k, self._last) : min(k, self._last) + 4]
-        # a cubic with the slopes of the chords beside it
+        # a cubic with the slopes of the adjacent chords
         q: Array = b + f / 2 * (c - a + f * (2 * a - 5 * b + 4 * c - d + f * (3 * (b - c) + d - a)))
         return q
 
     @property
     def overrun(self) -> tuple[Array, float]:
-        """How far each axis overruns the last set-point if no other comes, until it is back [s]."""
-        before, _, after = self._around
+        """Overrun of each axis without further set-points, and the time until return [s]."""
+        before, _, after = self._neighbours
         speed = self.pace * (after - before) / (2 * self._period)
-        way: Array = np.sign(speed) * speed**2 / (2 * self._limits)
-        return way, float((2 * np.abs(speed) / self._limits).max())
+        overrun: Array = np.sign(speed) * speed**2 / (2 * self._limits)
+        return overrun, float((2 * np.abs(speed) / self._limits).max())
 
     @property
-    def _quickest(self) -> float:
-        """How fast the pace may change by the limits of acceleration [1/s]."""
-        before, _, after = self._around
-        with np.errstate(divide="ignore"):
-            return float((self._limits * 2 * self._period / np.abs(after - before)).min())
-
-    @property
-    def _around(self) -> Array:
-        """Set-points one before `at`, next to it and one after it, shape (3, n_axes)."""
+    def _neighbours(self) -> Array:
+        """Set-points before, at and after the one nearest to `at`, shape (3, n_axes)."""
         k = min(round(self.at), self._last)
         return self._exact[k : k + 3]
 
     def go_on(self, before: Path, at: float) -> None:
-        """Go on at a place of this path as one before it was passed."""
+        """Continue at a place of this path with the pace of a path before."""
         self.at, self.pace = at, before.pace
         self.out, self.caution = before.out, before.caution
 
     @property
     def targets(self) -> list[int]:
-        """The set-points that stand at `at`, length n_axes [increments]."""
+        """Set-points at `at`, rounded, length n_axes [increments]."""
         k = int(self.at)
         if k == self.at:
             return list(self._rounded[k])
@@ -173,7 +215,7 @@ class Path:
 
     @property
     def fed(self) -> list[list[int]]:
-        """Velocity and torque fed forward at `at` to each axis; empty where nothing is."""
+        """Velocity and torque offsets at `at` of each axis; empty without feed-forward."""
         if self._offsets is None:
             return []
         k, r = int(self.at), self.pace
@@ -183,12 +225,12 @@ class Path:
         return list(_whole(counts))
 
     def step(self, *, calm: bool = False) -> None:
-        """Go on by one period.
+        """Advance by a period.
 
         Parameters
         ----------
         calm : bool
-            Slow down to rest; otherwise the path's own pace is taken up again.
+            True to slow down to rest; otherwise full pace is resumed.
         """
         before = self.pace
         self.out -= self.out * self._period / LATELY
@@ -198,15 +240,18 @@ class Path:
             self.slowed += min(before, self.pace) < 1.0
         self.at = min(self.at + (before + self.pace) / 2, self._last)
 
-    def late(self, time: float) -> None:
-        """Take note by how much set-points were late [s]: axes have braked, or come to rest."""
+    def note_late(self, time: float) -> None:
+        """Record the delay of set-points [s]: axes have braked, or come to rest."""
         self.out = min(self.out + time, LATELY)
         if time > STILL * self._period:
-            self.pace, self.caution = max(self.pace - self._quickest * time, 0.0), MEMORY
+            before, _, after = self._neighbours
+            with np.errstate(divide="ignore"):
+                loss = (self._limits * 2 * self._period / np.abs(after - before)).min() * time
+            self.pace, self.caution = max(self.pace - float(loss), 0.0), MEMORY
 
     def _change(self, *, calm: bool) -> None:
-        """Let the pace approach the one that is aimed at as fast as all axes can follow."""
-        a, b, c = self._around
+        """Change the pace towards its aim within the acceleration limits of the axes."""
+        a, b, c = self._neighbours
         speed = (c - a) / (2 * self._period)
         bend = (c - 2 * b + a) / self._period**2 * np.sign(speed) * self.pace**2
         with np.errstate(divide="ignore"):

@@ -1,4 +1,4 @@
-"""What can be seen of drives by listening alone: states, positions, torques, emergencies."""
+"""Picture of drives for a passive observer: states, positions, torques, emergencies."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class AxisPicture:
-    """What was seen of one axis last.
+    """Last observation of an axis.
 
     Attributes
     ----------
     drive : AxisDrive
-        What the drives file states of it.
+        Axis as stated in the drives file.
     name : str
     node : int
     heard : float
-        When any frame of the drive came last [s]; -inf if none ever did.
+        Time of the drive's last frame [s]; -inf if none came.
     nmt : str
-        From its heartbeat.
+        NMT state, from the heartbeat.
     state : State or None
-        From the statusword; None while unknown.
+        State, from the statusword; None while unknown.
     q, tau : float
-        [rad or m], [N m or N]; NaN while unknown.
+        Position [rad or m] and torque [N m or N]; NaN while unknown.
     interlock : str
-        What its digital inputs (60FD) say of an interlock, if anybody asks for them.
+        State of an interlock by the digital inputs (60FD), if anybody reads them.
     emergency : Emergency or None
-        The last one, until the drive reports its end.
+        Last emergency, until the drive reports its end.
     emergencies, foreign : int
-        How many emergencies came, and how many TPDOs that are not mapped as ours.
+        Number of emergencies, and of TPDOs with another mapping.
     """
 
     drive: AxisDrive
@@ -61,10 +61,10 @@ class AxisPicture:
 
     def __post_init__(self) -> None:
         self.name, self.node = self.drive.name, self.drive.node
-        self._scale = AxisScale.of(self.drive)
+        self._scale = AxisScale.derive(self.drive)
 
     def show(self, entry: Entry, value: float) -> None:
-        """Take what an object of the drive holds."""
+        """Store the value of an object of the drive."""
         if entry == objects.STATUSWORD:
             self.state = decode_state(int(value))
         elif entry == objects.POSITION:
@@ -76,17 +76,17 @@ class AxisPicture:
 
 
 class Picture(ABC):
-    """What was seen of all axes of a drives file, by a bus that is listened to, or asked.
+    """Picture of the axes of a drives file, by listening or by requests.
 
     Parameters
     ----------
     drives : DrivesFile
-        The axes in joint order.
+        Axes in joint order.
 
     Attributes
     ----------
     axes : list of AxisPicture
-        In joint order.
+        Pictures in joint order.
     """
 
     def __init__(self, drives: DrivesFile) -> None:
@@ -94,8 +94,8 @@ class Picture(ABC):
 
     @abstractmethod
     def listen(self, duration: float) -> None:
-        """Take what comes, for so long [s]."""
+        """Receive frames for a duration [s]."""
 
     @abstractmethod
     def sync_rate(self, now: float) -> float:
-        """Rate of the last SYNCs [1/s], 0 if there are none any more at `now` [s]."""
+        """Return the rate of the last SYNCs [1/s], 0 if SYNC has ended at `now` [s]."""

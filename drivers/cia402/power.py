@@ -1,17 +1,18 @@
-"""Power on for all drives together, and power off for one that is not exchanging process data.
+"""Power-on of all drives together, and power-off of a drive without process data.
 
-Every drive is first brought to SWITCHED ON, which energises no motor, and only when all are there
-do they go on to OPERATION ENABLED, holding their position. How axes that may be moving are stopped
-and switched off is the business of `drivers.cia402.shutdown`.
+Every drive is first brought to SWITCHED ON, without power at the motor; once all have arrived, they
+proceed to OPERATION ENABLED and hold their position. Moving axes are stopped and switched off by
+`drivers.cia402.shutdown`.
 """
 
 from __future__ import annotations
 
+import math
+from time import monotonic
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.cia402.deadline import Deadline
-from drivers.cia402.states import FAULTS, Command, State, decode_state, in_words, next_command
+from drivers.cia402.states import FAULTS, Command, State, decode_state, name_state, next_command
 from drivers.cia402.stop import NOT_ENERGISED
 from drivers.cia402.supervision import RESET, safe_torque_off
 from drivers.drive_bus import DriveFault, DriveRefused, NodeSilent, SampleFlag
@@ -23,23 +24,50 @@ if TYPE_CHECKING:
     from drivers.cycle_data import ProcessData
     from drivers.remote_dictionary import RemoteDictionary
 
+
+class Deadline:
+    """Deadline on two clocks, whichever is first: the bus of a dead plant has a slow clock.
+
+    Parameters
+    ----------
+    duration : float
+        Time by `clock` [s].
+    clock : callable, optional
+        Clock [s]; by default real time.
+    real : float
+        Time in real time [s].
+    """
+
+    def __init__(
+        self, duration: float, clock: Callable[[], float] | None = None, *, real: float = math.inf
+    ) -> None:
+        self._clock = clock or monotonic
+        self._ends = self._clock() + duration
+        self._real_ends = monotonic() + real
+
+    @property
+    def passed(self) -> bool:
+        """True after the deadline."""
+        return self._clock() >= self._ends or monotonic() >= self._real_ends
+
+
 STEP_TIME = 3.0
-"""How long a drive may take from one state to another [s]; brakes and DC links are slow."""
+"""Longest time of a drive between two states [s]; brakes and DC links are slow."""
 
 OFF_ATTEMPTS = 2
 
 
 class Power:
-    """Switches drives on and off.
+    """Power-on and power-off of drives.
 
     Parameters
     ----------
     process_data : ProcessData
-        Of all axes.
+        Process data of the axes.
     servers : sequence of RemoteDictionary
-        The drives in joint order.
+        Drives in joint order.
     supervision : Supervision
-        Puts faults into words.
+        Describes faults.
     """
 
     def __init__(
@@ -48,12 +76,11 @@ class Power:
         servers: Sequence[RemoteDictionary],
         supervision: Supervision,
     ) -> None:
-        self._process_data = process_data
-        self._servers = servers
+        self._process_data, self._servers = process_data, servers
         self._supervision = supervision
 
     def wait(self, holds: Callable[[], bool], timeout: float) -> bool:
-        """Let time pass until a condition holds; return whether it did within `timeout` [s]."""
+        """Let time pass until `holds` returns True; return False after `timeout` [s]."""
         over = Deadline(timeout, self._process_data.now)
         while not holds():
             if over.passed:
@@ -62,28 +89,37 @@ class Power:
         return True
 
     def make_safe(self, server: RemoteDictionary, *, reset_fault: bool) -> None:
-        """Bring a drive in whatever state to SWITCH ON DISABLED.
+        """Bring a drive from any state to SWITCH ON DISABLED.
 
         Raises
         ------
         DriveFault
-            It is in a fault that nobody asked to reset, or that comes back.
+            The drive is in a fault without permission to reset, or the fault returns.
         DriveRefused
-            It does not get there.
+            The drive does not reach the state.
         """
         if not self.wait(lambda: self._state(server) is not State.FAULT_REACTION_ACTIVE, STEP_TIME):
             raise DriveFault(f"{server.label}: does not end its fault reaction; switch it off")
         if self._state(server) is State.FAULT:
-            self._reset(server, permitted=reset_fault)
+            reason = self._supervision.reason(server)
+            if not reset_fault:
+                raise DriveFault(f"{server.label}: {State.FAULT.value}: {reason}; {RESET}")
+            for word in Command.FAULT_RESET.value:
+                server.put(objects.CONTROLWORD, word)
+            if not self.wait(lambda: self._state(server) is not State.FAULT, STEP_TIME):
+                raise DriveFault(
+                    f"{server.label}: the fault comes back after a reset: {reason}; remove the"
+                    " cause"
+                )
         self.switch_off(server)
 
     def walk(self, goal: State, cycle: Callable[[], object]) -> None:
-        """Bring all drives to `goal` together, one command and one SYNC (`cycle`) at a time.
+        """Bring the drives to `goal` together, with a command at every SYNC (`cycle`).
 
         Raises
         ------
         DriveFault, DriveRefused
-            A drive faults, or does not get there in time.
+            A drive faults, or does not reach the goal in time.
         """
         over = Deadline(STEP_TIME, self._process_data.now)
         while True:
@@ -97,12 +133,12 @@ class Power:
                 self._step(axis, server, state, goal, late=late)
 
     def switch_off(self, server: RemoteDictionary) -> None:
-        """Switch one drive off by SDO, and see that it shows it.
+        """Switch a drive off by SDO, and check its state.
 
         Raises
         ------
         DriveRefused, NodeSilent
-            It does not take the command, does not answer, or stays energised.
+            The drive refuses the command, does not answer, or stays energised.
         """
         for attempt in range(OFF_ATTEMPTS):
             try:
@@ -113,23 +149,12 @@ class Power:
                     raise
         if not self.wait(lambda: self._state(server) in NOT_ENERGISED, STEP_TIME):
             raise DriveRefused(
-                f"{server.label}: does not switch off, it shows {in_words(self._state(server))}; "
+                f"{server.label}: does not switch off, it shows {name_state(self._state(server))}; "
                 "press the emergency stop"
             )
 
     def _state(self, server: RemoteDictionary) -> State | None:
         return decode_state(server.get(objects.STATUSWORD))
-
-    def _reset(self, server: RemoteDictionary, *, permitted: bool) -> None:
-        reason = self._supervision.reason(server)
-        if not permitted:
-            raise DriveFault(f"{server.label}: {State.FAULT.value}: {reason}; {RESET}")
-        for word in Command.FAULT_RESET.value:
-            server.put(objects.CONTROLWORD, word)
-        if not self.wait(lambda: self._state(server) is not State.FAULT, STEP_TIME):
-            raise DriveFault(
-                f"{server.label}: the fault comes back after a reset: {reason}; remove the cause"
-            )
 
     def _step(
         self, axis: int, server: RemoteDictionary, state: State | None, goal: State, *, late: bool
@@ -144,16 +169,12 @@ class Power:
                     "guards and emergency stops, and release it"
                 )
             raise DriveRefused(
-                f"{server.label}: stays in {in_words(state)}, {goal.value} was commanded; check"
+                f"{server.label}: stays in {name_state(state)}, {goal.value} was commanded; check"
                 " supply voltage, enable input and safe torque off"
             )
         if self._process_data.flags[axis] & SampleFlag.MISSING or state is None:
             return
         command = next_command(state, goal)
         if command is not None:
-            self._command(axis, command)
-
-    def _command(self, axis: int, command: Command) -> None:
-        position = self._process_data.positions[axis]
-        for word in command.value:
-            self._process_data.command(axis, position, word)
+            for word in command.value:
+                self._process_data.command(axis, self._process_data.positions[axis], word)

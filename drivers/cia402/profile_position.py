@@ -1,11 +1,11 @@
-"""Set-points of all axes on their way: offered, acknowledged, reached or failed.
+"""Profile position mode: set-points of the axes from the handshake to the target or a failure.
 
-Profile velocity and acceleration go by SDO, and only when they change; the target goes by RPDO
-together with the controlword that makes it valid, so a move whose profile is known costs one frame.
+Profile velocity and acceleration are sent by SDO, only when changed; the target is sent by RPDO
+with the controlword that makes it valid, so a move with a known profile costs one frame.
 
-Some drives hold the acknowledge bit until the target is reached, which the handshake allows (the
-drives file says so: ``acknowledge: reached``). Then the whole motion may pass before the bit falls,
-and a set-point that comes meanwhile waits until the one before has reached its target.
+Some drives hold the acknowledge bit until the target is reached, as the handshake allows (stated in
+the drives file: ``acknowledge: reached``). The whole motion may then pass before the bit falls, and
+a further set-point waits until the one before has reached its target.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
     from drivers.drive_bus import Move
 
 ACKNOWLEDGE_CYCLES = 25
-"""How many SYNCs the handshake may take at least: four statuswords must come and go."""
+"""Minimum duration of the handshake [SYNCs]: four statuswords must come and go."""
 
 GRACE = 2.0
-"""How much longer than its trapezoid a move may take, beside half of that again [s]."""
+"""Additional time of a move beyond 1.5 times its profile [s]."""
 
 _NOT_REACHED = "check brake, load, position_window, and that the drive's limits allow the move"
 _ON_TARGET = (
@@ -62,52 +62,54 @@ class _Motion:
     start: float = 0.0
     under_way: bool = False
     still: tuple[int, float] = (0, math.inf)
-    """A position, and since when it has been shown [increments], [s]."""
+    """Last position [increments], and the time since which it has not changed [s]."""
     following: Move | None = None
 
 
 class ProfilePosition:
-    """Set-points under way.
+    """Set-points under way in profile position mode.
 
     Parameters
     ----------
     process_data : ProcessData
-        Of all axes.
+        Process data of the axes.
     axes : sequence of Axis
-        In joint order.
+        Axes in joint order.
     period : float
         Time between two SYNCs [s].
 
     Attributes
     ----------
     active : dict
-        By axis, what has not come to its end.
+        Unfinished motions by axis.
     """
 
-    def __init__(
-        self,
-        process_data: ProcessData,
-        axes: Sequence[Axis],
-        period: float,
-    ) -> None:
+    def __init__(self, process_data: ProcessData, axes: Sequence[Axis], period: float) -> None:
         self.active: dict[int, _Motion] = {}
-        self._process_data = process_data
-        self._axes = axes
-        self._period = period
+        self._process_data, self._axes, self._period = process_data, axes, period
         shortest = ACKNOWLEDGE_CYCLES * period
         self._patience = [max(axis.drive.acknowledge_timeout, shortest) for axis in axes]
         self._holds = [axis.drive.acknowledge == "reached" for axis in axes]
         self._profiles = [(0.0, 0.0)] * len(axes)
 
     def start(self, moves: Mapping[int, Move]) -> None:
-        """Give set-points that have passed their checks to axes."""
+        """Send checked set-points to axes."""
         for axis, move in moves.items():
-            self._write_profile(axis, move)
+            scale, server = self._axes[axis].scale, self._axes[axis].server
+            velocity, acceleration = self._profiles[axis]
+            if move.velocity != velocity:
+                server.put(PROFILE_VELOCITY, scale.velocity_to_counts(move.velocity))
+            if move.acceleration != acceleration:
+                counts = scale.acceleration_to_counts(move.acceleration)
+                server.put(PROFILE_ACCELERATION, counts)
+                if PROFILE_DECELERATION not in server.missing:
+                    server.put(PROFILE_DECELERATION, counts)
+            self._profiles[axis] = (move.velocity, move.acceleration)
         for axis, move in moves.items():
             self._offer(axis, move)
 
     def halt(self) -> None:
-        """Bring all axes to rest with the deceleration of their last profile."""
+        """Stop the axes with the deceleration of the last profile."""
         for axis, each in enumerate(self._axes):
             self._process_data.command(axis, self._position(axis), HALTED)
             duration = each.drive.limits.velocity / self.deceleration(axis)
@@ -115,7 +117,7 @@ class ProfilePosition:
             self.active[axis] = _Motion(command, self._deadline(duration), duration)
 
     def velocity(self, axis: int) -> float:
-        """Return how fast the move of an axis may be [rad/s or m/s], 0 where it has none."""
+        """Return the profile velocity of an axis's move [rad/s or m/s], 0 without one."""
         return self._profiles[axis][0] if axis in self.active else 0.0
 
     def deceleration(self, axis: int) -> float:
@@ -123,9 +125,9 @@ class ProfilePosition:
         return self._profiles[axis][1] or self._axes[axis].drive.limits.acceleration
 
     def advance(self, time: float, process_data: ProcessData) -> MoveFailed | None:
-        """Take what the SYNC at `time` [s] brought; return what failed, if anything.
+        """Evaluate the SYNC at `time` [s]; return a failure if any.
 
-        Axes whose TPDO is missing wait for the next.
+        Axes with a missing TPDO wait for the next one.
         """
         for axis, motion in tuple(self.active.items()):
             if process_data.flags[axis] & _MISSING:
@@ -135,11 +137,11 @@ class ProfilePosition:
                 motion.still = position, time
             self._step(axis, motion, process_data.words[axis], position)
             if time > motion.deadline and axis in self.active:
-                return self._failure(axis, motion, position)
+                return self._describe_failure(axis, motion, position)
         return None
 
     def quiet_until(self, words: Sequence[int]) -> float:
-        """Return until when only the statuswords can bring something to do [s], -inf if not so."""
+        """Return the time up to which only statuswords matter [s], -inf if more does."""
         until = math.inf
         for axis, motion in self.active.items():
             command = motion.command
@@ -149,26 +151,14 @@ class ProfilePosition:
         return until
 
     def pass_by(self, cycles: Cycles) -> None:
-        """Take what SYNCs brought before `quiet_until`."""
+        """Evaluate SYNCs before `quiet_until`."""
         for axis, motion in self.active.items():
             for time, positions in zip(cycles.times, cycles.positions, strict=True):
                 position = positions[axis]
                 if position != motion.still[0]:
                     motion.still = position, time
-                # a set-point that waits looks at one bit of the statusword, and that is clear
+                # a waiting set-point tests one bit of the statusword, which is clear
                 motion.command.step(0, position)
-
-    def _write_profile(self, axis: int, move: Move) -> None:
-        scale, server = self._axes[axis].scale, self._axes[axis].server
-        velocity, acceleration = self._profiles[axis]
-        if move.velocity != velocity:
-            server.put(PROFILE_VELOCITY, scale.velocity_to_counts(move.velocity))
-        if move.acceleration != acceleration:
-            counts = scale.acceleration_to_counts(move.acceleration)
-            server.put(PROFILE_ACCELERATION, counts)
-            if PROFILE_DECELERATION not in server.missing:
-                server.put(PROFILE_DECELERATION, counts)
-        self._profiles[axis] = (move.velocity, move.acceleration)
 
     def _offer(self, axis: int, move: Move) -> None:
         each, word = self._axes[axis], self._process_data.words[axis]
@@ -184,7 +174,7 @@ class ProfilePosition:
             return
         self.active[axis] = motion
         if earlier is not None and earlier.command.phase is Phase.OFFERED:
-            # The drive must see bit 4 low before it can take another set-point.
+            # the drive must see bit 4 low before it can take another set-point
             self._process_data.command(axis, self._position(axis), ENABLED)
         else:
             self._step(axis, motion, word, self._position(axis))
@@ -193,8 +183,12 @@ class ProfilePosition:
         command = motion.command
         phase = command.phase
         controlword = command.step(word, position)
-        if self._holds[axis]:
-            self._allow_for_travel(motion, position)
+        if self._holds[axis] and isinstance(command, SetPoint) and not motion.under_way:
+            # the handshake may take the whole motion once that has visibly begun
+            moved = abs(position - motion.start) > command.window
+            if (command.phase is Phase.OFFERED and moved) or command.phase is Phase.TAKEN:
+                motion.under_way = True
+                motion.deadline = self._deadline(motion.duration)
         if command.phase is phase:
             return
         if controlword is not None and isinstance(command, SetPoint):
@@ -206,20 +200,10 @@ class ProfilePosition:
             if motion.following is not None:
                 self._offer(axis, motion.following)
 
-    def _allow_for_travel(self, motion: _Motion, position: int) -> None:
-        """Give a handshake the time of the whole motion, once it is seen to have begun."""
-        command = motion.command
-        if not isinstance(command, SetPoint) or motion.under_way:
-            return
-        moved = abs(position - motion.start) > command.window
-        if (command.phase is Phase.OFFERED and moved) or command.phase is Phase.TAKEN:
-            motion.under_way = True
-            motion.deadline = self._deadline(motion.duration)
-
     def _deadline(self, duration: float) -> float:
         return self._process_data.now() + 1.5 * duration + GRACE
 
-    def _failure(self, axis: int, motion: _Motion, position: int) -> MoveFailed:
+    def _describe_failure(self, axis: int, motion: _Motion, position: int) -> MoveFailed:
         place, scale = self._axes[axis].label, self._axes[axis].scale
         q = scale.position_from_counts(position)
         if isinstance(motion.command, HaltedAxis):

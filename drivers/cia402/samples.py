@@ -1,7 +1,7 @@
-"""What the drives reported, as a `Sample`: counts become SI, gaps become NaN.
+"""Conversion of process data to a `Sample`: counts become SI, gaps become NaN.
 
-A regular sample is two products and a difference per axis; the flags of limits change with the
-statuswords only, so whoever notices that notes them.
+A regular sample takes two products and a difference per axis; limit flags change only with the
+statuswords, so their caller updates them.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ _new_tuple = tuple.__new__  # half the time of Sample(...), at every SYNC
 
 
 class SampleReader:
-    """Turns the values of process data into samples.
+    """Converter of process data to samples.
 
     Parameters
     ----------
     axes : sequence of Axis
-        In joint order.
+        Axes in joint order.
 
     Attributes
     ----------
     limits : tuple of int, length n_axes
-        `SampleFlag.LIMIT` of each axis that is at its internal limit.
+        `SampleFlag.LIMIT` of each axis at its internal limit.
     """
 
     def __init__(self, axes: Sequence[Axis]) -> None:
@@ -46,7 +46,7 @@ class SampleReader:
         self.limits = (0,) * len(axes)
 
     def note_limits(self, words: Sequence[int]) -> None:
-        """Take which axes are at their internal limit from new statuswords."""
+        """Update the limit flags from new statuswords."""
         self.limits = tuple(SampleFlag.LIMIT.value if word & _LIMIT else 0 for word in words)
 
     def sample(self, time: float, process_data: ProcessData, reached: bool) -> Sample:
@@ -55,9 +55,9 @@ class SampleReader:
         Parameters
         ----------
         time : float
-            The SYNC's instant [s].
+            Instant of the SYNC [s].
         process_data : ProcessData
-            What it brought.
+            Process data of the SYNC.
         reached : bool
             See `Sample`.
         """
@@ -65,14 +65,22 @@ class SampleReader:
             time, process_data.positions, process_data.currents, self.limits, reached
         )
         if process_data.irregular:
-            sample = _with_gaps(sample, process_data.flags)
+            gaps = process_data.flags
+            gone = [bool(gap & SampleFlag.MISSING) for gap in gaps]
+            sample = sample._replace(
+                q=tuple(math.nan if g else q for g, q in zip(gone, sample.q, strict=True)),
+                tau=tuple(math.nan if g else tau for g, tau in zip(gone, sample.tau, strict=True)),
+                flags=tuple(gap | flag for gap, flag in zip(gaps, sample.flags, strict=True)),
+            )
         if process_data.untimed:
             flags = tuple(flag | SampleFlag.UNTIMED.value for flag in sample.flags)
             sample = sample._replace(flags=flags)
         return sample
 
-    def several(self, cycles: Cycles, limits: tuple[int, ...], reached: bool) -> list[Sample]:
-        """Return the samples of several regular SYNCs, axes at their internal limit in `limits`."""
+    def convert_several(
+        self, cycles: Cycles, limits: tuple[int, ...], reached: bool
+    ) -> list[Sample]:
+        """Return the samples of several regular SYNCs with the same limit flags."""
         regular = self._regular
         return [regular(*values, limits, reached) for values in zip(*cycles, strict=True)]
 
@@ -88,12 +96,3 @@ class SampleReader:
         q = tuple(map(mul, self._per_increment, increments))
         tau = tuple(map(mul, self._per_current, currents))
         return _new_tuple(Sample, (time, q, tau, limits, reached))
-
-
-def _with_gaps(sample: Sample, gaps: Sequence[int]) -> Sample:
-    gone = [bool(gap & SampleFlag.MISSING) for gap in gaps]
-    return sample._replace(
-        q=tuple(math.nan if g else q for g, q in zip(gone, sample.q, strict=True)),
-        tau=tuple(math.nan if g else tau for g, tau in zip(gone, sample.tau, strict=True)),
-        flags=tuple(gap | flag for gap, flag in zip(gaps, sample.flags, strict=True)),
-    )

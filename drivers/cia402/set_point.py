@@ -1,13 +1,13 @@
-"""The set-point handshake of profile position mode as a pure state machine.
+"""Set-point handshake of profile position mode, as a pure state machine.
 
 A target takes effect by a handshake of two bits: the master raises "new set-point" (6040 bit 4)
 while "set-point acknowledge" (6041 bit 12) is low, the drive answers with bit 12, the master drops
-bit 4, the drive drops bit 12. "Target reached" (bit 10) may be left over from the move before until
-then, and a move of zero length may never clear it. So a move counts as finished only after the
+bit 4, the drive drops bit 12. Until then "target reached" (bit 10) may be a remainder of the move
+before, and a move of zero length may never clear it. So a move counts as finished only after the
 whole handshake, with bit 10 set, the measured position inside the window and the axis at rest.
 
-Positions are in the drive's units; nothing here knows of frames or of time: `step` is called once
-for each statusword.
+Positions are in the drive's units. The module has no frames and no time: `step` is called once for
+each statusword.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _REACHED = int(Status.TARGET_REACHED)
 
 
 class Phase(enum.Enum):
-    """How far a set-point has come."""
+    """Progress of a set-point."""
 
     WAITING = "waiting for the acknowledge bit of an earlier set-point to fall"
     OFFERED = "offered, waiting for the drive to acknowledge it"
@@ -40,7 +40,7 @@ class Phase(enum.Enum):
 
 @dataclass(slots=True)
 class Standstill:
-    """Decides from positions alone whether an axis rests.
+    """Detector of standstill from positions.
 
     An axis rests when its position stayed within `band` of one value for `count` samples.
 
@@ -49,7 +49,7 @@ class Standstill:
     band : float
         Half width [increments].
     count : int
-        Samples, at least 1.
+        Number of samples, at least 1.
     """
 
     band: float
@@ -58,7 +58,7 @@ class Standstill:
     _still: int = field(default=0, init=False)
 
     def update(self, position: float) -> bool:
-        """Take one position; return True while the axis rests."""
+        """Evaluate a position; return True while the axis rests."""
         if abs(position - self._anchor) > self.band:
             self._anchor = position
             self._still = 0
@@ -67,24 +67,24 @@ class Standstill:
 
 
 def standstill_of(axis: Axis, period: float) -> Standstill:
-    """Return what judges whether an axis rests, as its drive does [s between two samples]."""
+    """Return the standstill detector of an axis, as in its drive; `period` of samples in [s]."""
     return Standstill(axis.band, max(1, round(axis.drive.position_window_time / period)))
 
 
 @dataclass(slots=True)
 class SetPoint:
-    """One target on its way into a drive.
+    """Set-point on its way to a drive.
 
     Attributes
     ----------
     target : int
         Target position (607A) [increments].
     window : float
-        Largest distance from the target at which it counts as reached [increments].
+        Largest distance from the target to count as reached [increments].
     rest : Standstill
-        Judges whether the axis rests.
+        Standstill detector of the axis.
     phase : Phase
-        How far it has come.
+        Progress of the set-point.
     """
 
     target: int
@@ -93,40 +93,37 @@ class SetPoint:
     phase: Phase = Phase.WAITING
 
     def waits(self, statusword: int) -> bool:
-        """Return True while nothing is to be done before the statusword changes."""
+        """Return True while nothing is due before the statusword changes."""
         return self.phase is Phase.TRAVELLING and not statusword & _REACHED
 
     def step(self, statusword: int, position: int) -> int | None:
-        """Take one statusword (6041) and position (6064); return a controlword to send, if any."""
+        """Evaluate statusword (6041) and position (6064); return a controlword to send, if any."""
         if self.phase is not Phase.TRAVELLING:
             self.rest.update(position)
-            return self._shake_hands(statusword & _ACKNOWLEDGE)
+            match self.phase, bool(statusword & _ACKNOWLEDGE):
+                case Phase.WAITING, False:
+                    self.phase = Phase.OFFERED
+                    return RAISED
+                case Phase.OFFERED, True:
+                    self.phase = Phase.TAKEN
+                    return ENABLED
+                case Phase.TAKEN, False:
+                    self.phase = Phase.TRAVELLING
+            return None
         arrived = abs(position - self.target) <= self.window and self.rest.update(position)
         if arrived and statusword & _REACHED:
             self.phase = Phase.REACHED
         return None
 
-    def _shake_hands(self, acknowledged: int) -> int | None:
-        match self.phase:
-            case Phase.WAITING if not acknowledged:
-                self.phase = Phase.OFFERED
-                return RAISED
-            case Phase.OFFERED if acknowledged:
-                self.phase = Phase.TAKEN
-                return ENABLED
-            case Phase.TAKEN if not acknowledged:
-                self.phase = Phase.TRAVELLING
-        return None
-
 
 @dataclass(slots=True)
 class HaltedAxis:
-    """An axis that was commanded to come to rest; the same interface as `SetPoint`.
+    """Axis commanded to come to rest, with the interface of `SetPoint`.
 
     Attributes
     ----------
     rest : Standstill
-        Judges whether the axis rests.
+        Standstill detector of the axis.
     phase : Phase
         TRAVELLING, then REACHED.
     """
@@ -135,7 +132,7 @@ class HaltedAxis:
     phase: Phase = Phase.TRAVELLING
 
     def step(self, statusword: int, position: int) -> int | None:
-        """Take one statusword and position; nothing is ever to be sent."""
+        """Evaluate statusword and position; never returns a controlword."""
         del statusword
         if self.rest.update(position):
             self.phase = Phase.REACHED

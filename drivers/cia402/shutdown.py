@@ -1,14 +1,12 @@
-"""Stopping all axes and switching them off, whatever bus and drives do meanwhile.
+"""Emergency stop and power-off of all axes, whatever happens to bus and drives.
 
-Every SYNC each axis that does not yet show that it obeys is commanded again
-(`drivers.cia402.stop`), and a command that the bus does not take keeps no other from being sent: it
-goes out as an object instead, and so does that of a drive that is lost.
-Before each of them what is fed forward to the axis is taken back.
-All that come to rest wait for their brakes (`drivers_file.AxisDrive.brake_delay`), then their
-voltage is disabled; an axis that runs on is switched off at once. If a drive shows that even this
-has no effect, or if nobody can know, our heartbeat ceases, so that the drives' own watchdogs end
-it: a watchdog may be released only where `Shutdown.off` says so, that is, where a drive has shown
-that it is off and stands still.
+At every SYNC each axis that does not show obedience is commanded again (`drivers.cia402.stop`). A
+command refused by the bus delays no other: it is sent as an object instead, and so is that of a
+lost drive. Each command is preceded by a cancellation of the feed-forward. Axes at rest wait for
+their brakes (`drivers_file.AxisDrive.brake_delay`), then their voltage is disabled; an axis that
+runs on is switched off at once. If a drive shows that even this has no effect, or its state is
+unknown, our heartbeat ceases, so that the drives' own watchdogs stop it: a watchdog may be released
+only for drives that have shown power-off and standstill (`Shutdown.off`).
 """
 
 from __future__ import annotations
@@ -19,9 +17,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.cia402.deadline import Deadline
+from drivers.cia402.power import Deadline
 from drivers.cia402.set_point import Standstill
-from drivers.cia402.states import in_words
+from drivers.cia402.states import name_state
 from drivers.cia402.stop import AWAITED, AxisStop, StopPhase
 from drivers.drive_bus import DriveError, NodeSilent, SampleFlag
 
@@ -35,28 +33,28 @@ if TYPE_CHECKING:
     from drivers.remote_dictionary import RemoteDictionary
 
 SETTLING_TIME = 0.04
-"""For how long an axis must keep still to count as resting [s], and for `SETTLED` samples."""
+"""Minimum standstill of a resting axis [s], with at least `SETTLED` samples."""
 
 SETTLED = 3
 SAG_TIME = 0.3
-"""For how long an axis is watched after its voltage was disabled [s]."""
+"""Observation time after power-off, for a sagging axis [s]."""
 
 ASK_TIME = 2.0
-"""For how long drives are asked by objects that show nothing otherwise [s]."""
+"""Longest time to read the state of silent drives by objects [s]."""
 
 LONGEST = 15.0
 """Real time after which a stop is given up whose SYNCs hardly pass, as with a dead plant [s]."""
 
 REACTION_TIME = 2.0
-"""How long a drive's own reaction to the loss of our heartbeat may take after the time-out [s]."""
+"""Longest reaction of a drive to the loss of our heartbeat after the time-out [s]."""
 
 _UNCERTAIN = SampleFlag.MISSING | SampleFlag.DOUBLED
-"""What a drive showed is not certain: of two TPDOs the first may be an old one."""
+"""Flags of an uncertain state: of two TPDOs the first may be an old one."""
 
 
 @dataclass
 class _Stopped:
-    """One axis that is being stopped: why its last command was refused, why it is not off."""
+    """Axis under stop, with the reasons of a refused command and of a failed power-off."""
 
     axis: Axis
     stop: AxisStop
@@ -69,16 +67,16 @@ class _Stopped:
 
 
 class Shutdown:
-    """Stops axes and switches them off; no `Exception` leaves it.
+    """Stop and power-off of axes; no `Exception` leaves this class.
 
     Parameters
     ----------
     process_data : ProcessData
-        Of all axes.
+        Process data of the axes.
     life_sign : LifeSign
-        Kept going until it must cease.
+        Life sign, sent until it must cease.
     axes : sequence of Axis
-        In joint order.
+        Axes in joint order.
     period : float
         Time between two SYNCs [s].
     switch_off : callable
@@ -87,7 +85,7 @@ class Shutdown:
     Attributes
     ----------
     problems : list of str
-        For the operator: what went wrong; grows.
+        Failures for the operator; the list grows.
     """
 
     def __init__(
@@ -99,10 +97,8 @@ class Shutdown:
         switch_off: Callable[[RemoteDictionary], None],
     ) -> None:
         self.problems: list[str] = []
-        self._switch_off_by_objects = switch_off
-        self._process_data = process_data
-        self._life_sign = life_sign
-        self._axes = axes
+        self._switch_off_by_objects, self._process_data = switch_off, process_data
+        self._life_sign, self._axes = life_sign, axes
         self._settled = max(SETTLED, math.ceil(SETTLING_TIME / period))
         self._settling = (self._settled + 2) * period
         self._period = period
@@ -112,57 +108,55 @@ class Shutdown:
 
     @property
     def begun(self) -> bool:
-        """The axes have been commanded to stop."""
+        """True after the stop command."""
         return bool(self._stopped)
 
     @property
     def off(self) -> tuple[bool, ...]:
-        """Which drives have shown that they are off, in joint order."""
+        """Drives with confirmed power-off, in joint order."""
         return tuple(each.off for each in self._stopped) or (False,) * len(self._axes)
 
     def begin(self, speeds: Sequence[float], decelerations: Sequence[float]) -> None:
-        """Command all axes to stop, at once; does nothing where that was done.
+        """Command all axes to stop at once; no effect after the first call.
 
         Parameters
         ----------
         speeds, decelerations : sequence of float, length n_axes
-            How fast each may be, and how its drive slows down [rad/s, rad/s^2; m if prismatic].
+            Largest speed of each axis, and its deceleration [rad/s, rad/s^2; m if prismatic].
         """
         if self.begun:
             return
         self._process_data.hurry(True)
         self._longest = Deadline(LONGEST + max(axis.drive.brake_delay for axis in self._axes))
-        self._stopped = tuple(
-            self._begun(axis, speeds[axis.index], decelerations[axis.index]) for axis in self._axes
+        data = self._process_data
+        stops = (
+            AxisStop(
+                data.now(),
+                data.time,
+                data.positions[axis.index],
+                speed=speeds[axis.index] / axis.per_count,
+                deceleration=decelerations[axis.index] / axis.per_count,
+                window=axis.window,
+                rest=Standstill(axis.band, self._settled),
+                settling=self._settling,
+                delay=2 * self._period,
+            )
+            for axis in self._axes
         )
+        self._stopped = tuple(map(_Stopped, self._axes, stops))
         self._step(synced=False)
 
-    def _begun(self, axis: Axis, speed: float, slowing: float) -> _Stopped:
-        data = self._process_data
-        stop = AxisStop(
-            data.now(),
-            data.time,
-            data.positions[axis.index],
-            speed=speed / axis.per_count,
-            deceleration=slowing / axis.per_count,
-            window=axis.window,
-            rest=Standstill(axis.band, self._settled),
-            settling=self._settling,
-            delay=2 * self._period,
-        )
-        return _Stopped(axis, stop)
-
     def await_rest(self) -> None:
-        """Let time pass until no axis is left that may still be moving under power."""
+        """Let time pass while an axis may still be moving under power."""
         while any(each.stop.phase in AWAITED for each in self._stopped):
             self.supervise()
 
     def switch_off(self) -> None:
-        """Switch off all axes; those that do not show it are left to their watchdogs."""
+        """Switch off all axes; those without confirmation are left to their watchdogs."""
         self.await_rest()
         while any(
             each.stop.phase is StopPhase.RESTING
-            and each.stop.rested(self._process_data.now()) < each.axis.drive.brake_delay
+            and each.stop.resting_time(self._process_data.now()) < each.axis.drive.brake_delay
             for each in self._stopped
         ):
             self.supervise()
@@ -172,34 +166,55 @@ class Shutdown:
             self.supervise()
         if not all(self.off):
             self._life_sign.cease()
-            self._ask_unseen()
+        over = Deadline(ASK_TIME)
+        for each in self._stopped:  # silent drives are asked, and switched off, by objects
+            if each.stop.phase is StopPhase.UNSEEN and not over.passed:
+                server = each.axis.server
+                try:
+                    try:
+                        self._switch_off_by_objects(server)
+                    except NodeSilent:  # a drive may answer in pre-operational only
+                        server.access.leave_operational()
+                        self._switch_off_by_objects(server)
+                    each.stop.phase = StopPhase.OFF
+                except Exception as error:
+                    each.reason = str(error)
 
     def conclude(self) -> list[str]:
-        """Watch the axes that are off, and await the reaction of those that are not.
+        """Watch axes after power-off, and wait for the reaction of those still on.
 
         Returns
         -------
         list of str
-            Axes that have sagged, for the operator.
+            Sagged axes, for the operator.
         """
         sagged = self._watch_rest()
         if not all(self.off):
             self._life_sign.cease()
-            self._await_reactions()
-        self.problems[:0] = self._left_on()
+            lost = [each for each in self._stopped if not each.off]
+            over = Deadline(self._reaction_time, self._process_data.now, real=self._reaction_time)
+            while not (all(each.off for each in lost) or over.passed):
+                self.supervise()
+            self.problems += [
+                f"{each.axis.label}: did not switch off when commanded; its own reaction to the"
+                f" loss of {self._life_sign.name} did it"
+                for each in lost
+                if each.off
+            ]
+        self.problems[:0] = self._list_powered()
         return sagged
 
     def forget(self) -> None:
-        """Be ready for another stop."""
+        """Prepare for another stop."""
         self._stopped = ()
         self.problems = []
         self._process_data.hurry(False)
 
     def supervise(self) -> None:
-        """Let a SYNC pass and see that all axes stay stopped."""
+        """Let a SYNC pass and command axes that do not obey."""
         synced = False
         for each in self._stopped:
-            command = each.stop.unsent  # before SYNC: some drives act with it
+            command = each.stop.unsent  # before SYNC, since some drives act at it
             if command is not None:
                 self._command(each, command)
         try:
@@ -222,7 +237,7 @@ class Shutdown:
             overrun = stop.overrun
             command = stop.step(time, data.words[index], data.positions[index], fresh=fresh)
             if stop.overrun is not overrun:
-                self.problems.append(_overran(each))
+                self.problems.append(_describe_overrun(each))
             if stop.phase in {StopPhase.LOST, StopPhase.ADRIFT}:
                 self._life_sign.cease()
             if command is not None:
@@ -230,7 +245,7 @@ class Shutdown:
 
     def _command(self, each: _Stopped, command: Command) -> None:
         index, data = each.axis.index, self._process_data
-        with suppress(Exception):  # the command itself shows whether the bus takes anything
+        with suppress(Exception):  # the command itself shows whether the bus accepts anything
             data.withdraw(index)
         try:
             for word in command.value:
@@ -240,32 +255,13 @@ class Shutdown:
             taken = _order(each.axis, command)
         else:
             each.refused, taken = "", True
-            if each.stop.phase is StopPhase.LOST:  # the drive may take no process data any more
+            if each.stop.phase is StopPhase.LOST:  # the drive may ignore process data
                 _order(each.axis, command)
         if taken:
-            each.stop.sent(data.now())
-
-    def _ask_unseen(self) -> None:
-        """Ask drives by objects whose telegrams stay away, and switch them off that way."""
-        over = Deadline(ASK_TIME)
-        for each in self._stopped:
-            if each.stop.phase is StopPhase.UNSEEN and not over.passed:
-                try:
-                    self._switch_off_silent(each.axis.server)
-                    each.stop.phase = StopPhase.OFF
-                except Exception as error:
-                    each.reason = str(error)
-
-    def _switch_off_silent(self, server: RemoteDictionary) -> None:
-        """Switch a drive off by objects; one that somebody stopped (NMT) must serve them first."""
-        try:
-            self._switch_off_by_objects(server)
-        except NodeSilent:
-            server.access.leave_operational()
-            self._switch_off_by_objects(server)
+            each.stop.note_sent(data.now())
 
     def _watch_rest(self) -> list[str]:
-        """Watch where axes go that are off; one that does not come to rest is not off."""
+        """Watch axes after power-off; an axis that does not come to rest is not off."""
         data = self._process_data
         rests = [Standstill(axis.band, self._settled) for axis in self._axes]
         resting = [False] * len(rests)
@@ -279,22 +275,19 @@ class Shutdown:
             index, left_at = each.axis.index, each.stop.left_at
             if each.off and left_at is not None:
                 way = abs(data.positions[index] - left_at) * each.axis.per_count
-                sagged += _judged(each, way, resting=resting[index])
+                unit, bound = each.axis.drive.unit, each.axis.drive.position_window
+                if not resting[index]:
+                    each.stop.give_up()
+                    each.reason = f"it still moves, by {way:.2g} {unit} until now"
+                elif way > bound:
+                    sagged.append(
+                        f"{each.axis.label}: sagged by {way:.2g} {unit} after its voltage was off,"
+                        f" at most {bound:g} {unit} (position_window) may be; check its brake, and"
+                        " state how long it takes to close as brake_delay in the drives file"
+                    )
         return sagged
 
-    def _await_reactions(self) -> None:
-        lost = [each for each in self._stopped if not each.off]
-        over = Deadline(self._reaction_time, self._process_data.now, real=self._reaction_time)
-        while not (all(each.off for each in lost) or over.passed):
-            self.supervise()
-        self.problems += [
-            f"{each.axis.label}: did not switch off when commanded; its own reaction to the loss of"
-            f" {self._life_sign.name} did it"
-            for each in lost
-            if each.off
-        ]
-
-    def _left_on(self) -> Iterable[str]:
+    def _list_powered(self) -> Iterable[str]:
         alike: dict[tuple[str, str], list[str]] = {}
         for each in self._stopped:
             if not each.off:
@@ -309,7 +302,7 @@ class Shutdown:
 
 
 def _order(axis: Axis, command: Command) -> bool:
-    """Command an axis by objects; return whether the bus takes it."""
+    """Command an axis by objects; return False if the bus refuses."""
     try:
         for word in command.value:
             axis.server.order(objects.CONTROLWORD, word)
@@ -318,25 +311,12 @@ def _order(axis: Axis, command: Command) -> bool:
     return True
 
 
-def _judged(each: _Stopped, way: float, *, resting: bool) -> Iterable[str]:
-    unit, bound = each.axis.drive.unit, each.axis.drive.position_window
-    if not resting:
-        each.stop.give_up()
-        each.reason = f"it still moves, by {way:.2g} {unit} until now"
-    elif way > bound:
-        yield (
-            f"{each.axis.label}: sagged by {way:.2g} {unit} after its voltage was off, at most "
-            f"{bound:g} {unit} (position_window) may be; check its brake, and state how long it"
-            " takes to close as brake_delay in the drives file"
-        )
-
-
-def _overran(each: _Stopped) -> str:
+def _describe_overrun(each: _Stopped) -> str:
     assert each.stop.overrun is not None  # noqa: S101 - by the caller
     (way, lasted), bound, axis = each.stop.overrun, each.stop.bound, each.axis
     unit = axis.drive.unit
     return (
-        f"{axis.label}: {lasted:.2g} s after quick stop it shows {in_words(each.stop.state)} and"
+        f"{axis.label}: {lasted:.2g} s after quick stop it shows {name_state(each.stop.state)} and"
         f" has gone on by {way * axis.per_count:.2g} {unit}, at most"
         f" {bound.way * axis.per_count:.2g} {unit} and {bound.time:.2g} s may pass until it"
         " rests; its voltage was disabled. Check its quick stop (605A, 6085), brake and tuning, or"

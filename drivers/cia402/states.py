@@ -1,10 +1,10 @@
-"""CiA 402 as tables and pure functions: no bus, no clock, no side effects.
+"""Tables and pure functions of CiA 402, without bus, clock or side effects.
 
-A drive is a state machine that shows its state in the statusword (6041) and takes commands in the
-controlword (6040). Here stand both codings, the transitions between them, and the route from one
-state to another. A route never passes through OPERATION ENABLED, where the motor is energised,
-unless that is its goal: commands are found by a breadth-first search over an explicit graph from
-which that state is cut out. Numbers are those of CiA 402-2.
+A drive is a state machine with its state in the statusword (6041) and commands in the controlword
+(6040). The module contains both codings, the transitions, and the route between two states. A route
+never passes through OPERATION ENABLED, where the motor is energised, unless that is its goal:
+commands are found by a breadth-first search over a graph without that state. Numbers are those of
+CiA 402-2.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class State(enum.Enum):
 
 
 class Command(enum.Enum):
-    """Commands of the controlword, by the words that give them in turn."""
+    """Commands of the controlword: the words to send in turn."""
 
     SHUTDOWN = (0x0006,)
     SWITCH_ON = (0x0007,)
@@ -39,7 +39,7 @@ class Command(enum.Enum):
 
 
 class Status(enum.IntFlag):
-    """Bits of the statusword beside those that code the state (profile position mode)."""
+    """Bits of the statusword besides those of the state (profile position mode)."""
 
     VOLTAGE_ENABLED = 1 << 4
     WARNING = 1 << 7
@@ -51,7 +51,7 @@ class Status(enum.IntFlag):
 
 
 class Control(enum.IntFlag):
-    """Bits of the controlword beside those that command the state (profile position mode)."""
+    """Bits of the controlword besides those of the state (profile position mode)."""
 
     NEW_SET_POINT = 1 << 4
     CHANGE_IMMEDIATELY = 1 << 5
@@ -79,7 +79,7 @@ class Mode(enum.IntEnum):
 
 
 MODE_TIME = 3.0
-"""The display of a mode (6061) may lag behind it by seconds [s]."""
+"""Longest delay of the mode display (6061) [s]."""
 
 STATE_PATTERNS: tuple[tuple[State, int, int], ...] = (
     (State.NOT_READY, 0x4F, 0x00),
@@ -123,15 +123,15 @@ TRANSITIONS: dict[State, dict[Command, State]] = {
     State.FAULT_REACTION_ACTIVE: {},
     State.FAULT: {Command.FAULT_RESET: _OFF},
 }
-"""Where each command leads. Transition 16 (quick stop active -> enabled) is left out: it is
-optional, and a stopped axis shall not be energised again by one word."""
+"""States reached by each command. Transition 16 (quick stop active -> enabled) is left out: it is
+optional, and one word must not energise a stopped axis again."""
 
 PASSING_STATES = frozenset({State.NOT_READY, State.FAULT_REACTION_ACTIVE})
-"""States that a drive leaves by itself."""
+"""States left without a command."""
 
 
 FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
-"""States that a drive enters by a fault."""
+"""Fault states."""
 
 
 class NoRoute(ValueError):
@@ -139,12 +139,12 @@ class NoRoute(ValueError):
 
 
 def decode_state(statusword: int) -> State | None:
-    """Return the state that a statusword shows, None where the standard defines none."""
+    """Return the state in a statusword, None if the standard defines none."""
     return _STATE_OF[statusword & 0x7F]
 
 
-def in_words(state: State | None) -> str:
-    """Return a state as messages name it."""
+def name_state(state: State | None) -> str:
+    """Return the name of a state in messages."""
     return "an undefined state" if state is None else state.value
 
 
@@ -154,9 +154,9 @@ def route(state: State, goal: State, *, reset_fault: bool = False) -> tuple[Comm
     Parameters
     ----------
     state, goal : State
-        Where the drive is and where it shall be.
+        Present state, and desired state.
     reset_fault : bool
-        Permit a fault to be reset; without it FAULT has no way out.
+        Permit a fault reset; without it FAULT has no way out.
 
     Raises
     ------
@@ -179,12 +179,12 @@ def route(state: State, goal: State, *, reset_fault: bool = False) -> tuple[Comm
 
 
 def next_command(state: State, goal: State, *, reset_fault: bool = False) -> Command | None:
-    """Return the next command on the way from `state` to `goal` (see `route`).
+    """Return the next command from `state` to `goal` (see `route`).
 
     Returns
     -------
     Command or None
-        None at the goal, and in states that the drive leaves by itself.
+        None at the goal, and in states left without a command.
     """
     if state is goal or state in PASSING_STATES:
         return None

@@ -1,22 +1,21 @@
-"""Stopping one axis: quick stop, standstill, voltage off; each step shown by its drive, or bounded.
+"""Stop of an axis: quick stop, standstill, voltage off; every step confirmed or bounded.
 
 A command may be lost, ignored, or acknowledged without effect. So each step is commanded anew at
-every SYNC until the drive shows that it obeys, and each has a bound. After a quick stop an axis of
-speed v and deceleration a may go on for at most::
+every SYNC until the drive shows obedience, and each has a bound. After a quick stop an axis of
+speed v and deceleration a may continue for at most::
 
     way  = window + v (STOP_DELAY + age) + STOP_MARGIN v^2 / (2 a)
     time = STOP_DELAY + STOP_MARGIN v / a  (and until standstill is certain)
 
-where window is its following error window and age how old its last position was when the command
-went out, and two SYNCs, for some drives act with the next one. Beyond either bound its voltage is
-disabled at once, and so it is if the drive does not even show within STOP_DELAY that it stops. That
-holds too where it is seen that nothing happens although the bus refuses the command. A drive that
-does not show that its voltage is off in time is lost: what ends it is its own watchdog, but it is
-commanded on to switch off.
+with its following error window and the age of its last position at the command, plus two SYNCs,
+since some drives act at the next one. Beyond either bound its voltage is disabled at once, and so
+it is if the drive does not show within STOP_DELAY that it stops. The same holds if the bus refuses
+the command and the telegrams show no reaction. A drive that does not confirm power-off in time is
+lost: only its own watchdog can stop it, but it is still commanded to switch off.
 
-What follows from what a drive shows is one table (`step_of`), and what from a bound that is passed
-another (`overdue`). Positions are in increments; nothing here sends or waits: `AxisStop.step` takes
-what one SYNC showed.
+One table gives the consequences of an observation (`next_step`), another those of a passed bound
+(`overdue_phase`). Positions are in increments; nothing is sent and nothing waits: `AxisStop.step`
+evaluates one SYNC.
 """
 
 from __future__ import annotations
@@ -30,55 +29,57 @@ if TYPE_CHECKING:
     from drivers.cia402.set_point import Standstill
 
 STOP_DELAY = 0.1
-"""Time that a drive may take to begin to slow down, and its loops to follow [s]."""
+"""Longest reaction time of a drive and its loops to a stop command [s]."""
 
 STOP_MARGIN = 1.5
-"""Factor by which a stop may last longer and go farther than its stated deceleration says."""
+"""Margin of time and distance of a stop over those of its stated deceleration."""
 
 OFF_TIME = 0.5
-"""How long a drive at rest may take to switch off [s]; it may close a brake first."""
+"""Longest time of a drive at rest to switch off [s]; it may close a brake first."""
 
 OFF_TIME_MOVING = 0.2
-"""The same for an axis that did not stop as it should [s]."""
+"""Longest time to switch off for an axis that did not stop properly [s]."""
 
 UNSENT_TIME = 2.0
-"""How long a command is tried that the bus does not take [s]; the drives' watchdogs are faster."""
+"""Longest time to repeat a command refused by the bus [s]; the drives' watchdogs are faster."""
 
 RETURNS = 2
-"""How often a drive that was off and shows power again is given time anew to switch off."""
+"""Number of times that a drive with power again after power-off gets a new time to switch off."""
 
 SHOWN_OFF = frozenset({State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY})
-"""States in which a drive cannot turn its motor until it is commanded to."""
+"""States without motion until a command."""
 
 NOT_ENERGISED = SHOWN_OFF | {State.READY_TO_SWITCH_ON}
-"""States in which the motor has no power."""
+"""States without power at the motor."""
 
 
 class StopBound(NamedTuple):
-    """How far [increments] and for how long [s] an axis may go on after a stop command."""
+    """Largest distance [increments] and time [s] of an axis after a stop command."""
 
     way: float
     time: float
 
     @classmethod
-    def of(cls, speed: float, deceleration: float, window: float, age: float = 0.0) -> StopBound:
-        """Return the bound of an axis.
+    def compute(
+        cls, speed: float, deceleration: float, window: float, age: float = 0.0
+    ) -> StopBound:
+        """Compute the bound of an axis.
 
         Parameters
         ----------
         speed, deceleration : float
-            At the command, and as stated, both positive [increments/s, increments/s^2].
+            Speed at the command, and stated deceleration, positive [increments/s, increments/s^2].
         window : float
             Following error window [increments].
         age : float
-            Of the last position when the command went out [s].
+            Age of the last position at the command [s].
         """
         braking = STOP_MARGIN * speed / deceleration
         return cls(window + speed * (STOP_DELAY + age + braking / 2), STOP_DELAY + braking)
 
 
 class StopPhase(enum.Enum):
-    """How far the stop of an axis has come."""
+    """Progress of the stop of an axis."""
 
     STOPPING = "is commanded to stop"
     SLOWING = "has shown that it obeys"
@@ -91,7 +92,7 @@ class StopPhase(enum.Enum):
 
 
 class Shown(enum.Enum):
-    """What one SYNC shows of an axis that shall stop."""
+    """Observation of an axis under stop at a SYNC."""
 
     NOTHING = "no telegram that is certain"
     UNDEFINED = "no state of the standard"
@@ -115,7 +116,7 @@ _SHOWN = dict.fromkeys(SHOWN_OFF, (Shown.OFF, Shown.OFF_AT_REST)) | {
     State.QUICK_STOP_ACTIVE: (Shown.OBEYING, Shown.AT_REST),
     State.FAULT_REACTION_ACTIVE: (Shown.OBEYING, Shown.AT_REST),
 }
-"""What a state shows of an axis that moves, and of one that stands still."""
+"""Observation by state: of a moving axis, and of one at standstill."""
 
 _ENDS = {Shown.OFF: StopPhase.OFF, Shown.OFF_AT_REST: StopPhase.OFF}
 _UNUSED = {Shown.READY: StopPhase.DISABLING, Shown.ON: StopPhase.DISABLING}
@@ -132,11 +133,11 @@ _NEXT: dict[StopPhase, dict[Shown, StopPhase]] = {
     StopPhase.LOST: _ENDS | {Shown.READY: StopPhase.OFF},
     StopPhase.ADRIFT: {Shown.OFF_AT_REST: StopPhase.OFF},
 }
-"""What follows from what is shown; all else leaves the phase as it is."""
+"""Next phase by observation; others leave the phase unchanged."""
 
 
-def step_of(phase: StopPhase, shown: Shown) -> tuple[StopPhase, Command | None]:
-    """Return the phase that follows from what is shown, and what is commanded in it."""
+def next_step(phase: StopPhase, shown: Shown) -> tuple[StopPhase, Command | None]:
+    """Return the next phase after an observation, and its command."""
     following = _NEXT[phase].get(shown, phase)
     return following, _command(following, shown)
 
@@ -147,8 +148,8 @@ def _command(phase: StopPhase, shown: Shown) -> Command | None:
     return None if phase is StopPhase.RESTING else Command.DISABLE_VOLTAGE
 
 
-def overdue(phase: StopPhase, shown: Shown) -> StopPhase:
-    """Return the phase that follows where the bound of `phase` is passed."""
+def overdue_phase(phase: StopPhase, shown: Shown) -> StopPhase:
+    """Return the next phase after a passed bound."""
     if phase is not StopPhase.DISABLING:
         return StopPhase.DISABLING
     if shown is Shown.READY:
@@ -157,37 +158,37 @@ def overdue(phase: StopPhase, shown: Shown) -> StopPhase:
 
 
 class AxisStop:
-    """The stop of one axis.
+    """Stop of an axis.
 
     Parameters
     ----------
     now : float
-        When it is first commanded to stop [s].
+        Time of the first stop command [s].
     time : float
-        Of its last position [s].
+        Time of the last position [s].
     position : int
-        The last that was received [increments].
+        Last position received [increments].
     speed, deceleration, window : float
-        As for `StopBound.of`.
+        As for `StopBound.compute`.
     rest : Standstill
-        Judges whether it rests.
+        Standstill detector of the axis.
     settling : float
-        How long `rest` takes to be certain [s].
+        Time of `rest` to be certain [s].
     delay : float
         Time of two SYNCs [s].
 
     Attributes
     ----------
     phase : StopPhase
-        How far it has come.
+        Progress of the stop.
     state : State or None
-        What it showed at the last SYNC, None where that is unknown.
+        State at the last SYNC, None if unknown.
     bound : StopBound
-        How far and for how long it may go on.
+        Largest distance and time of the stop.
     overrun : tuple of float or None
-        Way [increments] and time [s] at which it was seen to exceed its bound.
+        Distance [increments] and time [s] at which the bound was exceeded.
     left_at : int or None
-        Where it was when it first showed that it is off [increments].
+        Position at the first confirmation of power-off [increments].
     """
 
     def __init__(
@@ -210,8 +211,7 @@ class AxisStop:
         self._seen, self._origin = time, position
         self._delay = delay
         self._speed, self._deceleration, self._window = speed, deceleration, window
-        self._rest = rest
-        self._settling = settling
+        self._rest, self._settling = rest, settling
         self._asked = self._rested = now
         self._begun: float | None = None
         self._confirmed = False
@@ -221,76 +221,73 @@ class AxisStop:
 
     @property
     def ended(self) -> bool:
-        """Nothing is to be awaited any more."""
+        """True if nothing is to be awaited any more."""
         return self.phase not in AWAITED | {StopPhase.RESTING}
 
     @property
     def unsent(self) -> Command | None:
-        """What the bus has not taken yet."""
+        """Command not yet accepted by the bus."""
         if self._begun is not None or self.phase not in AWAITED:
             return None
         return _command(self.phase, Shown.NOTHING)
 
-    def sent(self, time: float) -> None:
-        """Take note that the command of this phase went out [s]."""
+    def note_sent(self, time: float) -> None:
+        """Record that the command of this phase was sent [s]."""
         self._confirmed |= self.phase is StopPhase.OFF
         if self._begun is None:
             self._begun = time
             if self.phase in _BRAKING:
                 self.bound = self._bound_at(time)
 
-    def rested(self, time: float) -> float:
-        """Return for how long it has been standing still [s], 0 while it moves."""
+    def resting_time(self, time: float) -> float:
+        """Return the duration of standstill [s], 0 while the axis moves."""
         return time - self._rested if self.phase is StopPhase.RESTING else 0.0
 
     def disable(self, time: float) -> None:
-        """Switch off an axis that rests."""
+        """Switch off an axis at rest."""
         if self.phase is StopPhase.RESTING:
             self._enter(StopPhase.DISABLING, time)
 
     def step(self, time: float, word: int, position: int, *, fresh: bool) -> Command | None:
-        """Take one SYNC; return what to command.
+        """Evaluate a SYNC; return the command to send.
 
         Parameters
         ----------
         time : float
-            The SYNC's instant [s].
+            Instant of the SYNC [s].
         word, position : int
-            Statusword and position of its TPDO [increments].
+            Statusword and position of the TPDO [increments].
         fresh : bool
-            They came with this SYNC; else they say nothing.
+            True if they came with this SYNC; otherwise they are ignored.
         """
         self.state = decode_state(word) if fresh else None
-        shown = self._shown(position, fresh=fresh)
+        shown = Shown.UNDEFINED if fresh else Shown.NOTHING
+        rests = fresh and self._rest.update(position)
+        if self.state is not None:
+            shown = _SHOWN[self.state][rests]
         if shown in _ENDS and self.left_at is None:
             self.left_at = position
         before, way = self.phase, abs(position - self._origin)
-        self._enter(step_of(before, shown)[0], time)
+        self._enter(next_step(before, shown)[0], time)
         stops = self.phase in _BRAKING | {StopPhase.RESTING}
         far = stops and fresh and way > self.bound.way
-        if far or self._late(time, shown):
-            self._enter(overdue(self.phase, shown), time)
+        if far or self._is_late(time, shown):
+            self._enter(overdue_phase(self.phase, shown), time)
         came_back = before is StopPhase.RESTING and shown is Shown.ENABLED
         if came_back or (stops and self.phase is StopPhase.DISABLING):
             self.overrun = (way, time - self._seen) if fresh else None
         if self.phase is StopPhase.OFF and self._confirmed:
-            return None  # the last word was not that of a quick stop
+            return None  # the last command was to disable the voltage
         return _command(self.phase, shown)
 
     def hang(self) -> None:
-        """Give up what takes too long: it does not show any more whether it is off."""
+        """Give up a stop that takes too long: it is unknown whether the axis is off."""
         if not self.ended:
             self.phase = StopPhase.UNSEEN
 
     def give_up(self) -> None:
-        """Take note that it moves although it shows that it is off: only standstill counts now."""
+        """Record motion in spite of confirmed power-off: only standstill ends the stop."""
         self.phase = StopPhase.ADRIFT
-
-    def _shown(self, position: int, *, fresh: bool) -> Shown:
-        if not fresh:
-            return Shown.NOTHING
-        rests = self._rest.update(position)
-        return Shown.UNDEFINED if self.state is None else _SHOWN[self.state][rests]
 
     def _enter(self, phase: StopPhase, time: float) -> None:
         if phase is StopPhase.RESTING is not self.phase:
@@ -298,16 +295,16 @@ class AxisStop:
         elif phase is StopPhase.DISABLING is not self.phase:
             self._returns += self.phase is StopPhase.OFF
             if self._returns <= RETURNS:
-                self._begun, self._asked = None, time  # else the time that has passed counts
+                self._begun, self._asked = None, time  # otherwise the elapsed time counts
             self._off_time = OFF_TIME_MOVING if self.phase in _BRAKING else OFF_TIME
         self.phase = phase
 
-    def _late(self, time: float, shown: Shown) -> bool:
-        """Whether the time of this phase is over."""
+    def _is_late(self, time: float, shown: Shown) -> bool:
+        """Return True if the time of this phase is over."""
         if self.phase not in AWAITED:
             return False
         seen, brakes = shown is not Shown.NOTHING, self.phase in _BRAKING
-        if self._begun is None and not seen:  # the bus takes nothing and brings nothing
+        if self._begun is None and not seen:  # the bus neither accepts nor delivers telegrams
             return time - self._asked > (UNSENT_TIME if brakes else OFF_TIME_MOVING)
         most = self.bound.time if brakes else self._off_time
         if self.phase is StopPhase.STOPPING and seen:
@@ -317,4 +314,4 @@ class AxisStop:
 
     def _bound_at(self, time: float) -> StopBound:
         age = max(0.0, time - self._seen) + self._delay
-        return StopBound.of(self._speed, self._deceleration, self._window, age)
+        return StopBound.compute(self._speed, self._deceleration, self._window, age)

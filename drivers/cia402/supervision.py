@@ -1,8 +1,8 @@
-"""Judging statuswords and emergencies: is every drive still with us, and if not, why not.
+"""Supervision of statuswords and emergencies: detection and diagnosis of failed drives.
 
-While axes are powered, each drive must show OPERATION ENABLED. Anything else is trouble; the
-diagnosis names axis, state, error code in words and remedy, and may have to ask the drive for it.
-An emergency object (EMCY) of a drive that works on is a warning, to be noted.
+While axes are powered, each drive must show OPERATION ENABLED. Any other state is a failure; the
+diagnosis names axis, state, error code in words and remedy, and may have to read objects. An
+emergency (EMCY) of a drive that stays enabled is a warning, to be noted.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ if TYPE_CHECKING:
     from drivers.remote_dictionary import RemoteDictionary
 
 INTERLOCK = 1 << 3
-"""Bit of the digital inputs (60FD). Some makers keep it for another input, so what is read is
-quoted; a bit that is clear proves nothing."""
+"""Interlock bit of the digital inputs (60FD). Some makers use it for another input, so messages
+quote the value; a clear bit proves nothing."""
 SAFE_TORQUE_OFF = 0x5441
 """Error code (603F) of an emergency stop contact or safe torque off."""
 CODE_SIZE = 2
-"""What an EMCY must hold at least: its error code [bytes]."""
+"""Minimum length of an EMCY: its error code [bytes]."""
 RESET = "remove the cause, then reset the fault (hil drives reset-faults)"
-"""What is to be done about a fault."""
+"""Remedy for a fault."""
 
 
 class Supervision:
-    """Takes emergencies and judges statuswords.
+    """Supervision of emergencies and statuswords.
 
     Parameters
     ----------
     servers : sequence of RemoteDictionary
-        The drives in joint order.
+        Drives in joint order.
 
     Attributes
     ----------
     emergency : bool
-        An emergency has come of which it is not yet reported whether it was a warning.
+        True if an emergency has come and may turn out to be a warning.
     """
 
     def __init__(self, servers: Sequence[RemoteDictionary]) -> None:
@@ -54,24 +54,24 @@ class Supervision:
         self._told: set[tuple[int, int]] = set()
 
     def forget(self) -> None:
-        """Forget emergencies of the time before the drives were switched on."""
+        """Forget emergencies before power-on."""
         self.emergency = False
         self._emergencies.clear()
         self._fresh.clear()
         self._settling.clear()
 
-    def lost(self, statuswords: Sequence[int]) -> int | None:
-        """Return the first axis that is not in OPERATION ENABLED, None if all are."""
+    def find_lost(self, statuswords: Sequence[int]) -> int | None:
+        """Return the first axis not in OPERATION ENABLED, None if there is none."""
         for axis, word in enumerate(statuswords):
             if decode_state(word) is not State.OPERATION_ENABLED:
                 return axis
         return None
 
     def warnings(self) -> list[str]:
-        """Return the emergencies of drives that worked on, each once.
+        """Return the emergencies of drives that stayed enabled, each once.
 
-        To be called at every SYNC while `emergency`. A fault may show in the statusword one SYNC
-        after its emergency, so each waits for that long.
+        To be called at every SYNC while `emergency`. A fault may appear in the statusword one SYNC
+        after its emergency, so each emergency is held back for one SYNC.
         """
         settled, self._settling, self._fresh = self._settling, self._fresh, []
         self.emergency = bool(self._settling)
@@ -84,7 +84,7 @@ class Supervision:
         return found
 
     def diagnose(self, server: RemoteDictionary, statusword: int) -> DriveError:
-        """Put into words why a drive is not in OPERATION ENABLED."""
+        """Describe why a drive is not in OPERATION ENABLED."""
         state = decode_state(statusword)
         if state in FAULTS:
             reason = self.reason(server)
@@ -98,7 +98,7 @@ class Supervision:
         )
 
     def reason(self, server: RemoteDictionary) -> str:
-        """Return a fault's reason: the last emergency, else what 603F or 1003 says."""
+        """Return the reason of a fault: the last emergency, otherwise 603F or 1003."""
         emergency = self._emergencies.get(server.node)
         if emergency is not None:
             return str(emergency)
@@ -111,9 +111,9 @@ class Supervision:
         return "the drive does not say why" if code is None else error_text(code & 0xFFFF)
 
     def take_emergency(self, node: int, data: bytes) -> None:
-        """Take an emergency of a drive, or that its error is gone."""
+        """Record an emergency of a drive, or the end of its error."""
         if len(data) < CODE_SIZE:
-            return  # neither says that there is an error nor that it is gone
+            return  # neither an error nor the end of one
         emergency = decode_emergency(data)
         if emergency.code & 0xFF00:
             self._emergencies[node] = emergency
@@ -124,9 +124,9 @@ class Supervision:
 
 
 def safe_torque_off(server: RemoteDictionary) -> str | None:
-    """Return that safe torque off is active and what says so; None where nothing does.
+    """Return the evidence of active safe torque off in words; None if absent.
 
-    Never raises a `DriveError`: it is asked when something else has failed already.
+    Never raises a `DriveError`, since it is called after another failure.
     """
     try:
         inputs = server.find(objects.DIGITAL_INPUTS)
@@ -139,7 +139,7 @@ def safe_torque_off(server: RemoteDictionary) -> str | None:
 
 
 def interlock(inputs: int) -> str | None:
-    """Return what the digital inputs (60FD) say of an interlock; None where they say nothing."""
+    """Return the evidence of an interlock in the digital inputs (60FD); None if absent."""
     if not inputs & INTERLOCK:
         return None
     return f"safe torque off is active (60FD = {inputs:08X}h: bit 3, interlock)"

@@ -1,1 +1,1 @@
-"""All or nothing: what a drive must offer, is asked, and is configured to, before any moves."""
+"""Commissioning: requirements on drives, comparison with the drives file, and configuration."""

@@ -1,9 +1,9 @@
-"""What start-up will write to a drive, found out before anything is written.
+"""Announcement of the values that start-up will write to a drive, before anything is written.
 
-The very code that configures drives (`commissioning`) runs on a layer over the object dictionary:
-reading goes to the drive, what is written stays in the layer and is read from there. So the list of
-what will change cannot part from what is done, but where a drive itself refuses a value. Only such
-a refusal shows that process data must go another way, so what is done then is found out too.
+The code that configures drives (`commissioning`) runs on a layer over the object dictionary: reads
+go to the drive, written values stay in the layer and are read from there. So announcement and
+start-up differ only if a drive refuses a value. Such a refusal makes the process data use another
+mapping, so the consequence is announced too.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.cia402.vendor_objects import own_feed_forward
+from drivers.cia402.objects import own_feed_forward
 from drivers.commissioning.configure import check_identity, commission
 from drivers.commissioning.consistency import compare_statements
 from drivers.commissioning.effective_limits import effective_limits
-from drivers.commissioning.held_values import before
+from drivers.commissioning.held_values import read_before_write
 from drivers.drive_bus import DriveRefused
 from drivers.remote_dictionary import AccessRefused
 
@@ -41,14 +41,14 @@ _SHOWN_BY = {objects.MODE: objects.MODE_DISPLAY}
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One object that start-up overwrites with another value.
+    """Object that start-up overwrites with another value.
 
     Attributes
     ----------
     entry : Entry
-        Where it stands.
+        The object.
     present : int or None
-        Value on the drive; None where it cannot be read.
+        Value in the drive; None if it cannot be read.
     value : int
         Value to be written.
     """
@@ -57,25 +57,25 @@ class Change:
     present: int | None
     value: int
 
-    def only(self, condition: str) -> Change:
-        """Return the same with the condition under which it is made."""
+    def add_condition(self, condition: str) -> Change:
+        """Return the change with a condition in its name."""
         named = replace(self.entry, name=f"{self.entry.name}, {condition}")
         return replace(self, entry=named)
 
 
 @dataclass(frozen=True, slots=True)
 class Announcement:
-    """What start-up will do to one drive.
+    """Changes that start-up will make to a drive.
 
     Attributes
     ----------
     limits : EffectiveLimits
-        Which hold.
+        Limits in force.
     found : mapping of Entry to int
-        What the drive holds of all that will or may be written.
+        Present values of objects that will or may be written.
     changes : tuple of Change
-        In the order in which they are first written; then those of a drive that turns out to refuse
-        what its bus names as refusable.
+        Changes in the order of first writing; then those of a drive that refuses the object named
+        by its bus as refusable.
     """
 
     limits: EffectiveLimits
@@ -92,27 +92,27 @@ def announce(
     find: Callable[[Entry], int | None] | None = None,
     later: Sequence[Entry] = (),
 ) -> Announcement:
-    """Find out what start-up will write to a drive; nothing is written.
+    """Return what start-up will write to a drive; nothing is written.
 
     Parameters
     ----------
     server : RemoteDictionary
-        The drive's object dictionary.
+        Object dictionary of the drive.
     axis, drives : AxisDrive, DrivesFile
-        What the drives file states.
+        Axis and drives file.
     period : float
         Time between two SYNCs [s].
     communication : Communication
-        How it will communicate; left as it is.
+        Communication of the drive; not changed.
     find : callable, optional
-        What an object held before any of our writes; by default what it holds.
+        Returns the value of an object before any of our writes; by default the present value.
     later : sequence of Entry
-        What else will be written after start-up.
+        Further objects to be written after start-up.
 
     Raises
     ------
     DriveRefused, NodeSilent
-        Why the drive cannot serve.
+        The drive is unsuitable.
     """
     check_identity(server, axis)
     usual = _Rehearsal(server, _Layer)
@@ -122,40 +122,40 @@ def announce(
     commission(usual.shown, axis, drives, period, lambda holds, _: holds(), limits, communicating)
     own = own_feed_forward(axis) if communication.feed_forward else ()
     for entry in (*objects.INTERPOLATION, *communication.later, *later, *own):
-        usual.found.update(before(usual.shown, entry))
+        usual.found.update(read_before_write(usual.shown, entry))
     changes = list(usual.changes())
     refusable = communication.refusable(axis)
     if refusable is not None and refusable.place in usual.written:
         other = _Rehearsal(server, partial(usual.layer.refusing, refusable.place))
-        with suppress(DriveRefused):  # without it there is no other course
+        with suppress(DriveRefused):  # then there is no alternative
             copy(communication).set_up_process_data(other.shown, axis)
             more = other.changes(besides=usual.written)
-            changes += [each.only(refusable.condition) for each in more]
+            changes += [each.add_condition(refusable.condition) for each in more]
         usual.found.update({e: v for e, v in other.found.items() if e not in usual.found})
     return Announcement(limits, usual.found, tuple(changes))
 
 
 class _Rehearsal:
-    """What is written to a drive behind a layer, and what the drive holds of it."""
+    """Set-up of a drive behind a layer: written values, and values held by the drive."""
 
     def __init__(self, server: RemoteDictionary, layer: Callable[[Access], _Layer]) -> None:
         self.found: dict[Entry, int] = {}
         self._entries: dict[Address, Entry] = {}
 
-        def behind(access: Access) -> Access:
+        def put_layer(access: Access) -> Access:
             self.layer = layer(access)
             return self.layer
 
-        self.shown = server.seen_through(behind)
+        self.shown = server.copy_through(put_layer)
         self.shown.first_write = self._keep
 
     @property
     def written(self) -> Mapping[Address, bytes]:
-        """What the layer keeps to itself."""
+        """Values kept in the layer."""
         return self.layer.written
 
     def changes(self, besides: Mapping[Address, bytes] | None = None) -> Iterator[Change]:
-        """Yield what would be another value on the drive, but what is in `besides`."""
+        """Yield values that differ from the drive's, except those in `besides`."""
         held = {entry.key: value for entry, value in self.found.items()}
         for place, data in self.written.items():
             entry = self._entries[place]
@@ -164,7 +164,7 @@ class _Rehearsal:
                 yield Change(entry, held.get(place), value)
 
     def _keep(self, entry: Entry) -> None:
-        held = before(self.shown, entry)
+        held = read_before_write(self.shown, entry)
         for each in (*held, entry):
             self._entries.setdefault(each.key, each)
         self.found.update(held)
@@ -172,7 +172,7 @@ class _Rehearsal:
 
 
 class _Layer:
-    """An access that keeps to itself what is written, and asks the drive for each object once."""
+    """Access that keeps written values, and reads each object of the drive once."""
 
     def __init__(self, drive: Access) -> None:
         self.written: dict[Address, bytes] = {}
@@ -182,13 +182,13 @@ class _Layer:
         self._lacks: frozenset[Address] = frozenset()
 
     def refusing(self, place: Address, _: Access) -> _Layer:
-        """Return another one over the same drive, if that lacked an object."""
+        """Return another layer over the drive, as if the drive lacked an object."""
         other = _Layer(self._drive)
         other._answers, other._lacks = self._answers, frozenset({place})
         return other
 
     def read(self, index: int, subindex: int, size: int | None = None) -> bytes:
-        """Read an object: what was written to it, else what the drive holds."""
+        """Read an object: the written value, otherwise the drive's."""
         source = self._shown.get((index, subindex))
         place = source.key if source else (index, subindex)
         if place in self.written:
@@ -196,7 +196,7 @@ class _Layer:
         return self._ask(index, subindex, size)
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
-        """Keep a value; raise as the drive would where it lacks the object."""
+        """Keep a value; raise like the drive if it lacks the object."""
         if (index, subindex) in self._lacks:
             raise AccessRefused(_NO_ENTRY)
         try:
@@ -211,10 +211,10 @@ class _Layer:
         self.written[index, subindex] = data
 
     def go_operational(self) -> None:
-        """Do nothing, since nothing is sent."""
+        """Do nothing: nothing is sent."""
 
     def leave_operational(self) -> None:
-        """Do nothing."""
+        """Do nothing: nothing is sent."""
 
     def _ask(self, index: int, subindex: int, size: int | None) -> bytes:
         place = index, subindex

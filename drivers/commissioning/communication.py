@@ -1,4 +1,4 @@
-"""What commissioning asks of the bus that a drive is on: how the drive communicates."""
+"""Interface of commissioning to the bus: communication of a drive."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from drivers.commissioning.requirement import Requirement
+    from drivers.commissioning.requirements import Requirement
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
     from drivers.remote_dictionary import RemoteDictionary
 
 
 class Refusable(NamedTuple):
-    """An object that some drives refuse to have written, after which process data go otherwise.
+    """Object refused by some drives, with a different mapping as the consequence.
 
     Attributes
     ----------
     place : (int, int)
-        Its index and sub-index.
+        Index and sub-index.
     condition : str
-        In words, when what follows from that is written.
+        Condition of the alternative, in words.
     """
 
     place: tuple[int, int]
@@ -30,16 +30,16 @@ class Refusable(NamedTuple):
 
 
 class Communication(ABC):
-    """How one drive exchanges process data and is watched; what set-up finds is put in.
+    """Process data exchange and supervision of a drive; completed by set-up.
 
     Attributes
     ----------
     requirements : mapping of Entry to Requirement
-        What a run needs of its object dictionary on this bus.
+        Requirements on the object dictionary on this bus.
     feed_forward : bool
-        It is to take offsets of velocity and torque.
+        True if the drive takes offsets of velocity and torque.
     later : tuple of Entry
-        Objects that may be written after start-up, or where set-up takes another course.
+        Objects that may be written after start-up, or in an alternative set-up.
     """
 
     requirements: ClassVar[Mapping[Entry, Requirement]]
@@ -50,7 +50,7 @@ class Communication(ABC):
     def feed_forward(self) -> bool: ...  # noqa: D102 - an attribute
 
     def refusable(self, axis: AxisDrive) -> Refusable | None:
-        """Return the object that decides on another course, None where there is no other."""
+        """Return the object that decides on an alternative, None if there is none."""
         del axis
         return None
 
@@ -58,14 +58,14 @@ class Communication(ABC):
     def set_up(
         self, server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile, period: float
     ) -> None:
-        """Configure it, while the drive is off.
+        """Configure the communication, while the drive is off.
 
         Raises
         ------
         DriveRefused, NodeSilent
-            Why the drive cannot take part.
+            The drive cannot take part.
         """
 
     @abstractmethod
     def set_up_process_data(self, server: RemoteDictionary, axis: AxisDrive) -> None:
-        """Configure its process data alone."""
+        """Configure the process data only."""

@@ -1,31 +1,34 @@
-"""Making sure that a drive is the right one and can serve, and configuring it.
+"""Check and configuration of a drive before power-on.
 
-Everything here happens by SDO while the drive is off and pre-operational, and everything that is
-written is read back. A drive that lacks what safety or measurement need is refused with the reason;
-what it can be used without is noted. `commission` is called for every drive before any is switched
-on.
+Access is by SDO while the drive is off and pre-operational, and every written value is read back. A
+drive without an object needed for safety or measurement is refused with the reason; other
+deficiencies are noted. `commission` is called for every drive before any is switched on.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.states import MODE_TIME, Mode
-from drivers.commissioning.consistency import compare_statements
-from drivers.commissioning.readback import readback
+from drivers.commissioning.consistency import compare_statements, comparisons
+from drivers.commissioning.measures import measures
 from drivers.commissioning.requirements import DRIVE_PROFILE, OF_PROFILES
 from drivers.commissioning.values_set_up import write_values
-from drivers.drive_bus import DriveRefused
+from drivers.commissioning.verdict import Grade
+from drivers.drive_bus import DriveError, DriveRefused
 from drivers.remote_dictionary import Aborted
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable, Mapping
 
     from drivers.commissioning.communication import Communication
     from drivers.commissioning.effective_limits import EffectiveLimits
+    from drivers.commissioning.requirements import Requirement
     from drivers.drives_file import AxisDrive, DrivesFile
-    from drivers.remote_dictionary import RemoteDictionary
+    from drivers.fieldbus import Entry
+    from drivers.remote_dictionary import Judge, RemoteDictionary
 
 
 def commission(
@@ -42,34 +45,40 @@ def commission(
     Parameters
     ----------
     server : RemoteDictionary
-        Its object dictionary.
+        Object dictionary of the drive.
     axis, drives : AxisDrive, DrivesFile
-        What the drives file states.
+        Axis and drives file.
     period : float
         Time between two SYNCs [s].
     wait : callable
-        ``wait(condition, timeout)`` lets time pass; returns whether the condition came to hold.
+        ``wait(condition, timeout)`` lets time pass; returns True once the condition holds.
     limits : EffectiveLimits
-        Which hold on this axis.
+        Limits in force.
     communication : Communication
-        How it communicates; what is found is put in.
+        Communication of the drive; completed.
 
     Returns
     -------
     str, Mode
-        The drive's identity, and in which mode it moves: profile position, or cyclic position, in
-        which the driver plans.
+        Identity of the drive, and its mode: profile position, or cyclic position with motions
+        planned by the driver.
 
     Raises
     ------
     DriveRefused, NodeSilent
-        Why the drive cannot serve.
+        The drive is unsuitable.
     """
-    server.judge = readback(axis, drives, communication.requirements)
+    server.judge = make_judge(axis, drives, communication.requirements)
     identity = check_identity(server, axis)
     mode = _take_mode(server, wait, wraps=limits.wrap is not None)
     compare_statements(server, axis)
-    _require_current(server, axis)
+    try:
+        server.measure(axis.current.entry)
+    except Aborted as error:
+        raise DriveRefused(
+            f"{error}; torques cannot be measured without it: name the object that shows the "
+            "drive's current or torque as current in the drives file"
+        ) from error
     planned = mode is Mode.CYCLIC_POSITION
     write_values(server, axis, drives, limits, without=OF_PROFILES if planned else frozenset())
     communication.set_up(server, axis, drives, period)
@@ -77,7 +86,7 @@ def commission(
 
 
 def check_identity(server: RemoteDictionary, axis: AxisDrive) -> str:
-    """Return the drive's identity (1018); refuse a drive that is another than the file states."""
+    """Return the identity of a drive (1018); refuse a drive other than stated in the file."""
     profile = server.get(objects.DEVICE_TYPE) & 0xFFFF
     if profile != DRIVE_PROFILE:
         raise DriveRefused(
@@ -103,14 +112,14 @@ def check_identity(server: RemoteDictionary, axis: AxisDrive) -> str:
 def _take_mode(
     server: RemoteDictionary, wait: Callable[[Callable[[], bool], float], bool], *, wraps: bool
 ) -> Mode:
-    """Choose profile position, or cyclic position, in which the driver plans the ways."""
+    """Select profile position, or cyclic position with motions planned by the driver."""
     supported = server.find(objects.SUPPORTED_MODES)
     modes = [
         (Mode.PROFILE_POSITION, "profile position mode"),
         (Mode.CYCLIC_POSITION, "cyclic synchronous position mode"),
     ]
     has = [each for each in modes if supported is None or supported & each[0].supported_bit]
-    if wraps:  # a target of profile position may be reached by either way round
+    if wraps:  # in profile position a drive may reach its target in either direction
         has = [each for each in has if each[0] is Mode.CYCLIC_POSITION]
         if not has:
             raise DriveRefused(
@@ -137,11 +146,77 @@ def _take_mode(
     return mode
 
 
-def _require_current(server: RemoteDictionary, axis: AxisDrive) -> None:
+def make_judge(
+    axis: AxisDrive, drives: DrivesFile, requirements: Mapping[Entry, Requirement]
+) -> Judge:
+    """Return a judge of values kept by the drive of an axis, by the table of requirements.
+
+    An object outside the table must read back exactly.
+
+    Parameters
+    ----------
+    axis, drives : AxisDrive, DrivesFile
+        Axis and drives file.
+    requirements : mapping of Entry to Requirement
+        Requirements of the bus.
+    """
+    counted = measures(axis)
+
+    def judge(entry: Entry, written: int, kept: int) -> tuple[bool, str]:
+        # the row of an array's first entry applies to the array
+        need = requirements.get(entry) or requirements.get(replace(entry, subindex=1))
+        if need is None:
+            return False, ""
+        accepted = need.kept.accepts(written, kept, drives)
+        if need.quantity is None:
+            return accepted, ""
+        measure = counted[need.quantity]
+        held, wanted = (f"{measure.value(count):.5g} {measure.unit}" for count in (kept, written))
+        return accepted, f" ({held} instead of {wanted})"
+
+    return judge
+
+
+def find_swap(
+    server: RemoteDictionary, axis: AxisDrive, pairs: Iterable[tuple[RemoteDictionary, AxisDrive]]
+) -> str | None:
+    """Return the entries that fit a drive in conflict with its own, with a remedy; None if none.
+
+    With swapped node numbers each drive contradicts its entry, and a correction of ratings would
+    be wrong. Hence identity (1018), motor, encoder and gear are compared with other entries whose
+    own drives do not fit either.
+
+    Parameters
+    ----------
+    server : RemoteDictionary
+        The drive; only read.
+    axis : AxisDrive
+        Entry contradicted by the drive.
+    pairs : iterable of (RemoteDictionary, AxisDrive)
+        Drives with their entries.
+    """
+    fitting = [
+        (there, other)
+        for there, other in pairs
+        if other.node != axis.node and fits(server, other) and not fits(there, other)
+    ]
+    if not fitting:
+        return None
+    names = " or ".join(f"{other.name} (node {other.node})" for _, other in fitting)
+    hint = f"by identity and ratings this is the drive of {names}"
+    swapped = [other.node for there, other in fitting if fits(there, axis)]
+    if len(swapped) == 1:
+        nodes = " and ".join(map(str, sorted((server.node, *swapped))))
+        return f"{hint}: nodes {nodes} are swapped, exchange them in the drives file"
+    return f"{hint}: correct the node numbers in the drives file"
+
+
+def fits(server: RemoteDictionary, axis: AxisDrive) -> bool:
+    """Return True if a drive confirms at least one statement of an entry and contradicts none."""
+    looked_at = server.copy_through(lambda client: client)
     try:
-        server.measure(axis.current.entry)
-    except Aborted as error:
-        raise DriveRefused(
-            f"{error}; torques cannot be measured without it: name the object that shows the "
-            "drive's current or torque as current in the drives file"
-        ) from error
+        check_identity(looked_at, axis)
+        found = {comparison.grade for comparison in comparisons(looked_at, axis)}
+    except DriveError:
+        return False
+    return Grade.OK in found and Grade.REFUSED not in found

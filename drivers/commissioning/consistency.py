@@ -1,8 +1,8 @@
-"""What the drives file states, compared with what the drive itself says, where it says anything.
+"""Comparison of the drives file with the statements of the drive itself.
 
 Ratings, encoder, gear and units scale every torque and every set-point. A drive that contradicts
-the file is refused; where it is silent or contradicts itself, the file is trusted and that is
-noted. Commissioning and `hil drives check` make the same comparisons.
+the file is refused; if it is silent or contradicts itself, the file is trusted, with a note.
+Commissioning and `hil drives check` make the same comparisons.
 """
 
 from __future__ import annotations
@@ -13,11 +13,16 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.cia402 import objects
-from drivers.commissioning.position_units import PositionFactors, position_readings, same, shown
+from drivers.commissioning.position_units import (
+    PositionFactors,
+    format_counts,
+    position_readings,
+    same,
+)
 from drivers.commissioning.ratings import compare_ratings
 from drivers.commissioning.requirements import REQUIREMENTS
 from drivers.commissioning.unit_codes import acceleration_of, velocity_of
-from drivers.commissioning.verdict import Grade, compared, unsettled
+from drivers.commissioning.verdict import Grade, compare_values, unsettled
 from drivers.drive_bus import DriveRefused
 from drivers.rate_units import Per, acceleration_unit, motor_turns, velocity_unit
 
@@ -33,21 +38,21 @@ if TYPE_CHECKING:
 POSITION = "position unit (6064)"
 GEAR = "gear (6091)"
 SAME_GEAR = 1e-3
-"""Ratios may differ by this share, which is what rounding in a drive comes to."""
+"""Largest relative difference of equal gear ratios: rounding in a drive."""
 _COUNTS = "increments_per_revolution"
 _SAME = Fraction(1, 10**6)
-"""Units that differ by less than this share are one."""
+"""Largest relative difference of equal units."""
 _SPINDLE = Fraction(1, 1000)
-"""So too where the gear ratio of a prismatic axis [rad/m] turns lengths into revolutions."""
+"""Largest relative difference if a gear ratio [rad/m] converts lengths to revolutions."""
 
 
 def compare_statements(server: RemoteDictionary, axis: AxisDrive) -> None:
-    """Refuse a drive that contradicts the drives file, and note what stays on trust.
+    """Refuse a drive that contradicts the drives file, and note statements taken on trust.
 
     Raises
     ------
     DriveRefused
-        The drive says something else than the drives file.
+        The drive contradicts the drives file.
     """
     for comparison in comparisons(server, axis):
         if comparison.grade is Grade.REFUSED:
@@ -57,7 +62,7 @@ def compare_statements(server: RemoteDictionary, axis: AxisDrive) -> None:
             )
         if comparison.grade is Grade.WARNING:
             server.note(f"{comparison.found}: {comparison.remedy}", lack=True)
-    if offset := _said(server, objects.HOME_OFFSET):
+    if offset := _read(server, objects.HOME_OFFSET):
         server.note(
             f"{objects.HOME_OFFSET} is {offset}: positions are shifted by it from"
             " the next homing or power-up on; zero in the drives file must allow for it"
@@ -70,22 +75,22 @@ def comparisons(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Compariso
     Raises
     ------
     DriveRefused, NodeSilent
-        An object that cannot be read.
+        An object cannot be read.
     """
     yield from compare_ratings(server.find, axis)
-    factors = PositionFactors.read(partial(_said, server))
+    factors = PositionFactors.read(partial(_read, server))
     yield compare_positions(factors, axis)
     yield from another_gear(factors, axis)
     gear = factors.gear or Fraction(1)
     units = factors.unit, factors.stated.resolution
     stated = _Rate("velocity_unit", axis.velocity_unit, velocity_unit)
-    if word := _said(server, objects.VELOCITY_UNIT):
+    if word := _read(server, objects.VELOCITY_UNIT):
         said = velocity_of(word, *units)
         yield _compare_rate(objects.VELOCITY_UNIT, word, said, stated, gear, axis)
     else:
         yield from _factor(server, objects.VELOCITY_FACTOR, objects.VELOCITY_DIVISOR, stated)
     stated = _Rate("acceleration_unit", axis.acceleration_unit, acceleration_unit)
-    if word := _said(server, objects.ACCELERATION_UNIT):
+    if word := _read(server, objects.ACCELERATION_UNIT):
         said = acceleration_of(word, *units)
         yield _compare_rate(objects.ACCELERATION_UNIT, word, said, stated, gear, axis)
     else:
@@ -93,8 +98,8 @@ def comparisons(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Compariso
         yield from _factor(server, factor, divisor, stated)
 
 
-def _said(server: RemoteDictionary, entry: Entry) -> int | None:
-    """Read an object that is only compared; one of another type than the standard's is noted."""
+def _read(server: RemoteDictionary, entry: Entry) -> int | None:
+    """Read an object for comparison only; note an object of a non-standard type."""
     try:
         return server.find(entry)
     except DriveRefused:
@@ -103,7 +108,7 @@ def _said(server: RemoteDictionary, entry: Entry) -> int | None:
 
 
 def compare_positions(factors: PositionFactors, axis: AxisDrive) -> Comparison:
-    """Compare the counts of a motor revolution with what the drive's own objects lead to."""
+    """Compare the counts of a motor revolution with the objects of the drive."""
     stated, readings = axis.increments_per_revolution, position_readings(factors)
     if not readings:
         silent = "no encoder resolution (608F) nor feed (6092)"
@@ -116,31 +121,31 @@ def compare_positions(factors: PositionFactors, axis: AxisDrive) -> Comparison:
     found = " or ".join(map(str, readings)) + factors.caveat
     agrees = any(same(reading.per_revolution, stated) for reading in readings)
     if agrees and (len(readings) > 1 or factors.assumed):
-        remedy = f"the drive leaves it open, {_COUNTS}: {shown(stated)} is taken on trust"
-        return unsettled(POSITION, found, _COUNTS, shown(stated), remedy)
-    return compared(
+        remedy = f"the drive leaves it open, {_COUNTS}: {format_counts(stated)} is taken on trust"
+        return unsettled(POSITION, found, _COUNTS, format_counts(stated), remedy)
+    return compare_values(
         agrees,
         POSITION,
         found,
         _COUNTS,
-        shown(stated),
+        format_counts(stated),
         f"correct {_COUNTS} or the drive's parameters: every angle scales with it",
     )
 
 
 def gear_is_electronic(factors: PositionFactors) -> bool:
-    """Whether a gear (6091) may be one of the drive's own: no feed or unit refers to it."""
+    """Return True if a gear (6091) may be electronic: no feed or unit refers to the gear."""
     return (factors.feed in {None, 1} and not factors.unit) or "gear" in factors.assumed
 
 
 def another_gear(factors: PositionFactors, axis: AxisDrive) -> Iterator[Comparison]:
-    """Find a gear that the drive states and the file states otherwise."""
+    """Yield a comparison for a gear whose ratio differs from the file's."""
     gear, stated = factors.gear, axis.gear_ratio
     if gear in {None, 1} or gear_is_electronic(factors):
         return
-    assert gear is not None  # noqa: S101 - as was asked
+    assert gear is not None  # noqa: S101 - was tested
     if not math.isclose(float(gear), stated, rel_tol=SAME_GEAR):
-        yield compared(
+        yield compare_values(
             False,
             GEAR,
             f"{float(gear):g}",
@@ -151,7 +156,7 @@ def another_gear(factors: PositionFactors, axis: AxisDrive) -> Iterator[Comparis
 
 
 class _Rate(NamedTuple):
-    """A unit of velocities or accelerations in the drives file, and how its text is understood."""
+    """Unit of velocity or acceleration in the drives file, with its parser."""
 
     key: str
     text: str
@@ -161,12 +166,15 @@ class _Rate(NamedTuple):
 def _compare_rate(
     entry: Entry, word: int, said: str | None, stated: _Rate, gear: Fraction, axis: AxisDrive
 ) -> Comparison:
-    """Compare with what 60A9 or 60AA codes; behind a gear it may be that of the gear's output."""
+    """Compare a unit with 60A9 or 60AA; with a gear, the unit may be that of its output."""
     check, (key, text, unit) = f"{entry.name} ({entry.index:04X})", stated
     if said is None:
         unknown = f"{entry} is {word:08X}h, an unknown unit"
         return unsettled(check, unknown, key, text, f"{key}: {text} is taken on trust")
-    wanted, found = (_turns(unit(name), axis) for name in (text, said))
+    wanted, found = (
+        motor_turns(unit(name), axis.increments_per_revolution, axis.gear_ratio)
+        for name in (text, said)
+    )
     lengths = {unit(text).of, unit(said).of} & {Per.METRE}
     slack = wanted * (_SPINDLE if lengths else _SAME)
     turning = unit(said).of in {Per.TURN, Per.RADIAN} and gear != 1
@@ -174,7 +182,7 @@ def _compare_rate(
         either = f"{entry} says {said} and the gear (6091) is {gear}"
         remedy = f"{key}: {text} is taken on trust, that of the motor or of the gear's output"
         return unsettled(check, either, key, text, remedy)
-    return compared(
+    return compare_values(
         abs(found - wanted) <= slack,
         check,
         f"{said} ({word:08X}h)",
@@ -187,13 +195,9 @@ def _compare_rate(
 def _factor(
     server: RemoteDictionary, over: Entry, under: Entry, stated: _Rate
 ) -> Iterator[Comparison]:
-    """Leave a factor of the profile's older edition to the file: makers scale by it differently."""
-    numerator, divisor = _said(server, over), _said(server, under)
+    """Leave a factor of the profile's older edition to the file: makers differ in its use."""
+    numerator, divisor = _read(server, over), _read(server, under)
     if numerator and divisor and numerator != divisor:
         found = f"{over.name} ({over.index:04X}) is {numerator}/{divisor}"
         remedy = f"{stated.key}: {stated.text} is taken on trust"
         yield unsettled(f"{over.name} ({over.index:04X})", found, stated.key, stated.text, remedy)
-
-
-def _turns(unit: RateUnit, axis: AxisDrive) -> Fraction:
-    return motor_turns(unit, axis.increments_per_revolution, axis.gear_ratio)

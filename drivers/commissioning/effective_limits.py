@@ -1,11 +1,20 @@
-"""Which limits hold on an axis: of the drive's own and the drives file's, the tighter ones.
+"""Limits in force on an axis: the tighter ones of drive and drives file.
 
-Whoever set up a drive with narrower limits had a reason, so none is ever widened: software limits
-(607D), speeds (607F, 6080), accelerations (60C5, 60C6, 6085) and torque (6072, 6073). Of each, what
-must stand in the drive is computed in the drive's own unit, so that a limit of its own is left as
-it is to the last count; what follows for the axis is computed in SI on the joint side, and that is
-what set-points are checked against. A limit of 0 or of all ones is not set; position limits are off
-unless the lower one is below the upper one.
+A drive's narrower limits have a reason, so none is ever widened: software limits (607D), speeds
+(607F, 6080), accelerations (60C5, 60C6, 6085) and torque (6072, 6073). The value for the drive is
+computed in the drive's own unit, so that its own limit stays exactly; the resulting limit of the
+axis is computed in SI on the joint side, and set-points are checked against it. A limit of 0 or of
+all ones is not set; position limits are off unless the lower one is below the upper one.
+
+Positions may wrap around at the ends of a range (607B), as in drives of rotary axes. If the range
+is wider than the travel of the axis, a position belongs to one place, wherever the drive wraps
+around, and no missed telegram can make it wrong. On both sides of the axis's limits there must be
+room for an axis that leaves them, until that is detected.
+
+A target of profile position is in the same turn, or in the shortest direction, by option and maker;
+the checked path may be neither. Hence the driver leads the axis by cyclic position, with the
+nearest place as target, if positions wrap around within the limits. The limits of such a range
+cannot be expressed in 607D: the driver alone keeps the range.
 """
 
 from __future__ import annotations
@@ -13,48 +22,104 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from drivers.axis import AxisScale
+from drivers.axis import AxisScale, Wrap
 from drivers.cia402 import objects
 from drivers.commissioning.measures import FIELDS, measures
-from drivers.commissioning.position_range import ENDS, range_of, wrap_of
 from drivers.commissioning.requirements import OWN_LIMITS, is_set
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import AxisLimits
+from drivers.safety.trips import fastest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from drivers.axis import Wrap
     from drivers.commissioning.measures import Measure
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry
 
+ENDS = (objects.POSITION_RANGE_MIN, objects.POSITION_RANGE_MAX)
+UNSEEN = 0.1
+"""Longest time of an axis beyond its limits until the driver stops it [s]: ten SYNCs without a
+telegram at 100 Hz."""
+_ALL_COUNTS = 1 << 32
+"""Number of positions of a 32-bit counter, which wraps around naturally."""
+
+
+def range_of(find: Callable[[Entry], int | None]) -> tuple[int, int] | None:
+    """Return the range of wrap-around positions; None without wrap-around."""
+    try:
+        low, high = map(find, ENDS)
+    except DriveRefused:  # of a non-standard type, and not compared
+        return None
+    if low is None or high is None or not 0 < high - low < _ALL_COUNTS - 1:
+        return None
+    return low, high
+
+
+def wrap_of(ends: tuple[int, int] | None, axis: AxisDrive, label: str) -> Wrap | None:
+    """Return the wrap-around within an axis's limits; None if absent.
+
+    Parameters
+    ----------
+    ends : tuple of int or None
+        Range of the drive (`range_of`).
+    axis : AxisDrive
+        Axis of the drives file.
+    label : str
+        Name of the drive in messages.
+
+    Raises
+    ------
+    DriveRefused
+        The range is too narrow for the axis.
+    """
+    if ends is None:
+        return None
+    low, high = ends
+    scale, limits, slack = AxisScale.derive(axis), axis.limits, axis.position_window
+    sides = (limits.q_min - slack, limits.q_max + slack)
+    first, last = sorted(scale.position_to_counts(side) for side in sides)
+    if low <= first <= last <= high:
+        return None
+    room = axis.following_error_window + UNSEEN * fastest(axis)
+    size, needed = high - low + 1, last - first + 2 * round(room / abs(scale.position))
+    if size < needed:
+        raise DriveRefused(
+            f"{label}: positions wrap around in [{low}, {high}] (607B), the limits of the drives"
+            f" file are [{first}, {last}]: with {room:.3g} {axis.unit} on both sides, that an axis"
+            f" may go until it is seen outside, they take {needed} of {size} positions, so the axis"
+            " could stand in two places; have the drive count from another zero (homing), narrow"
+            " the limits, or widen 607B with the maker's commissioning tool"
+        )
+    return Wrap(low, size, (first + last) // 2 - size // 2)
+
+
 SLOWEST_STOP = 0.25
-"""Share of an axis's acceleration limit: a slower ramp of its own (6085) is not waited for."""
+"""Slowest awaited quick stop ramp (6085), as a share of the axis's acceleration limit."""
 
 SLACK = 1e-3
-"""Share by which a drive's limit may be tighter without a note: rounding."""
+"""Relative difference of a tighter limit that is not noted: rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class EffectiveLimits:
-    """What holds on one axis.
+    """Limits in force on an axis.
 
     Attributes
     ----------
     limits : AxisLimits
-        Joint side, SI.
+        Limits on the joint side, SI.
     stop_deceleration : float or None
-        Deceleration of a quick stop, as it stands in the drive once it is configured
-        [rad/s^2 or m/s^2]; None where the drive has no 6085 and its ramp is the maker's.
+        Quick stop deceleration of the configured drive [rad/s^2 or m/s^2]; None if the drive has no
+        6085 and its ramp is unknown.
     values : mapping of Entry to int
-        What must stand in the drive, of the objects that limit it [the drive's unit].
+        Values for the limiting objects of the drive [drive's unit].
     own : mapping of str to str
-        Field of `limits` to the object of the drive that holds there, where the drive's is tighter.
+        Field of `limits` to the object of the drive, where the drive's limit is tighter.
     notes : tuple of str
-        The same for the operator, with both numbers, and without the drive's name.
+        Tighter limits for the operator, with both numbers, without the drive's name.
     wrap : Wrap or None
-        How the drive's positions wrap around within the limits.
+        Wrap-around of the drive's positions within the limits.
     """
 
     limits: AxisLimits
@@ -64,13 +129,13 @@ class EffectiveLimits:
     notes: tuple[str, ...] = ()
     wrap: Wrap | None = None
 
-    def of(self, axis: AxisDrive) -> AxisDrive:
-        """Return the axis with the limits that hold in place of the drives file's."""
+    def apply_to(self, axis: AxisDrive) -> AxisDrive:
+        """Return the axis with the limits in force."""
         return axis.model_copy(update={"limits": self.limits})
 
 
 class Bound(NamedTuple):
-    """A limit of the drives file and an object of the drive that limits the same.
+    """Limit of the drives file, and the corresponding object of the drive.
 
     Attributes
     ----------
@@ -79,9 +144,9 @@ class Bound(NamedTuple):
     key : str
         Field of `AxisLimits`.
     stated : float
-        Its value in the drives file [SI, joint side].
+        Value in the drives file [SI, joint side].
     measure : Measure
-        How the object counts it.
+        Unit of the object.
     """
 
     entry: Entry
@@ -91,7 +156,7 @@ class Bound(NamedTuple):
 
 
 def bounds(axis: AxisDrive) -> Iterator[Bound]:
-    """Yield what limits an axis beside its range."""
+    """Yield the limits of an axis, without the range."""
     counted = measures(axis)
     for row in OWN_LIMITS:
         assert row.quantity is not None  # noqa: S101 - a row of a limit has one
@@ -102,22 +167,22 @@ def bounds(axis: AxisDrive) -> Iterator[Bound]:
 def effective_limits(
     find: Callable[[Entry], int | None], axis: AxisDrive, label: str
 ) -> EffectiveLimits:
-    """Compare a drive's own limits with those of the drives file.
+    """Compute the limits in force from those of the drive and of the drives file.
 
     Parameters
     ----------
     find : callable
-        What an object held before we wrote to it, None where it is missing.
+        Returns the value of an object before our writes, None if missing.
     axis : AxisDrive
-        What the drives file states.
+        Axis of the drives file.
     label : str
-        How messages name the drive.
+        Name of the drive in messages.
 
     Raises
     ------
     DriveRefused
-        The two ranges of positions have nothing in common, or positions wrap around in a range
-        that is too narrow; an object that cannot be read.
+        The two ranges of positions are disjoint, or positions wrap around in a range that is too
+        narrow; an object cannot be read.
     NodeSilent
         No answer.
     """
@@ -134,27 +199,47 @@ def effective_limits(
         values |= _unlimited(find, wrap, label)
     if ends is not None:
         values |= dict(zip(ENDS, ends, strict=True))
-        notes.append(_turns(ends, wrap))
+        wraps = f"positions wrap around in [{ends[0]}, {ends[1]}] (607B)"
+        notes.append(
+            f"{wraps}, outside the limits of the drives file"
+            if wrap is None
+            else f"{wraps}, within the limits of the drives file: each of them is one place of the"
+            " axis; the driver plans its ways and alone keeps its range"
+        )
     holds = {"velocity": stated.velocity, "torque": stated.torque}
     holds |= {"acceleration": stated.acceleration, _STOP: stated.acceleration}
     for bound in bounds(axis):
-        present, ours = find(bound.entry), bound.measure.counts(bound.stated)
+        entry, unit = bound.entry, bound.measure.unit
+        present, ours = find(entry), bound.measure.counts(bound.stated)
         if present is not None and not ours:
-            raise DriveRefused(_too_small(label, bound))
-        values[bound.entry] = ours
-        if present is None or not is_set(present, bound.entry) or present >= ours:
+            raise DriveRefused(
+                f"{label}: limits.{bound.key} {bound.stated:.4g} {unit} is less than one count of"
+                f" {entry}, {bound.measure.per_count:.4g} {unit}, and 0 would mean no limit; raise"
+                " it, or set a finer unit in the drive"
+            )
+        values[entry] = ours
+        if present is None or not is_set(present, entry) or present >= ours:
             continue
-        values[bound.entry] = present
+        values[entry] = present
         value = bound.measure.value(present)
-        for key in _KEYS.get(bound.entry, (bound.key,)):
+        for key in _KEYS.get(entry, (bound.key,)):
             if value < holds[key]:
-                holds[key] = value
-                own[key] = _code(bound.entry)
+                holds[key], own[key] = value, f"{entry.index:04X}"
         if value < bound.stated * (1 - SLACK):
-            notes.append(_note(bound, value))
+            notes.append(
+                f"the drive's own {entry.name} ({entry.index:04X}) is {value:.4g} {unit}, tighter"
+                f" than the drives file's limits.{bound.key} {bound.stated:.4g} {unit}; the drive's"
+                " holds"
+            )
     stop = holds.pop(_STOP) if find(_QUICK_STOP) is not None else None
     if stop is not None and stop < SLOWEST_STOP * stated.acceleration:
-        notes.append(_slow_stop(stop, axis))
+        notes.append(
+            f"its quick stop slows down by {stop:.4g} {axis.unit}/s^2 (6085, 60C6), which takes"
+            f" {stated.velocity / stop:.3g} s from full speed; a ramp below {SLOWEST_STOP:.0%} of"
+            f" limits.acceleration {stated.acceleration:.4g} {axis.unit}/s^2 is not waited for, its"
+            " voltage is disabled sooner: raise 6085 with the maker's commissioning tool, or state"
+            " this ramp as quick_stop_deceleration"
+        )
     limits = AxisLimits.model_validate({**range_, **{key: holds[key] for key in _FIELDS}})
     own.pop(_STOP, None)
     return EffectiveLimits(limits, stop, values, own, tuple(notes), wrap)
@@ -165,7 +250,7 @@ _RANGE = (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
 _STOP = "stop_deceleration"
 _QUICK_STOP = objects.QUICK_STOP_DECELERATION
 _KEYS = {objects.MAX_DECELERATION: ("acceleration", _STOP), _QUICK_STOP: (_STOP,)}
-"""What a deceleration limits, beside the field that it is compared with."""
+"""Fields limited by a deceleration."""
 
 
 def _range(
@@ -176,21 +261,22 @@ def _range(
     own: dict[str, str],
     notes: list[str],
 ) -> dict[str, float]:
-    scale, limits = AxisScale.of(axis), axis.limits
-    entries = _RANGE
+    """Return the range in force, and complete values, fields of the drive and notes."""
+    scale, limits, unit = AxisScale.derive(axis), axis.limits, axis.unit
     ours = sorted(scale.position_to_counts(q) for q in (limits.q_min, limits.q_max))
     low, high = ours
-    present = [find(entry) for entry in entries]
+    present = [find(entry) for entry in _RANGE]
     if present[0] is not None and present[1] is not None and present[0] < present[1]:
         low, high = max(low, present[0]), min(high, present[1])
-    q_present, unit = _joint(scale, present), axis.unit
+    seen = sorted(scale.position_from_counts(float(end)) for end in present if end is not None)
+    q_present = f"[{', '.join(f'{q:.5g}' for q in seen)}]"
     if low >= high:
         raise DriveRefused(
             f"{label}: the drive's own software limits (607D) {q_present} and the drives file's"
             f" [{limits.q_min:.5g}, {limits.q_max:.5g}] {unit} have nothing in common; correct"
             " zero, sign and gear in the drives file, or the limits in the drive"
         )
-    values |= dict(zip(entries, (low, high), strict=True))
+    values |= dict(zip(_RANGE, (low, high), strict=True))
     keys = ("q_min", "q_max") if scale.position > 0 else ("q_max", "q_min")
     holds = {"q_min": limits.q_min, "q_max": limits.q_max}
     tighter = [key for key, end, we in zip(keys, (low, high), ours, strict=True) if end != we]
@@ -209,62 +295,15 @@ def _range(
 
 
 def _unlimited(find: Callable[[Entry], int | None], wrap: Wrap, label: str) -> dict[Entry, int]:
-    """Return software limits that leave the drive all its positions, as it has them if it does."""
-    ends = (wrap.low, wrap.low + wrap.size - 1)
+    """Return software limits that permit every position, if possible those of the drive."""
+    first, last = wrap.low, wrap.low + wrap.size - 1
     low, high = (find(entry) for entry in _RANGE)
     if low is None or high is None:
-        low, high = ends
-    elif low < high and not (low <= ends[0] and ends[1] <= high):
+        low, high = first, last
+    elif low < high and not low <= first < last <= high:
         raise DriveRefused(
             f"{label}: software limits (607D) [{low}, {high}] cut positions that wrap around in"
-            f" [{ends[0]}, {ends[1]}] (607B) within the limits of the drives file; switch them off"
+            f" [{first}, {last}] (607B) within the limits of the drives file; switch them off"
             " with the maker's commissioning tool, or have the drive count from another zero"
         )
     return dict(zip(_RANGE, (low, high), strict=True))
-
-
-def _turns(ends: tuple[int, int], wrap: Wrap | None) -> str:
-    wraps = f"positions wrap around in [{ends[0]}, {ends[1]}] (607B)"
-    if wrap is None:
-        return f"{wraps}, outside the limits of the drives file"
-    return (
-        f"{wraps}, within the limits of the drives file: each of them is one place of the axis; the"
-        " driver plans its ways and alone keeps its range"
-    )
-
-
-def _joint(scale: AxisScale, counts: list[int | None]) -> str:
-    ends = [scale.position_from_counts(float(end)) for end in counts if end is not None]
-    return f"[{', '.join(f'{q:.5g}' for q in sorted(ends))}]"
-
-
-def _code(entry: Entry) -> str:
-    return f"{entry.index:04X}"
-
-
-def _too_small(label: str, bound: Bound) -> str:
-    unit = bound.measure.unit
-    return (
-        f"{label}: limits.{bound.key} {bound.stated:.4g} {unit} is less than one count of"
-        f" {bound.entry}, {bound.measure.per_count:.4g} {unit}, and 0 would mean no limit; raise"
-        " it, or set a finer unit in the drive"
-    )
-
-
-def _slow_stop(stop: float, axis: AxisDrive) -> str:
-    unit, limits = axis.unit, axis.limits
-    return (
-        f"its quick stop slows down by {stop:.4g} {unit}/s^2 (6085, 60C6), which takes"
-        f" {limits.velocity / stop:.3g} s from full speed; a ramp below {SLOWEST_STOP:.0%} of"
-        f" limits.acceleration {limits.acceleration:.4g} {unit}/s^2 is not waited for, its voltage"
-        " is disabled sooner: raise 6085 with the maker's commissioning tool, or state this ramp as"
-        " quick_stop_deceleration"
-    )
-
-
-def _note(bound: Bound, value: float) -> str:
-    unit = bound.measure.unit
-    return (
-        f"the drive's own {bound.entry.name} ({_code(bound.entry)}) is {value:.4g} {unit}, tighter"
-        f" than the drives file's limits.{bound.key} {bound.stated:.4g} {unit}; the drive's holds"
-    )

@@ -1,4 +1,4 @@
-"""What a drive holds before it is written to: what of it is kept, and how it is read."""
+"""Values held by a drive before writing: selection and reading."""
 
 from __future__ import annotations
 
@@ -13,45 +13,46 @@ if TYPE_CHECKING:
     from drivers.remote_dictionary import RemoteDictionary
 
 COMMANDS = frozenset({0x6040, 0x6042, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FF})
-"""Controlword and targets: they command, and are neither kept nor put back."""
+"""Controlword and targets: commands, which are neither kept nor restored."""
 MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
-"""Of RPDOs and of TPDOs (CiA 301); EtherCAT has them at the same places."""
+"""Mappings of RPDOs and of TPDOs (CiA 301), also on EtherCAT."""
 ASSIGNMENTS = range(0x1C12, 0x1C14)
-"""Of mappings to sync managers (ETG.1000.6), which CANopen has not."""
+"""Assignments of mappings to sync managers (ETG.1000.6), on EtherCAT only."""
 ENTRIES_MAX = 64
-"""Most objects in a PDO (CiA 301)."""
+"""Largest number of objects in a PDO (CiA 301)."""
 NO_ROOM = RANGE_CODES | {0x06090011, 0x06040042}
-"""A mapping that can be written has no further sub-index, or takes no greater count or length."""
+"""Abort codes of a writable mapping without a further sub-index, or with too large a count or
+length."""
 
 
 def mapping_count(index: int) -> Entry:
-    """Return the object that counts what a mapping carries, or an assignment (1C12h, 1C13h)."""
+    """Return the object with the number of objects in a mapping or assignment (1C12h, 1C13h)."""
     return Entry(index, 0, "u8", f"number of objects in {_name(index)}")
 
 
 def mapping_slot(index: int, number: int) -> Entry:
-    """Return the object of a mapping that names the n-th object carried, from 1."""
+    """Return the n-th object of a mapping, from 1."""
     return Entry(index, number, "u32", f"object {number} of {_name(index)}")
 
 
 def assignment_slot(index: int, number: int) -> Entry:
-    """Return the object of an assignment that names the n-th mapping, from 1."""
+    """Return the n-th mapping of an assignment, from 1."""
     return Entry(index, number, "u16", f"mapping {number} of {_name(index)}")
 
 
 def content(
     server: RemoteDictionary, index: int, slot: Callable[[int, int], Entry] = mapping_slot
 ) -> tuple[int, ...]:
-    """Read what a mapping, or an assignment, names (errors as in `RemoteDictionary.get`)."""
+    """Read the content of a mapping or assignment (errors as in `RemoteDictionary.get`)."""
     count = min(server.get(mapping_count(index)), ENTRIES_MAX)
     return tuple(server.get(slot(index, number)) for number in range(1, count + 1))
 
 
-def before(server: RemoteDictionary, entry: Entry) -> dict[Entry, int]:
-    """Read what must be kept before `entry` is written, beside what `server` has kept already.
+def read_before_write(server: RemoteDictionary, entry: Entry) -> dict[Entry, int]:
+    """Read the values to save before `entry` is written, except those saved already.
 
-    Of commands and of what is missing that is nothing. The objects of a PDO mapping belong
-    together, and so do those of an assignment: whoever changes one loses them all.
+    Commands and missing objects are not saved. The objects of a PDO mapping belong together, and
+    so do those of an assignment: a change of one invalidates them all.
 
     Raises
     ------
@@ -77,10 +78,10 @@ def _mapped(server: RemoteDictionary, index: int, slot: Callable[[int, int], Ent
 
 
 def read_if_held(server: RemoteDictionary, entry: Entry) -> int | None:
-    """Read an object, None where the drive lets nobody read it."""
+    """Read an object, None if it cannot be read."""
     try:
         return server.get(entry)
-    except Aborted:  # missing or write-only: the write itself will say what is wrong with it
+    except Aborted:  # missing or write-only: the write itself will report that
         return None
 
 

@@ -1,8 +1,8 @@
-"""What one count of an object of a drive is, joint side and in SI.
+"""Units of a drive's objects in SI, on the joint side.
 
-The drive's units follow from the drives file (`drivers.axis`); here they get the names of what the
-objects of a drive state in them, so that a count is turned into SI in one way wherever limits are
-computed, compared or shown.
+The drive's units follow from the drives file (`drivers.axis`); this module assigns them to the
+quantities of the objects, so that counts are converted in one way wherever limits are computed,
+compared or shown.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 
 class Quantity(Enum):
-    """What an object counts."""
+    """Quantity of an object."""
 
     POSITION = auto()
     DISTANCE = auto()
     SPEED = auto()
     MOTOR_SPEED = auto()
-    """Of the motor's shaft, in revolutions per minute whatever the unit of velocities."""
+    """Speed of the motor shaft, in revolutions per minute whatever the velocity unit."""
     ACCELERATION = auto()
     TORQUE = auto()
     """Per mille of rated torque."""
     CURRENT = auto()
-    """Per mille of rated current, by the torque that it makes."""
+    """Per mille of rated current, converted to torque."""
 
 
 FIELDS = {
@@ -42,20 +42,20 @@ FIELDS = {
     Quantity.TORQUE: "torque",
     Quantity.CURRENT: "torque",
 }
-"""Field of `drivers.drives_file.AxisLimits` that a limit of each quantity is one of."""
+"""Field of `drivers.drives_file.AxisLimits` for a limit of each quantity."""
 
 
 class Measure(NamedTuple):
-    """How an object counts a quantity of one axis.
+    """Unit of a quantity in a drive.
 
     Attributes
     ----------
     per_count : float
-        One count [`unit`]; of positions with the sign of the axis.
+        Size of one count [`unit`]; of positions, with the sign of the axis.
     unit : str
-        In SI, joint side.
+        Unit in SI, joint side.
     counts : callable
-        Returns the count for a value [`unit`] that is to be written.
+        Converts a value [`unit`] to counts for writing.
     zero : int
         Count at value 0.
     """
@@ -66,13 +66,13 @@ class Measure(NamedTuple):
     zero: int = 0
 
     def value(self, counts: int) -> float:
-        """Return what a count is [`unit`]."""
+        """Convert counts to a value [`unit`]."""
         return (counts - self.zero) * self.per_count
 
 
 def measures(axis: AxisDrive) -> Mapping[Quantity, Measure]:
-    """Return how the drive of an axis counts each quantity."""
-    scale = AxisScale.of(axis)
+    """Return the unit of each quantity in the drive of an axis."""
+    scale = AxisScale.derive(axis)
     length, force = axis.unit, axis.effort_unit
     increment, rpm = abs(scale.position), 2 * math.pi / 60 / axis.gear_ratio
     of_current = axis.current.basis is Basis.RATED_CURRENT
@@ -81,7 +81,7 @@ def measures(axis: AxisDrive) -> Mapping[Quantity, Measure]:
     torque = scale.torque_limit_to_counts
     return {
         Quantity.POSITION: Measure(scale.position, length, scale.position_to_counts, scale.zero),
-        Quantity.DISTANCE: Measure(increment, length, lambda way: round(way / increment)),
+        Quantity.DISTANCE: Measure(increment, length, lambda distance: round(distance / increment)),
         Quantity.SPEED: Measure(scale.velocity, speed, scale.velocity_to_counts),
         Quantity.MOTOR_SPEED: Measure(rpm, speed, lambda v: math.ceil(v / rpm * (1 - 1e-9))),
         Quantity.ACCELERATION: Measure(

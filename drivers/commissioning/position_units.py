@@ -1,20 +1,20 @@
-"""What one count of 6064 is, by what a drive itself says of its encoder, gear, feed and units.
+"""Unit of 6064 from a drive's statements on encoder, gear, feed and units.
 
-CiA 402 turns encoder increments into positions by three ratios::
+CiA 402 converts encoder increments to positions by three ratios::
 
     position = increments * feed / (encoder resolution * gear ratio)        6092, 608F, 6091
 
-so that a revolution of the motor, which is as many increments as the encoder resolution says, is
-feed / gear ratio counts, whatever the encoder. A drive may state the unit itself besides (60A8), as
-a power of ten of a degree or a revolution at the gear's output. Feed and gear of 1, as drives leave
-the factory, say that nothing was configured: then a count is an increment.
+so that a revolution of the motor, with as many increments as the encoder resolution states, has
+feed / gear ratio counts. A drive may also state the unit itself (60A8), as a power of ten of a
+degree or a revolution at the gear's output. Feed and gear of 1, the factory setting, mean that
+nothing was configured: then a count is an increment.
 
-From all these follow the readings that are admissible, each with its reason; a unit coarser than a
-motor revolution is none. One reading is a fact. Several that differ leave the choice among them to
+From these follow the admissible readings, each with its reason; a unit coarser than a motor
+revolution is not admissible. A single reading is a fact. Several different ones leave the choice to
 the drives file: the drive contradicts itself, or states a gear and no feed, which may be counted
-before or behind that gear. A ratio whose divisor is missing or 0 is no fact either: the divisor may
-be meant to be 1, or the whole ratio may mean nothing. None leaves the file on trust. Draft, check
-and commissioning all ask here.
+before or after the gear. A ratio whose divisor is missing or 0 is uncertain too: the divisor may be
+meant to be 1, or the ratio may be meaningless. Without readings the file is trusted. Draft, check
+and commissioning use this module.
 """
 
 from __future__ import annotations
@@ -37,33 +37,33 @@ RATIOS = {
     "feed": (objects.FEED, objects.FEED_SHAFT),
     "factor": (objects.POSITION_FACTOR, objects.POSITION_DIVISOR),
 }
-"""Fields of `PositionFactors`: numerator and divisor."""
+"""Numerator and divisor of the fields of `PositionFactors`."""
 ROUNDED = Fraction(1, 10**9)
-"""Readings that differ by less are one: a radian is no ratio."""
+"""Largest relative difference of equal readings: a radian is no ratio."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A number of counts per motor revolution that a drive's objects lead to.
+    """Admissible number of counts per motor revolution.
 
     Attributes
     ----------
     per_revolution : Fraction
         Counts of 6064 per motor revolution.
     reason : str
-        From which objects it follows.
+        Objects from which the number follows.
     """
 
     per_revolution: Fraction
     reason: str
 
     def __str__(self) -> str:
-        return f"{shown(self.per_revolution)} counts per motor revolution ({self.reason})"
+        return f"{format_counts(self.per_revolution)} counts per motor revolution ({self.reason})"
 
 
 @dataclass(frozen=True, slots=True)
 class PositionFactors:
-    """What a drive says of its positions; None where it says nothing.
+    """Statements of a drive on its positions; None where it is silent.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class PositionFactors:
     unit : int or None
         60A8.
     assumed : mapping of str to Entry
-        Ratios by name of which only the numerator is stated, and the divisor that was taken for 1.
+        Divisors assumed to be 1, by name of the ratio.
     """
 
     encoder: Fraction | None = None
@@ -84,7 +84,7 @@ class PositionFactors:
 
     @classmethod
     def read(cls, read: Callable[[Entry], int | None]) -> PositionFactors:
-        """Ask a live drive (`RemoteDictionary.find`) or a dictionary (`Dictionary.value`)."""
+        """Read a live drive (`RemoteDictionary.find`) or a dictionary (`Dictionary.value`)."""
         assumed: dict[str, Entry] = {}
 
         def ratio(name: str) -> Fraction | None:
@@ -101,24 +101,24 @@ class PositionFactors:
 
     @property
     def stated(self) -> PositionFactors:
-        """The same without the ratios of which a divisor was assumed."""
+        """Factors without ratios with an assumed divisor."""
         return replace(self, **dict.fromkeys(self.assumed), assumed={})
 
     @property
     def caveat(self) -> str:
-        """Which divisors were assumed, as the end of a sentence; empty where none was."""
+        """Assumed divisors as the end of a sentence; empty if there are none."""
         return "".join(
             f"; {entry.place} is 0 or not stated, 1 is assumed" for entry in self.assumed.values()
         )
 
     @property
     def resolution(self) -> Fraction | None:
-        """Increments per motor revolution; an encoder of 1 is one that was not configured."""
+        """Increments per motor revolution; None for an unconfigured encoder (1)."""
         return None if self.encoder is None or self.encoder <= 1 else self.encoder
 
     @property
     def unit_in_words(self) -> str:
-        """What 60A8 says; 0 is the default of a drive that says nothing."""
+        """Unit of 60A8 in words; 0 is the default of a drive without a statement."""
         if not self.unit:
             return "nothing"
         return unit_codes.position_of(self.unit) or f"{self.unit:08X}h, an unknown unit"
@@ -140,18 +140,22 @@ def position_readings(factors: PositionFactors) -> tuple[Reading, ...]:
 
 
 def same(one: Fraction, other: Fraction) -> bool:
-    """Whether two numbers of counts are one."""
+    """Return True if two numbers of counts are equal."""
     return abs(one - other) <= ROUNDED * one
 
 
-def shown(counts: Fraction) -> str:
-    """Put a number of counts into words, exactly where it is a ratio of short numbers."""
+def format_counts(counts: Fraction) -> str:
+    """Format a number of counts, exactly if it is a ratio of short numbers."""
     return str(counts) if counts.denominator < 10**6 else f"{float(counts):.10g}"
 
 
 def _readings(factors: PositionFactors) -> Iterator[Reading]:
     gear, feed = factors.gear or Fraction(1), factors.feed
-    angle = _per_output_revolution(factors.unit)
+    # counts per revolution of the gear's output, if the unit is an angle
+    angle, unit = None, factors.unit
+    if unit and unit_codes.position_of(unit) is not None:
+        turn = unit_codes.ANGLES.get(unit_codes.codes_of(unit)[0])
+        angle = None if turn is None else turn / Fraction(10) ** unit_codes.power_of(unit)
     if feed is not None and feed != 1 and feed > gear:
         yield Reading(feed / gear, f"feed 6092 = {feed} over gear 6091 = {gear}")
     if angle is not None and angle > gear:
@@ -165,25 +169,12 @@ def _increments(
     factors: PositionFactors, resolution: Fraction, gear: Fraction
 ) -> Iterator[Reading]:
     encoder = f"608F = {factors.encoder}"
+    # increments by 60A8, or for lack of any other configuration
+    default = factors.feed in {None, 1}
     if factors.factor is not None and factors.factor != 1:
         by_factor = f"{encoder} over position factor 6093 = {factors.factor}"
         yield Reading(resolution / factors.factor, by_factor)
-    elif _says_increments(factors):
+    elif factors.unit_in_words == "inc" if factors.unit else default:
         yield Reading(resolution, f"{encoder}, in increments")
-        if gear != 1 and factors.feed in {None, 1}:  # some take 6091 for an electronic gear
+        if gear != 1 and default:  # some makers use 6091 for an electronic gear
             yield Reading(resolution / gear, f"{encoder} over gear 6091 = {gear}")
-
-
-def _says_increments(factors: PositionFactors) -> bool:
-    """Whether 60A8 says so, or nothing else is configured."""
-    if factors.unit:
-        return factors.unit_in_words == "inc"
-    return factors.feed in {None, 1}
-
-
-def _per_output_revolution(unit: int | None) -> Fraction | None:
-    """Counts per revolution of the gear's output, where the unit is an angle."""
-    if not unit or unit_codes.position_of(unit) is None:
-        return None
-    turn = unit_codes.ANGLES.get(unit_codes.codes_of(unit)[0])
-    return None if turn is None else turn / Fraction(10) ** unit_codes.power_of(unit)

@@ -1,10 +1,10 @@
-"""Rated current and rated torque of a drive's motor (6075, 6076) beside those of the drives file.
+"""Comparison of motor ratings: rated current and torque (6075, 6076) of drive and drives file.
 
 By the standard 6075 is in mA and 6076 in mN m; some makers state 6076 in uN m. A factor of thousand
-scales every torque and every torque limit, so the unit is stated in the file, and two things show
-it: the value that the file expects, and rated current times torque constant, which must lead to the
-rated torque. These need not meet exactly (rms and peak, warm and cold magnets), but never differ by
-hundreds. Where a maker's own objects state current and constant, they are compared too.
+scales every torque and every torque limit, so the file states the unit, with two proofs: the value
+expected by the file, and rated current times torque constant, which must give the rated torque. The
+two need not agree exactly (rms and peak, warm and cold magnets), but never differ by hundreds.
+Manufacturer objects of current and constant are compared too.
 """
 
 from __future__ import annotations
@@ -13,27 +13,27 @@ import math
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
-from drivers.cia402.vendor_objects import MAKERS
+from drivers.cia402.objects import MAKERS
 from drivers.commissioning.requirements import REQUIREMENTS
-from drivers.commissioning.verdict import compared, unsettled
+from drivers.commissioning.verdict import compare_values, unsettled
 from drivers.drives_file import Basis, TorqueUnit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from drivers.cia402.vendor_objects import VendorObject
+    from drivers.cia402.objects import VendorObject
     from drivers.commissioning.verdict import Comparison
     from drivers.drives_file import AxisDrive
     from drivers.fieldbus import Entry
 
 NEWTON_METRE = {TorqueUnit.MILLI: 1e-3, TorqueUnit.MICRO: 1e-6}
-"""One unit of 6076 [N m]."""
+"""Size of a unit of 6076 [N m]."""
 ROUNDED = 1e-3
-"""A rated torque in uN m may differ from the file's by this share: a file is written by hand."""
+"""Largest relative difference of a rated torque in uN m: the file is written by hand."""
 ALIKE = 2.0
-"""Rated torque and torque constant times rated current differ by less than this factor."""
+"""Largest factor between rated torque and torque constant times rated current."""
 DISPARATE = 100.0
-"""A factor that only another unit explains."""
+"""Smallest factor explained only by a different unit."""
 
 _TRUST_CURRENT = REQUIREMENTS[objects.RATED_CURRENT].without
 _KEY = "rated_torque"
@@ -44,14 +44,14 @@ _PRODUCT = "rated torque against rated current"
 
 
 def compare_ratings(read: Callable[[Entry], int | None], axis: AxisDrive) -> Iterator[Comparison]:
-    """Compare what a drive says of its motor's ratings with the file.
+    """Compare the motor ratings in a drive with those of the file.
 
     Parameters
     ----------
     read : callable
-        Value of an object, None where the drive does not have it.
+        Returns the value of an object, None if absent.
     axis : AxisDrive
-        What the drives file states.
+        Axis of the drives file.
     """
     maker = MAKERS.get(axis.identity.vendor)
     present = read(objects.RATED_CURRENT)
@@ -66,7 +66,7 @@ def compare_ratings(read: Callable[[Entry], int | None], axis: AxisDrive) -> Ite
         if counts:
             yield _constant(maker.torque_constant, counts, axis.torque_constant)
     if _disparate(axis):
-        yield compared(
+        yield compare_values(
             False,
             _PRODUCT,
             f"{expected_torque(axis):.4g} N m by rated_current times torque_constant",
@@ -78,7 +78,7 @@ def compare_ratings(read: Callable[[Entry], int | None], axis: AxisDrive) -> Ite
 
 
 def expected_torque(axis: AxisDrive) -> float | None:
-    """Return rated current times torque constant [N m], None where the file has no constant."""
+    """Return rated current times torque constant [N m], None if the file has no constant."""
     if axis.torque_constant is None or axis.current.basis is Basis.RATED_TORQUE:
         return None
     product = axis.torque_constant * axis.rated_current
@@ -93,7 +93,7 @@ def torque_unit(present: int, ampere: float, per_ampere: float) -> TorqueUnit | 
     Returns
     -------
     TorqueUnit or None
-        None where neither unit leads anywhere near that product.
+        None if neither unit comes near that product.
     """
     for unit, newton_metre in NEWTON_METRE.items():
         if present and _within(present * newton_metre / (ampere * per_ampere), ALIKE):
@@ -110,8 +110,8 @@ def _current(entry: Entry, present: int | None, axis: AxisDrive) -> Comparison:
         found = f"{entry} is {_UNSET}"
         return unsettled(check, found, key, stated, _TRUST_CURRENT)
     if present == 0:
-        return compared(False, check, _UNSET, key, stated, f"per mille refer to it: {_SET}")
-    return compared(
+        return compare_values(False, check, _UNSET, key, stated, f"per mille refer to it: {_SET}")
+    return compare_values(
         abs(present - 1000 * axis.rated_current) <= 1,
         check,
         f"{present / 1000:g} A",
@@ -127,7 +127,7 @@ def _torque(present: int | None, axis: AxisDrive) -> Comparison:
         silent = f"no object {objects.RATED_TORQUE}"
         return unsettled(TORQUE, silent, _KEY, stated, REQUIREMENTS[objects.RATED_TORQUE].without)
     if present == 0:
-        return compared(False, TORQUE, _UNSET, _KEY, stated, f"6072 refers to it: {_SET}")
+        return compare_values(False, TORQUE, _UNSET, _KEY, stated, f"6072 refers to it: {_SET}")
     remedy = f"correct {_KEY} or the drive's parameter: torques scale with it"
     (other,) = set(TorqueUnit) - {unit}
     if _agrees(present, axis.rated_torque, other) and not _disparate(axis):
@@ -135,7 +135,7 @@ def _torque(present: int | None, axis: AxisDrive) -> Comparison:
             f"as {other.value} it would be {present * NEWTON_METRE[other]:g} N m: state "
             f"rated_torque_unit: {other.value} if the drive's manual says so"
         )
-    return compared(
+    return compare_values(
         _agrees(present, axis.rated_torque, unit),
         TORQUE,
         f"{present * NEWTON_METRE[unit]:g} N m",
@@ -146,8 +146,8 @@ def _torque(present: int | None, axis: AxisDrive) -> Comparison:
 
 
 def _constant(quantity: VendorObject, counts: int, stated: float) -> Comparison:
-    """Compare the torque constant, of which it is not said whether of rms or peak."""
-    return compared(
+    """Compare the torque constant, which may refer to rms or peak."""
+    return compare_values(
         _within(quantity.value(counts) / stated, ALIKE),
         f"{quantity.entry.name} ({quantity.entry.place})",
         f"{quantity.value(counts):g} N m/A",

@@ -1,39 +1,161 @@
-"""What a run needs of a drive's object dictionary: one table, a row an object of the profile.
+"""Table of requirements on a drive's object dictionary: a row for each object of the profile.
 
-A row states what is done with an object, what becomes of a drive that lacks it and what follows
-from that, what is written to it and what may stand there instead. Start-up, `hil drives check`, the
-scan and the review of data sheets act on it, and the tables of `docs/reference/can.md` and
-`docs/reference/drives.md` are made from it. What depends on more than one object is code, which
-takes its sentences from here: the range, the comparison of units. How a drive communicates and who
-watches whom is its bus's business, whose rows stand among these (`with_rows`).
+A row states the use of an object, the consequence of a missing one, the written value and other
+acceptable values. Start-up, `hil drives check`, the scan and the review of data sheets use the
+table, and the tables of `docs/reference/can.md` and `docs/reference/drives.md` are generated from
+it. Rules on more than one object, the range and the comparison of units, are code with sentences of
+this module. Communication and supervision belong to the bus, whose rows are inserted (`add_rows`).
+
+A drive may round a written value to its resolution or clip it, without an error. That is acceptable
+if the kept value protects as well: a lower speed, a smaller following error. Slower braking
+lengthens a stop, and less torque lets a braking arm sink, so decelerations and torques may be
+rounded but not clipped. Software limits may be further inside by any amount, and further outside by
+one increment. Zero is never acceptable for another value, since it often means "off".
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from enum import Enum, Flag, auto
 from functools import partial
 from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects as o
-from drivers.commissioning.kept_values import (
-    LESS,
-    LOWER_END,
-    ROUNDED,
-    UPPER_END,
-)
 from drivers.commissioning.measures import Quantity
-from drivers.commissioning.requirement import Lack, Requirement, Use, noted, refused, silent
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping
 
+    from drivers.drives_file import DrivesFile
     from drivers.fieldbus import Entry
+
+
+ROUNDING = 0.01
+"""Largest relative rounding of a value."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Rule for values that a drive may keep instead of the written one.
+
+    Attributes
+    ----------
+    words : str
+        The rule in words.
+    accepts : callable
+        ``accepts(written, kept, drives)``: True if the kept value is acceptable.
+    """
+
+    words: str
+    accepts: Callable[[int, int, DrivesFile], bool]
+
+
+def _accept_share(words: str, less: float, more: float) -> Kept:
+    """Accept values above zero within a tolerance, as shares of the written value."""
+    return Kept(
+        words,
+        lambda written, kept, _: kept > 0 and -less * written <= kept - written <= more * written,
+    )
+
+
+def _accept_inwards(direction: int) -> Kept:
+    """Accept values in a direction (+1, -1), and an increment in the opposite direction."""
+    words = "any value further inside, or one increment further outside; any range, if it is fixed"
+    return Kept(words, lambda written, kept, _: (kept - written) * direction >= -1)
+
+
+EXACT = Kept("the value written", lambda written, kept, _: kept == written)
+LESS = _accept_share(
+    f"any smaller value above 0, or up to {100 * ROUNDING:g} % more", math.inf, ROUNDING
+)
+ROUNDED = _accept_share(f"{100 * ROUNDING:g} % less or more", ROUNDING, ROUNDING)
+LOWER_END, UPPER_END = _accept_inwards(1), _accept_inwards(-1)
+
+
+class Use(Flag):
+    """Use of an object by the driver."""
+
+    READ = auto()
+    ASK = auto()
+    """Read if possible: an object of a non-standard type is left out."""
+    WRITE = auto()
+    SET = READ | WRITE
+    """Written, and read back."""
+    VARY = auto()
+    """Written repeatedly: an object fixed at any value is unsuitable."""
+    SEND = auto()
+    """The drive must be able to send it in a PDO."""
+    RECEIVE = auto()
+    """The drive must be able to take it from a PDO."""
+
+
+class Lack(Enum):
+    """Consequence of a missing object for the drive."""
+
+    REFUSED = "refused"
+    REFUSED_UNLESS_STATED = "refused unless `allow_no_heartbeat` states what else stops the axis"
+    NOTED = "noted"
+    SILENT = "not mentioned"
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """Requirement on an object.
+
+    Attributes
+    ----------
+    entry : Entry
+        The object.
+    use : Use
+        Use by the driver.
+    without : str
+        Consequence of a missing object.
+    lack : Lack
+        Treatment of a drive without the object.
+    value : int or None
+        Written value, if common to all axes.
+    serves : collection of int
+        Other acceptable values, even if the object cannot be written.
+    kept : Kept
+        Rule for values kept after ours was written.
+    quantity : Quantity or None
+        Quantity of the object.
+    own_holds : bool
+        True for a limit of the axis: a tighter value of the drive is kept.
+    instead : tuple of Entry
+        Objects that replace a missing one, if all are present.
+    served : str
+        Consequence of a replacement or of an acceptable fixed value; empty if none.
+    fixed : str
+        Consequence of an unacceptable fixed value.
+    """
+
+    entry: Entry
+    use: Use
+    without: str
+    lack: Lack
+    value: int | None = None
+    serves: Collection[int] = ()
+    kept: Kept = EXACT
+    quantity: Quantity | None = None
+    own_holds: bool = False
+    instead: tuple[Entry, ...] = ()
+    served: str = ""
+    fixed: str = ""
+
+
+refused, noted, silent = (
+    partial(Requirement, lack=lack) for lack in (Lack.REFUSED, Lack.NOTED, Lack.SILENT)
+)
+
 
 DRIVE_PROFILE = 402
 """Device profile (1000) of drives."""
 STOPPING_OPTIONS = (1, 2, 3, 5, 6, 7)
-"""Quick stop options that slow down, instead of letting the axis coast (0)."""
+"""Quick stop options with deceleration, other than coasting (0)."""
 STAYS_ENERGISED = 5
-"""Quick stop options from here on end in QUICK STOP ACTIVE."""
+"""Smallest quick stop option that ends in QUICK STOP ACTIVE."""
 STATE_WHAT_STOPS = (
     "state allow_no_heartbeat with the reason in the drives file if something else stops it"
 )
@@ -41,16 +163,15 @@ FAULT_REACTION, QUICK_STOP_REACTION = 1, 3
 
 
 def reaction_for(quick_stop: int) -> int:
-    """Return what 6007 must be for a drive whose quick stop option is `quick_stop`.
+    """Return the required 6007 of a drive with quick stop option `quick_stop`.
 
-    A quick stop alone would leave an axis powered, when our process dies, that it does not switch
-    off.
+    When our process dies, a quick stop alone would leave an axis powered if the option keeps it so.
     """
     return FAULT_REACTION if quick_stop >= STAYS_ENERGISED else QUICK_STOP_REACTION
 
 
 def is_set(value: int, entry: Entry) -> bool:
-    """Whether a limit is one: 0 and all ones are none."""
+    """Return True if a limit is set: 0 and all ones are not."""
     return value > 0 and value != (1 << 8 * entry.size) - 1
 
 
@@ -82,7 +203,7 @@ _NEEDED = (
     silent(o.PRODUCT, Use.READ, _STATED),
     silent(o.REVISION, Use.READ, _STATED),
     silent(o.SERIAL, Use.READ, _STATED),
-    # State, mode and motion
+    # state, mode and motion
     refused(o.STATUSWORD, Use.READ | Use.SEND, "its state cannot be followed"),
     refused(o.CONTROLWORD, Use.WRITE | Use.RECEIVE, "it cannot be commanded"),
     refused(o.MODE, Use.WRITE | Use.VARY, "profile position mode cannot be chosen"),
@@ -107,7 +228,7 @@ _NEEDED = (
         o.PROFILE_TYPE, Use.SET, "that profiles are trapezoids is taken on trust",
         value=0, fixed="its profiles are no trapezoids",
     ),
-    # Limits that the drive keeps
+    # limits kept by the drive
     refused(
         o.SOFTWARE_LIMIT_MIN, Use.SET, _NO_RANGE,
         serves=_ANY, kept=LOWER_END, quantity=Quantity.POSITION, served=_OWN_RANGE,
@@ -139,7 +260,7 @@ _NEEDED = (
     noted(o.FOLLOWING_ERROR_TIME, Use.SET, _UNWATCHED, serves=_ANY),
     noted(o.POSITION_WINDOW, Use.SET, _OWN_WINDOW, serves=_ANY),
     noted(o.POSITION_WINDOW_TIME, Use.SET, _OWN_WINDOW, serves=_ANY),
-    # Reactions
+    # reactions
     noted(
         o.QUICK_STOP_OPTION, Use.SET, "the drive's own quick stop is used; look it up",
         serves=STOPPING_OPTIONS, fixed=_COASTS,
@@ -157,14 +278,14 @@ _NEEDED = (
 )  # fmt: skip
 
 _STATEMENTS = (
-    # Faults
+    # faults
     noted(
         o.ERROR_CODE, Use.ASK, "a fault's cause is known from its emergency message alone",
         instead=(o.ERROR_HISTORY,),
     ),
     silent(o.ERROR_HISTORY, Use.ASK, "a fault's cause is read from 603F"),
     silent(o.DIGITAL_INPUTS, Use.ASK, "safe torque off shows in 603F alone"),
-    # Ratings and units
+    # ratings and units
     noted(o.RATED_CURRENT, Use.READ, "rated_current is taken on trust"),
     noted(o.RATED_TORQUE, Use.READ, "rated_torque is taken on trust"),
     noted(o.ENCODER_INCREMENTS, Use.ASK, _COUNTS, instead=(o.FEED,)),
@@ -188,18 +309,18 @@ _STATEMENTS = (
 )  # fmt: skip
 
 
-def with_rows(rows: Iterable[Requirement] = ()) -> Mapping[Entry, Requirement]:
-    """Return the table with a bus's own rows, in the order in which a drive is asked for them."""
+def add_rows(rows: Iterable[Requirement] = ()) -> Mapping[Entry, Requirement]:
+    """Return the table with the rows of a bus, in the order of reading."""
     return {row.entry: row for row in (*_NEEDED, *rows, *_STATEMENTS)}
 
 
-REQUIREMENTS = with_rows()
-"""The rows of the profile alone, by object."""
+REQUIREMENTS = add_rows()
+"""Requirements of the profile alone, by object."""
 
 OF_PROFILES = frozenset(
     {o.PROFILE_VELOCITY, o.PROFILE_ACCELERATION, o.PROFILE_DECELERATION, o.PROFILE_TYPE}
 )
-"""What a drive needs that plans its ways by itself, in profile position mode."""
+"""Objects needed in profile position mode only, by drives that plan their own motion."""
 
 OWN_LIMITS = tuple(row for row in _NEEDED if row.own_holds)
-"""What limits an axis in the drive itself, beside its range."""
+"""Limits of an axis in the drive, other than its range."""

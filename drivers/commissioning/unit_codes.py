@@ -1,4 +1,4 @@
-"""Units as the objects 60A8 to 60AA code them (CiA 303-2), in words and as numbers.
+"""Unit codes of the objects 60A8 to 60AA (CiA 303-2), in words and as numbers.
 
 A word holds a power of ten, then a byte each for numerator and denominator::
 
@@ -6,8 +6,8 @@ A word holds a power of ten, then a byte each for numerator and denominator::
     FD410000h    10^-3 degrees
     00B55700h    increments per second squared
 
-Some makers write revolutions per minute as one unit of its own (C0h), and a second unit of time
-into the last byte. A code that is not listed here is unknown, and nothing is concluded from it.
+Some makers write revolutions per minute as a single unit (C0h), and a second unit of time in the
+last byte. Codes not listed here are unknown, without any conclusion.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Code = TypeVar("Code", int, tuple[int, int, int])
 
 MINUTE_OF_ARC, SECOND_OF_ARC = 0x42, 0x43
 POWERS = range(-12, 7)
-"""Powers of ten that a unit may have; others are taken for unknown codes."""
+"""Accepted powers of ten; others mark unknown codes."""
 
 _SECOND_SQUARED, _RPM = 0x57, 0xC0
 
@@ -45,7 +45,7 @@ ANGLES = {
     SECOND_OF_ARC: Fraction(360 * 3600),
     RADIAN: Fraction(math.tau),
 }
-"""Units in one revolution; that of the radian is rounded to a double."""
+"""Units per revolution; the radian is rounded to a double."""
 
 VELOCITIES = {(*rate.code, 0): rate.velocity for rate in RATES if rate.code}
 ACCELERATIONS = {
@@ -57,7 +57,7 @@ ACCELERATIONS = {
     },
     (_RPM, SECOND, 0): "rpm/s",
 }
-"""Per second twice, as two units of time or as one squared."""
+"""Acceleration units: per second twice, as two units of time or as one squared."""
 
 
 def power_of(word: int) -> int:
@@ -74,11 +74,11 @@ def codes_of(word: int) -> tuple[int, int, int]:
 def velocity_of(
     word: int, position: int | None = None, resolution: Fraction | None = None
 ) -> str | None:
-    """Return a unit of velocity (60A9) as the drives file names it; None where it is unknown.
+    """Return the name of a velocity unit (60A9) in the drives file; None if unknown.
 
-    One that is made of the unit of positions (60A8, `position`) is named after counts, since both
-    are of the same shaft: 0.1 deg/s beside 0.1 deg is ``inc/s``. Increments beside another unit of
-    positions are the encoder's, of which a motor revolution has `resolution` (608F).
+    A unit derived from the position unit (60A8, `position`) is named after counts, since both refer
+    to one shaft: with positions in 0.1 deg, 0.1 deg/s is ``inc/s``. Increments with another
+    position unit are those of the encoder, with `resolution` (608F) per motor revolution.
     """
     return _rate(word, position, resolution, VELOCITIES)
 
@@ -86,20 +86,14 @@ def velocity_of(
 def acceleration_of(
     word: int, position: int | None = None, resolution: Fraction | None = None
 ) -> str | None:
-    """Return a unit of acceleration (60AA) as `velocity_of` does one of velocity."""
+    """Return the name of an acceleration unit (60AA), as `velocity_of` for velocities."""
     return _rate(word, position, resolution, ACCELERATIONS)
 
 
 def position_of(word: int) -> str | None:
-    """Return a unit of position (60A8) in words; None where it is unknown."""
+    """Return a position unit (60A8) in words; None if unknown."""
     numerator, *rest = codes_of(word)
     return None if any(rest) else _named(power_of(word), numerator, POSITIONS)
-
-
-def _of_the_encoder(word: int, position: int | None) -> bool:
-    """Whether a unit (60A9, 60AA) is made of increments, and that of positions is another."""
-    others = position and codes_of(position) != (INCREMENT, 0, 0)
-    return bool(others) and codes_of(word)[0] == INCREMENT
 
 
 def _rate(
@@ -108,29 +102,22 @@ def _rate(
     resolution: Fraction | None,
     names: Mapping[tuple[int, int, int], str],
 ) -> str | None:
-    if not _of_the_encoder(word, position):
-        return _named(*_in_counts(word, position), names)
-    symbol = names.get((REVOLUTION, *codes_of(word)[1:]))
-    known = position and position_of(position) and power_of(word) in POWERS
-    if resolution is None or symbol is None or not known:
-        return None
-    return f"{Fraction(10) ** power_of(word) / resolution} {symbol}"
-
-
-def _in_counts(word: int, position: int | None) -> tuple[int, tuple[int, int, int]]:
-    """Return power of ten and codes, of counts where the unit is made of that of positions."""
     power, codes = power_of(word), codes_of(word)
-    if position and codes_of(position) == (codes[0], 0, 0) and codes[0] in POSITIONS:
-        return power - power_of(position), (INCREMENT, *codes[1:])
-    return power, codes
+    same_unit = bool(position) and codes_of(position or 0) == (codes[0], 0, 0)
+    if codes[0] != INCREMENT or not position or same_unit:
+        if position and same_unit and codes[0] in POSITIONS:  # in counts of the position unit
+            power, codes = power - power_of(position), (INCREMENT, *codes[1:])
+        return _named(power, codes, names)
+    # increments of the encoder, with another position unit
+    symbol = names.get((REVOLUTION, *codes[1:]))
+    if resolution is None or symbol is None or not position_of(position) or power not in POWERS:
+        return None
+    return f"{Fraction(10) ** power / resolution} {symbol}"
 
 
 def _named(power: int, codes: Code, names: Mapping[Code, str]) -> str | None:
     symbol = names.get(codes)
     if symbol is None or power not in POWERS:
         return None
-    return symbol if power == 0 else f"{10**power if power > 0 else _decimal(power)} {symbol}"
-
-
-def _decimal(power: int) -> str:
-    return f"{10.0**power:.{-power}f}"
+    factor = 10**power if power > 0 else f"{10.0**power:.{-power}f}"
+    return symbol if power == 0 else f"{factor} {symbol}"

@@ -1,8 +1,8 @@
-"""Writing limits, profile, windows and reactions to a drive, each as its row of the table has it.
+"""Writing of limits, profile, windows and reactions to a drive, by the table of requirements.
 
-The order is that of drives that check one value against another: the profile comes down before the
-limits are written, and is set when they are. A limit that the drive holds already is left alone,
-and one that any of several objects keeps is missing only where all of them are.
+The order suits drives that check values against each other: the profile is lowered before the
+limits are written, and set afterwards. A limit already in the drive is left alone, and a limit with
+several possible objects is missing only if all of them are.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.commissioning.measures import Quantity, measures
-from drivers.commissioning.requirement import Lack
-from drivers.commissioning.requirements import REQUIREMENTS, reaction_for
+from drivers.commissioning.requirements import REQUIREMENTS, Lack, reaction_for
 from drivers.drive_bus import DriveRefused
 from drivers.remote_dictionary import Aborted
 
@@ -28,13 +27,9 @@ if TYPE_CHECKING:
 
 _LIMITS = tuple(
     (entry, *REQUIREMENTS[entry].instead)
-    for entry in (
-        objects.MAX_PROFILE_VELOCITY,
-        objects.MAX_ACCELERATION,
-        objects.MAX_DECELERATION,
-    )
+    for entry in (objects.MAX_PROFILE_VELOCITY, objects.MAX_ACCELERATION, objects.MAX_DECELERATION)
 )
-"""Limits of which any of several objects serves; that of torque is written to one alone."""
+"""Limits with several possible objects; that of torque is written to one only."""
 _KEPT_WHERE_PRESENT = (
     objects.PROFILE_DECELERATION,
     objects.QUICK_STOP_DECELERATION,
@@ -54,25 +49,33 @@ def write_values(
     holding: EffectiveLimits,
     without: frozenset[Entry] = frozenset(),
 ) -> None:
-    """Write what the drives file and the limits that hold lead to, and note what follows.
+    """Write the values of drives file and limits in force, and note the consequences.
 
-    Objects `without` use are left as they are.
+    Objects in `without` are not written.
 
     Raises
     ------
     DriveRefused, NodeSilent
-        The drive lacks an object that it is refused for, or keeps a value that does not serve.
+        The drive lacks a required object, or keeps an unacceptable value.
     """
     for note in holding.notes:
         server.note(note)
     values = _values(axis, drives, holding)
-    _lower_profile(server, values)
+    # some drives refuse a limit below their profile, so the profile is lowered first
+    for entry in (*_MOTION, objects.PROFILE_DECELERATION):
+        present = server.find(entry)
+        if present is not None and present > values[entry]:
+            with suppress(Aborted):  # the kept value is judged after the limits
+                server.put(entry, values[entry])
     _write_limits(server, axis, values, without)
-    _write_reactions(server, values)
+    for entry in (objects.QUICK_STOP_OPTION, objects.HALT_OPTION):
+        _write(server, entry, values[entry])
+    quick_stop = server.kept.get(objects.QUICK_STOP_OPTION, 0)
+    _write(server, objects.ABORT_CONNECTION_OPTION, reaction_for(quick_stop))
 
 
 def _values(axis: AxisDrive, drives: DrivesFile, holding: EffectiveLimits) -> dict[Entry, int]:
-    """Return what is to stand in the drive, by object [the drive's unit]."""
+    """Return the values for the drive, by object [drive's unit]."""
     counted, limits = measures(axis), holding.limits
     velocity = counted[Quantity.SPEED].counts(limits.velocity)
     acceleration = counted[Quantity.ACCELERATION].counts(limits.acceleration)
@@ -90,15 +93,6 @@ def _values(axis: AxisDrive, drives: DrivesFile, holding: EffectiveLimits) -> di
         objects.POSITION_WINDOW_TIME: round(1000 * axis.position_window_time),
         objects.QUICK_STOP_OPTION: drives.quick_stop_option,
     }
-
-
-def _lower_profile(server: RemoteDictionary, values: Mapping[Entry, int]) -> None:
-    """Lower what is above our limits first: some drives refuse a limit below their profile."""
-    for entry in (*_MOTION, objects.PROFILE_DECELERATION):
-        present = server.find(entry)
-        if present is not None and present > values[entry]:
-            with suppress(Aborted):  # what it keeps is judged where the limits are written
-                server.put(entry, values[entry])
 
 
 def _write_limits(
@@ -127,12 +121,12 @@ def _write_limits(
 
 
 def _write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry, int]) -> None:
-    """Write software limits; where they are fixed, take and note them, unless they are off.
+    """Write software limits; accept and note fixed ones, unless they are off.
 
-    Fixed ones that lie inside ours stay. Those that lie outside do not hinder, but then it is the
-    driver alone that keeps the range. Off, they keep the axis from nothing, as in a drive without.
+    Fixed limits inside ours are kept. Fixed ones outside are harmless, but the driver alone keeps
+    the range. Limits that are off protect nothing, as in a drive without the objects.
     """
-    scale, limits = AxisScale.of(axis), axis.limits
+    scale, limits = AxisScale.derive(axis), axis.limits
     entries = (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
     ends = [values[entry] for entry in entries]
     if [server.find(entry) for entry in entries] == ends:
@@ -150,23 +144,20 @@ def _write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entr
             "switches them off: the drive itself would take any target; set them with the maker's "
             "commissioning tool"
         )
-    server.note(
-        f"software limits (607D) are fixed at {own}, those of the drives file are "
-        f"{ours}: {_consequence(kept, ends)}"
-    )
-
-
-def _consequence(kept: Sequence[int], ends: Sequence[int]) -> str:
     found = []
     if kept[0] < ends[0] - 1 or kept[1] > ends[1] + 1:
         found.append("the driver alone keeps the axis's range")
     if kept[0] > ends[0] or kept[1] < ends[1]:
         found.append("it takes no target beyond its own")
-    return " and ".join(found) or "they agree to an increment"
+    consequence = " and ".join(found) or "they agree to an increment"
+    server.note(
+        f"software limits (607D) are fixed at {own}, those of the drives file are "
+        f"{ours}: {consequence}"
+    )
 
 
 def _write(server: RemoteDictionary, entry: Entry, value: int) -> None:
-    """Write an object as its row has it: refuse a drive without it, or note what follows."""
+    """Write an object as required by the table: refuse a drive without the object, or note that."""
     row = REQUIREMENTS[entry]
     if row.lack is Lack.REFUSED:
         server.set(entry, value)
@@ -175,7 +166,7 @@ def _write(server: RemoteDictionary, entry: Entry, value: int) -> None:
 
 
 def _refuse_zeros(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry, int]) -> None:
-    """Refuse a limit below one count of an object: to many drives 0 means that there is none."""
+    """Refuse a limit below one count of an object, since 0 means no limit in many drives."""
     limits = axis.limits
     for entry, key, stated in (
         (objects.PROFILE_VELOCITY, "limits.velocity", limits.velocity),
@@ -193,12 +184,12 @@ def _refuse_zeros(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Ent
 def _write_limit(
     server: RemoteDictionary, entries: Sequence[Entry], values: Mapping[Entry, int]
 ) -> bool:
-    """Write a limit that one or several objects keep, but leave alone what is there already.
+    """Write a limit to the objects for it, except those with that limit already.
 
     Returns
     -------
     bool
-        The drive has any of them.
+        True if the drive has any of the objects.
     """
     present = {entry: server.find(entry) for entry in entries}
     if not any(present[entry] == values[entry] for entry in entries):
@@ -210,10 +201,3 @@ def _write_limit(
         elif present[entry] is not None:
             server.set(entry, values[entry])
     return True
-
-
-def _write_reactions(server: RemoteDictionary, values: Mapping[Entry, int]) -> None:
-    for entry in (objects.QUICK_STOP_OPTION, objects.HALT_OPTION):
-        _write(server, entry, values[entry])
-    quick_stop = server.kept.get(objects.QUICK_STOP_OPTION, 0)
-    _write(server, objects.ABORT_CONNECTION_OPTION, reaction_for(quick_stop))

@@ -1,7 +1,7 @@
-"""What a check says of a drive: ok, a warning, or refused; with value, bound and remedy.
+"""Results of checks of a drive: ok, a warning, or refused; with value, bound and remedy.
 
-A verdict is one line for the operator. Refused means that nothing is to be measured or moved with
-the drive as it is; a warning, that it serves, and what must be known or looked at.
+A verdict is one line for the operator. Refused means that nothing may be measured or moved with the
+drive in its present state; a warning, that the drive is usable, with something to know or check.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from drivers.remote_dictionary import RemoteDictionary
 
     Check = Callable[[RemoteDictionary, AxisDrive], Iterator["Verdict"]]
-    """Compares the object dictionary of a drive, only reading, with what the drives file states.
+    """Compares the object dictionary of a drive, by reading only, with the drives file.
 
-    Raises `DriveRefused` and `NodeSilent` where an object cannot be read.
+    Raises `DriveRefused` and `NodeSilent` if an object cannot be read.
     """
 
 
 class Grade(enum.Enum):
-    """How a check ended."""
+    """Result of a check."""
 
     OK = "ok"
     WARNING = "warning"
@@ -39,17 +39,17 @@ class Verdict:
     Attributes
     ----------
     grade : Grade
-        How it ended.
+        Result.
     place : str
-        The axis as messages name it, or "bus".
+        Name of the axis in messages, or "bus".
     check : str
-        What was looked at.
+        Subject of the check.
     found : str
-        The value, with its unit.
+        Value, with its unit.
     bound : str
-        What it must be; empty where there is nothing to compare with.
+        Required value; empty if there is none.
     remedy : str
-        What to do; empty when nothing is.
+        Remedy; empty if none is needed.
     """
 
     grade: Grade
@@ -67,21 +67,21 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A statement of the drives file beside what a drive says of the same thing.
+    """Statement of the drives file, compared with the drive's.
 
     Attributes
     ----------
     grade : Grade
-        OK where they agree, refused where the drive contradicts the file, a warning where it is
-        silent or unclear: then the file is taken on trust.
+        OK on agreement, refused if the drive contradicts the file, a warning if the drive is silent
+        or unclear: then the file is trusted.
     check : str
-        What was compared, with its objects.
+        Subject of the comparison, with its objects.
     found : str
-        What the drive says.
+        Statement of the drive.
     key, stated : str
-        Of the drives file.
+        Key and value in the drives file.
     remedy : str
-        What to do; empty where they agree.
+        Remedy; empty on agreement.
     """
 
     grade: Grade
@@ -91,51 +91,45 @@ class Comparison:
     stated: str
     remedy: str = ""
 
-    def of(self, place: str) -> Verdict:
-        """Return the verdict on the drive of an axis."""
+    def make_verdict(self, place: str) -> Verdict:
+        """Return the verdict for the drive of an axis."""
         bound = f"file: {self.stated}"
         return Verdict(self.grade, place, self.check, self.found, bound, self.remedy)
 
 
-def compared(
+def compare_values(
     agrees: bool, check: str, found: str, key: str, stated: str, remedy: str
 ) -> Comparison:
-    """Return a comparison that is confirmed where `agrees`, else contradicted with the remedy."""
+    """Return a comparison: confirmed if `agrees`, otherwise refused with the remedy."""
     if agrees:
         return Comparison(Grade.OK, check, found, key, stated)
     return Comparison(Grade.REFUSED, check, found, key, stated, remedy)
 
 
 def unsettled(check: str, found: str, key: str, stated: str, remedy: str) -> Comparison:
-    """Return a comparison that leaves the file on trust."""
+    """Return a comparison without a decision: the file is trusted."""
     return Comparison(Grade.WARNING, check, found, key, stated, remedy)
 
 
-def graded(
-    holds: bool,
-    otherwise: Grade,
-    place: str,
-    check: str,
-    found: str,
-    bound: str,
-    remedy: str,
+def grade_check(
+    holds: bool, otherwise: Grade, place: str, check: str, found: str, bound: str, remedy: str
 ) -> Verdict:
-    """Return a verdict that is ok where `holds`, else graded and with the remedy."""
+    """Return a verdict: ok if `holds`, otherwise with another grade and the remedy."""
     if holds:
         return Verdict(Grade.OK, place, check, found, bound)
     return Verdict(otherwise, place, check, found, bound, remedy)
 
 
 def unknown(place: str, check: str, remedy: str) -> Verdict:
-    """Return the warning that a drive does not state something."""
+    """Return a warning about a missing statement of the drive."""
     return Verdict(Grade.WARNING, place, check, "the drive does not state it", remedy=remedy)
 
 
 def undecided(place: str, check: str, found: str, remedy: str, bound: str = "") -> Verdict:
-    """Return the warning that a check found no answer, and what would give one."""
+    """Return a warning about an undecided check, with a remedy."""
     return Verdict(Grade.WARNING, place, check, f"undecided: {found}", bound, remedy)
 
 
 def refused(place: str, check: str, error: DriveError) -> Verdict:
-    """Return what an error says as a refusal."""
+    """Return a refusal with the message of an error."""
     return Verdict(Grade.REFUSED, place, check, str(error).removeprefix(f"{place}: "))

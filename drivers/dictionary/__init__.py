@@ -1,1 +1,1 @@
-"""Object dictionaries, of data sheets and of live drives, and what they offer for measuring."""
+"""Object dictionaries of data sheets and of live drives, and their review."""

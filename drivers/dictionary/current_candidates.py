@@ -1,10 +1,10 @@
-"""Which object shows the motor's current or torque, judged by evidence.
+"""Choice of the object for the motor's current or torque, by evidence.
 
-Torques are computed from this one, so it is chosen openly: every object that may serve is listed
-with what speaks for it. 6078 (current, per mille of 6075) comes first; a maker's own current of 32
-bits next, which is finer but costs a second TPDO; then 6077, which is a torque by name and on many
-drives the current over a rated value. What one count means is never concluded from the index: the
-standard's meaning is a suggestion that the drive's manual has to confirm.
+Torques are computed from this object, so the choice is open: every possible object is listed with
+its evidence. 6078 (current, per mille of 6075) comes first; then a maker's own current of 32 bits,
+finer but at the cost of a second TPDO; then 6077, by name a torque and on many drives the current
+over a rated value. The meaning of a count is never inferred from the index: the standard's meaning
+is a suggestion to be confirmed by the drive's manual.
 """
 
 from __future__ import annotations
@@ -16,8 +16,6 @@ from typing import TYPE_CHECKING
 from drivers.drives_file import Basis
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from drivers.dictionary.dictionary import Declared, Dictionary
 
 CURRENT, TORQUE = 0x6078, 0x6077
@@ -44,18 +42,18 @@ _TORQUE = re.compile(r"torque|drehmoment|moment\b", re.I)
 
 @dataclass(frozen=True, slots=True)
 class CurrentCandidate:
-    """An object that may show the motor's current.
+    """Object that may show the motor's current.
 
     Attributes
     ----------
     declared : Declared
         The object.
     usable : bool
-        A number of 16 or 32 bits that a PDO can carry, as far as is known.
+        True for a number of 16 or 32 bits that a PDO can carry, as far as known.
     basis : Basis or None
-        What the standard says that a count is; None where only the manual states it.
+        Meaning of a count by the standard; None if stated only in the manual.
     why : str
-        What speaks for it, or why it cannot be used.
+        Evidence, or the reason why the object is not usable.
     """
 
     declared: Declared
@@ -65,47 +63,32 @@ class CurrentCandidate:
 
     @property
     def place(self) -> str:
-        """Index, sub-index and type, such as "30D1:02 (i32)"."""
+        """Index, sub-index and type as text, such as "30D1:02 (i32)"."""
         return f"{self.declared.place} ({self.declared.type or 'no number'})"
 
 
 def current_candidates(dictionary: Dictionary) -> tuple[CurrentCandidate, ...]:
-    """Return all objects that may show the current, the most suitable first."""
-    found = [_judged(declared) for declared in _named(dictionary)]
-    return tuple(sorted(found, key=_preference))
-
-
-def _named(dictionary: Dictionary) -> Iterator[Declared]:
+    """Return the objects that may show the current, the most suitable first."""
+    found = []
     for (index, subindex), declared in sorted(dictionary.entries.items()):
         counts_members = not subindex and (index, 1) in dictionary.entries
-        maker = index in MAKERS_OBJECTS and declared.readable is not False and not counts_members
-        if (index in {CURRENT, TORQUE} and not subindex) or (
-            maker and _speaks_of_current(declared)
-        ):
-            yield declared
-
-
-def _speaks_of_current(declared: Declared) -> bool:
-    name = declared.name
-    return bool(_QUANTITY.search(name) and _MEASURED.search(name) and not _OTHER.search(name))
-
-
-def _judged(declared: Declared) -> CurrentCandidate:
-    obstacle = _obstacle(declared)
-    if obstacle:
-        return CurrentCandidate(declared, usable=False, basis=None, why=obstacle)
-    basis, why = _meaning(declared)
-    if declared.index in MAKERS_OBJECTS and _SMOOTHED.search(declared.name):
-        why += ", smoothed by the drive, which delays it against the position"
-    return CurrentCandidate(declared, usable=True, basis=basis, why=why)
-
-
-def _obstacle(declared: Declared) -> str:
-    if declared.type not in {"i16", "i32", "f32"}:
-        return "is no signed integer of 16 or 32 bits, nor a real number of 32"
-    if declared.mappable is False:
-        return "cannot be mapped into a PDO"
-    return ""
+        maker, name = index in MAKERS_OBJECTS, declared.name
+        named = _QUANTITY.search(name) and _MEASURED.search(name) and not _OTHER.search(name)
+        readable = declared.readable is not False and not counts_members
+        if not (maker and readable and named) and (index not in {CURRENT, TORQUE} or subindex):
+            continue
+        if declared.type not in {"i16", "i32", "f32"}:
+            why = "is no signed integer of 16 or 32 bits, nor a real number of 32"
+        elif declared.mappable is False:
+            why = "cannot be mapped into a PDO"
+        else:
+            basis, why = _meaning(declared)
+            if maker and _SMOOTHED.search(name):
+                why += ", smoothed by the drive, which delays it against the position"
+            found.append(CurrentCandidate(declared, usable=True, basis=basis, why=why))
+            continue
+        found.append(CurrentCandidate(declared, usable=False, basis=None, why=why))
+    return tuple(sorted(found, key=_preference))
 
 
 def _meaning(declared: Declared) -> tuple[Basis | None, str]:

@@ -1,8 +1,8 @@
-"""What a live drive's object dictionary holds, asked object by object and without writing.
+"""Reading of a live drive's object dictionary, object by object, without writing.
 
-A drive denies an object with an abort code that says so. Whatever else keeps it from answering (no
-answer, an access that its state forbids) proves nothing, and is kept as such. A drive that leaves
-several objects unanswered is not asked on, so that a scan ends in bounded time.
+A drive denies an object with a specific abort code. Any other failure (no answer, an access
+forbidden in its state) proves nothing, and is kept as such. A drive with several unanswered objects
+is not read any further, so that a scan ends in bounded time.
 """
 
 from __future__ import annotations
@@ -12,40 +12,40 @@ from typing import TYPE_CHECKING
 
 from checked_files.foreign_text import one_line
 from drivers.cia402 import objects
-from drivers.cia402.vendor_objects import MAKERS
+from drivers.cia402.objects import MAKERS
 from drivers.commissioning.held_values import mapping_slot
-from drivers.dictionary.dictionary import Declared, Dictionary, Key, with_proof
-from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer, in_words
+from drivers.dictionary.dictionary import Declared, Dictionary, Key, mark_mapped
+from drivers.remote_dictionary import ABSENT, AccessRefused, NoAnswer, axis_suffix
 
 if TYPE_CHECKING:
-    from drivers.dictionary.bus_rules import BusRules
+    from drivers.dictionary.review import BusRules
     from drivers.fieldbus import Entry
     from drivers.remote_dictionary import Access
 
 DEVICE_NAME = 0x1008
 WRITE_ONLY, NO_DATA = 0x06010001, 0x08000024
 PATIENCE = 5
-"""So many objects may stay without an answer."""
+"""Largest number of unanswered objects."""
 MAPPED = 8
-"""Mapping entries that are looked at."""
+"""Number of mapping entries to read."""
 TEXT_LIMIT = 60
 
 _CURRENTS = (objects.TORQUE, objects.CURRENT)
 
 
 def read_dictionary(access: Access, node: int, rules: BusRules, axis: int = 1) -> Dictionary:
-    """Read from a drive what a review needs.
+    """Read the objects for a review from a drive.
 
     Parameters
     ----------
     access : Access
-        To its objects.
+        Access to the objects of the drive.
     node : int
-        Its number on the bus.
+        Node number.
     rules : BusRules
-        Of the bus.
+        Rules of the bus.
     axis : int
-        Which axis of the node.
+        Number of the axis in the node.
     """
     reading = _Reading(access)
     for entry in (*rules.requirements, *_CURRENTS, *rules.asked):
@@ -60,9 +60,9 @@ def read_dictionary(access: Access, node: int, rules: BusRules, axis: int = 1) -
     model = reading.text(DEVICE_NAME)
     identity = [reading.value(entry) for entry in objects.IDENTITY]
     return Dictionary(
-        f"node {node}{in_words(axis)}",
+        f"node {node}{axis_suffix(axis)}",
         live=True,
-        entries=with_proof(reading.entries),
+        entries=mark_mapped(reading.entries),
         unanswered=reading.unanswered,
         node=node,
         vendor=identity[0],
@@ -75,7 +75,7 @@ def read_dictionary(access: Access, node: int, rules: BusRules, axis: int = 1) -
 
 @dataclass
 class _Reading:
-    """A dictionary half read."""
+    """Intermediate state of reading a dictionary."""
 
     access: Access
     entries: dict[Key, Declared] = field(default_factory=dict)
@@ -83,7 +83,7 @@ class _Reading:
     silences: int = 0
 
     def ask(self, entry: Entry) -> None:
-        """Read one number, once."""
+        """Read a number, once."""
         key = entry.key
         if key in self.entries or key in self.unanswered:
             return
@@ -93,29 +93,29 @@ class _Reading:
         try:
             data = self.access.read(*key, entry.size)
         except AccessRefused as error:
-            self._denied(entry, error)
+            key, code = entry.key, error.code
+            if code == WRITE_ONLY:
+                self.entries[key] = Declared(*key, entry.name, entry.type, access="wo")
+            elif code == NO_DATA:  # present and empty, as a history (1003) without errors
+                self.entries[key] = Declared(*key, entry.name, entry.type)
+            elif code not in ABSENT:
+                self.unanswered[key] = f"was refused with {code:08X} ({error})"
         except NoAnswer:
             self.silences += 1
             self.unanswered[key] = "was not answered"
         else:
-            self.entries[key] = _declared(entry, data)
-
-    def _denied(self, entry: Entry, refusal: AccessRefused) -> None:
-        key, code = entry.key, refusal.code
-        if code == WRITE_ONLY:
-            self.entries[key] = Declared(*key, entry.name, entry.type, access="wo")
-        elif code == NO_DATA:  # it is there and empty, as a history (1003) without errors
-            self.entries[key] = Declared(*key, entry.name, entry.type)
-        elif code not in ABSENT:
-            self.unanswered[key] = f"was refused with {code:08X} ({refusal})"
+            # the drive's length may differ from the standard
+            kind = f"{entry.type[0]}{8 * len(data)}" if 0 < len(data) <= 8 else None
+            value = int.from_bytes(data, "little", signed=entry.signed) if kind else None
+            self.entries[key] = Declared(*key, entry.name, kind, value=value)
 
     def value(self, entry: Entry) -> int | None:
-        """Return what was read, None where nothing was."""
+        """Return the value read, None if there is none."""
         found = self.entries.get(entry.key)
         return None if found is None else found.value
 
     def text(self, index: int) -> str:
-        """Read a name; empty where there is none."""
+        """Read a name; empty if absent."""
         if self.silences >= PATIENCE:
             return ""
         try:
@@ -123,10 +123,3 @@ class _Reading:
         except (AccessRefused, NoAnswer):
             return ""
         return one_line(data[:TEXT_LIMIT].decode("latin-1").strip("\0 "))
-
-
-def _declared(entry: Entry, data: bytes) -> Declared:
-    """Take a value in the length that the drive gives it, which may differ from the standard."""
-    kind = f"{entry.type[0]}{8 * len(data)}" if 0 < len(data) <= 8 else None
-    value = int.from_bytes(data, "little", signed=entry.signed) if kind else None
-    return Declared(entry.index, entry.subindex, entry.name, kind, value=value)

@@ -1,29 +1,220 @@
-"""What an object dictionary offers for measuring, and what each gap in it means.
+"""Review of an object dictionary: suitability for measurements, and the meaning of each gap.
 
-The same review serves a data sheet that lies on the desk, a drive that a scan has found and a drive
-that is about to be used: `review` takes a `Dictionary`, whatever its source, and does no I/O. Each
-`Finding` says what is lacking and what follows. One that is `fatal` keeps the drive from being used
-at all; of what a live drive left unanswered nothing is concluded but that it must be looked up.
+One review serves data sheets, drives found by a scan and drives about to be used: `review` takes a
+`Dictionary` of any source and does no I/O. Each `Finding` states a deficiency and its consequence.
+A `fatal` one excludes the drive; objects that a live drive left unanswered only have to be looked
+up.
+
+An object may be missing, have a non-standard type, or refuse the value to be written. For an object
+that cannot be written, its fixed value decides on the drive; if unstated or dependent on the axis,
+start-up will show it. A `Scan` collects the reviews of the nodes on a bus.
+`BusRules` are the rules of a bus for the object dictionaries of its drives; no open bus is needed.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.cia402 import objects
 from drivers.cia402.states import Mode
-from drivers.commissioning.requirements import DRIVE_PROFILE, OF_PROFILES, REQUIREMENTS
+from drivers.commissioning.requirements import (
+    DRIVE_PROFILE,
+    OF_PROFILES,
+    REQUIREMENTS,
+    STATE_WHAT_STOPS,
+    Lack,
+    Use,
+    is_set,
+    reaction_for,
+)
 from drivers.dictionary.current_candidates import current_candidates
-from drivers.dictionary.missing_objects import Finding, fixed_at, gaps
+from drivers.found_settings.restoring import RestoringOrder
+from drivers.in_node import ALONE, InNode
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from drivers.dictionary.bus_rules import BusRules
+    from drivers.commissioning.requirements import Requirement
     from drivers.dictionary.current_candidates import CurrentCandidate
-    from drivers.dictionary.dictionary import Dictionary
+    from drivers.dictionary.dictionary import Declared, Dictionary
     from drivers.drives_file import AxisDrive
+    from drivers.fieldbus import Entry
+
+    Table = Mapping[Entry, Requirement]
+
+
+class ProcessDataReview(NamedTuple):
+    """Capacity of the process data.
+
+    Attributes
+    ----------
+    current : CurrentCandidate or None
+        The first current object that fits, or the first of all if none does.
+    words : tuple of tuple of int or None
+        Value for `tpdos` of the drives file; None for the preferred mapping.
+    obstacles : tuple of Finding
+        Obstacles to the needed process data.
+    """
+
+    current: CurrentCandidate | None
+    words: tuple[tuple[int, ...], ...] | None
+    obstacles: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BusRules(RestoringOrder):
+    """Rules of a bus for reading, review and drafts of dictionaries.
+
+    Attributes
+    ----------
+    requirements : mapping of Entry to Requirement
+        Requirements on a drive's dictionary, in the order of reading.
+    asked : tuple of Entry
+        Further objects to read from a live drive, besides the objects in `mappings`.
+    review_process_data : callable
+        Reviews the capacity of the process data, for the usable current objects.
+    remarks : callable
+        Yields further findings on objects of the bus.
+    unwatched : callable
+        Returns why a drive cannot supervise us; None if it can, or if that is unknown.
+    """
+
+    requirements: Mapping[Entry, Requirement]
+    asked: tuple[Entry, ...]
+    mappings: tuple[int, ...]
+    review_process_data: Callable[[Dictionary, Sequence[CurrentCandidate]], ProcessDataReview]
+    remarks: Callable[[Dictionary], Iterable[Finding]] = lambda _: ()
+    unwatched: Callable[[Dictionary], str | None] = lambda _: None
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Deficiency or peculiarity of a drive.
+
+    Attributes
+    ----------
+    about : str
+        Object, such as "6084:00 (profile deceleration)".
+    problem : str
+        The deficiency.
+    consequence : str
+        Consequence for measurements.
+    fatal : bool
+        True if the drive is unsuitable.
+    """
+
+    about: str
+    problem: str
+    consequence: str
+    fatal: bool
+
+    def __str__(self) -> str:
+        return f"{self.about} {self.problem}: {self.consequence}"
+
+
+def gaps(
+    dictionary: Dictionary, row: Requirement, axis: AxisDrive | None, table: Table
+) -> Iterator[Finding]:
+    """Yield the deficiencies of a dictionary in a row of the table.
+
+    Raises
+    ------
+    FileError
+        The declaration of the object is unintelligible.
+    """
+    if row.lack is Lack.SILENT and Use.ASK in row.use:
+        return
+    about, declared = str(row.entry), dictionary.entry(row.entry)
+    refused = dictionary.unanswered.get(row.entry.key)
+    if declared is not None:
+        # a spare object is not needed if those it could replace are present
+        served = [each for each in table.values() if row.entry in each.instead]
+        spare = Use.WRITE in row.use and row.lack is Lack.SILENT and bool(served)
+        if not spare or not all(dictionary.entry(each.entry) for each in served):
+            yield from _flaws(dictionary, declared, row)
+    elif row.lack is Lack.SILENT:
+        pass
+    elif refused is not None:
+        yield Finding(about, refused, f"if it is missing, {row.without}", fatal=False)
+    elif not row.instead or not all(map(dictionary.entry, row.instead)):
+        yield Finding(about, "is missing", *_consequence(row, axis))
+    elif row.served:
+        yield Finding(about, "is missing", row.served, fatal=False)
+
+
+def fixed_at(declared: Declared | None) -> int | None:
+    """Return the value of a read-only object; None if writable or not stated."""
+    return None if declared is None or declared.writable is not False else declared.stated
+
+
+def _consequence(row: Requirement, axis: AxisDrive | None) -> tuple[str, bool]:
+    """Return the consequence of a missing object, and True if the drive is refused for it."""
+    if row.lack is not Lack.REFUSED_UNLESS_STATED:
+        return row.without, row.lack is Lack.REFUSED
+    if axis is not None and axis.allow_no_heartbeat is not None:
+        return f"{row.without}; allowed because: {axis.allow_no_heartbeat}", False
+    return f"{row.without}: {STATE_WHAT_STOPS}", axis is not None
+
+
+def _flaws(dictionary: Dictionary, declared: Declared, row: Requirement) -> Iterator[Finding]:
+    about, entry = str(row.entry), row.entry
+    harmless = Use.ASK in row.use
+    mistyped = declared.bits is not None and declared.bits != 8 * entry.size
+    if mistyped:
+        problem = f"has {declared.bits} bits, {8 * entry.size} expected ({entry.type})"
+        yield Finding(about, problem, row.without, fatal=not harmless)
+    if Use.WRITE in row.use:
+        # the reaction to a lost connection depends on the fixed quick stop option
+        quick_stop = fixed_at(dictionary.entry(objects.QUICK_STOP_OPTION)) or 0
+        is_reaction = entry == objects.ABORT_CONNECTION_OPTION
+        value = reaction_for(quick_stop) if is_reaction else row.value
+        yield from _unwritable(declared, row, value)
+    if Use.READ in row.use and declared.readable is False:
+        yield Finding(about, "cannot be read (wo)", row.without, fatal=True)
+    if declared.mappable is False and row.use & (Use.SEND | Use.RECEIVE):
+        problem = "cannot be mapped into a PDO"
+        yield Finding(about, problem, "it cannot travel with SYNC", fatal=True)
+
+
+def _unwritable(declared: Declared, row: Requirement, value: int | None) -> Iterator[Finding]:
+    """Yield the reason why an object refuses the value to be written."""
+    about, writable = str(row.entry), declared.writable is not False
+    only = declared.fixed if writable else fixed_at(declared)
+    if writable and only is None:
+        if value is not None and not _takes(declared, value):
+            problem = f"takes no value but {declared.low} to {declared.high}"
+            serves = any(_takes(declared, other) for other in row.serves)
+            yield Finding(about, problem, row.without if serves else row.fixed, fatal=not serves)
+    elif only is None:
+        so = row.fixed or row.served or row.without
+        fatal = Use.VARY in row.use or (row.lack in _NEEDED and not row.serves)
+        yield Finding(about, f"cannot be written ({declared.access})", so, fatal)
+    elif only != value:
+        serves = _serves(row, only)
+        so = (row.served if serves else row.fixed) or row.without
+        fixed = f"is fixed at {only} ({declared.access})"
+        problem = f"takes no value but {only}" if writable else fixed
+        yield Finding(about, problem, so, fatal=not serves)
+
+
+_NEEDED = (Lack.REFUSED, Lack.REFUSED_UNLESS_STATED)
+
+
+def _serves(row: Requirement, only: int) -> bool:
+    """Return True if an object fixed at another value than ours is acceptable."""
+    if Use.VARY in row.use:
+        return False
+    if row.serves or row.value is not None:
+        return only in row.serves
+    return row.lack not in _NEEDED and is_set(only, row.entry)
+
+
+def _takes(declared: Declared, value: int) -> bool:
+    low = value if declared.low is None else declared.low
+    high = value if declared.high is None else declared.high
+    return low <= value <= high
+
 
 PROFILES = {
     401: "I/O modules",
@@ -38,29 +229,29 @@ PROFILES = {
 _OF_DRIVES = (
     objects.CONTROLWORD, objects.STATUSWORD, objects.TARGET_POSITION, objects.SUPPORTED_MODES,
 )  # fmt: skip
-"""What no device of another profile has."""
+"""Objects found in no device of another profile."""
 
 
 @dataclass(frozen=True)
 class Review:
-    """What a drive offers.
+    """Suitability of a drive.
 
     Attributes
     ----------
     source : str
-        What was reviewed, for messages.
+        Name of the reviewed dictionary in messages.
     profile : int or None
         Device profile (1000); 402 is a drive.
     modes : tuple of Mode or None
-        That it supports (6502).
+        Supported modes (6502).
     currents : tuple of CurrentCandidate
         Objects that may show the motor current, the most suitable first.
     current : CurrentCandidate or None
-        The one to be used.
+        Object to be used.
     tpdos : tuple of tuple of int or None
-        What process data carry, where that is not what we would have.
+        Mapping of the TPDOs, unless it is the preferred one.
     findings : tuple of Finding
-        The fatal ones first.
+        Findings, the fatal ones first.
     """
 
     source: str
@@ -73,41 +264,45 @@ class Review:
 
     @property
     def serves(self) -> bool:
-        """Nothing that is known keeps the drive from being used."""
+        """True if no known fact excludes the drive."""
         return not self.refusals
 
     @property
     def refusals(self) -> tuple[Finding, ...]:
-        """Why the drive cannot be used."""
+        """Findings that exclude the drive."""
         return tuple(finding for finding in self.findings if finding.fatal)
 
 
 def review(dictionary: Dictionary, rules: BusRules, axis: AxisDrive | None = None) -> Review:
-    """Judge a dictionary.
+    """Review a dictionary.
 
     Parameters
     ----------
     dictionary : Dictionary
-        Of a data sheet or of a live drive.
+        Dictionary of a data sheet or of a live drive.
     rules : BusRules
-        Of the bus that the drive is for.
+        Rules of the bus for the drive.
     axis : AxisDrive, optional
-        What a drives file states of the drive: which object shows its current, and what else stops
-        the axis. Without one a drive is not refused for what a file may state.
+        Axis of a drives file: object of the current, and other means to stop the axis. Without an
+        axis a drive is not refused for what a file may state.
 
     Raises
     ------
     FileError
-        An object that we need is declared in a way that cannot be understood.
+        The declaration of a required object is unintelligible.
     """
     profile = _profile(dictionary)
     supposed = list(_supposed(dictionary, profile))
     if profile not in {None, DRIVE_PROFILE} and not supposed:
         named = PROFILES.get(profile or 0, "no drive")
         return _no_drive(dictionary.source, profile, f"says device profile {profile} ({named})")
-    if _commandless(dictionary):
+    commands = {objects.CONTROLWORD.key, objects.STATUSWORD.key}
+    if not commands & {*dictionary.entries, *dictionary.unanswered, *dictionary.damaged}:
         return _no_drive(dictionary.source, profile, "has neither controlword nor statusword")
-    modes = _modes(dictionary)
+    supported = dictionary.entry(objects.SUPPORTED_MODES)
+    modes = None
+    if supported is not None and supported.stated is not None:
+        modes = tuple(mode for mode in Mode if supported.stated & mode.supported_bit)
     candidates = current_candidates(dictionary)
     usable = [candidate for candidate in candidates if candidate.usable]
     carried = rules.review_process_data(dictionary, usable)
@@ -141,13 +336,13 @@ def _profile(dictionary: Dictionary) -> int | None:
     declared = dictionary.entry(objects.DEVICE_TYPE)
     if declared is None:
         return None
-    # 0 as a default says that the maker's tool left it open.
+    # a default of 0 is a value left open by the maker's tool
     number = declared.default or None if declared.value is None else declared.value
     return None if number is None else number & 0xFFFF
 
 
 def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
-    """Find a data sheet whose default of 1000 is no drive's though it has a drive's objects."""
+    """Yield a data sheet with a drive's objects whose default of 1000 is another profile."""
     declared = dictionary.entry(objects.DEVICE_TYPE)
     by_default = declared is not None and declared.value is None
     if profile in {None, DRIVE_PROFILE} or not by_default:
@@ -158,23 +353,10 @@ def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
         yield Finding(str(objects.DEVICE_TYPE), problem, so, fatal=False)
 
 
-def _commandless(dictionary: Dictionary) -> bool:
-    keys = {objects.CONTROLWORD.key, objects.STATUSWORD.key}
-    known = {*dictionary.entries, *dictionary.unanswered, *dictionary.damaged}
-    return not keys & known
-
-
 def _no_drive(source: str, profile: int | None, problem: str) -> Review:
     so = "it is no CiA 402 drive and is left alone"
     finding = Finding("the device", problem, so, fatal=True)
     return Review(source, profile, None, (), None, None, (finding,))
-
-
-def _modes(dictionary: Dictionary) -> tuple[Mode, ...] | None:
-    declared = dictionary.entry(objects.SUPPORTED_MODES)
-    if declared is None or declared.stated is None:
-        return None
-    return tuple(mode for mode in Mode if declared.stated & mode.supported_bit)
 
 
 def _wrong_mode(modes: tuple[Mode, ...] | None) -> Iterator[Finding]:
@@ -191,7 +373,7 @@ def _wrong_mode(modes: tuple[Mode, ...] | None) -> Iterator[Finding]:
 
 
 def _no_range(dictionary: Dictionary) -> Iterator[Finding]:
-    """Software limits that are off and stay off."""
+    """Yield software limits that are off and cannot be changed."""
     ends = [
         dictionary.entry(entry)
         for entry in (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
@@ -203,9 +385,7 @@ def _no_range(dictionary: Dictionary) -> Iterator[Finding]:
 
 
 def _no_current(
-    dictionary: Dictionary,
-    candidates: tuple[CurrentCandidate, ...],
-    usable: list[CurrentCandidate],
+    dictionary: Dictionary, candidates: tuple[CurrentCandidate, ...], usable: list[CurrentCandidate]
 ) -> Iterator[Finding]:
     if usable:
         return
@@ -218,3 +398,59 @@ def _no_current(
     else:
         so = "torques cannot be measured, which is all that this is about"
         yield Finding(about, "is missing", so, fatal=True)
+
+
+@dataclass
+class FoundNode:
+    """Node found by a scan.
+
+    Attributes
+    ----------
+    node : int
+        Node number.
+    state, shown_by : str
+        NMT state of the last heartbeat, empty if none was received; on EtherCAT the AL state.
+    boots, emergencies : int
+        Number of boot-ups and emergencies received.
+    answers : int
+        Number of answers to one request: more than one come from devices with the same number.
+    dictionary : Dictionary or None
+        Dictionary read; None without SDO answers.
+    review : Review or None
+        Review of the dictionary.
+    further : list of (InNode, Dictionary, Review)
+        Further axes of the node.
+    within : InNode
+        PDOs of the first axis.
+    """
+
+    node: int
+    state: str = ""
+    shown_by: str = "heartbeat"
+    boots: int = 0
+    emergencies: int = 0
+    answers: int = 0
+    dictionary: Dictionary | None = None
+    review: Review | None = None
+    further: list[tuple[InNode, Dictionary, Review]] = field(default_factory=list)
+    within: InNode = ALONE
+
+
+@dataclass
+class Scan:
+    """Result of a scan.
+
+    Attributes
+    ----------
+    nodes : dict of int to FoundNode
+        Nodes by number.
+    syncs : int
+        SYNCs received, from another master.
+    """
+
+    nodes: dict[int, FoundNode] = field(default_factory=dict)
+    syncs: int = 0
+
+    def heard(self, node: int) -> FoundNode:
+        """Return the node of a number, added if new."""
+        return self.nodes.setdefault(node, FoundNode(node))

@@ -1,1 +1,1 @@
-"""CANopen over EtherCAT: a file a service, as `drivers.canopen` for CAN."""
+"""CANopen over EtherCAT: services of the drives on a line."""

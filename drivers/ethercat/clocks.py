@@ -1,8 +1,14 @@
-"""Distributed clocks (ETG.1000.4 clause 6.8): the clocks of all slaves follow that of the first.
+"""Distributed clocks (ETG.1000.4 clause 6.8): synchronisation of all slaves with the first.
 
-A frame latches in each slave when it came by at each port, which gives the delays of the cables; an
-offset makes the slaves' local times one system time. From then on each frame brings the time of the
-reference, the first slave with a clock, to all others, which are drawn towards it.
+Each slave latches the passage of a frame at each port, which gives the cable delays; offsets turn
+the local times of the slaves into one system time. From then on each frame carries the time of the
+reference, the first slave with a clock, to all others, which are adjusted to the reference.
+
+`ReferenceClock` makes the reference the driver's clock: each frame with process data returns the
+time of its passage at the reference. A second-order filter estimates that time and its rate, so
+that a frame sent late has little influence. Deadlines are then in the time of the reference: frames
+pass half a period before SYNC0, at which drives apply outputs and latch inputs. Both sides may be
+late by as much.
 """
 
 from __future__ import annotations
@@ -13,51 +19,162 @@ from itertools import count, pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.ethercat import registers as reg
-from drivers.ethercat.frames import Command, Datagram, at
+from drivers.ethercat.line import Command, Datagram, address_of
+from drivers.sync_clock import WallClock
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from drivers.ethercat.line import Line
-    from drivers.ethercat.station import Station
+    from drivers.ethercat.slaves import Station
+
+SHIFT = 0.5
+"""Delay of SYNC0 after the due instant of a frame, as a share of the period."""
+AHEAD = 0.1
+"""Minimum time from set-up of a drive to its first SYNC0 [s]; as in SOEM."""
+_TIME = 0.5
+"""Time constant of the filter [s]: some hundred frames, so that it rejects the jitter of a computer
+and follows the drift of a warming crystal."""
+_STRAY, _STRAYS = 0.25, 10
+"""Deviation as a share of the period, and number of consecutive frames with such deviations of one
+sign after which the reference has jumped, as in a plant whose process was stopped."""
+_MOST = 50e-6
+"""Largest correction of the filter by a frame [s]; a larger deviation is a delay of the computer.
+Within `_TIME` the filter follows clocks that differ by 200 ppm or more, twice as much as
+crystals."""
+
+
+class ReferenceClock(WallClock):
+    """Wall clock until `begin`; afterwards the clock of the reference.
+
+    Parameters
+    ----------
+    period : float
+        Time between two frames with process data [s].
+    host : callable
+        Monotonic clock of this computer [s].
+
+    Attributes
+    ----------
+    host : callable
+        Clock of this computer.
+    follows : bool
+        True after `begin`.
+    skew : float
+        Rate of the reference relative to this computer, less 1.
+    """
+
+    def __init__(self, period: float, *, host: Callable[[], float] = time.perf_counter) -> None:
+        self.host = host
+        self.follows, self.skew = False, 0.0
+        self._at = self._shown = host()
+        self._zero = 0
+        self._strays: list[float] = []
+        super().__init__(period, clock=lambda: self._convert_host(self.host()))
+
+    def begin(self, reference: int, host: float) -> None:
+        """Follow the reference, which showed a time [ns] when this computer's clock was `host`."""
+        self._zero, self.follows = reference - round(1e9 * self._convert_host(host)), True
+        # deadlines are whole periods after the bus was entered, in time of the reference
+        self._deadline = self._start + self._period * math.ceil(self.now() / self._period)
+
+    @property
+    def shift(self) -> float:
+        """Delay of SYNC0 after the due instant of a frame [s]."""
+        return SHIFT * self._period
+
+    def first_sync0(self, reference: int) -> tuple[int, int]:
+        """Return a SYNC0 at least `AHEAD` after the reference's time, and the cycle [ns]."""
+        shown = 1e-9 * (reference - self._zero) - self._start + AHEAD
+        cycle = round(1e9 * self._period)
+        grid = self._zero + round(1e9 * (self._start + self.shift))
+        return grid + cycle * math.ceil(shown / self._period), cycle
+
+    def note_sent(self) -> float:
+        """Return the instant of a frame (see `WallClock`); SYNC0 gives the time of inputs."""
+        instant = super().note_sent()
+        self.uncertain &= not self.follows
+        return instant
+
+    def latch_instant(self, instant: float, before: float) -> float:
+        """Return the last SYNC0 before an instant, or without clocks the frame before."""
+        if not self.follows:
+            return before
+        return self._period * (math.floor(instant / self._period - SHIFT) + SHIFT)
+
+    def follow(self, reference: int, instant: float) -> float:
+        """Evaluate the passage of a frame, sent at `instant`, at the reference [ns]; return it [s].
+
+        Both instants count from entering the bus, as `now` does.
+        """
+        passed = 1e-9 * (reference - self._zero) - self._start
+        off = passed - instant
+        if abs(off) > _STRAY * self._period:
+            passed += self._evaluate_stray(off)
+        else:
+            self._strays.clear()
+        off = min(max(off, -_MOST), _MOST)
+        host, gain = self.host(), self._period / _TIME
+        self._shown, self._at = self._convert_host(host) + 2 * gain * off, host
+        self.skew += gain * off / _TIME
+        return passed
+
+    def _evaluate_stray(self, off: float) -> float:
+        """Record a frame with a large deviation [s]; return the change of the estimated time."""
+        if self._strays and (off > 0) != (self._strays[-1] > 0):
+            self._strays.clear()
+        self._strays.append(off)
+        if len(self._strays) < _STRAYS:
+            return 0.0
+        periods = round(min(self._strays, key=abs) / self._period)
+        jump = min(self._strays, key=abs) - periods * self._period
+        self._shown += jump  # deadlines keep their distance from SYNC0
+        self._zero += round(1e9 * periods * self._period)
+        self._strays.clear()
+        return -periods * self._period
+
+    def _convert_host(self, host: float) -> float:
+        """Convert a time of this computer's clock to the estimated time of the reference [s]."""
+        return self._shown + (host - self._at) * (1 + self.skew)
+
 
 _HAS_CLOCK, _IS_LONG = 0x04, 0x08
-"""Features of a controller: it has a distributed clock, of 64 bits."""
+"""Features of a controller: distributed clock; clock of 64 bits."""
 _PORTS = (0, 3, 1, 2)
-"""In the order in which a frame comes by."""
+"""Ports in the order of a frame's passage."""
 _SHORT, _LONG = 1 << 32, 1 << 64
 OUT_OF_STEP = 10e-6
-"""Difference to the reference from which on a drive's samples are flagged [s]: at 1 rad/s it is
+"""Difference to the reference from which a drive's samples are flagged [s]: at 1 rad/s it is
 10 urad, and hardware stays below 1 us."""
 _SETTLE_LEAST, _SETTLE_TIME = 100, 1.0
-"""Frames with the reference's time before the cycles begin, at least; and for how long at most [s],
-which is 10 000 frames of 0.1 ms: TwinCAT sends 15 000."""
+"""Minimum number of frames with the reference's time before the cycles begin, and their longest
+duration [s], 10 000 frames of 0.1 ms: TwinCAT sends 15 000."""
 _SIZE = 0x7FFF_FFFF
-"""Of a difference, without its sign."""
+"""Mask of a difference without its sign."""
 TIME_SIZE, DIFFERENCE_SIZE = 8, 4
 
 
 class Passage(NamedTuple):
-    """How a frame passed one slave.
+    """Passage of a frame through one slave.
 
     Attributes
     ----------
     times : tuple of int
-        When it was received at each open port, in its order [ns]; empty where there is no clock.
+        Receive times at the open ports, in their order [ns]; empty without a clock.
     branches : int
-        Ports behind which there are further slaves.
+        Number of ports with further slaves.
     """
 
     times: tuple[int, ...]
     branches: int
 
 
-def delays(passages: Sequence[Passage]) -> list[int]:
-    """Return how long a frame takes from the first clock to each slave [ns].
+def compute_delays(passages: Sequence[Passage]) -> list[int]:
+    """Compute the delay of a frame from the first clock to each slave [ns].
 
-    What a frame needs between leaving at a port and coming back there, less what it spends within
-    the branch behind it, is spent on the cable, half of it on the way out. Behind a junction
-    without a clock that cannot be split, and the delay is that of what stands before the junction.
+    The time between leaving a port and returning there, less the time within the branch, is spent
+    on the cable, half of it on the way out. After a junction without a clock the time cannot be
+    split, and the delay is that of the slave before the junction.
     """
     found: list[int] = []
     branches: list[tuple[int, int | None]] = []
@@ -75,20 +192,21 @@ def delays(passages: Sequence[Passage]) -> list[int]:
 
 
 class Clocks:
-    """The clocks on a line that were set to one time.
+    """Synchronised clocks on a line.
 
     Parameters
     ----------
     line : Line
+        Line of the slaves.
     stations : sequence of Station
-        All slaves on it, in order.
+        Slaves on the line, in order.
 
     Attributes
     ----------
     clocked : list of Station
-        Those that have a clock; the first is the reference.
+        Slaves with a clock; the first is the reference.
     delay : int
-        How long a frame takes from there to the last of them [ns].
+        Delay of a frame from the reference to the last clock [ns].
     """
 
     def __init__(self, line: Line, stations: Sequence[Station]) -> None:
@@ -96,10 +214,10 @@ class Clocks:
         features = [station.word(reg.FEATURES) for station in stations]
         line.ask(Datagram(Command.BWR, reg.RECEIVE_TIMES << 16, bytes(4)))
         passages = [_passage(*each) for each in zip(stations, features, strict=True)]
-        found = zip(stations, features, delays(passages), strict=True)
+        found = zip(stations, features, compute_delays(passages), strict=True)
         clocked = [each for each in found if each[1] & _HAS_CLOCK]
         if clocked and not clocked[0][1] & _IS_LONG:
-            clocked = []  # a reference of 32 bits begins anew every 4 s
+            clocked = []  # a reference of 32 bits restarts every 4 s
         self.clocked = [station for station, _, _ in clocked]
         self.delay = clocked[-1][2] if clocked else 0
         first = _local(self.clocked[0]) if clocked else 0
@@ -107,7 +225,7 @@ class Clocks:
             offset = (first + delay - _local(station)) % (_LONG if own & _IS_LONG else _SHORT)
             station.write(reg.TIME_OFFSET, offset.to_bytes(8, "little"))
             station.write(reg.TIME_DELAY, delay.to_bytes(4, "little"))
-            station.write(reg.SPEED_START, station.read(reg.SPEED_START, 2))  # resets its filter
+            station.write(reg.SPEED_START, station.read(reg.SPEED_START, 2))  # resets the filter
 
     @property
     def reference(self) -> Station:
@@ -116,26 +234,27 @@ class Clocks:
 
     @property
     def datagrams(self) -> tuple[Datagram, Datagram]:
-        """What brings the reference's time to all, and reads all differences at once."""
+        """Datagrams that distribute the reference's time and read all differences at once."""
+        reference = address_of(self.reference.address, reg.SYSTEM_TIME)
         return (
-            Datagram(Command.FRMW, at(self.reference.address, reg.SYSTEM_TIME), bytes(TIME_SIZE)),
+            Datagram(Command.FRMW, reference, bytes(TIME_SIZE)),
             Datagram(Command.BRD, reg.TIME_DIFFERENCE << 16, bytes(DIFFERENCE_SIZE)),
         )
 
     def settle(self, host: Callable[[], float]) -> tuple[int, float]:
-        """Draw all clocks to the reference.
+        """Adjust the clocks to the reference.
 
         Parameters
         ----------
         host : callable
-            This computer's clock [s].
+            Clock of this computer [s].
 
         Returns
         -------
         reference : int
-            Its time as the frame that was back soonest passed it [ns].
+            Time of the reference at the passage of the fastest frame [ns].
         host : float
-            What `host` showed at that instant [s], which lies midway.
+            `host` at that instant [s], halfway between sending and return.
         """
         ends, soonest = time.monotonic() + _SETTLE_TIME, (math.inf, 0, 0.0)
         for sent in count(1):
@@ -150,16 +269,20 @@ class Clocks:
         return soonest[1:]
 
     def now(self) -> int:
-        """Time of the reference [ns]."""
+        """Return the time of the reference [ns]."""
         return int.from_bytes(self.reference.read(reg.SYSTEM_TIME, TIME_SIZE), "little")
 
     def differences(self, stations: Sequence[Station]) -> list[float]:
-        """Return how far clocks were from the reference when its time came by last [s].
+        """Return the differences of clocks to the reference at the last update [s].
 
-        Infinitely far where the frame with them is lost.
+        Infinity if the frame is lost.
         """
         datagrams = [
-            Datagram(Command.FPRD, at(station.address, reg.TIME_DIFFERENCE), bytes(DIFFERENCE_SIZE))
+            Datagram(
+                Command.FPRD,
+                address_of(station.address, reg.TIME_DIFFERENCE),
+                bytes(DIFFERENCE_SIZE),
+            )
             for station in stations
         ]
         answers = self._line.exchange(*datagrams) or ()
@@ -168,14 +291,14 @@ class Clocks:
 
 
 def size_of(difference: int) -> int:
-    """Return a difference without its sign [ns]; of bits that any of several has, a bound."""
+    """Return a difference without its sign [ns]; for combined bits of several, an upper bound."""
     return difference & _SIZE
 
 
 def is_together(differences: int) -> bool:
-    """Whether no clock is far from the reference, by the bits that any of the differences has.
+    """Return True if no clock is out of step, from the combined bits of the differences.
 
-    They are at most twice the largest of them, so some that are not far are looked at in vain.
+    Combined bits are at most twice the largest difference, so some checks are false alarms.
     """
     return 1e-9 * size_of(differences) <= OUT_OF_STEP
 

@@ -1,4 +1,4 @@
-"""How one drive exchanges process data, as set-up found it (`drivers.commissioning`)."""
+"""Process data exchange of a drive, as found by set-up (`drivers.commissioning`)."""
 
 from __future__ import annotations
 
@@ -7,19 +7,25 @@ from typing import TYPE_CHECKING
 
 from drivers.commissioning.communication import Communication
 from drivers.commissioning.held_values import assignment_slot
-from drivers.ethercat.objects import (
+from drivers.ethercat.pdo_set_up import (
     ASSIGNED_IN,
     ASSIGNED_OUT,
     BY_FRAMES,
     BY_SYNC0,
     CYCLES,
+    MAPPING_IN,
+    MAPPING_OUT,
     OFFERS_SYNC0,
     SYNC_TYPES,
     SYNC_TYPES_OFFERED,
-)
-from drivers.ethercat.pdo_set_up import MAPPING_IN, MAPPING_OUT, others, set_up_process_data
-from drivers.ethercat.process_layout import Mapped, inputs_of, ours, outputs_of
-from drivers.ethercat.requirements import REQUIREMENTS
+    Mapped,
+    inputs_of,
+    others,
+    ours,
+    outputs_of,
+    set_up_process_data,
+)  # fmt: skip
+from drivers.ethercat.rules import REQUIREMENTS
 from drivers.remote_dictionary import FIXED_CODES, Aborted
 
 if TYPE_CHECKING:
@@ -32,16 +38,16 @@ if TYPE_CHECKING:
 
 @dataclass
 class EthercatCommunication(Communication):
-    """What one drive sends and is sent (see `drivers.commissioning.communication`).
+    """Process data of a drive (see `drivers.commissioning.communication`).
 
     Attributes
     ----------
     outputs, inputs : Mapped
-        What process data carry, to the drive and from it.
+        Content of the process data, to the drive and from it.
     feed_forward : bool
-        It is to take offsets of velocity and torque.
+        True if the drive takes offsets of velocity and torque.
     beside : tuple of (Entry, int)
-        What else outputs carry, and what the drive held of it.
+        Further objects in the outputs, and their values in the drive.
     """
 
     outputs: Mapped
@@ -58,24 +64,18 @@ class EthercatCommunication(Communication):
         )
         + SYNC_TYPES
     )
-    """What is written where mappings turn out to be fixed, and once it is known who has a clock."""
+    """Objects written if mappings turn out to be fixed, and after the search for clocks."""
 
     @classmethod
-    def wanted(cls, axis: AxisDrive, *, feed_forward: bool = False) -> Self:
-        """Return what a drive exchanges whose process data are as we write them."""
+    def prefer(cls, axis: AxisDrive, *, feed_forward: bool = False) -> Self:
+        """Return the preferred process data of a drive."""
         outputs = ours(MAPPING_OUT, outputs_of(feed_forward=feed_forward))
         return cls(outputs, ours(MAPPING_IN, inputs_of(axis)), feed_forward)
 
     def set_up(
         self, server: RemoteDictionary, axis: AxisDrive, drives: DrivesFile, period: float
     ) -> None:
-        """Have the drive know its cycle and exchange what we need.
-
-        Raises
-        ------
-        DriveRefused, NodeSilent
-            Why the drive cannot take part.
-        """
+        """Configure cycle time and process data of a drive (see `Communication`)."""
         del drives
         self.set_up_process_data(server, axis)
         for entry in CYCLES:
@@ -83,7 +83,7 @@ class EthercatCommunication(Communication):
                 _set_unless_fixed(server, entry, round(1e9 * period))
 
     def set_up_process_data(self, server: RemoteDictionary, axis: AxisDrive) -> None:
-        """Configure process data alone."""
+        """Configure the process data only."""
         self.outputs, self.inputs = set_up_process_data(
             server, axis, feed_forward=self.feed_forward
         )
@@ -92,12 +92,12 @@ class EthercatCommunication(Communication):
 
 
 def offers_sync0(server: RemoteDictionary) -> bool:
-    """Whether a drive can act and latch at SYNC0."""
+    """Return True if a drive can act and latch at SYNC0."""
     return bool((server.find(SYNC_TYPES_OFFERED) or 0) & OFFERS_SYNC0)
 
 
 def synchronise(server: RemoteDictionary, *, clocked: bool) -> None:
-    """Have a drive act and latch at SYNC0, or as frames come, where it is written what it does."""
+    """Configure a drive for SYNC0, or for frames, if the synchronisation type is writable."""
     for entry in SYNC_TYPES:
         held = server.find(entry)
         if held in {BY_FRAMES, BY_SYNC0} and held != (wanted := BY_SYNC0 if clocked else BY_FRAMES):
@@ -105,7 +105,7 @@ def synchronise(server: RemoteDictionary, *, clocked: bool) -> None:
 
 
 def _set_unless_fixed(server: RemoteDictionary, entry: Entry, value: int) -> None:
-    """Write a cycle time; where it cannot be written the drive takes it from the frames."""
+    """Write a value; a drive with a fixed one takes its cycle from the frames."""
     try:
         server.put(entry, value)
     except Aborted as error:

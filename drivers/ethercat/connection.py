@@ -1,4 +1,4 @@
-"""What connecting builds on EtherCAT (`drivers.session.connection.Connection`)."""
+"""Services of EtherCAT drives (`drivers.session.connection.Connection`)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveError, NodeSilent, Tripped
 from drivers.ethercat import registers as reg
-from drivers.ethercat.al_states import ERROR, MASK, AlState
-from drivers.ethercat.clocks import Clocks
+from drivers.ethercat.clocks import AHEAD, Clocks, ReferenceClock
 from drivers.ethercat.communication import EthercatCommunication, offers_sync0, synchronise
-from drivers.ethercat.drive import heard, reached
+from drivers.ethercat.drive import make_drives, name_drive
 from drivers.ethercat.process_data import APART, LOGICAL, EthercatProcessData
-from drivers.ethercat.reference_clock import AHEAD, ReferenceClock
+from drivers.ethercat.registers import ERROR, MASK, AlState
 from drivers.ethercat.slaves import Slaves
 from drivers.ethercat.watchdog import OutputsSent
 from drivers.found_settings.settings_file import WRITTEN_ONCE
@@ -27,28 +26,28 @@ if TYPE_CHECKING:
     from drivers.sync_clock import SyncClock
 
 START_TIME = 3.0
-"""How long drives may take from SAFEOP to OP, outputs coming all the while [s]."""
+"""Longest time of drives from SAFEOP to OP with continuous outputs [s]."""
 OUT_OF_CYCLE = (
     "the drives' clocks do not agree, or frames come out of their cycles (relieve this computer of"
     " other work, use --realtime, or state distributed_clock: false)"
 )
 SETTLING = 3
-"""Cycles with outputs before OP is asked for: some drives want valid outputs first."""
+"""Cycles with outputs before OP is requested: some drives require valid outputs first."""
 
 
 class EthercatConnection(Connection):
-    """The services of all drives on one line.
+    """Services of the drives on a line.
 
     Parameters
     ----------
     line : Line
-        That they are on.
+        Line of the drives.
     clock : SyncClock
-        Where the time of a cycle comes from.
+        Source of the cycle time.
     file : DrivesFile
-        What is stated of them.
+        Drives file.
     feed_forward : bool
-        The drives are to take offsets of velocity and torque.
+        True if the drives take offsets of velocity and torque.
     """
 
     silence = "takes no part in the exchange of process data for {} cycles in a row"
@@ -59,16 +58,11 @@ class EthercatConnection(Connection):
     life_sign: OutputsSent
 
     def __init__(
-        self,
-        line: Line,
-        clock: SyncClock,
-        file: DrivesFile,
-        *,
-        feed_forward: bool,
+        self, line: Line, clock: SyncClock, file: DrivesFile, *, feed_forward: bool
     ) -> None:
         self._line, self._slaves = line, Slaves(line)
         places = places_of(file.axes)
-        drives, servers = reached(line, self._slaves, places, file.sdo_timeout)
+        drives, servers = make_drives(line, self._slaves, places, file.sdo_timeout)
         self._drives = drives
         self._timeout = file.heartbeat_timeout
         self._clock: ReferenceClock | None = None
@@ -83,10 +77,10 @@ class EthercatConnection(Connection):
             file.heartbeat_period,
             file.heartbeat_timeout,
             self._diagnose,
-            self._to_op,
+            self._restore_op,
         )
         found = tuple(
-            EthercatCommunication.wanted(axis, feed_forward=feed_forward) for axis in file.axes
+            EthercatCommunication.prefer(axis, feed_forward=feed_forward) for axis in file.axes
         )
         super().__init__(servers, found, data, life_sign)
         for drive, server in zip(drives, servers, strict=True):
@@ -94,39 +88,45 @@ class EthercatConnection(Connection):
         line.idle = life_sign.beat
 
     def start(self) -> None:
-        """Bring all drives to SAFEOP as they have been set up, and ask for OP."""
+        """Bring the configured drives to SAFEOP, and request OP."""
         self._set_clocks()
         pairs = zip(self._drives, self.communications, strict=True)
         for number, (drive, found) in enumerate(pairs):
             drive.outputs, drive.inputs = found.outputs, found.inputs
-            with heard(drive.label):
-                drive.prepare(LOGICAL + APART * number, self._timeout, self._sync0())
+            # the next SYNC0 to which a drive can be set, and its cycle [ns]
+            sync0 = None
+            if self._clock is not None and self._clocks is not None:
+                sync0 = self._clock.first_sync0(self._clocks.now())
+            with name_drive(drive.label):
+                drive.prepare(LOGICAL + APART * number, self._timeout, sync0)
         alone = self._line.read_all(reg.AL_STATUS, 2).counter == len(self._drives)
         self._data.wire(self._clocks, alone=alone)
-        self._keep_held()
+        for drive, found in zip(self._drives, self.communications, strict=True):
+            for entry, value in found.beside:  # further outputs keep the drive's values
+                drive.carry(entry.index, entry.subindex, entry.data(value))
         ends = self._data.now() + (2 * AHEAD if self._clocks else 0.0)
         for _ in range(SETTLING):
             self._data.sync()
-        while self._data.now() < ends:  # some drives want to have seen SYNC0 first
+        while self._data.now() < ends:  # some drives require SYNC0 first
             self._data.sync()
         for server in self.servers:
             server.access.go_operational()
 
     def await_answers(self) -> None:
-        """Exchange process data until all drives are in OP and take part.
+        """Exchange process data until every drive is in OP and takes part.
 
         Raises
         ------
         DriveRefused, NodeSilent
-            Which do not get there, with their AL status codes.
+            Drives that do not reach OP, with their AL status codes.
         """
         self.supervision.forget()
         self._await_op()
         self._data.farthest = 0.0
         self.life_sign.watch()
 
-    def _to_op(self) -> None:
-        """Bring drives to OP again that have left it."""
+    def _restore_op(self) -> None:
+        """Bring drives back to OP."""
         for server in self.servers:
             server.access.go_operational()
         self._await_op()
@@ -135,26 +135,24 @@ class EthercatConnection(Connection):
         ends = self._data.now() + START_TIME
         self._data.sync()
         while self._data.unusual or self._data.irregular:
-            if self._data.now() > ends or self._refused():
+            refused = self._line.read_all(reg.AL_STATUS, 2).data[0] & ERROR
+            if self._data.now() > ends or refused:
+                why = f"{OUT_OF_CYCLE},"
+                if self._clocks is None or self._data.unusual:
+                    why = "not all drives take part in the exchange of process data"
                 raise self._diagnose() or NodeSilent(
-                    f"{self._why_irregular()} {START_TIME:g} s after OP was asked for; check"
-                    f" {self.wiring}"
+                    f"{why} {START_TIME:g} s after OP was asked for; check {self.wiring}"
                 )
             self._data.sync()
 
-    def _why_irregular(self) -> str:
-        if self._clocks is None or self._data.unusual:
-            return "not all drives take part in the exchange of process data"
-        return f"{OUT_OF_CYCLE},"
-
     def refuse_unwatched(self) -> None:
-        """Refuse drives whose watchdog is not as it was set (see `EthercatDrive`)."""
+        """Refuse drives whose watchdog was changed (see `EthercatDrive`)."""
         for drive in self._drives:
-            with heard(drive.label):
+            with name_drive(drive.label):
                 drive.refuse_unwatched()
 
     def look_at_limits(self) -> None:
-        """Read back one object of each drive, the next one at each call: no frame tells of it."""
+        """Read back an object of every drive, the next one at each call; no frame shows changes."""
         self._looked += 1
         for server in self.servers:
             held = [entry for entry in server.kept if entry.index in WRITTEN_ONCE]
@@ -169,19 +167,19 @@ class EthercatConnection(Connection):
                 )
 
     def collect_late(self) -> None:
-        """Do nothing: a frame that is late is known by its number and dropped."""
+        """Do nothing: a late frame has an old number and is dropped."""
 
     def close(self) -> None:
-        """Put back watchdogs and AL states of drives that are shown to be in PREOP."""
+        """Restore watchdogs and AL states of drives confirmed to be in PREOP."""
         self._line.idle = lambda: None
         for drive in self._drives:
             try:
                 drive.hand_back()
             except (DriveError, NoAnswer):
-                continue  # it keeps its watchdog
+                continue  # the watchdog is kept
 
     def remarks(self) -> Sequence[str]:
-        """State how the clocks went, where drives follow one."""
+        """Describe the agreement of the clocks, if drives follow a reference."""
         clock, clocks = self._clock, self._clocks
         if clock is None or clocks is None:
             return ()
@@ -195,10 +193,10 @@ class EthercatConnection(Connection):
         )
 
     def _set_clocks(self) -> None:
-        """Have the clocks on the line agree, where every drive has one that it can follow."""
+        """Synchronise the clocks on the line, if every drive can follow a reference."""
         if self._clock is None:
             return
-        with heard("the clocks of the slaves"):
+        with name_drive("the clocks of the slaves"):
             clocks = Clocks(self._line, self._slaves.all)
             clocked = all(drive.station in clocks.clocked for drive in self._drives)
             clocked = clocked and all(map(offers_sync0, self.servers))
@@ -208,24 +206,8 @@ class EthercatConnection(Connection):
         for server in self.servers:
             synchronise(server, clocked=clocked)
 
-    def _sync0(self) -> tuple[int, int] | None:
-        """Return the next SYNC0 that a drive can be set to, and its cycle [ns]."""
-        if self._clock is None or self._clocks is None:
-            return None
-        return self._clock.first_sync0(self._clocks.now())
-
-    def _keep_held(self) -> None:
-        """Have outputs that are mapped beside ours go on to be what the drives hold."""
-        for drive, found in zip(self._drives, self.communications, strict=True):
-            for entry, value in found.beside:
-                drive.carry(entry.index, entry.subindex, entry.data(value))
-
-    def _refused(self) -> bool:
-        """Whether a drive shows an error."""
-        return bool(self._line.read_all(reg.AL_STATUS, 2).data[0] & ERROR)
-
     def _diagnose(self) -> DriveError | None:
-        """Return which drives are not in OP, and why; None where all are."""
+        """Return an error for drives that are not in OP; None if absent."""
         problems = []
         for drive in self._drives:
             try:
@@ -233,7 +215,7 @@ class EthercatConnection(Connection):
                 if status & MASK != AlState.OP or status & ERROR:
                     problems.append(f"{drive.label}: shows {drive.station.shown} in operation")
             except (DriveError, NoAnswer):
-                continue  # that it is away is counted by the cycle
+                continue  # absence is detected in the cycle
         if not problems:
             return None
         return NodeSilent(

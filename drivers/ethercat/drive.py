@@ -1,10 +1,9 @@
-"""One drive on the line: a slave with CoE, its process data and the watchdog that watches us.
+"""Drive on the line: a slave with CoE, its process data and the watchdog that supervises us.
 
-It is brought to PREOP by way of INIT when its objects are first needed, so that mailboxes begin
-anew whoever has used them before. A watchdog of its sync manager takes the drive out of OP when
-no outputs come any more: that saves the robot when this process dies. It is set before the drive
-gets there and read back before power-on; what it held is put back only once the drive is in PREOP
-again, where no outputs act.
+The drive is brought to PREOP through INIT before the first access to its objects, so that mailboxes
+start anew whoever used them before. A watchdog of the sync manager takes the drive out of OP
+without outputs, as when this process dies. It is set before OP and read back before power-on; its
+original value is restored only when the drive is in PREOP again, where outputs have no effect.
 """
 
 from __future__ import annotations
@@ -17,32 +16,30 @@ from typing import TYPE_CHECKING
 
 from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.ethercat import registers as reg
-from drivers.ethercat.al_states import AlState
-from drivers.ethercat.coe import SdoClient, emergency_of
-from drivers.ethercat.eeprom import Area, Layout, read_layout
-from drivers.ethercat.mailbox import Mailbox
-from drivers.ethercat.process_layout import Mapped
-from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary, in_words
+from drivers.ethercat.eeprom import Layout, read_layout
+from drivers.ethercat.mailbox import Mailbox, SdoClient, emergency_of
+from drivers.ethercat.pdo_set_up import Mapped
+from drivers.ethercat.registers import AlState
+from drivers.remote_dictionary import AccessRefused, NoAnswer, RemoteDictionary, axis_suffix
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from drivers.ethercat.line import Line
-    from drivers.ethercat.slaves import Slaves
-    from drivers.ethercat.station import Station
+    from drivers.ethercat.slaves import Slaves, Station
     from drivers.session.connection import Place
 
 DIVIDER = 2498
-"""Of the watchdog, which then counts in 0.1 ms: what controllers begin with."""
+"""Divider of the watchdog for a unit of 0.1 ms: the default of controllers."""
 UNIT = reg.TICK * (DIVIDER + 2)
 WATCHDOG_MOST = 0xFFFF * UNIT
 """Longest time of the watchdog [s]."""
 _WATCHED = 0x40
-"""Bit of a sync manager's control: what is written to it feeds the watchdog."""
+"""Control bit of a sync manager: writing feeds the watchdog."""
 _READ, _WRITTEN = 1, 2
-"""What an FMMU is for: inputs, outputs."""
+"""Direction of an FMMU: inputs, outputs."""
 _SYNC0 = b"\0\3"
-"""Activation (0980h) of cyclic operation and SYNC0, which the master controls."""
+"""Activation (0980h) of cyclic operation and SYNC0, under control of the master."""
 _FMMU = struct.Struct("<IHBBHBBB3x")
 _MANAGER = struct.Struct("<HHBBBB")
 GUARDS = (
@@ -50,35 +47,35 @@ GUARDS = (
     (reg.WATCHDOG_TIME, 2),
     (reg.MANAGER + 2 * reg.MANAGER_SIZE + 4, 1),
 )
-"""Registers that make up the watchdog, and their sizes: divider, time, control of outputs."""
+"""Registers of the watchdog, and their sizes: divider, time, control of outputs."""
 ORDER_TIME = 0.02
-"""How long an order may wait for a mailbox that is full [s]: others are to be commanded too."""
+"""Longest wait of an order for a full mailbox [s]: other drives must be commanded too."""
 
 
 class EthercatDrive:
-    """One drive, and the `Access` to its objects (`drivers.remote_dictionary`).
+    """EtherCAT drive, and the `Access` to its objects (`drivers.remote_dictionary`).
 
     Parameters
     ----------
     find : callable
-        Returns the slave; called when it is first needed.
+        Returns the slave; called at the first access.
     line : Line
-        That it is on.
+        Line of the drive.
     label : str
-        How messages name it.
+        Name of the drive in messages.
     timeout : float
-        How long its mailbox may take to answer [s].
+        Longest response time of the mailbox [s].
 
     Attributes
     ----------
     label : str
     emergencies : callable
-        ``emergencies(data)`` takes each emergency.
+        ``emergencies(data)`` receives each emergency.
     outputs, inputs : Mapped
-        What its process data carry, once they are set up.
+        Content of the process data, once set up.
     carry : callable
-        ``carry(index, subindex, data)`` takes what is written to an object and returns whether
-        process data carry it too.
+        ``carry(index, subindex, data)`` puts a written value into the process data; returns False
+        if they do not contain the object.
     """
 
     def __init__(self, find: Callable[[], Station], line: Line, label: str, timeout: float) -> None:
@@ -102,7 +99,7 @@ class EthercatDrive:
         Raises
         ------
         NoAnswer
-            There is none.
+            The slave is not there.
         """
         if self._station is None:
             self._station = self._find()
@@ -110,12 +107,12 @@ class EthercatDrive:
 
     @property
     def sdo(self) -> SdoClient:
-        """Its objects, for which it is brought to PREOP where nobody has done so.
+        """SDO client; brings the drive to PREOP at the first access.
 
         Raises
         ------
         NoAnswer, DriveRefused, BusUnavailable
-            It is not there, or does not get there.
+            The drive is not there, or does not reach PREOP.
         """
         if self._sdo is None:
             self.bring_up()
@@ -123,7 +120,7 @@ class EthercatDrive:
         return self._sdo
 
     def collect(self) -> None:
-        """Take emergencies that wait in its mailbox."""
+        """Receive emergencies from the mailbox."""
         if self._mailbox is not None:
             self._mailbox.collect()
 
@@ -132,9 +129,9 @@ class EthercatDrive:
         return self.sdo.upload(index, subindex, size)
 
     def write(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object; process data that carry it too carry this value from now on.
+        """Write an object, also in the process data if mapped there.
 
-        Some drives refuse what they get by process data anyway.
+        Some drives refuse an object that is mapped to process data.
         """
         carried = self.carry(index, subindex, data)
         try:
@@ -144,41 +141,41 @@ class EthercatDrive:
                 raise
 
     def order(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object and await no answer."""
+        """Write an object without waiting for an answer."""
         self.sdo.order(index, subindex, data, time.monotonic() + ORDER_TIME)
 
     def leave_operational(self) -> None:
         """Bring the drive to PREOP."""
-        with heard(self.label):
+        with name_drive(self.label):
             if self._sdo is None:
                 self.bring_up()
             elif self.station.state != AlState.PREOP:
                 self.station.go(AlState.PREOP)
 
     def go_operational(self) -> None:
-        """Ask for OP, where it gets once outputs come."""
-        with heard(self.label):
+        """Request OP, which the drive reaches with the first outputs."""
+        with name_drive(self.label):
             self.station.ask_for(AlState.OP)
 
     def prepare(self, logical: int, timeout: float, sync0: tuple[int, int] | None = None) -> None:
-        """Bring the drive to SAFEOP, its process data, its watchdog and SYNC0 set up.
+        """Bring the drive to SAFEOP, with process data, watchdog and SYNC0 configured.
 
         Parameters
         ----------
         logical : int
-            Where its outputs stand in logical memory; inputs and the state of its mailbox follow.
+            Logical address of the outputs; inputs and mailbox state follow.
         timeout : float
-            Of its watchdog [s].
+            Watchdog time [s].
         sync0 : (int, int), optional
             First SYNC0 in the reference's time, and its cycle [ns].
 
         Raises
         ------
         DriveRefused, NoAnswer, BusUnavailable
-            It refuses, with the AL status code.
+            The drive refuses, with the AL status code.
         """
         station, layout = self.station, self._layout
-        assert layout is not None  # noqa: S101 - its objects were set up before
+        assert layout is not None  # noqa: S101 - the objects were set up before
         outputs, inputs = layout.outputs, layout.inputs
         sizes = self.outputs.size, self.inputs.size
         station.write(reg.MANAGER + 2 * reg.MANAGER_SIZE, bytes(2 * reg.MANAGER_SIZE))
@@ -210,12 +207,12 @@ class EthercatDrive:
         station.go(AlState.SAFEOP)
 
     def set_watchdog(self) -> None:
-        """Write the time of the watchdog that was chosen by `prepare` (errors as in `Station`)."""
+        """Write the watchdog time chosen by `prepare` (errors as in `Station`)."""
         self.station.write(reg.WATCHDOG_DIVIDER, DIVIDER.to_bytes(2, "little"))
         self.station.write(reg.WATCHDOG_TIME, self._watchdog)
 
     def refuse_unwatched(self) -> None:
-        """Refuse a drive whose watchdog is not as it was set.
+        """Refuse a drive whose watchdog was changed.
 
         Raises
         ------
@@ -230,7 +227,7 @@ class EthercatDrive:
             )
 
     def why_unwatched(self, found: Sequence[bytes]) -> str:
-        """Return in words how registers (`GUARDS`) differ from what was written; empty if not."""
+        """Describe the difference of registers (`GUARDS`) to the written values; empty if none."""
         divider, limit, control = map(_word, found)
         if found[0] != DIVIDER.to_bytes(2, "little") or found[1] != self._watchdog:
             shown = reg.TICK * (divider + 2) * limit
@@ -246,9 +243,9 @@ class EthercatDrive:
         return ""
 
     def hand_back(self) -> None:
-        """Put back its watchdog and the AL state in which it was found, and end SYNC0, in PREOP.
+        """Restore watchdog and original AL state, and stop SYNC0, in PREOP only.
 
-        A drive that is not may be energised: its watchdog stays.
+        In any other state the drive may be energised, and the watchdog is kept.
         """
         if self._station is None or self._sdo is None or self._station.status != AlState.PREOP:
             return
@@ -264,7 +261,7 @@ class EthercatDrive:
             self._sdo = self._mailbox = None
 
     def bring_up(self) -> None:
-        """Bring the drive to PREOP by way of INIT (errors as in `sdo`)."""
+        """Bring the drive to PREOP through INIT (errors as in `sdo`)."""
         station = self.station
         found = station.state
         station.go(AlState.INIT)
@@ -272,21 +269,19 @@ class EthercatDrive:
             self._state_found = AlState.INIT if found == AlState.INIT else AlState.PREOP
             self._layout = read_layout(station)
         out, back = self._layout.mailbox_out, self._layout.mailbox_in
-        managers = b"".join(_manager(area) for area in (out, back))
+        managers = b"".join(
+            _MANAGER.pack(area.start, area.size, area.control, 0, 1, 0) for area in (out, back)
+        )
         station.write(reg.MANAGER, managers.ljust(4 * reg.MANAGER_SIZE, b"\0"))
         station.write(reg.FMMU, bytes(3 * reg.FMMU_SIZE))
         station.go(AlState.PREOP)
-        self._mailbox = Mailbox(station, out, back, self._take)
+        self._mailbox = Mailbox(station, out, back, self._take_service)
         self._sdo = SdoClient(self._mailbox, self._timeout)
 
-    def _take(self, service: bytes) -> None:
+    def _take_service(self, service: bytes) -> None:
         emergency = emergency_of(service)
         if emergency is not None:
             self.emergencies(emergency)
-
-
-def _manager(area: Area) -> bytes:
-    return _MANAGER.pack(area.start, area.size, area.control, 0, 1, 0)
 
 
 def _word(data: bytes) -> int:
@@ -294,26 +289,26 @@ def _word(data: bytes) -> int:
 
 
 @contextmanager
-def heard(label: str) -> Iterator[None]:
-    """Name the drive where it does not answer."""
+def name_drive(label: str) -> Iterator[None]:
+    """Convert a missing answer to an error that names the drive."""
     try:
         yield
     except NoAnswer as error:
         raise NodeSilent(f"{label}: does not answer ({error}); check {error.where}") from error
 
 
-def reached(
+def make_drives(
     line: Line, slaves: Slaves, places: Sequence[Place], timeout: float
 ) -> tuple[tuple[EthercatDrive, ...], tuple[RemoteDictionary, ...]]:
-    """Return drives and their objects, which are looked for on the line when first needed."""
+    """Return drives and their objects; the slaves are searched at the first access."""
     drives = tuple(
-        EthercatDrive(partial(slaves.at, node, alias), line, f"{name} (node {node})", timeout)
+        EthercatDrive(partial(slaves.find, node, alias), line, f"{name} (node {node})", timeout)
         for node, name, alias, _ in places
     )
     for at in places:
         if at.within.axis > 1:
             raise DriveRefused(
-                f"{at.name} (node {at.node}{in_words(at.within.axis)}): axes of one drive are"
+                f"{at.name} (node {at.node}{axis_suffix(at.within.axis)}): axes of one drive are"
                 " served on CAN alone; use its CAN interface, or drives of one axis each"
             )
     pairs = zip(drives, places, strict=True)

@@ -1,4 +1,4 @@
-"""What a slave's EEPROM (SII, ETG.1000.6 clause 5.4) says of its mailboxes and process data."""
+"""Mailboxes and process data areas in a slave's EEPROM (SII, ETG.1000.6 clause 5.4)."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ from drivers.ethercat import registers as reg
 from drivers.remote_dictionary import NoAnswer
 
 if TYPE_CHECKING:
-    from drivers.ethercat.station import Station
+    from drivers.ethercat.slaves import Station
 
 _MAILBOXES, _PROTOCOLS, _CATEGORIES = 0x18, 0x1C, 0x40
-"""Words: standard mailboxes, protocols, first category."""
+"""Word addresses: standard mailboxes, protocols, first category."""
 _COE = 0x04
 _MANAGERS, _END = 41, 0xFFFF
 _CATEGORIES_MAX = 64
-"""Categories that are looked through, so that an EEPROM of nonsense comes to an end."""
+"""Largest number of categories, so that reading a damaged EEPROM ends."""
 _BUSY, _FAILED = 0x8000, 0x2800
 _READ = 0x0100
 _TIME = 0.5
-"""How long a read may take [s]; hardware takes 0.3 ms."""
+"""Longest duration of a read [s]; hardware takes 0.3 ms."""
 _MANAGER = struct.Struct("<HHBBBB")
 MAILBOX_LEAST = 32
-"""Bytes that a mailbox must have for SDO: six of its own, two of CoE, eight of a value in four,
-and room for a segment; what every slave that serves CoE has."""
+"""Smallest mailbox for SDO [bytes]: six of header, two of CoE, eight of a value in four, and room
+for a segment; every slave with CoE has as much."""
 
 
 class Area(NamedTuple):
-    """A part of a slave's memory that a sync manager guards.
+    """Part of a slave's memory under a sync manager.
 
     Attributes
     ----------
     start, size : int
-        [bytes].
+        Address, and length [bytes].
     control : int
-        Of the sync manager, its first control byte.
+        First control byte of the sync manager.
     """
 
     start: int
@@ -46,7 +46,7 @@ class Area(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """What of a slave's memory is for what: mailboxes out and in, outputs, inputs."""
+    """Memory layout of a slave: mailboxes out and in, outputs, inputs."""
 
     mailbox_out: Area
     mailbox_in: Area
@@ -55,12 +55,12 @@ class Layout(NamedTuple):
 
 
 def read_layout(station: Station) -> Layout:
-    """Read what a slave's memory is for.
+    """Read the memory layout of a slave.
 
     Raises
     ------
     DriveRefused
-        It has no CoE, or no sync managers for process data.
+        The slave has no CoE, or no sync managers for process data.
     NoAnswer, BusUnavailable
         See `Station.read`.
     """
@@ -111,7 +111,7 @@ def _managers(station: Station) -> list[Area]:
 
 
 def _words(station: Station, word: int, count: int) -> bytes:
-    """Read words, four at most."""
+    """Read words in blocks of two."""
     data = b""
     while len(data) < 2 * count:
         station.write(reg.EEPROM_ADDRESS, (word + len(data) // 2).to_bytes(4, "little"))

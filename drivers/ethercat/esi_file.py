@@ -1,8 +1,8 @@
-"""Descriptions of EtherCAT slaves (ESI, ETG.2000), read as data sheets are.
+"""Reader of EtherCAT slave information (ESI, ETG.2000) as a data sheet.
 
-A file may describe many devices and revisions. The one with an object dictionary of profile 402 is
-taken; where there are several the revision decides, the latest one where it is not stated. A file
-without a dictionary says nothing that a draft could be made of: the drive itself does.
+A file may describe several devices and revisions. The reader selects a device with an object
+dictionary of profile 402, of the latest revision. A file without a dictionary is useless for a
+draft: the drive itself must be read.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from checked_files.foreign_text import one_line
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
 from drivers.cia402 import objects
-from drivers.dictionary.dictionary import Declared, Dictionary, with_proof
+from drivers.dictionary.dictionary import Declared, Dictionary, mark_mapped
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -29,21 +29,21 @@ _TYPES = {
     "UDINT": "u32", "ULINT": "u64", "REAL": "f32", "BYTE": "u8", "WORD": "u16", "DWORD": "u32",
     "BITARR8": "u8", "BITARR16": "u16", "BITARR32": "u32",
 }  # fmt: skip
-"""Our names of the types of ETG.2000; texts and bits have none."""
+"""Type codes of the types of ETG.2000; texts and bits have none."""
 _ACCESS = {"ro", "wo", "rw"}
 ELEMENTS = 255
-"""Most sub-indices of an object."""
+"""Largest number of sub-indices of an object."""
 _PROFILE = 402
 _UNITS = {
     objects.POSITION_UNIT: (0x6064, 0x607A),
     objects.VELOCITY_UNIT: (0x6081, 0x607F, 0x606C),
     objects.ACCELERATION_UNIT: (0x6083, 0x6084, 0x60C5),
 }
-"""Objects whose unit (ETG.1004) says what 60A8 to 60AA would."""
+"""Objects whose unit (ETG.1004) replaces 60A8 to 60AA."""
 
 
 def read_esi(path: Path | str, node: int | None = None) -> Dictionary:
-    """Read a description of a drive.
+    """Read the description of a drive.
 
     Parameters
     ----------
@@ -65,7 +65,13 @@ def read_esi(path: Path | str, node: int | None = None) -> Dictionary:
         )
     devices = file.root.findall("Descriptions/Devices/Device")
     described = [each for each in devices if each.find("Profile/Dictionary/Objects") is not None]
-    drives = [each for each in described if _profile(each) == _PROFILE] or described
+    # a device states the profile itself or by its first channel
+    profiles = ("Profile/ProfileNo", "Profile/Channel/ProfileNo")
+    drives = [
+        each
+        for each in described
+        if _number(next(filter(None, map(each.findtext, profiles)), None)) == _PROFILE
+    ] or described
     if not drives:
         raise FileError(
             f"{path}: none of its {len(devices)} devices has an object dictionary; read the drive"
@@ -83,7 +89,7 @@ def read_esi(path: Path | str, node: int | None = None) -> Dictionary:
     return Dictionary(
         str(path),
         live=False,
-        entries=with_proof(entries),
+        entries=mark_mapped(entries),
         node=node,
         vendor=_number(file.root.findtext("Vendor/Id")),
         product=_number(_attribute(device, "ProductCode")),
@@ -99,14 +105,9 @@ def _attribute(device: Element, key: str) -> str | None:
     return None if kind is None else kind.get(key)
 
 
-def _profile(device: Element) -> int | None:
-    found = device.findtext("Profile/ProfileNo") or device.findtext("Profile/Channel/ProfileNo")
-    return _number(found)
-
-
 @dataclass(frozen=True)
 class _Member:
-    """One number of an object, as its type has it."""
+    """Number of an object, as defined by its type."""
 
     subindex: int
     name: str
@@ -115,7 +116,7 @@ class _Member:
 
 
 class _Reading:
-    """A device's dictionary half read."""
+    """Intermediate state of reading a device's dictionary."""
 
     def __init__(self, device: Element) -> None:
         dictionary = device.find("Profile/Dictionary")
@@ -126,7 +127,7 @@ class _Reading:
         self._objects = dictionary.findall("Objects/Object")
 
     def entries(self) -> dict[Key, Declared]:
-        """Return all numbers by their place; what has no index is left out."""
+        """Return the numbers by index and sub-index; objects without an index are left out."""
         found: dict[Key, Declared] = {}
         for each in self._objects:
             index = _number(each.findtext("Index"))
@@ -142,7 +143,7 @@ class _Reading:
         return found
 
     def units(self) -> dict[Entry, tuple[int, int]]:
-        """Return unit codes of positions and rates (`_UNITS`), each with the object that has it."""
+        """Return unit codes of positions and rates (`_UNITS`), with the object of each."""
         by_index = {_number(each.findtext("Index")): each for each in reversed(self._objects)}
         found: dict[Entry, tuple[int, int]] = {}
         for entry, indices in _UNITS.items():
@@ -171,13 +172,13 @@ class _Reading:
 
 
 def _mapped(device: Element) -> dict[Key, Declared]:
-    """Return objects that the default PDOs carry: they are there, described or not."""
+    """Return objects in the default PDOs, which exist even without a description."""
     found: dict[Key, Declared] = {}
     for tag, access in (("TxPdo", "ro"), ("RxPdo", "rw")):
         for each in device.findall(f"{tag}/Entry"):
             index, kind = _number(each.findtext("Index")), _TYPES.get(_text(each, "DataType"))
             key = (index or 0, _number(each.findtext("SubIndex")) or 0)
-            if key[0] >= 0x1000:  # others only fill gaps
+            if key[0] >= 0x1000:  # smaller indices fill gaps
                 found[key] = Declared(*key, _text(each, "Name"), kind, access, mappable=True)
     return found
 
@@ -202,7 +203,7 @@ def _declared(key: Key, each: Element, member: _Member, information: Element | N
 
 
 def _value(information: Element | None, tag: str, kind: str | None) -> int | None:
-    """Return a value of its bytes, little endian, or as it is written; None where none is."""
+    """Return a value from its bytes, little endian, or as written; None if absent."""
     if information is None or kind is None or kind.startswith("f"):
         return None
     data = information.findtext(f"{tag}Data")
@@ -216,7 +217,7 @@ def _value(information: Element | None, tag: str, kind: str | None) -> int | Non
 
 
 def _number(text: str | None) -> int | None:
-    """Return a number as ETG.2000 writes it: decimal, or hexadecimal behind #x."""
+    """Parse a number of ETG.2000: decimal, or hexadecimal after #x."""
     text = (text or "").strip().lower()
     hexadecimal = text.startswith(("#x", "0x"))
     try:

@@ -1,60 +1,150 @@
-"""Frames to all slaves on one line and back, each matched with what came back of it.
+"""Exchange of frames with the slaves on a line.
 
-A frame that is lost (nothing comes back in time) is sent again where that does no harm: registers
-are written to the same effect twice. A line that none came back of is asked once until one does, so
-that an end does not wait for a dead one. Process data are not repeated, for their time is over.
-Every frame carries a number in its first datagram and an address of ours, so that one that comes
-late is not taken for its successor, and another master's is not taken for ours.
+A lost frame (nothing returns in time) is repeated where that is harmless: writing registers twice
+has the same effect. After a line has failed, a frame is sent once only until one returns, so that
+the end of a session does not wait for a dead line. Process data are not repeated, since they would
+be obsolete. Every frame has a number in its first datagram and our source address, so that a late
+frame is not mistaken for its successor, nor a frame of another master for ours.
+
+A frame consists of datagrams (ETG.1000.4). Slaves process a frame during its passage and return it
+in the same form, so a frame of another form is no answer. The working counter of each datagram
+shows how many slaves took part.
 """
 
 from __future__ import annotations
 
+import enum
 import os
+import struct
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.drive_bus import BusUnavailable
-from drivers.ethercat.frames import INDEX, SOURCE, Answer, Command, Datagram, answers_of, frame_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from drivers.ethercat.wire import Wire
 
+ETHERTYPE = 0x88A4
+SHORTEST, LONGEST = 60, 1514
+"""Length of an Ethernet frame without check sum [bytes]."""
+START = 16
+"""Offset of the first datagram, after the Ethernet and EtherCAT headers."""
+HEAD, TAIL = 10, 2
+"""Header and working counter of a datagram [bytes]."""
+INDEX, SOURCE = 17, slice(7, 12)
+"""Offset of the first datagram's index, and the part of the source address unchanged by slaves."""
+MORE, SIZE = 0x8000, 0x07FF
+_DATAGRAMS = 0x1000
+"""Type in the frame header: datagrams follow."""
+_HEADER = struct.Struct("<BBIHH")
+_COUNTER = struct.Struct("<H")
+
+
+class Command(enum.IntEnum):
+    """Command of a datagram: by position, by address, broadcast, or logical memory."""
+
+    APRD, APWR = 1, 2
+    FPRD, FPWR = 4, 5
+    BRD, BWR = 7, 8
+    LRD, LRW = 10, 12
+    FRMW = 14
+
+
+class Datagram(NamedTuple):
+    """Datagram; `address` is slave and register, or logical."""
+
+    command: Command
+    address: int
+    data: bytes
+
+
+class Answer(NamedTuple):
+    """Answer to a datagram, with the number of slaves that took part."""
+
+    data: bytes
+    counter: int
+
+
+def address_of(slave: int, place: int) -> int:
+    """Return the address of a register of a slave (station address, or negative position)."""
+    return slave & 0xFFFF | place << 16
+
+
+def frame_of(source: bytes, datagrams: Sequence[Datagram]) -> bytearray:
+    """Make a frame of datagrams.
+
+    Parameters
+    ----------
+    source : bytes
+        Address of the sender, six bytes.
+    datagrams : sequence of Datagram
+        Datagrams, at least one.
+
+    Raises
+    ------
+    ValueError
+        The datagrams do not fit into one frame.
+    """
+    body = bytearray()
+    for number, (command, address, data) in enumerate(datagrams, start=1):
+        more = MORE if number < len(datagrams) else 0
+        body += _HEADER.pack(command, 0, address, len(data) | more, 0) + data + bytes(TAIL)
+    head = b"\xff" * 6 + source + ETHERTYPE.to_bytes(2, "big")
+    frame = bytearray(head) + struct.pack("<H", len(body) | _DATAGRAMS) + body
+    if len(frame) > LONGEST:
+        raise ValueError(f"{len(frame)} bytes are too long for a frame of {LONGEST}")
+    return frame.ljust(SHORTEST, b"\0")
+
+
+def answers_of(frame: bytes, datagrams: Sequence[Datagram]) -> tuple[Answer, ...] | None:
+    """Return the answers in a returned frame; None if it has another form."""
+    answers, place = [], START
+    for command, _, sent in datagrams:
+        end = place + HEAD + len(sent)
+        if end + TAIL > len(frame):
+            return None
+        found, _, _, length, _ = _HEADER.unpack_from(frame, place)
+        if found != command or length & SIZE != len(sent):
+            return None
+        answers.append(Answer(frame[place + HEAD : end], _COUNTER.unpack_from(frame, end)[0]))
+        place = end + TAIL
+    return tuple(answers)
+
+
 ATTEMPTS = 10
-"""How often a frame is sent that does not come back: with one in five lost, one in ten million
-is lost for good."""
+"""Largest number of attempts for a frame: with one in five lost, one in ten million fails."""
 PATIENCE = 0.05
-"""How long a frame may take that is no process data [s]: longer than this computer is late."""
+"""Longest return time of a frame without process data [s], above the delays of this computer."""
 LOCK_STEP_PATIENCE = 0.5
-"""The same where a plant in another process answers, which may be as busy as its machine [s]."""
+"""Longest return time if a plant in another process answers, on a busy machine [s]."""
 PAUSE = 0.0005
-"""Between two questions that wait for a slave's firmware [s]."""
+"""Time between two polls of a slave's firmware [s]."""
 
 
 class Line:
-    """Exchanges frames with slaves.
+    """Exchange of frames with slaves.
 
     Parameters
     ----------
     wire : Wire
-        Open.
+        Open interface.
     patience : float
-        How long a frame may take that is no process data [s].
+        Longest return time of a frame without process data [s].
 
     Attributes
     ----------
     idle : callable
-        Called while a slave's firmware is waited for.
+        Called during waits for a slave's firmware.
     lost : int
-        Frames that did not come back in time.
+        Frames that did not return in time.
     foreign : int
         Frames of another master.
     """
 
     def __init__(self, wire: Wire, patience: float = PATIENCE) -> None:
-        self.wire = wire
-        self.patience = patience
+        self.wire, self.patience = wire, patience
         self.idle: Callable[[], None] = lambda: None
         self.lost = self.foreign = 0
         self._dead = False
@@ -62,28 +152,28 @@ class Line:
         self._source = b"\x02" + os.urandom(5)
 
     def frame(self, datagrams: Sequence[Datagram]) -> bytearray:
-        """Make a frame to be sent by `send` again and again (see `frame_of`)."""
+        """Make a frame for repeated use by `send` (see `frame_of`)."""
         return frame_of(self._source, datagrams)
 
     def send(self, frame: bytearray) -> None:
-        """Send a frame under a new number.
+        """Send a frame with a new number.
 
         Raises
         ------
         BusUnavailable
-            None can be sent any more.
+            The interface no longer sends.
         """
         self._number = (self._number + 1) & 0xFF
         frame[INDEX] = self._number
         self.wire.send(frame)
 
     def receive(self, timeout: float) -> bytes | None:
-        """Return what came back of the frame that was sent last, None if nothing does in time [s].
+        """Return the frame sent last after its return, None if lost within `timeout` [s].
 
         Raises
         ------
         BusUnavailable
-            Nothing can come any more.
+            The interface no longer receives.
         """
         wire, ends = self.wire, 0.0
         while (frame := wire.receive(timeout)) is not None:
@@ -99,18 +189,18 @@ class Line:
         return None
 
     def exchange(self, *datagrams: Datagram) -> tuple[Answer, ...] | None:
-        """Send datagrams in one frame, once; return what came back, None if it was lost."""
+        """Send datagrams in a frame, once; return the answers, None if lost."""
         self.send(self.frame(datagrams))
         frame = self.receive(self.patience)
         return None if frame is None else answers_of(frame, datagrams)
 
     def ask(self, *datagrams: Datagram) -> tuple[Answer, ...]:
-        """Do as `exchange`, again where the frame is lost.
+        """Exchange datagrams as `exchange` does, repeatedly if the frame is lost.
 
         Raises
         ------
         BusUnavailable
-            None comes back.
+            No frame returns.
         """
         for _ in range(1 if self._dead else ATTEMPTS):
             answers = self.exchange(*datagrams)
@@ -125,10 +215,10 @@ class Line:
         raise BusUnavailable(f"no frame comes back within {self.patience:g} s{other}")
 
     def read_all(self, place: int, size: int) -> Answer:
-        """Read a register of all slaves at once: each bit that any has, and how many there are."""
+        """Read a register of all slaves at once: combined bits, and the number of slaves."""
         return self.ask(Datagram(Command.BRD, place << 16, bytes(size)))[0]
 
     def pause(self) -> None:
-        """Let a slave's firmware work."""
+        """Let a slave's firmware work for a moment."""
         self.idle()
         time.sleep(PAUSE)

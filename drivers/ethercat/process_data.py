@@ -1,19 +1,17 @@
-"""The hot path: one frame out with the outputs of all drives, back with their inputs.
+"""Exchange of process data: a frame with the outputs and inputs of the drives.
 
-Each axis has a datagram of its own, so its working counter says whether this very drive took its
-outputs and gave inputs; beside them the AL state of all is read. What comes back was latched when
-the frame before passed (drives synchronous to their sync managers), and stands under that instant.
-After lost frames nobody knows which of them the drives saw: the next inputs may be as old as the
-first of them, and are not taken.
+Each axis has its own datagram, whose working counter shows that the drive took its outputs and gave
+inputs; the AL states are read in the same frame. The inputs were latched at the passage of the
+frame before (drives synchronous to their sync managers), and get its instant. After lost frames it
+is unknown which of them the drives saw: the next inputs may be as old as the first, and are not
+used.
 
-Where drives have clocks they act and latch at SYNC0, and the frame brings the time at which it
-passed the reference: the sample stands under the SYNC0 before that. A frame that came so late, or
-so early, that there was none since the last one is flagged as doubled, an axis whose clock is off
-as late.
+Drives with clocks act and latch at SYNC0, and the frame returns the time of its passage at the
+reference: the sample gets the instant of the SYNC0 before. If there was no SYNC0 since the frame
+before, the sample is flagged as doubled; an axis whose clock is out of step, as late.
 
-Outputs stay until others take their place, so a lost frame is made good by the next. Controlwords
-that must follow each other have a cycle each that the drive has taken; one that stops an axis
-waits for none.
+Outputs act until replaced, so the next frame makes up for a lost one. A sequence of controlwords
+takes one completed cycle for each; a controlword that stops an axis does not wait.
 """
 
 from __future__ import annotations
@@ -27,15 +25,14 @@ from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.cia402.states import Command as Order
-from drivers.cycle_data import ProcessData, unpacking
+from drivers.cycle_data import ProcessData, make_unpacker
 from drivers.drive_bus import SampleFlag
 from drivers.ethercat import registers as reg
-from drivers.ethercat.al_states import AlState
-from drivers.ethercat.clocks import OUT_OF_STEP, is_together, size_of
+from drivers.ethercat.clocks import OUT_OF_STEP, ReferenceClock, is_together, size_of
 from drivers.ethercat.drive import GUARDS
-from drivers.ethercat.frames import HEAD, START, TAIL, Command, Datagram, answers_of, at
-from drivers.ethercat.process_layout import picking
-from drivers.ethercat.reference_clock import ReferenceClock
+from drivers.ethercat.line import HEAD, START, TAIL, Command, Datagram, address_of, answers_of
+from drivers.ethercat.pdo_set_up import locate_inputs
+from drivers.ethercat.registers import AlState
 from drivers.remote_dictionary import NoAnswer
 
 if TYPE_CHECKING:
@@ -45,54 +42,54 @@ if TYPE_CHECKING:
     from drivers.ethercat.clocks import Clocks
     from drivers.ethercat.drive import EthercatDrive
     from drivers.ethercat.line import Line
-    from drivers.ethercat.process_layout import Place
+    from drivers.ethercat.pdo_set_up import Place
     from drivers.fieldbus import Entry
     from drivers.sync_clock import SyncClock
 
 LOGICAL, APART = 0x0001_0000, 0x1000
-"""Where the process data of the first drive stand in logical memory, and how far apart."""
+"""Logical address of the first drive's process data, and distance between drives."""
 FOREIGN = 3
-"""Frames that are not ours: more of them are no chance."""
+"""Number of foreign frames attributed to chance."""
 _BOTH, _READ = 3, 1
-"""Working counter of a drive that took outputs (2) and gave inputs (1), or that was read."""
+"""Working counter of a drive that took outputs (2) and gave inputs (1), or that was only read."""
 _ASKED = 20
-"""Drives whose watchdogs are read by one frame."""
+"""Number of drives whose watchdogs are read by a frame."""
 _TIMES = 4
-"""Unpacked of the clocks: the reference's time, all differences, each with its working counter."""
+"""Number of clock values: time of the reference, and differences, each with its working counter."""
 _VALUES = 5
-"""Unpacked of an axis: statusword, position, current, state of the mailbox, working counter."""
+"""Values of an axis: statusword, position, current, state of the mailbox, working counter."""
 _STOPS = frozenset({Order.QUICK_STOP.value[0], Order.DISABLE_VOLTAGE.value[0]})
 _MISSING, _LATE, _DOUBLED = (
     flag.value for flag in (SampleFlag.MISSING, SampleFlag.LATE, SampleFlag.DOUBLED)
 )
 _WATCHDOGS = Datagram(Command.BRD, reg.WATCHDOG_STATUS << 16, bytes(2))
-"""Read where no outputs are sent: what a plant in lock-step takes for a cycle that passes."""
+"""Datagram without outputs: a plant in lock-step counts it as a cycle."""
 
 
 class EthercatProcessData(ProcessData):
-    """Process data of all axes (`drivers.cycle_data.ProcessData`).
+    """Process data of EtherCAT axes (`drivers.cycle_data.ProcessData`).
 
     Parameters
     ----------
     line : Line
-        That the drives are on.
+        Line of the drives.
     axes : sequence of AxisDrive
-        In joint order.
+        Axes in joint order.
     drives : sequence of EthercatDrive
-        The same.
+        Drives in joint order.
     clock : SyncClock
-        Where the time of a cycle comes from.
+        Source of the cycle time.
 
     Attributes
     ----------
     feeding : bool
-        Outputs are sent; else inputs are read alone.
+        True if outputs are sent; otherwise inputs are only read.
     unusual, fallen : bool
-        A drive is not in OP, or away; one shows that it is not in OP.
+        True if a drive is not in OP, or absent; True if one shows another state than OP.
     mail : tuple of int
-        Axes in whose mailbox something waits.
+        Axes with waiting mailbox services.
     farthest : float
-        How far any clock was from the reference since they were set, at most [s].
+        Largest difference of a clock to the reference since synchronisation [s].
     """
 
     def __init__(
@@ -118,17 +115,17 @@ class EthercatProcessData(ProcessData):
         self._ticking = line.frame([_WATCHDOGS])
         self._outputs: list[dict[Place, Place]] = [{} for _ in axes]
         for axis, drive in enumerate(drives):
-            drive.carry = self._carry(axis)
+            drive.carry = self._make_carrier(axis)
 
     def wire(self, clocks: Clocks | None = None, *, alone: bool) -> None:
-        """Make the frames of a cycle for process data as they are set up, all outputs zero.
+        """Make the frames of a cycle for the configured process data, with zero outputs.
 
         Parameters
         ----------
         clocks : Clocks, optional
-            That drives latch by.
+            Clocks by which the drives latch.
         alone : bool
-            Nothing but the drives is on the line, so their AL state is read at once.
+            True if only the drives are on the line, so that one datagram reads their AL states.
         """
         layout, order, place = f"<{START}x", list[int](), START
         written, read = list[Datagram](), list[Datagram]()
@@ -138,13 +135,13 @@ class EthercatProcessData(ProcessData):
             written.append(Datagram(Command.LRW, address, bytes(size)))
             read.append(Datagram(Command.LRD, address, bytes(size)))
             found = drive.outputs.places.items()
-            self._outputs[axis] = {key: (place + HEAD + at, n) for key, (at, n) in found}
-            picked, own = picking(drive.inputs, self._axes[axis])
+            self._outputs[axis] = {key: (place + HEAD + start, n) for key, (start, n) in found}
+            picked, own = locate_inputs(drive.inputs, self._axes[axis])
             layout += f"{HEAD + drive.outputs.size}x{picked}BH"
             order += [_VALUES * axis + n for n in (*own, 3, 4)]
             place += HEAD + size + TAIL
         states = [
-            Datagram(Command.FPRD, at(drive.station.address, reg.AL_STATUS), bytes(2))
+            Datagram(Command.FPRD, address_of(drive.station.address, reg.AL_STATUS), bytes(2))
             for drive in self._drives
         ]
         if alone:
@@ -165,27 +162,29 @@ class EthercatProcessData(ProcessData):
             False: self._line.frame((*read, *states, _WATCHDOGS)),
         }
         self._guards = [
-            Datagram(Command.FPRD, at(drive.station.address, place), bytes(size))
+            Datagram(Command.FPRD, address_of(drive.station.address, place), bytes(size))
             for drive in self._drives
             for place, size in GUARDS
         ]
         self._size = struct.calcsize(layout)
-        self._unpack = unpacking(layout, order)
+        self._unpack = make_unpacker(layout, order)
         self._end = _VALUES * n
         self._states = self._end + len(self._in_op)
         self._fresh.clear()
         self._queues.clear()
         self._wired = True
 
-    # Commands
+    # commands
 
     def command(self, axis: int, target: int, controlword: int) -> None:
-        """Send target position [increments] and controlword to one axis with the next cycle."""
+        """Send target position [increments] and controlword to an axis in the next cycle."""
         if controlword in _STOPS:
             self._queues.pop(axis, None)
         elif axis in self._fresh:
             queue = self._queues.setdefault(axis, deque())
-            last = queue[-1][0] if queue else self._word(axis)
+            start, size = self._outputs[axis][objects.CONTROLWORD.index, 0]
+            sent = int.from_bytes(self._frames[True][start : start + size], "little")
+            last = queue[-1][0] if queue else sent
             if controlword != last:
                 queue.append((controlword, target))
                 return
@@ -195,16 +194,16 @@ class EthercatProcessData(ProcessData):
         self._set(axis, controlword, target)
 
     def lead(self, axis: int, target: int) -> None:
-        """Send a set-point of a stream to one axis that follows it [increments]."""
+        """Send a streamed set-point to an axis [increments]."""
         self._put(axis, objects.TARGET_POSITION, target)
 
     def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
-        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to one axis."""
+        """Send offsets of velocity [drive's unit] and torque [per mille of rated] to an axis."""
         self._put(axis, objects.VELOCITY_OFFSET, velocity)
         self._put(axis, objects.TORQUE_OFFSET, torque)
 
     def withdraw(self, axis: int) -> None:
-        """Take back what is fed forward to one axis; nothing where drives take no offsets."""
+        """Cancel the feed-forward of an axis; no effect where drives take no offsets."""
         self.feed_forward(axis, 0, 0)
 
     def _set(self, axis: int, controlword: int, target: int) -> None:
@@ -225,12 +224,8 @@ class EthercatProcessData(ProcessData):
             start, size = found
             self._frames[True][start : start + size] = data[:size].ljust(size, b"\0")
 
-    def _word(self, axis: int) -> int:
-        start, size = self._outputs[axis][objects.CONTROLWORD.index, 0]
-        return int.from_bytes(self._frames[True][start : start + size], "little")
-
-    def _carry(self, axis: int) -> Callable[[int, int, bytes], bool]:
-        """Return what takes writes to objects of a drive that its outputs carry too."""
+    def _make_carrier(self, axis: int) -> Callable[[int, int, bytes], bool]:
+        """Return a function that puts written objects into the outputs if mapped there."""
 
         def carry(index: int, subindex: int, data: bytes) -> bool:
             if not self._wired or (index, subindex) not in self._outputs[axis]:
@@ -245,7 +240,7 @@ class EthercatProcessData(ProcessData):
         return carry
 
     def _confirm(self, counters: Sequence[int]) -> None:
-        """Let the next controlword take its place where a drive has taken the present one."""
+        """Send the next controlword once a drive has taken the present one."""
         for axis in tuple(self._fresh):
             if counters[axis] == _BOTH:
                 queue = self._queues.get(axis)
@@ -255,33 +250,31 @@ class EthercatProcessData(ProcessData):
                 else:
                     self._fresh.discard(axis)
 
-    # A cycle
+    # cycle
 
     def sync(self) -> float:
-        """Exchange process data when it is due; return the instant of the inputs [s].
-
-        Raises
-        ------
-        BusUnavailable
-            The interface does not take or give frames any more.
-        """
+        """Exchange process data when due; return the instant of the inputs (see `ProcessData`)."""
         clock, line = self._clock, self._line
-        while (due := clock.due()) > 0:  # whoever sleeps too long passes this deadline over
+        while (due := clock.due()) > 0:  # oversleeping skips this deadline
             time.sleep(due)
         self.untimed = clock.uncertain  # inputs are those of the frame before
-        clock.sending()
+        clock.note_sending()
         line.send(self._frames[self.feeding])
-        instant = self._sent_at = clock.sent()
+        instant = self._sent_at = clock.note_sent()
         answer = line.receive(clock.window())
         before, self._passed_at = self._passed_at, instant
-        self._pass_to(clock.latched(instant, before))
+        self._pass_to(clock.latch_instant(instant, before))
         if answer is None or len(answer) < self._size:
-            self._take_nothing()
+            now = self._clock.now()
+            for axis in range(len(self._axes)):
+                self._gone.setdefault(axis, now)
+            self.unusual, self.fallen = True, False
+            self._publish(dict.fromkeys(range(len(self._axes)), _MISSING))
             return self.time
         values = self._unpack(answer)
         end = self._end
         states = values[end : self._states]
-        off = self._look_at_times(values, instant) if self._clocks else {}
+        off = self._evaluate_times(values, instant) if self._clocks else {}
         counters = values[4:end:_VALUES]
         if self._mailboxes != (mailboxes := values[3:end:_VALUES]):
             self._mailboxes = mailboxes
@@ -290,17 +283,19 @@ class EthercatProcessData(ProcessData):
             self.words, self.positions = values[0:end:_VALUES], values[1:end:_VALUES]
             self.currents = values[2:end:_VALUES]
             if self.unusual or states != self._in_op:
-                self._look_at_states(states)
+                self._evaluate_states(states)
             if self.irregular or clock.passed_over:
                 self._publish({})
         else:
-            self._take(values, counters, off)
+            self._take_partly(values, counters, off)
         if self._fresh and self.feeding:
             self._confirm(counters)
         return self.time
 
-    def _take(self, values: Sequence[int], counters: Sequence[int], off: Mapping[int, int]) -> None:
-        """Take the values of those axes that took part; what is flagged already stays so."""
+    def _take_partly(
+        self, values: Sequence[int], counters: Sequence[int], off: Mapping[int, int]
+    ) -> None:
+        """Store the values of axes that took part; flags set before are kept."""
         full = self._counters[self.feeding][0]
         words, positions = list(self.words), list(self.positions)
         currents, found = list(self.currents), dict(off)
@@ -315,22 +310,22 @@ class EthercatProcessData(ProcessData):
             start = _VALUES * axis
             words[axis], positions[axis], currents[axis] = values[start : start + 3]
         self.words, self.positions, self.currents = tuple(words), tuple(positions), currents
-        self._look_at_states(values[self._end : self._states])
+        self._evaluate_states(values[self._end : self._states])
         self._publish(found)
 
-    def _look_at_states(self, states: Sequence[int]) -> None:
-        """Take AL states, each with its working counter."""
+    def _evaluate_states(self, states: Sequence[int]) -> None:
+        """Evaluate AL states and their working counters."""
         pairs = zip(states[::2], states[1::2], strict=True)
         self.fallen = any(state != AlState.OP for state, counter in pairs if counter)
         self.unusual = self.fallen or bool(self._gone)
 
-    def _look_at_times(self, values: Sequence[int], instant: float) -> Mapping[int, int]:
-        """Follow the reference; return flags of axes whose inputs are not of their instant."""
+    def _evaluate_times(self, values: Sequence[int], instant: float) -> Mapping[int, int]:
+        """Follow the reference; return flags of axes whose inputs have another instant."""
         clock, clocks = self._clock, self._clocks
         assert isinstance(clock, ReferenceClock) and clocks  # noqa: S101, PT018 - by `wire`
         reference, counter, differences, _ = values[-_TIMES:]
         if counter == len(clocks.clocked):
-            self.time = clock.latched(clock.follow(reference, instant), instant)
+            self.time = clock.latch_instant(clock.follow(reference, instant), instant)
         last, self._shown = self._shown, self.time
         if self.time <= last:
             return dict.fromkeys(range(len(self._axes)), _DOUBLED)
@@ -341,35 +336,28 @@ class EthercatProcessData(ProcessData):
         self.farthest = max(self.farthest, *apart)
         return {axis: _LATE for axis, each in enumerate(apart) if each > OUT_OF_STEP}
 
-    def _take_nothing(self) -> None:
-        now = self._clock.now()
-        for axis in range(len(self._axes)):
-            self._gone.setdefault(axis, now)
-        self.unusual, self.fallen = True, False
-        self._publish(dict.fromkeys(range(len(self._axes)), _MISSING))
-
-    # Time
+    # time
 
     def tick(self) -> None:
-        """Let one period pass; a plant in lock-step knows of it."""
+        """Let a period pass, also for a plant in lock-step."""
         if self._wired:
             self.sync()
             return
         if (due := self._clock.due()) > 0:
             time.sleep(due)
-        self._clock.sending()
+        self._clock.note_sending()
         self._line.send(self._ticking)
-        self._clock.sent()
+        self._clock.note_sent()
         self._line.receive(self._clock.window())
 
-    # For our sign of life
+    # sign of life
 
     def since_sent(self) -> float:
-        """Return how long ago outputs were sent [s]."""
+        """Return the time since outputs were sent [s]."""
         return self._clock.now() - self._sent_at
 
-    def unwatched(self) -> str:
-        """Return in words a drive whose watchdog was changed, and set it; empty if none was."""
+    def find_unwatched(self) -> str:
+        """Find a drive with a changed watchdog, and restore it; return a description, or ""."""
         line, each = self._line, len(GUARDS)
         for first in range(0, len(self._drives), _ASKED):
             asked = self._guards[first * each : (first + _ASKED) * each]
@@ -377,18 +365,18 @@ class EthercatProcessData(ProcessData):
             frame = line.receive(self._clock.window())
             answers = frame and answers_of(frame, asked)
             if not answers or not all(answer.counter for answer in answers):
-                continue  # a drive that is away is counted by the cycle
+                continue  # absence is detected in the cycle
             for number in range(0, len(answers), each):
                 data = [answer.data for answer in answers[number : number + each]]
                 drive = self._drives[first + number // each]
                 if words := drive.why_unwatched(data):
                     with suppress(NoAnswer):
-                        drive.set_watchdog()  # its axis is under power until it has stopped
+                        drive.set_watchdog()  # the axis is under power until it has stopped
                     return words
         return ""
 
     def repeat(self) -> None:
-        """Send the present outputs again, and take nothing of what comes back."""
+        """Send the present outputs again, and ignore the inputs."""
         if self._wired:
             self._sent_at = self._clock.now()
             self._line.send(self._frames[True])
@@ -396,28 +384,28 @@ class EthercatProcessData(ProcessData):
 
     @property
     def foreign(self) -> bool:
-        """Whether another master sends on this interface."""
+        """True if another master sends on this interface."""
         return self._line.foreign > FOREIGN
 
     @property
     def absent(self) -> Sequence[int]:
-        """Axes that took no part in the last cycle."""
+        """Axes that did not take part in the last cycle."""
         return tuple(self._gone)
 
     @property
     def absence(self) -> float:
-        """How long the first of them has been away [s]."""
+        """Time since the first of the absent axes left [s]."""
         return self._clock.now() - min(self._gone.values(), default=math.inf)
 
     def forget_absence(self) -> None:
-        """Count absence from now on."""
+        """Restart the time of absence."""
         self._gone = dict.fromkeys(self._gone, self._clock.now())
 
     def collect_mail(self) -> None:
-        """Take what waits in mailboxes: emergencies."""
+        """Receive waiting mailbox services: emergencies."""
         for axis in self.mail:
             try:
                 self._drives[axis].collect()
             except NoAnswer:
-                continue  # the cycle itself shows whether the drive is there
+                continue  # absence is detected in the cycle
         self._mailboxes, self.mail = (), ()

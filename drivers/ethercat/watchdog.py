@@ -1,10 +1,9 @@
-"""Our sign of life: the outputs that feed the watchdogs of all drives' sync managers.
+"""Sign of life on EtherCAT: outputs that feed the watchdogs of the drives' sync managers.
 
-Each cycle brings outputs, so there is nothing to send beside. Only while a mailbox is waited for,
-and no cycle passes, the same outputs go out again when they are due. In the other direction a
-drive that leaves OP, or does not take part in the exchange for the time-out, is trouble, and so is
-one whose watchdog is no longer as it was set: it is read with every `heartbeat_period`. Where the
-sign ceases, inputs are read on and outputs are not sent any more, to any drive.
+Each cycle sends outputs, so no separate sign is necessary. Only during waits for a mailbox, without
+cycles, the present outputs are repeated when due. In the other direction, a drive that leaves OP,
+or is absent for the time-out, is a failure, and so is a changed watchdog, which is read with every
+`heartbeat_period`. After the end of the sign, inputs are still read, but no drive gets outputs.
 """
 
 from __future__ import annotations
@@ -22,20 +21,20 @@ if TYPE_CHECKING:
 
 
 class OutputsSent:
-    """Our sign of life and theirs (`drivers.fieldbus.LifeSign`).
+    """Mutual supervision by outputs and states (`drivers.fieldbus.LifeSign`).
 
     Parameters
     ----------
     data : EthercatProcessData
-        Of all axes.
+        Process data of the axes.
     labels : sequence of str
-        How messages name the drives.
+        Names of the drives in messages.
     period, timeout : float
-        How often outputs are sent at least, and how long they may stay away [s].
+        Longest time between outputs, and longest absence [s].
     diagnose : callable
-        Returns what is wrong where drives are not all in OP; None where they are.
+        Returns an error if drives are not in OP; None if they are.
     recover : callable
-        Brings drives to OP that have left it.
+        Brings drives back to OP.
     """
 
     name = "our process data"
@@ -57,12 +56,12 @@ class OutputsSent:
 
     @property
     def due(self) -> float:
-        """When `service` must be called next [s]: at once where something is unusual."""
+        """Time of the next call of `service` [s]: immediately in unusual states."""
         data = self._data
         return -math.inf if data.unusual or data.mail or data.foreign else self._looks
 
     def watch(self) -> None:
-        """Begin to expect all drives in OP, and to send outputs again."""
+        """Start to supervise the drives in OP, and to send outputs again."""
         self.trouble, self._watched = None, True
         self._looks = self._data.now() + self._period
         self._data.feeding = True
@@ -71,7 +70,7 @@ class OutputsSent:
             self._recover()
 
     def service(self) -> None:
-        """Take mail, and look who has left OP or is away."""
+        """Receive mailbox services, and check for drives that have left OP or are absent."""
         self.beat()
         if self._data.mail:
             self._data.collect_mail()
@@ -83,17 +82,17 @@ class OutputsSent:
                 " watchdogs would not miss us; end that master"
             )
         elif self._data.unusual:
-            self._look_who_is_gone()
+            self._judge_absence()
         elif self._data.now() >= self._looks:
             self._looks = self._data.now() + self._period
-            if unwatched := self._data.unwatched():
+            if unwatched := self._data.find_unwatched():
                 self.trouble = DriveRefused(
                     f"{unwatched}: somebody else changed it, and the axis would go on when our"
                     " process dies; nobody else may command these drives: end that master or tool"
                     " first"
                 )
 
-    def _look_who_is_gone(self) -> None:
+    def _judge_absence(self) -> None:
         if self._data.fallen:
             self.trouble = self._diagnose()
         if self.trouble is None and self._data.absence >= self.timeout:
@@ -105,10 +104,10 @@ class OutputsSent:
             )
 
     def beat(self) -> None:
-        """Send the present outputs again if none have gone out for the period."""
+        """Repeat the present outputs if none were sent for the period."""
         if self._data.feeding and self._data.since_sent() >= self._period:
             self._data.repeat()
 
     def cease(self) -> None:
-        """Send outputs no more: the watchdogs of the drives take them out of OP."""
+        """Stop the outputs: the watchdogs take the drives out of OP."""
         self._data.feeding = False

@@ -1,7 +1,7 @@
 """Raw Ethernet frames of EtherCAT on a network interface (Linux).
 
-They are sent and received by a socket of the kernel's own, so nothing need be installed, and every
-byte that comes in is read by Python, which no slave can make write beside its buffers.
+Frames pass through a socket of the kernel, so no installation is necessary, and every received byte
+is read by Python, so that no slave can cause a write outside its buffers.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import socket
 import struct
 from typing import Protocol
 
-from drivers.awake import LONG, look_out
 from drivers.drive_bus import BusUnavailable
-from drivers.ethercat.frames import ETHERTYPE
+from drivers.ethercat.line import ETHERTYPE
+from drivers.sync_clock import LOCK_STEP_WAIT, poll_actively
 
 BUFFER = 2048
-"""Longest frame that is taken [bytes]."""
+"""Largest accepted frame [bytes]."""
 _RECEIVE_TIMEOUT = getattr(socket, "SO_RCVTIMEO", 20)
 _RIGHTS = (
     "raw Ethernet frames are for root, or a Python with CAP_NET_RAW (sudo setcap"
@@ -26,42 +26,42 @@ _RIGHTS = (
 
 
 class Wire(Protocol):
-    """Where frames go out and come back."""
+    """Interface that sends and receives frames."""
 
     def send(self, frame: bytes | bytearray) -> bool:
-        """Send a frame; return whether it went out.
+        """Send a frame; return False if it was not sent.
 
         Raises
         ------
         BusUnavailable
-            None can any more.
+            The interface no longer sends.
         """
 
     def receive(self, timeout: float) -> bytes | None:
-        """Return the next frame, None if none comes in time [s].
+        """Return the next frame, None if none arrives in time [s].
 
         Raises
         ------
         BusUnavailable
-            None can any more.
+            The interface no longer receives.
         """
 
     def close(self) -> None:
-        """Let the interface go."""
+        """Release the interface."""
 
 
 class RawWire:
-    """Frames on a network interface.
+    """Raw socket on a network interface.
 
     Parameters
     ----------
     interface : str
-        Such as eth0, which is to be used for nothing else.
+        Name, such as eth0, of an interface without other uses.
 
     Raises
     ------
     BusUnavailable
-        No such interface, no right to use it, or no Linux.
+        No such interface, no permission, or no Linux.
     """
 
     def __init__(self, interface: str) -> None:
@@ -83,7 +83,7 @@ class RawWire:
         self._blocks = 0.0
 
     def send(self, frame: bytes | bytearray) -> bool:
-        """Send a frame; one that the full queue does not take is lost, as on a cable."""
+        """Send a frame; with a full queue the frame is lost, as on a cable."""
         try:
             self._socket.send(frame)
         except OSError as error:
@@ -93,15 +93,17 @@ class RawWire:
         return True
 
     def receive(self, timeout: float) -> bytes | None:
-        """Return the next frame, None if none comes in time [s]."""
+        """Return the next frame, None if none arrives in time [s]."""
         try:
-            if timeout < LONG:  # the socket's own time-out counts in ticks of the kernel
+            if timeout < LOCK_STEP_WAIT:  # the socket's own time-out counts in ticks of the kernel
                 if not select.select([self._socket], [], [], timeout)[0]:
                     return None
-            elif (frame := look_out(self._came)) is not None:
+            elif (frame := poll_actively(self._poll)) is not None:
                 return frame
-            elif timeout != self._blocks:
-                self._block(timeout)
+            elif timeout != self._blocks:  # a blocking read saves a call of `select`
+                interval = struct.pack("@ll", *divmod(round(timeout * 1e6), 1_000_000))
+                self._socket.setsockopt(socket.SOL_SOCKET, _RECEIVE_TIMEOUT, interval)
+                self._blocks = timeout
             return self._socket.recv(BUFFER)
         except BlockingIOError:
             return None
@@ -109,22 +111,15 @@ class RawWire:
             raise self._gone(error) from error
 
     def close(self) -> None:
-        """Let the interface go."""
+        """Release the interface."""
         self._socket.close()
 
-    def _came(self) -> bytes | None:
-        """Return a frame that is there, None if none is."""
+    def _poll(self) -> bytes | None:
+        """Return a waiting frame, None if there is none."""
         try:
             return self._socket.recv(BUFFER, socket.MSG_DONTWAIT)
         except BlockingIOError:
             return None
-
-    def _block(self, timeout: float) -> None:
-        """Have a read wait for so long, which saves asking whether there is something."""
-        microseconds = round(timeout * 1e6)
-        interval = struct.pack("@ll", *divmod(microseconds, 1_000_000))
-        self._socket.setsockopt(socket.SOL_SOCKET, _RECEIVE_TIMEOUT, interval)
-        self._blocks = timeout
 
     def _gone(self, error: OSError) -> BusUnavailable:
         return BusUnavailable(

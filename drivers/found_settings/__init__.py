@@ -1,1 +1,1 @@
-"""What drives held before anything was written to them: kept, and put back."""
+"""Settings found in drives before the first write: saving and restoring."""

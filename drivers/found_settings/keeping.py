@@ -1,12 +1,11 @@
-"""Keeping what drives held, before each object is first written.
+"""Saving of drive settings before each object is first written.
 
-A `SettingsKeeper` stands in front of every write of a session: the first one to an object reads
-what it held. What start-up will overwrite is known beforehand (`announcement`), so that all of it
-is on the disk before the first write; an object that is first written later, in the middle of a
-session, is added by itself. Where the file of an earlier session is there that never put back what
-it had found, its values stand: what the drives hold by now is ours. But where a drive holds neither
-what was found nor what that session wrote, it has been set up anew: then it is the drive's that
-stands.
+A `SettingsKeeper` is called before every write of a session: the first write to an object is
+preceded by a read of its value. Values that start-up will overwrite are known beforehand
+(`announcement`), so that they are on the disk before the first write; an object first written later
+in a session is added then. If an earlier session has left a file without restoring its values,
+those values are kept: the present ones are ours. But if a drive holds neither the saved value nor
+that of the session, it has been configured since, and the drive's value is kept.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from drivers.commissioning.held_values import before, read_if_held
+from drivers.commissioning.held_values import read_before_write, read_if_held
 from drivers.drive_bus import DriveRefused
 from drivers.found_settings.restoring import restore_drive
 from drivers.found_settings.settings_file import (
@@ -38,24 +37,24 @@ if TYPE_CHECKING:
 
 
 class SettingsKeeper:
-    """Reads and keeps what drives hold, before it is overwritten.
+    """Reader and store of drive settings before they are overwritten.
 
     Parameters
     ----------
     path : Path, optional
-        The file; None to keep everything in memory only.
+        The file; None to keep the settings in memory only.
     write : callable, optional
-        ``write(path, content)`` puts a file on the disk, whole or not at all. Needed with `path`.
+        ``write(path, content)`` writes a file atomically. Needed with `path`.
     bus : tuple of str, optional
-        Interface and channel that the drives are on, for who puts them back.
+        Interface and channel of the drives, for `hil drives restore`.
 
     Attributes
     ----------
     path : Path or None
     later : tuple of Entry
-        Objects that the session will write once the drives are on: they are kept with the others.
+        Objects written by the session after power-on, saved with the others.
     unannounced : list of str
-        Objects that were first written after the announcement, in words.
+        Objects first written after the announcement, in words.
     """
 
     def __init__(
@@ -75,12 +74,12 @@ class SettingsKeeper:
 
     @property
     def settings(self) -> FoundSettings:
-        """What is kept by now.
+        """Settings saved so far.
 
         Raises
         ------
         LookupError
-            Nothing has been kept yet.
+            Nothing has been saved yet.
         """
         if self._settings is None:
             raise LookupError("settings are kept once `open` was called")
@@ -88,16 +87,16 @@ class SettingsKeeper:
 
     @property
     def unrestored(self) -> bool:
-        """Whether a drive may hold values of ours."""
+        """True if a drive may hold values of ours."""
         return self._announced and self._settings is not None and not self._settings.restored
 
     def open(self, drives: DrivesFile) -> None:
-        """Begin a session; read what an earlier one left behind.
+        """Begin a session; read the file of an earlier one.
 
         Raises
         ------
         FileError
-            There is a file that cannot be used.
+            There is an unusable file.
         """
         self._settings = FoundSettings(
             bitrate=drives.bitrate,
@@ -109,16 +108,16 @@ class SettingsKeeper:
         self.unannounced.clear()
         if self.path is not None and self.path.exists():
             earlier = load_found_settings(self.path)
-            self._settings = self._settings.with_drives(earlier.unrestored)
+            self._settings = self._settings.update_drives(earlier.unrestored)
         self._earlier = frozenset(drive.place for drive in self._settings.drives)
 
     def found(self, server: RemoteDictionary, entry: Entry) -> int | None:
-        """Return what an object held before any of our writes; None where it is missing."""
+        """Return the value of an object before any of our writes; None if missing."""
         kept = self._drive(server.place)
         for each in kept.objects if kept else ():
             if each.key == entry.key:
                 present = None if each.written is None else server.find(entry)
-                return present if each.set_anew(present) else each.value
+                return present if each.was_changed(present) else each.value
         return server.find(entry)
 
     def take(
@@ -128,12 +127,12 @@ class SettingsKeeper:
         found: Mapping[Entry, int],
         planned: Mapping[Entry, int],
     ) -> None:
-        """Add what one drive holds, and what will be written; values of an earlier session stay.
+        """Save the values of a drive and the planned ones; an earlier session's values stay.
 
         Raises
         ------
         DriveRefused
-            The earlier session's values are those of another drive.
+            The earlier session's values belong to another drive.
         NodeSilent
             No answer.
         """
@@ -156,15 +155,15 @@ class SettingsKeeper:
         if earlier is not None:
             if earlier.doubt:
                 server.note(earlier.doubt)
-            kept = _standing(server, earlier)
-        # written already, for a session that is killed during start-up
+            kept = _reconcile(server, earlier)
+        # the planned values too, for a session that is killed during start-up
         values = {entry.key: value for entry, value in {**found, **planned}.items()}
-        kept = _extended(kept, found).holding(lambda each: values.get(each.key, each.written))
-        self._settings = self.settings.with_drives([kept])
+        kept = _extend(kept, found).hold(lambda each: values.get(each.key, each.written))
+        self._settings = self.settings.update_drives([kept])
         server.saved = {each.key for each in kept.objects}
 
-    def announced(self, servers: Iterable[RemoteDictionary]) -> None:
-        """Put on the disk what was taken; from here on a further object is kept when it comes.
+    def announce(self, servers: Iterable[RemoteDictionary]) -> None:
+        """Write the file; from now on further objects are saved at their first write.
 
         Raises
         ------
@@ -176,8 +175,8 @@ class SettingsKeeper:
         for server in servers:
             self.guard(server)
 
-    def configured(self, servers: Iterable[RemoteDictionary]) -> None:
-        """Note what drives hold once start-up has written to them, and put that on the disk.
+    def confirm(self, servers: Iterable[RemoteDictionary]) -> None:
+        """Record the values in the drives after start-up, and write the file.
 
         Raises
         ------
@@ -187,21 +186,21 @@ class SettingsKeeper:
             The file cannot be written.
         """
         for server in servers:
-            held = self.drive(server).holding(partial(_present, server))
-            self._settings = self.settings.with_drives([held])
+            held = self.drive(server).hold(partial(_read, server))
+            self._settings = self.settings.update_drives([held])
         self.save()
 
     def guard(self, server: RemoteDictionary) -> None:
-        """Keep what `server` holds before each first write to it."""
+        """Save the value in `server` before each first write to an object."""
         server.first_write = lambda entry: self._keep(server, entry)
 
     def drive(self, server: RemoteDictionary) -> FoundDrive:
-        """Return what is kept of a drive.
+        """Return the saved settings of a drive.
 
         Raises
         ------
         LookupError
-            Nothing is.
+            There are none.
         """
         kept = self._drive(server.place)
         if kept is None:
@@ -209,7 +208,7 @@ class SettingsKeeper:
         return kept
 
     def restore(self, server: RemoteDictionary, order: RestoringOrder) -> None:
-        """Put back what a drive held that is shown off, and note it; `close` brings that to disk.
+        """Restore a drive confirmed to be off, and record that; `close` writes the file.
 
         Raises
         ------
@@ -222,14 +221,14 @@ class SettingsKeeper:
     def close(
         self, servers: Iterable[RemoteDictionary], written: Collection[RemoteDictionary]
     ) -> list[str]:
-        """End a session; return for the operator which drives could not be put back.
+        """End a session; return messages about drives that were not restored.
 
         Parameters
         ----------
         servers : iterable of RemoteDictionary
-            The drives of the session.
+            Drives of the session.
         written : collection of RemoteDictionary
-            Those that something may have been written to.
+            Drives that may have been written to.
 
         Raises
         ------
@@ -250,50 +249,50 @@ class SettingsKeeper:
         ]
 
     def save(self) -> None:
-        """Write the file, if there is to be one.
+        """Write the file, if there is a path.
 
         Raises
         ------
         FileError
-            It cannot be written.
+            The file cannot be written.
         """
         if self.path is not None and self._write is not None:
             self._write(self.path, dump_found_settings(self.settings).encode())
 
     def _note_restored(self, server: RemoteDictionary) -> None:
-        self._settings = self.settings.with_drives([self.drive(server).done()])
+        self._settings = self.settings.update_drives([self.drive(server).finish()])
 
     def _drive(self, place: tuple[int, int]) -> FoundDrive | None:
         return next((drive for drive in self.settings.drives if drive.place == place), None)
 
     def _keep(self, server: RemoteDictionary, entry: Entry) -> None:
-        found = before(server, entry)
+        found = read_before_write(server, entry)
         if found:
-            self._settings = self.settings.with_drives([_extended(self.drive(server), found)])
+            self._settings = self.settings.update_drives([_extend(self.drive(server), found)])
             self.save()
             self.unannounced.append(f"{server.label}: {entry}")
         server.saved.update(each.key for each in (*found, entry))
 
 
-def _standing(server: RemoteDictionary, earlier: FoundDrive) -> FoundDrive:
-    """Take what an earlier session found, but the drive's value where it has been set up anew."""
+def _reconcile(server: RemoteDictionary, earlier: FoundDrive) -> FoundDrive:
+    """Return the settings of an earlier session, with the drive's value where changed since."""
     objects = []
     for each in earlier.objects:
         present = None if each.written is None else read_if_held(server, each.entry)
         update = {"written": present}
-        if present is not None and each.set_anew(present):
+        if present is not None and each.was_changed(present):
             server.note(f"{each.comparison(present)} and stands")
             update["value"] = present
         objects.append(each.model_copy(update=update))
     return earlier.model_copy(update={"objects": tuple(objects)})
 
 
-def _present(server: RemoteDictionary, each: FoundObject) -> int | None:
+def _read(server: RemoteDictionary, each: FoundObject) -> int | None:
     return read_if_held(server, each.entry)
 
 
-def _extended(drive: FoundDrive, found: Mapping[Entry, int]) -> FoundDrive:
-    """Add values to those that are kept of a drive; what is kept already stays."""
+def _extend(drive: FoundDrive, found: Mapping[Entry, int]) -> FoundDrive:
+    """Add values to the settings of a drive; those saved already are kept."""
     places = {each.key for each in drive.objects}
     objects = tuple(
         FoundObject.model_validate(

@@ -1,10 +1,10 @@
-"""Putting back what a drive held, once it is off.
+"""Restoring of drive settings after power-off.
 
-Process data come first, in the order of their bus. What watches us comes last, for until then it is
-what stops the axis when this process dies. A value that a drive refuses
-keeps no other from being put back. Each is read first, and written only where the drive holds
-another, so doing it again is harmless. The mode is put back where the drive takes it: many show one
-at power-on that cannot be written, and every master chooses its own.
+Process data come first, in the order of their bus. The supervision of the master comes last, since
+until then it stops the axis if this process dies. A value refused by a drive hinders no other. Each
+value is read first and written only if different, so a repetition is harmless. The mode is restored
+if the drive accepts it: many show a mode at power-on that cannot be written, and every master
+selects its own.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ if TYPE_CHECKING:
 
 _MODE = frozenset({objects.MODE.index})
 _ROUNDS = 2
-"""Limits may depend on each other: what a drive refuses at first is tried again once."""
+"""Number of attempts: limits may depend on each other."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RestoringOrder:
-    """How a bus's own objects are put back.
+    """Order of restoring the objects of a bus.
 
     Attributes
     ----------
     restore_process_data : callable
-        Puts the process data of `server` back that stand in `values`; returns the values that are
-        left, and why not, by object.
+        Restores the process data of `server` in `values`; returns the remaining values, and
+        failures by object.
     late : frozenset of int
-        Index of those that wait for all others of the bus.
+        Index of objects to be restored after the others of the bus.
     watchdogs : frozenset of int
-        Index of what watches us, which waits for everything.
+        Index of objects that supervise the master, restored last.
     """
 
     restore_process_data: Callable[
@@ -55,12 +55,12 @@ class RestoringOrder:
 
 
 class NotTakenBack(DriveRefused):
-    """A drive holds again what it held but for some values that it does not take.
+    """A drive is restored except for values that it refuses.
 
     Attributes
     ----------
     places : frozenset of (int, int)
-        Index and sub-index of their objects.
+        Index and sub-index of the refused objects.
     """
 
     def __init__(self, problems: Mapping[Entry, str]) -> None:
@@ -69,16 +69,16 @@ class NotTakenBack(DriveRefused):
 
 
 def restore_drive(server: RemoteDictionary, found: FoundDrive, order: RestoringOrder) -> None:
-    """Put back what a drive held that is shown off, and read it back.
+    """Restore the settings of a drive confirmed to be off, and read them back.
 
     Raises
     ------
     NotTakenBack
-        It does not take values, a line each; all others were put back.
+        The drive refuses values, a line each; the others are restored.
     DriveRefused
-        It is energised, so nothing was written.
+        The drive is energised, so nothing was written.
     NodeSilent, BusUnavailable
-        No answer: what was not reached is as it was, the watchdog included.
+        No answer: the remaining objects are unchanged, the watchdog included.
     """
     refuse_energised(server)
     server.access.leave_operational()
@@ -94,12 +94,12 @@ def restore_drive(server: RemoteDictionary, found: FoundDrive, order: RestoringO
 
 
 def refuse_energised(server: RemoteDictionary) -> None:
-    """Refuse a drive that is not shown off.
+    """Refuse a drive that is not confirmed to be off.
 
     Raises
     ------
     DriveRefused
-        With the state that it shows.
+        The drive may be energised; with its state.
     """
     word = server.get(objects.STATUSWORD)
     state = decode_state(word)
@@ -112,7 +112,7 @@ def refuse_energised(server: RemoteDictionary) -> None:
 
 
 def restore(server: RemoteDictionary, values: Mapping[Entry, int]) -> dict[Entry, str]:
-    """Put values back where the drive holds others; return why not, by object."""
+    """Write values that differ from the drive's; return failures by object."""
     refused: dict[Entry, str] = {}
     pending: Sequence[Entry] = list(values)
     for _ in range(_ROUNDS):
@@ -141,24 +141,24 @@ def _put_back(server: RemoteDictionary, entry: Entry, value: int) -> None:
 
 
 def restore_mapping(server: RemoteDictionary, values: Mapping[Entry, int]) -> dict[Entry, str]:
-    """Put back a mapping or an assignment: count 0, entries, count; return why not, by object."""
+    """Restore a mapping or assignment: count 0, entries, count; return failures by object."""
     count = {e: v for e, v in values.items() if e.subindex == 0}
     for entry in count:
         put_if_taken(server, entry, 0)
     active = max(count.values(), default=0)
     entries = {e: v for e, v in values.items() if e.subindex}
-    # Beyond its count a mapping means nothing, and not every drive takes what stood there.
+    # entries beyond the count are meaningless, and some drives refuse them
     restore(server, {e: v for e, v in entries.items() if e.subindex > active})
     problems = restore(server, {e: v for e, v in entries.items() if e.subindex <= active})
     return problems | restore(server, count)
 
 
 def put_if_taken(server: RemoteDictionary, entry: Entry, value: int) -> None:
-    """Write a number; a drive may refuse it."""
+    """Write a number; a refusal is ignored."""
     with suppress(Aborted):
         server.put(entry, value)
 
 
 def holds(server: RemoteDictionary, values: Mapping[Entry, int]) -> bool:
-    """Whether a drive holds all of these values; what cannot be read it does not."""
+    """Return True if a drive holds the values; unreadable ones count as different."""
     return all(read_if_held(server, entry) == value for entry, value in values.items())

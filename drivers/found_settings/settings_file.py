@@ -1,10 +1,9 @@
-"""What drives held before the driver wrote to them, as a file: `found-settings.yaml`.
+"""`found-settings.yaml`: values held by drives before the driver wrote to them.
 
-A drive that was only borrowed is left as it was found. So each value is read before it is first
-overwritten, and all of them are on the disk before anything is written: after a crash the file is
-the only place where they stand. It names each drive by its identity, since values of another drive
-must never be written. Nor does a file make more of a drive's dictionary writable than a session
-changes itself: an object that is not in `SETTINGS` is refused.
+A drive is left as it was found. Hence each value is read before it is first overwritten, and all
+values are on the disk before anything is written: after a crash the file is their only copy. It
+identifies each drive, since values of another drive must never be written. The file cannot make
+more objects writable than a session changes itself: an object not in `SETTINGS` is refused.
 """
 
 from __future__ import annotations
@@ -18,10 +17,9 @@ from checked_files.names import ShownName
 from checked_files.yaml_file import FileModel, load_yaml
 from checked_files.yaml_text import quoted
 from drivers.cia402 import objects
-from drivers.cia402.vendor_objects import VELOCITY_FEED_FORWARDS
+from drivers.cia402.objects import VELOCITY_FEED_FORWARDS
 from drivers.commissioning.held_values import ASSIGNMENTS, COMMANDS
-from drivers.commissioning.requirement import Use
-from drivers.commissioning.requirements import REQUIREMENTS
+from drivers.commissioning.requirements import REQUIREMENTS, Use
 from drivers.drives_file import U32, PdoNumber
 from drivers.fieldbus import Entry
 from drivers.in_node import ALONE, AXES, PDOS, InNode
@@ -33,12 +31,12 @@ if TYPE_CHECKING:
     from drivers.remote_dictionary import RemoteDictionary
 
 NAME = "found-settings.yaml"
-"""How the file is called in the folder of a run."""
+"""Name of the file in the folder of a run."""
 
 _COMMUNICATION = frozenset({0x1005, 0x1006, 0x100C, 0x100D, 0x1016, 0x1017, 0x1019})
-"""Index of what sessions write of CANopen's own objects, beside PDOs."""
+"""Index of the communication objects written by sessions on CANopen, besides PDOs."""
 _COE = frozenset({0x1C32, 0x1C33, *ASSIGNMENTS})
-"""The same of CANopen over EtherCAT."""
+"""Index of the communication objects written by sessions on EtherCAT."""
 _PDOS = range(0x1400, 0x1C00)
 _SET = [
     row for row in REQUIREMENTS.values() if Use.WRITE in row.use and row.entry.index not in COMMANDS
@@ -53,36 +51,34 @@ SETTINGS = frozenset(
         *(entry.index for entry in VELOCITY_FEED_FORWARDS.values()),
     }
 )
-"""Index of every object that start-up, motions, streaming or homing write, beside commands."""
+"""Index of the objects written by start-up, motions, streaming or homing, except commands."""
 
 WRITTEN_ONCE = frozenset(
     row.entry.index for row in _SET if Use.VARY not in row.use and row.entry.index > _PDOS.stop
 )
-"""Those of the profile of which a session holds one value from the end of start-up to its own."""
+"""Index of profile objects with one value during a session, from start-up to its end."""
 
 
-def _shown_name(text: object) -> object:
+def _clean_name(text: object) -> object:
     return one_line(text) if isinstance(text, str) else text
 
 
-Name = Annotated[str, BeforeValidator(_shown_name)]
-
-
+Name = Annotated[str, BeforeValidator(_clean_name)]
 BusName = Annotated[ShownName, Field(max_length=4096)]
-"""Name of an interface or a channel: of such characters as a terminal does not obey."""
+"""Name of an interface or a channel, without control characters for a terminal."""
 
 
 class FoundObject(FileModel):
-    """One object of a drive, and the value that it held.
+    """Object of a drive, and the value found.
 
     Attributes
     ----------
     written : int or None
-        What the drive held once a session had written to it. A drive that holds neither this nor
-        `value` has been set up anew since. None where no session got that far, and for what a
-        session goes on changing.
+        Value in the drive after a session had written. A drive with neither this value nor `value`
+        has been configured since. None if no session got that far, and for objects that a session
+        changes repeatedly.
     refused : bool
-        The drive did not take it back, which has been reported.
+        True if the drive refused the value, which has been reported.
     """
 
     index: int
@@ -94,7 +90,7 @@ class FoundObject(FileModel):
     refused: bool = False
 
     @model_validator(mode="after")
-    def _a_setting(self) -> Self:
+    def _check_setting(self) -> Self:
         if self.index not in SETTINGS:
             raise ValueError(
                 f"index {self.index:04X}h is no setting that a run changes; remove this object"
@@ -109,15 +105,15 @@ class FoundObject(FileModel):
 
     @property
     def entry(self) -> Entry:
-        """Where it stands in the drive's object dictionary."""
+        """Entry of the object in the object dictionary."""
         return Entry(self.index, self.subindex, self.type, self.name)
 
-    def set_anew(self, present: int | None) -> bool:
-        """Whether a drive that holds `present` has been given it by somebody else since."""
+    def was_changed(self, present: int | None) -> bool:
+        """Return True if a drive got the value `present` from somebody else since."""
         return self.written is not None and present not in {None, self.value, self.written}
 
     def comparison(self, present: int) -> str:
-        """State what was found, what was written, and what is there."""
+        """Describe the values: found, written and present."""
         return (
             f"object {self.entry} held {self.value} when it was found and {self.written} in a"
             f" session that was ended; it holds {present}, so it has been set up anew since"
@@ -130,7 +126,7 @@ class FoundObject(FileModel):
 
 
 class FoundIdentity(FileModel):
-    """Which drive it was (1018); None for what it lacks."""
+    """Identity of the drive (1018); None for missing numbers."""
 
     vendor: U32 | None = None
     product: U32 | None = None
@@ -142,20 +138,20 @@ IDENTITY = dict(zip(FoundIdentity.model_fields, objects.IDENTITY, strict=True))
 
 
 class FoundDrive(FileModel):
-    """One drive and the values that it held.
+    """Drive and the values found.
 
     Attributes
     ----------
     name : str
-        Of its axis.
+        Name of the axis.
     alias : int or None
-        By which it is found in place of its number.
+        Alias that identifies the drive instead of the node number.
     axis, pdos
-        Which of several axes of its node (see `drivers.drives_file.AxisDrive`).
+        Axis of a multi-axis node (see `drivers.drives_file.AxisDrive`).
     restored : bool
-        The drive holds all of them again that it takes back.
+        True if the drive holds its values again, except refused ones.
     objects : tuple of FoundObject
-        In the order in which they were first written.
+        Objects in the order of first writing.
     """
 
     name: Annotated[Name, Field(min_length=1)]
@@ -169,7 +165,7 @@ class FoundDrive(FileModel):
 
     @property
     def within(self) -> InNode:
-        """Which of several axes of its node it is."""
+        """Axis and PDOs within the node."""
         return InNode(self.axis, self.pdos)
 
     @property
@@ -177,16 +173,16 @@ class FoundDrive(FileModel):
         """Node and axis."""
         return self.node, self.axis
 
-    def done(self, refused: Collection[tuple[int, int]] = ()) -> FoundDrive:
-        """Return this drive as one that holds everything again but what it did not take back."""
+    def finish(self, refused: Collection[tuple[int, int]] = ()) -> FoundDrive:
+        """Return this drive as restored, except for refused objects."""
         objects = tuple(
             each.model_copy(update={"written": None, "refused": each.key in refused})
             for each in self.objects
         )
         return self.model_copy(update={"restored": True, "objects": objects})
 
-    def holding(self, held: Callable[[FoundObject], int | None]) -> FoundDrive:
-        """Return this drive with what it holds by now, or will, of what a session writes once."""
+    def hold(self, held: Callable[[FoundObject], int | None]) -> FoundDrive:
+        """Return this drive with the present or planned values of objects written once."""
         objects = tuple(
             each.model_copy(update={"written": held(each)}) if each.index in WRITTEN_ONCE else each
             for each in self.objects
@@ -195,7 +191,7 @@ class FoundDrive(FileModel):
 
     @property
     def doubt(self) -> str:
-        """Why this may be another drive in spite of its identity, in words; empty if it is not."""
+        """Reason why this may be another drive in spite of its identity; empty if it is not."""
         if self.identity.serial:
             return ""
         return (
@@ -205,11 +201,11 @@ class FoundDrive(FileModel):
 
     @property
     def refused(self) -> tuple[Entry, ...]:
-        """What the drive did not take back."""
+        """Objects refused by the drive."""
         return tuple(each.entry for each in self.objects if each.refused)
 
     @model_validator(mode="after")
-    def _each_once(self) -> Self:
+    def _check_objects(self) -> Self:
         places = [each.key for each in self.objects]
         for index, subindex in places:
             if places.count((index, subindex)) > 1:
@@ -223,13 +219,13 @@ class FoundSettings(FileModel):
     Attributes
     ----------
     restored : bool
-        All drives hold again what they held.
+        True if every drive holds its values again.
     bitrate : int
-        Of the bus [bit/s].
+        Bit rate of the bus [bit/s].
     sdo_timeout : float
-        How long a drive may take to answer [s].
+        Longest response time of a drive [s].
     interface, channel : str or None
-        The bus that the drives are on, as python-can names it; None where that is not stated.
+        Bus of the drives, as in python-can; None if not stated.
     """
 
     format: Literal[1] = 1
@@ -241,7 +237,7 @@ class FoundSettings(FileModel):
     drives: tuple[FoundDrive, ...] = ()
 
     @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _check_drives(self) -> Self:
         places = [drive.place for drive in self.drives]
         for place in places:
             if places.count(place) > 1:
@@ -255,8 +251,8 @@ class FoundSettings(FileModel):
         """Drives that may still hold values of ours."""
         return tuple(drive for drive in self.drives if not drive.restored)
 
-    def with_drives(self, drives: Iterable[FoundDrive]) -> FoundSettings:
-        """Return the settings with these drives in place of those with their node numbers."""
+    def update_drives(self, drives: Iterable[FoundDrive]) -> FoundSettings:
+        """Return the settings with these drives added or replaced, by node number."""
         changed = {drive.place: drive for drive in drives}
         kept = {drive.place: drive for drive in self.drives} | changed
         everything = tuple(kept.values())
@@ -270,13 +266,13 @@ def load_found_settings(path: Path | str) -> FoundSettings:
     Raises
     ------
     FileError
-        It is missing, or not such a file.
+        The file is missing or of another kind.
     """
     return load_yaml(path, FoundSettings)
 
 
 def dump_found_settings(settings: FoundSettings) -> str:
-    """Return the file's text; `load_found_settings` reads the same settings from it."""
+    """Return the text of the file, for `load_found_settings`."""
     lines = [
         "# What the drives held before they were written to. To put it back after a crash, with",
         "# the drives powered but off: hil drives restore FILE",
@@ -297,18 +293,18 @@ def dump_found_settings(settings: FoundSettings) -> str:
 
 
 def read_identity(server: RemoteDictionary) -> FoundIdentity:
-    """Ask a drive for its identity.
+    """Read the identity of a drive.
 
     Raises
     ------
     NodeSilent, DriveRefused
-        It does not answer.
+        The drive does not answer.
     """
     return FoundIdentity(**{key: server.find(entry) for key, entry in IDENTITY.items()})
 
 
 def difference(found: FoundIdentity, present: FoundIdentity) -> str:
-    """Name the first object in which two identities differ, with both values; empty if none."""
+    """Describe the first difference of two identities, with both values; empty if none."""
     for key, entry in IDENTITY.items():
         then, now = getattr(found, key), getattr(present, key)
         if then != now:

@@ -1,1 +1,1 @@
-"""What operators do with drives: scan, draft a drives file, check, jog, home, monitor, restore."""
+"""Tools for operators: scan, draft of a drives file, check, jog, home, monitor, restore."""

@@ -1,10 +1,10 @@
-"""`hil drives check`: whether what the drives file states is true of the drives on the bus.
+"""`hil drives check`: comparison of the drives file with the drives on the bus.
 
-It goes from harmless to less so. First the drives are asked by SDO, unpowered, and nothing is
-written. If that refuses any, it ends there. Then, with the operator's consent, all are configured
-and powered as for a run and hold their position; then each axis in turn goes a few degrees there
-and back, slowly and watched (`check_powered`). At the end all are switched off and must stay where
-they are, which is what brakes are for. Verdicts come as they are found.
+The steps become gradually less harmless. First the drives are read by SDO, unpowered, without
+writing; the check ends here after a refusal. Then, with the operator's consent, the drives are
+configured and powered as for a run and hold their position; then each axis in turn moves a few
+degrees and back, slowly and supervised (`check_powered`). At the end the drives are switched off
+and must not move, held by their brakes. Verdicts are yielded as they are found.
 """
 
 from __future__ import annotations
@@ -17,22 +17,20 @@ from drivers.axis import AxisScale
 from drivers.cia402 import objects
 from drivers.cia402.supervision import Supervision
 from drivers.commissioning.announcement import announce
-from drivers.commissioning.configure import check_identity
+from drivers.commissioning.configure import check_identity, find_swap, fits
 from drivers.commissioning.consistency import GEAR, POSITION
-from drivers.commissioning.mix_up import fits, mixed_up
-from drivers.commissioning.position_range import range_of, wrap_of
+from drivers.commissioning.effective_limits import range_of, wrap_of
 from drivers.commissioning.ratings import CURRENT, TORQUE
-from drivers.commissioning.verdict import Grade, Verdict, graded, refused
+from drivers.commissioning.verdict import Grade, Verdict, grade_check, refused
 from drivers.dictionary.live import read_dictionary
 from drivers.dictionary.review import review
 from drivers.drive_bus import DriveError, DriveRefused, NodeSilent
 from drivers.found_settings.keeping import SettingsKeeper
-from drivers.operator_tools.check_limits import check_limits
-from drivers.operator_tools.check_powered import REST_TIME, check_powered, shown_way
-from drivers.operator_tools.check_reactions import check_reactions
-from drivers.operator_tools.check_scaling import check_scaling
+from drivers.operator_tools.check_objects import check_limits, check_reactions, check_scaling
+from drivers.operator_tools.check_powered import REST_TIME, check_powered
 from drivers.operator_tools.operator import require_consent
 from drivers.operator_tools.reset_faults import check_state
+from drivers.operator_tools.small_move import format_coordinate
 from drivers.session.connection import Place
 
 if TYPE_CHECKING:
@@ -40,11 +38,10 @@ if TYPE_CHECKING:
 
     from drivers.commissioning.communication import Communication
     from drivers.commissioning.verdict import Check
-    from drivers.dictionary.bus_rules import BusRules
-    from drivers.dictionary.missing_objects import Finding
+    from drivers.dictionary.review import BusRules
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
-    from drivers.operator_tools.check_gravity import Gravity
+    from drivers.operator_tools.check_motion import Gravity
     from drivers.operator_tools.check_powered import SmallMoves
     from drivers.operator_tools.operator import Operator
     from drivers.remote_dictionary import RemoteDictionary
@@ -52,9 +49,9 @@ if TYPE_CHECKING:
 
 IDENTITY = "identity (1018)"
 CHECKS: tuple[Check, ...] = (check_scaling, check_limits, check_reactions)
-"""What a drive that serves is asked, in turn."""
+"""Checks of a suitable drive, in order."""
 _BY_NODE = frozenset({IDENTITY, CURRENT, TORQUE, POSITION, GEAR})
-"""Checks that also fail where node numbers are mixed up."""
+"""Checks that also fail with swapped node numbers."""
 
 
 def check(
@@ -75,20 +72,20 @@ def check(
     drives : DrivesFile
         The axes to check, in joint order.
     moves : SmallMoves
-        How far and how fast.
+        Distance and speed of the small moves.
     operator : Operator
-        Who agrees to motion, can stop it, and is asked which way it went.
+        Consents to motion, can stop it, and is asked for its direction.
     keeper : SettingsKeeper, optional
         See `drivers.session.servo_axes.ServoAxes`.
     gravity : callable, optional
-        Torques that hold all axes of `drives` at rest [N m], at joint coordinates, by a model.
+        Holding torques of the axes of `drives` [N m] at joint coordinates, by a model.
     late : float
-        How late this process wakes up (see `drivers.operator_tools.sync_period.judge_period`).
+        Wake-up delay of this process (see `drivers.operator_tools.sync_period.judge_period`).
 
     Yields
     ------
     Verdict
-        As they are found. However the iteration ends, all axes are stopped and switched off.
+        Verdicts as they are found. Whenever the iteration ends, all axes are stopped and off.
     """
     stop = False
     keeper = keeper or SettingsKeeper()
@@ -105,7 +102,9 @@ def check(
             remedy="mend what is refused above, or check the other axes alone with --axis",
         )
         return
-    require_consent(operator, _intent(drives, moves))
+    distances = (f"{a.name} {format_coordinate(a, moves.find(a)[0], '+.3g')}" for a in drives.axes)
+    intent = f"Power on, and move one after the other there and back: {', '.join(distances)}?"
+    require_consent(operator, intent)
     yield from check_powered(bus, drives, moves, operator, keeper, gravity, late)
     yield from _brakes(bus.unpowered(drives), drives.axes)
 
@@ -113,49 +112,48 @@ def check(
 def _unpowered(bus: Fieldbus, drives: DrivesFile, keeper: SettingsKeeper) -> Iterator[Verdict]:
     unpowered = bus.unpowered(drives)
     pairs = list(zip(unpowered.servers, drives.axes, strict=True))
-    strangers = cache(partial(_strangers, bus, drives))
+    strangers = cache(partial(_find_strangers, bus, drives))
     for (server, axis), communication in zip(pairs, unpowered.communications, strict=True):
         serves = True
         for verdict in _ask(bus.rules, server, axis, strangers):
             if verdict.grade is Grade.REFUSED:
                 serves = False
-                another = mixed_up(server, axis, pairs) if verdict.check in _BY_NODE else None
+                another = find_swap(server, axis, pairs) if verdict.check in _BY_NODE else None
                 yield verdict if another is None else replace(verdict, remedy=another)
             else:
                 yield verdict
         if serves:
             held = partial(keeper.found, server)
-            yield from _written(server, axis, drives, communication, held)
-    yield _load(bus, drives)
+            yield from _list_changes(server, axis, drives, communication, held)
+    cycle, most = bus.load(drives)
+    load = cycle / drives.sync_period
+    yield grade_check(
+        load <= most,
+        Grade.REFUSED,
+        "bus",
+        "load",
+        f"{load:.1%} at {1 / drives.sync_period:.4g} Hz and {drives.bitrate // 1000} kbit/s",
+        f"at most {most:.0%}",
+        f"lengthen sync_period to {cycle / most:.4g} s",
+    )
 
 
-def _strangers(bus: Fieldbus, drives: DrivesFile) -> Sequence[RemoteDictionary]:
-    """Return drives on the bus that the drives file does not name."""
+def _find_strangers(bus: Fieldbus, drives: DrivesFile) -> Sequence[RemoteDictionary]:
+    """Return drives on the bus that are not in the drives file."""
     own = {axis.node for axis in drives.axes}
     found = bus.scan(besides=own).nodes
     places = [Place(node, "a drive") for node in found if found[node].dictionary]
     return bus.servers(places, drives.sdo_timeout)
 
 
-def _misnumbered(strangers: Sequence[RemoteDictionary], axis: AxisDrive) -> str:
-    """State which drive may be the one that does not answer, under another number."""
-    nodes = " or ".join(str(server.node) for server in strangers if fits(server, axis))
-    if not nodes:
-        return ""
-    return (
-        f"a drive that is not in the drives file fits {axis.name} by identity and ratings: state "
-        f"node: {nodes}, or give the drive the number {axis.node}"
-    )
-
-
-def _written(
+def _list_changes(
     server: RemoteDictionary,
     axis: AxisDrive,
     drives: DrivesFile,
     communication: Communication,
     find: Callable[[Entry], int | None],
 ) -> Iterator[Verdict]:
-    """State what powering on will write to the drive, with the values there; write nothing."""
+    """Yield the values that power-on will write, and the present ones; nothing is written."""
     try:
         changes = announce(server, axis, drives, drives.sync_period, communication, find).changes
     except DriveError as error:
@@ -176,7 +174,7 @@ def _ask(
     axis: AxisDrive,
     strangers: Callable[[], Sequence[RemoteDictionary]],
 ) -> Iterator[Verdict]:
-    """What can be asked without power; the first error ends it, for it would only repeat."""
+    """Yield the checks without power, up to the first error, which others would only repeat."""
     try:
         identity = check_identity(server, axis)
     except DriveRefused as error:
@@ -184,30 +182,29 @@ def _ask(
         yield Verdict(Grade.REFUSED, server.label, IDENTITY, found, remedy=remedy)
         return
     except NodeSilent as error:
-        yield replace(
-            refused(server.label, "answers", error), remedy=_misnumbered(strangers(), axis)
+        # the drive may be on the bus with another number
+        nodes = " or ".join(str(other.node) for other in strangers() if fits(other, axis))
+        remedy = (
+            f"a drive that is not in the drives file fits {axis.name} by identity and ratings: "
+            f"state node: {nodes}, or give the drive the number {axis.node}"
         )
+        yield replace(refused(server.label, "answers", error), remedy=remedy if nodes else "")
         return
     try:
         yield Verdict(Grade.OK, server.label, IDENTITY, identity)
         yield check_state(server, Supervision([server]))
         dictionary = read_dictionary(server.access, axis.node, rules)
-        yield from _offer(review(dictionary, rules, axis).findings, server.label)
+        findings, what = review(dictionary, rules, axis).findings, "objects that measuring needs"
+        for finding in findings:
+            grade = Grade.REFUSED if finding.fatal else Grade.WARNING
+            found = f"{finding.about} {finding.problem}"
+            yield Verdict(grade, server.label, what, found, remedy=finding.consequence)
+        if not findings:
+            yield Verdict(Grade.OK, server.label, what, "all there")
         for each in CHECKS:
             yield from each(server, axis)
     except DriveError as error:
         yield refused(server.label, "answers", error)
-
-
-def _offer(findings: Sequence[Finding], place: str) -> Iterator[Verdict]:
-    """State what the dictionary lacks."""
-    check = "objects that measuring needs"
-    for finding in findings:
-        grade = Grade.REFUSED if finding.fatal else Grade.WARNING
-        found = f"{finding.about} {finding.problem}"
-        yield Verdict(grade, place, check, found, remedy=finding.consequence)
-    if not findings:
-        yield Verdict(Grade.OK, place, check, "all there")
 
 
 def _brakes(unpowered: UnpoweredDrives, axes: Sequence[AxisDrive]) -> Iterator[Verdict]:
@@ -220,10 +217,10 @@ def _brakes(unpowered: UnpoweredDrives, axes: Sequence[AxisDrive]) -> Iterator[V
         return
     for server, axis, *ends in zip(unpowered.servers, axes, before, after, strict=True):
         wrap = wrap_of(range_of(server.find), axis, server.label)
-        places = [wrap.unwrapped(end) if wrap else end for end in ends]
-        sagged = abs(places[1] - places[0]) * abs(AxisScale.of(axis).position)
+        places = [wrap.unwrap(end) if wrap else end for end in ends]
+        sagged = abs(places[1] - places[0]) * abs(AxisScale.derive(axis).position)
         unit = axis.unit
-        yield graded(
+        yield grade_check(
             sagged <= axis.position_window,
             Grade.REFUSED,
             server.label,
@@ -232,23 +229,3 @@ def _brakes(unpowered: UnpoweredDrives, axes: Sequence[AxisDrive]) -> Iterator[V
             f"at most {axis.position_window:g} {unit}",
             "the axis sinks when it is switched off: check the brake before anything else",
         )
-
-
-def _load(bus: Fieldbus, drives: DrivesFile) -> Verdict:
-    cycle, most = bus.load(drives)
-    load = cycle / drives.sync_period
-    return graded(
-        load <= most,
-        Grade.REFUSED,
-        "bus",
-        "load",
-        f"{load:.1%} at {1 / drives.sync_period:.4g} Hz and {drives.bitrate // 1000} kbit/s",
-        f"at most {most:.0%}",
-        f"lengthen sync_period to {cycle / most:.4g} s",
-    )
-
-
-def _intent(drives: DrivesFile, moves: SmallMoves) -> str:
-    """What the operator is asked to agree to."""
-    ways = ", ".join(f"{axis.name} {shown_way(axis, moves.of(axis)[0])}" for axis in drives.axes)
-    return f"Power on, and move one after the other there and back: {ways}?"

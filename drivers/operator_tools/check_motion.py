@@ -1,12 +1,24 @@
-"""What samples at rest and of a small move back and forth say of an axis; arrays in, verdicts out.
+"""Checks of an axis at rest and during a small move in both directions.
 
-The sign of the current follows from friction. On the way there and on the way back the axis passes
-the same places at the same speed, so gravity adds the same torque to both, and half the difference
-of the two means is friction::
+Friction gives the sign of the current. In both directions the axis passes the same places at the
+same speed, so gravity adds the same torque to both, and half the difference of the two means is
+friction::
 
     tau_f = (mean of tau in positive direction - mean of tau in negative direction) / 2
 
-Friction takes power, whatever the axis and the load: tau_f > 0, or the current has the wrong sign.
+Friction dissipates power, whatever the axis and the load: tau_f > 0, or the current has the wrong
+sign.
+
+Gravity gives the direction of a joint, by the model of a robot. A stroke in both directions over
+the same path cancels friction: half the sum of the two mean torques is gravity. A joint with a
+wrong `sign` shows angle and torque with the wrong sign, so the measurement at q is the negative
+prediction at -q::
+
+    sign right    tau(q) =  g(q)
+    sign wrong    tau(q) = -g(-q)
+
+An arm hanging straight down is symmetric: both predictions agree there, and the check is undecided.
+So it is if they differ by less than the uncertainty due to friction.
 """
 
 from __future__ import annotations
@@ -14,15 +26,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from drivers.axis import AxisScale
-from drivers.commissioning.verdict import Grade, Verdict, graded, undecided, unknown
+from drivers.commissioning.verdict import Grade, Verdict, grade_check, undecided, unknown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -30,43 +42,44 @@ if TYPE_CHECKING:
     from drivers.operator_tools.small_move import Stroke
 
 SIGNIFICANT = 4.0
-"""Friction must exceed its standard error this many times for its sign to be believed."""
+"""Smallest friction with a certain sign, in standard errors."""
 VELOCITY_SAME = 0.3
-"""The measured velocity may differ from the commanded one by this share: a short way is mostly
+"""Largest relative deviation of the velocity from the commanded one: a short move is mostly
 transients, and units differ by more."""
 NOISE_MAX = 0.01
-"""Of the torque limit: noise of the current above it costs accuracy."""
+"""Largest noise of the current, as a share of the torque limit, without loss of accuracy."""
 QUANTUM_MAX = 0.005
-"""Of the torque limit: coarser steps of the current cost accuracy."""
+"""Largest step of the current, as a share of the torque limit, without loss of accuracy."""
 LEAST_CHANGES = 10
-"""Changes of a value from which on the time between them means anything."""
+"""Smallest number of changes of a value for a refresh period."""
 RENEWED = 0.05
-"""Share of the readings that may repeat beyond what the steps of a value explain: where a drive
-renews it as often as SYNC comes, but by a clock of its own, some are read twice."""
+"""Share of repeated readings beyond those explained by quantisation: a drive that refreshes as
+often
+as SYNC comes, but by its own clock, has some read twice."""
 WINDOW_SHARE = 0.5
-"""Of the following error window that a slow move may take up."""
+"""Largest following error of a slow move, as a share of the window."""
 
 
 @dataclass(frozen=True, eq=False)
 class Moved:
-    """What was seen of an axis that rested, and then went there and back over the same way.
+    """Observation of an axis at rest and during a small move in both directions.
 
     Attributes
     ----------
     place : str
-        The axis, for messages.
+        Name of the axis in messages.
     drive : AxisDrive
-        What the drives file states.
+        Axis of the drives file.
     number : int
-        Its joint, from 0.
+        Joint index, from 0.
     pose : ndarray, shape (n_axes,)
-        Where all joints rested [rad or m]; the others stayed there.
+        Rest positions of all joints [rad or m]; the others stayed there.
     held : ndarray, shape (m,)
-        Its torque at rest, by the file's scale [N m or N]; NaN where TPDOs are missing.
+        Torque at rest, by the file's scale [N m or N]; NaN where TPDOs are missing.
     counts : ndarray, shape (n, 2)
-        Pairs of 6077 and of the object that is measured; none where that is 6077 itself.
+        Pairs of 6077 and the current object; empty where the latter is 6077.
     strokes : sequence of Stroke
-        There and back.
+        Strokes in both directions.
     """
 
     place: str
@@ -79,16 +92,15 @@ class Moved:
 
     @cached_property
     def friction(self) -> tuple[float, float]:
-        """Friction, positive where it takes power, and its standard error [N m].
+        """Friction, positive if dissipative, and its standard error [N m].
 
-        Torque varies along the way, which counts as noise. 0 and infinity if the strokes were too
-        short.
+        The variation of torque along the path counts as noise. 0 and infinity for short strokes.
         """
         return self._half_sum([math.copysign(1.0, _slope(stroke)) for stroke in self.strokes])
 
     @cached_property
     def gravity(self) -> tuple[float, float]:
-        """The torque that both directions have in common, and its standard error [N m]."""
+        """Torque common to both directions, and its standard error [N m]."""
         return self._half_sum([1.0 for _ in self.strokes])
 
     def _half_sum(self, signs: Sequence[float]) -> tuple[float, float]:
@@ -106,20 +118,20 @@ class Moved:
 def judge_rest(
     place: str, drive: AxisDrive, q: NDArray[np.float64], tau: NDArray[np.float64]
 ) -> Iterator[Verdict]:
-    """Judge samples of an axis that holds its position.
+    """Judge samples of an axis at rest.
 
     Parameters
     ----------
     place : str
-        The axis, for messages.
+        Name of the axis in messages.
     drive : AxisDrive
-        What the drives file states.
+        Axis of the drives file.
     q, tau : ndarray, shape (n,)
-        [rad], [N m]; NaN where TPDOs are missing.
+        Positions [rad], torques [N m]; NaN where TPDOs are missing.
     """
     unit, force = drive.unit, drive.effort_unit
     wander = float(np.nanmax(q) - np.nanmin(q))
-    yield graded(
+    yield grade_check(
         wander <= drive.position_window,
         Grade.REFUSED,
         place,
@@ -128,8 +140,8 @@ def judge_rest(
         f"at most {drive.position_window:g} {unit}",
         "check the brake's release, the load, and the tuning of the drive's loops",
     )
-    limit, quantum = drive.limits.torque, AxisScale.of(drive).torque_step
-    yield graded(
+    limit, quantum = drive.limits.torque, AxisScale.derive(drive).torque_step
+    yield grade_check(
         quantum <= QUANTUM_MAX * limit,
         Grade.WARNING,
         place,
@@ -138,8 +150,8 @@ def judge_rest(
         f"at most {QUANTUM_MAX:.1%}",
         "use a finer object where the drive has one",
     )
-    noise = float(np.nanstd(np.diff(tau))) / math.sqrt(2)  # a slow drift is no noise
-    yield graded(
+    noise = float(np.nanstd(np.diff(tau))) / math.sqrt(2)  # without slow drift
+    yield grade_check(
         noise <= NOISE_MAX * limit,
         Grade.WARNING,
         place,
@@ -151,33 +163,33 @@ def judge_rest(
 
 
 def judge_strokes(seen: Moved) -> Iterator[Verdict]:
-    """Judge velocity, sign of the current and following error of both strokes."""
-    scale = AxisScale.of(seen.drive)
-    yield _renewal(seen, "position", abs(scale.position), "q")
-    yield _renewal(seen, "current", scale.torque_step, "tau")
-    yield _velocity(seen)
-    yield _current_sign(seen)
-    yield _following(seen)
+    """Judge refresh period, velocity, sign of the current and following error of both strokes."""
+    scale = AxisScale.derive(seen.drive)
+    yield _judge_refresh(seen, "position", abs(scale.position), "q")
+    yield _judge_refresh(seen, "current", scale.torque_step, "tau")
+    yield _judge_velocity(seen)
+    yield _judge_sign(seen)
+    yield _judge_following(seen)
 
 
-def renewed_every(stretches: Sequence[NDArray[np.float64]], step: float) -> float:
-    """Return how many SYNCs lie between two renewals of a value that changes all the time.
+def refresh_period(stretches: Sequence[NDArray[np.float64]], step: float) -> float:
+    """Return the refresh period [SYNCs] of a value that changes continuously.
 
-    Readings x that are rounded to steps s repeat by chance, at most about s / (sigma sqrt(2 pi)) of
-    them, with sigma the standard deviation of x's changes, if these are normal. Where more do, or
-    hardly any follows the one before without a repetition, the drive renews the value less often.
+    Readings x rounded to steps s repeat by chance, at most a share of about s / (sigma sqrt(2 pi)),
+    with sigma the standard deviation of x's changes, if normal. If more repeat, or hardly any
+    change follows another immediately, the drive refreshes the value less often.
 
     Parameters
     ----------
     stretches : sequence of ndarray, shape (n,)
         Values of successive SYNCs.
     step : float
-        Least change that the value can show, in the same unit.
+        Resolution of the value, in the same unit.
 
     Returns
     -------
     float
-        1 where it is renewed with each SYNC, NaN where it changes too rarely to tell.
+        1 for a refresh with each SYNC, NaN if the value changes too rarely.
     """
     steps = [np.diff(values) for values in stretches]
     intervals = np.concatenate([np.diff(np.flatnonzero(each)) for each in steps])
@@ -192,18 +204,18 @@ def renewed_every(stretches: Sequence[NDArray[np.float64]], step: float) -> floa
     return 1.0 / (1.0 - repeated) if repeated > RENEWED + 2 * by_chance else 1.0
 
 
-def _renewal(seen: Moved, what: str, step: float, name: str) -> Verdict:
-    """Judge how often the drive renews a value, by its readings in motion."""
+def _judge_refresh(seen: Moved, what: str, step: float, name: str) -> Verdict:
+    """Judge the refresh period of a value, by its readings in motion."""
     stretches = []
     for stroke in seen.strokes:
-        # near the ends the axis is too slow to show another position at each SYNC
+        # near the ends the axis is too slow for a new position at each SYNC
         moving = stroke.between(0.1 * abs(stroke.move.target - stroke.q[0]))
         stretches.append(getattr(stroke, name)[moving & np.isfinite(stroke.tau)])
-    every, check = renewed_every(stretches, step), f"renewal of the {what}"
+    every, check = refresh_period(stretches, step), f"renewal of the {what}"
     if math.isnan(every):
         return undecided(seen.place, check, "it changes too rarely", "move farther")
     time = every * float(np.median(np.diff(seen.strokes[0].time)))
-    return graded(
+    return grade_check(
         every < 1.0 + RENEWED,
         Grade.REFUSED,
         seen.place,
@@ -215,11 +227,11 @@ def _renewal(seen: Moved, what: str, step: float, name: str) -> Verdict:
     )
 
 
-def _velocity(seen: Moved) -> Verdict:
+def _judge_velocity(seen: Moved) -> Verdict:
     wanted, unit = seen.strokes[0].move.velocity, seen.drive.unit
     found = [_slope(stroke) for stroke in seen.strokes]
     worst = max(found, key=lambda value: abs(abs(value) - wanted))
-    return graded(
+    return grade_check(
         abs(abs(worst) - wanted) <= VELOCITY_SAME * wanted,
         Grade.REFUSED,
         seen.place,
@@ -230,14 +242,14 @@ def _velocity(seen: Moved) -> Verdict:
     )
 
 
-def _current_sign(seen: Moved) -> Verdict:
+def _judge_sign(seen: Moved) -> Verdict:
     friction, error = seen.friction
     found = f"friction {friction:+.3g} ± {error:.2g} {seen.drive.effort_unit}"
     bound = "along the motion: positive"
     if not abs(friction) > SIGNIFICANT * error:
         remedy = "too little to decide: move farther, or make sure that this is the motor's current"
         return Verdict(Grade.WARNING, seen.place, "sign of the current", found, bound, remedy)
-    return graded(
+    return grade_check(
         friction > 0,
         Grade.REFUSED,
         seen.place,
@@ -249,12 +261,12 @@ def _current_sign(seen: Moved) -> Verdict:
     )
 
 
-def _following(seen: Moved) -> Verdict:
+def _judge_following(seen: Moved) -> Verdict:
     largest = max(stroke.following_error for stroke in seen.strokes)
     unit, window = seen.drive.unit, seen.drive.following_error_window
     if math.isnan(largest):
         return unknown(seen.place, "following error (60F4)", "watch it in the maker's tool")
-    return graded(
+    return grade_check(
         largest <= WINDOW_SHARE * window,
         Grade.WARNING,
         seen.place,
@@ -266,8 +278,62 @@ def _following(seen: Moved) -> Verdict:
 
 
 def _slope(stroke: Stroke) -> float:
-    """Velocity while cruising, by a straight line through the positions [rad/s]."""
+    """Return the velocity while cruising, by a straight line through the positions [rad/s]."""
     use = stroke.cruising & np.isfinite(stroke.q)
     if np.count_nonzero(use) < 2:
         return math.nan
     return float(np.polyfit(stroke.time[use], stroke.q[use], 1)[0])
+
+
+Gravity: TypeAlias = "Callable[[NDArray[np.float64]], NDArray[np.float64]]"
+"""Holding torques of an arm [N m], shape (n,), at joint coordinates, shape (n,)."""
+
+DIRECTION = "direction of the joint"
+SEPARATION = 4.0
+"""Smallest difference of the two predictions, in standard errors."""
+LEFT_OVER = 0.2
+"""Share of friction that may differ between the directions and appear as gravity."""
+CLOSE = 0.3
+"""Largest deviation of the torque from one prediction, as a share of their difference."""
+
+
+def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
+    """Judge the sign of a joint.
+
+    Parameters
+    ----------
+    seen : Moved
+        Observation of the axis.
+    gravity : callable or None
+        Holding torques by a robot's model; None without a model.
+    """
+    place, drive, strokes = seen.place, seen.drive, seen.strokes
+    if gravity is None:
+        remedy = "watch a jog, or give a run's model"
+        return undecided(place, DIRECTION, "no model of the robot", remedy)
+    measured, error = seen.gravity
+    if not math.isfinite(error):
+        return undecided(place, DIRECTION, "too few samples at constant speed", "move farther")
+    passed = np.linspace(strokes[0].q[0], strokes[0].move.target, 11)
+    right = float(np.mean([_torque(gravity, seen, q) for q in passed]))
+    wrong = -float(np.mean([_torque(gravity, seen, -q) for q in passed]))
+    unit = drive.effort_unit
+    found = f"gravity {measured:+.3g} {unit}"
+    bound = f"model: {right:+.3g} {unit}, turned round {wrong:+.3g} {unit}"
+    apart = abs(right - wrong)
+    if apart < SEPARATION * error + LEFT_OVER * abs(seen.friction[0]):
+        remedy = "both are too near to each other here: bring the arm to where it is not upright"
+        return undecided(place, DIRECTION, found, remedy, bound)
+    if abs(measured - right) < CLOSE * apart:
+        return Verdict(Grade.OK, place, DIRECTION, f"confirmed, {found}", bound)
+    if abs(measured - wrong) < CLOSE * apart:
+        remedy = f"set sign: {-drive.sign} in the drives file, and zero anew"
+        return Verdict(Grade.REFUSED, place, DIRECTION, f"contradicts, {found}", bound, remedy)
+    remedy = "neither: compare gear_ratio, zero, the unit of the current, and the payload"
+    return undecided(place, DIRECTION, found, remedy, bound)
+
+
+def _torque(gravity: Gravity, seen: Moved, q: float) -> float:
+    at = seen.pose.copy()
+    at[seen.number] = q
+    return float(gravity(at)[seen.number])

@@ -1,9 +1,9 @@
-"""A first drives file from what dictionaries state; the rest is left to be stated, line by line.
+"""Draft of a drives file from dictionaries; unknown values are left to be stated, line by line.
 
-A value stands in the draft only where a drive has it: read from the drive, set in its configuration
-file, or fixed by its maker. A default of a data sheet is no such thing (the motor is another one),
-and is at most mentioned. All else is marked `!state` with what to fill in, and `load_drives`
-refuses the file until that is done; so nothing can be overlooked and nothing is guessed.
+The draft contains only values of the drive: read from it, set in its configuration file, or fixed
+by its maker. A default of a data sheet may belong to another motor, and is at most mentioned. All
+other values are marked `!state` with a hint, and `load_drives` refuses the file until they are
+stated; so nothing can be overlooked and nothing is guessed.
 """
 
 from __future__ import annotations
@@ -15,27 +15,25 @@ from typing import TYPE_CHECKING
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import UNSTATED
 from checked_files.yaml_text import comment, quoted
-from drivers.cia402.vendor_objects import MAKERS
+from drivers.cia402.objects import MAKERS
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import TorqueUnit
 from drivers.in_node import ALONE, InNode
-from drivers.operator_tools.draft_hints import (
+from drivers.operator_tools.draft_values import (
     acceleration_unit,
+    draft_limits,
+    draft_ratings,
     increments,
     meaning_of,
     velocity_unit,
 )
-from drivers.operator_tools.draft_limits import drafted_limits
-from drivers.operator_tools.draft_ratings import drafted_ratings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from drivers.dictionary.bus_rules import BusRules
-    from drivers.dictionary.current_candidates import CurrentCandidate
     from drivers.dictionary.dictionary import Dictionary
-    from drivers.dictionary.review import Review
-    from drivers.operator_tools.draft_hints import Drafted
+    from drivers.dictionary.review import BusRules, Review
+    from drivers.operator_tools.draft_values import Drafted
 
 HIGHEST_NODE = 126
 WIDTH = 100
@@ -47,7 +45,7 @@ _WINDOWS = (
 
 @dataclass(frozen=True)
 class DraftedAxis:
-    """One drive to be put into a drives file: what is known of it, and its node if that is."""
+    """Drive for a drives file: dictionary, review, and node number if known."""
 
     dictionary: Dictionary
     review: Review
@@ -56,21 +54,21 @@ class DraftedAxis:
 
 
 def draft_drives(axes: Sequence[DraftedAxis], rules: BusRules, bitrate: int | None = None) -> str:
-    """Write a drives file for these drives, in joint order.
+    """Return the text of a drives file for these drives, in joint order.
 
     Parameters
     ----------
     axes : sequence of DraftedAxis
         The drives.
     rules : BusRules
-        Of the bus that they are for.
+        Rules of their bus.
     bitrate : int, optional
-        Of the bus, if it is known [bit/s].
+        Bit rate of the bus, if known [bit/s].
 
     Raises
     ------
     DriveRefused
-        Drives that cannot serve, or node numbers that cannot be; a line each.
+        Unsuitable drives or node numbers; a line each.
     """
     refuse_unfit(axes)
     sources = ", ".join(dict.fromkeys(axis.dictionary.source for axis in axes))
@@ -88,7 +86,7 @@ def draft_drives(axes: Sequence[DraftedAxis], rules: BusRules, bitrate: int | No
 
 
 def refuse_unfit(axes: Sequence[DraftedAxis]) -> None:
-    """Refuse drives that cannot serve, and nodes that cannot be or stand twice (`DriveRefused`)."""
+    """Refuse unsuitable drives, and impossible or repeated nodes (`DriveRefused`)."""
     problems = [
         f"{axis.dictionary.source}: cannot serve: {refusal}"
         for axis in {axis.dictionary.source: axis for axis in axes}.values()
@@ -130,28 +128,44 @@ def _axis(number: int, axis: DraftedAxis, rules: BusRules) -> Iterator[str]:
     yield from _comment(f"{device} ({dictionary.source})")
     for note in (*map(str, axis.review.findings), *(f"the file {n}" for n in dictionary.notes)):
         yield from _comment(note)
-    limits = drafted_limits(dictionary)
+    limits = draft_limits(dictionary)
     body = [
         f"name: joint {number}",
         _line("node", axis.node, "", "node number of the drive, 1 to 126"),
         *_within(axis.within),
         *_identity(dictionary),
-        *_drive_train(dictionary, limits["gear_ratio"]),
+        _line("joint", None, "", "revolute or prismatic"),
+        _drafted("gear_ratio", limits["gear_ratio"]),
+        _line("sign", None, "", "1 where the motor turns with the joint's q, -1 where against it"),
+        _line("zero", None, "", "position of the drive (6064) at q = 0 [counts]"),
+        _drafted("increments_per_revolution", increments(dictionary)),
+        _drafted("velocity_unit", velocity_unit(dictionary)),
+        _drafted("acceleration_unit", acceleration_unit(dictionary)),
         *_current(axis.review, dictionary),
         *_ratings(dictionary),
         "limits:",
         *(f"  {_drafted(key, limits[key])}" for key in _LIMITS),
         *(_drafted(key, limits[key]) for key in _WINDOWS),
-        *_brake(dictionary),
-        *_watch(dictionary, rules),
-        *_tpdos(axis.review),
     ]
+    maker = MAKERS.get(dictionary.vendor or 0)
+    counts = dictionary.value(maker.brake_delay.entry) if maker else None
+    if maker and counts:
+        delay = maker.brake_delay
+        said = f"s, {delay.entry.place} of the drive ({delay.entry.name})"
+        body.append(_line("brake_delay", f"{delay.value(counts):g}", said, ""))
+    why = rules.unwatched(dictionary)
+    if why is not None:
+        hint = f"what else stops the axis when our process dies, in words: {why}"
+        body.append(_line("allow_no_heartbeat", None, "", hint))
+    if axis.review.tpdos is not None:
+        words = (", ".join(f"0x{word:08X}" for word in each) for each in axis.review.tpdos)
+        body.append(f"tpdos: [{', '.join(f'[{each}]' for each in words)}] # 1A00, 1A01")
     yield f"  - {body[0]}"
     yield from (f"    {line}" for line in body[1:])
 
 
 def _within(within: InNode) -> Iterator[str]:
-    """State which axis of its drive it is."""
+    """Yield the lines on the axis of a multi-axis drive."""
     if within != ALONE:
         after = f": its objects are {0x800 * (within.axis - 1):X}h after those below"
         yield f"axis: {within.axis} # of several in this drive{after if within.axis > 1 else ''}"
@@ -173,16 +187,6 @@ def _identity(dictionary: Dictionary) -> Iterator[str]:
         yield f"  {certain}{revision}"
 
 
-def _drive_train(dictionary: Dictionary, gear_ratio: Drafted) -> Iterator[str]:
-    yield _line("joint", None, "", "revolute or prismatic")
-    yield _drafted("gear_ratio", gear_ratio)
-    yield _line("sign", None, "", "1 where the motor turns with the joint's q, -1 where against it")
-    yield _line("zero", None, "", "position of the drive (6064) at q = 0 [counts]")
-    yield _drafted("increments_per_revolution", increments(dictionary))
-    yield _drafted("velocity_unit", velocity_unit(dictionary))
-    yield _drafted("acceleration_unit", acceleration_unit(dictionary))
-
-
 def _current(review: Review, dictionary: Dictionary) -> Iterator[str]:
     chosen = review.current
     yield "current: # torques are computed from this object: nothing about it may be guessed"
@@ -190,7 +194,11 @@ def _current(review: Review, dictionary: Dictionary) -> Iterator[str]:
         yield "  " + _line("index", None, "", "object of the motor current, such as 0x6078")
         yield "  " + _line("type", None, "", "i16, i32 or f32")
     else:
-        yield from _chosen(chosen)
+        declared = chosen.declared
+        yield from _comment(f"{chosen.place}: {chosen.why}", "  ")
+        yield f"  index: 0x{declared.index:X}"
+        yield f"  subindex: {declared.subindex}"
+        yield f"  type: {declared.type}"
     for other in review.currents:
         if other is not chosen:
             may = "instead of it" if other.usable else "of no use"
@@ -199,16 +207,8 @@ def _current(review: Review, dictionary: Dictionary) -> Iterator[str]:
     yield "  " + _line("amplitude", None, "", "rms or peak: how the drive counts a motor current")
 
 
-def _chosen(chosen: CurrentCandidate) -> Iterator[str]:
-    declared = chosen.declared
-    yield from _comment(f"{chosen.place}: {chosen.why}", "  ")
-    yield f"  index: 0x{declared.index:X}"
-    yield f"  subindex: {declared.subindex}"
-    yield f"  type: {declared.type}"
-
-
 def _ratings(dictionary: Dictionary) -> Iterator[str]:
-    ratings = drafted_ratings(dictionary)
+    ratings = draft_ratings(dictionary)
     yield _drafted("rated_current", ratings["rated_current"])
     yield _drafted("rated_torque", ratings["rated_torque"])
     if ratings["rated_torque_unit"].value != TorqueUnit.MILLI.value:
@@ -220,44 +220,19 @@ def _ratings(dictionary: Dictionary) -> Iterator[str]:
     yield _line("torque_constant_amplitude", None, "", hint)
 
 
-def _brake(dictionary: Dictionary) -> Iterator[str]:
-    """Quote the drive's own delay of its brake."""
-    maker = MAKERS.get(dictionary.vendor or 0)
-    counts = dictionary.value(maker.brake_delay.entry) if maker else None
-    if maker and counts:
-        delay = maker.brake_delay
-        said = f"s, {delay.entry.place} of the drive ({delay.entry.name})"
-        yield _line("brake_delay", f"{delay.value(counts):g}", said, "")
-
-
-def _watch(dictionary: Dictionary, rules: BusRules) -> Iterator[str]:
-    """Ask for a reason where the drive cannot watch us."""
-    why = rules.unwatched(dictionary)
-    if why is not None:
-        hint = f"what else stops the axis when our process dies, in words: {why}"
-        yield _line("allow_no_heartbeat", None, "", hint)
-
-
-def _tpdos(review: Review) -> Iterator[str]:
-    """State what the TPDOs carry, where that is fixed or does not fit into one."""
-    if review.tpdos is not None:
-        words = (", ".join(f"0x{word:08X}" for word in each) for each in review.tpdos)
-        yield f"tpdos: [{', '.join(f'[{each}]' for each in words)}] # 1A00, 1A01"
-
-
 def _drafted(key: str, drafted: Drafted) -> str:
     return _line(key, drafted.value, drafted.reason, drafted.hint)
 
 
 def _line(key: str, value: object, unit: str, hint: str) -> str:
-    """Return a line with the value and its unit or source, or one to be stated."""
+    """Return a line with a value and the unit or source, or with a hint."""
     if value is None:
         return f"{key}: {UNSTATED} {quoted(one_line(hint, 1000))}"
     return f"{key}: {value}" + (f" {comment(unit)}" if unit else "")
 
 
 def _comment(text: str, indent: str = "") -> list[str]:
-    """Return a comment, folded."""
+    """Return the lines of a comment."""
     start = f"{indent or '  '}# "
     return textwrap.wrap(
         one_line(text, 1000),

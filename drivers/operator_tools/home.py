@@ -1,24 +1,28 @@
-"""`hil drives home`: one axis finds its reference by the drive's own homing mode (6).
+"""Motion of a single axis: `hil drives home` and `hil drives jog`.
 
-The drive does it all: method (6098), speeds (6099), acceleration (609A), and which position the
-home position shall have (607C). It is commanded by bit 4 of the controlword and answers in the
-statusword: bit 12 homing attained, bit 13 homing error, bit 10 at rest. Where it goes meanwhile
-only the drive knows, so a stop key and a time limit are what remains. Only this axis is powered.
+The drive does the homing in its own mode (6): method (6098), speeds (6099), acceleration (609A),
+and the position of the home position (607C). It is commanded by bit 4 of the controlword and
+answers in the statusword: bit 12 homing attained, bit 13 homing error, bit 10 at rest. Its path is
+known only to the drive, so the only safeguards are a stop key and a time limit. A jog is a slow
+relative motion: distance and velocity are checked against the limits before anything is powered on,
+the operator consents to the actual numbers, and the move is supervised as in a check. The other
+axes stay unpowered, held by their brakes.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from drivers.axis import AxisScale
+from drivers.axis import Axis, AxisScale
 from drivers.cia402 import objects
 from drivers.cia402.set_point import ENABLED
+from drivers.cia402.set_point_limits import check_move
 from drivers.cia402.states import MODE_TIME, Control, Mode, Status
 from drivers.commissioning.effective_limits import effective_limits
 from drivers.drive_bus import DriveRefused, LimitExceeded, MoveFailed
 from drivers.found_settings.keeping import SettingsKeeper
-from drivers.operator_tools.jog import SLOW, shown
 from drivers.operator_tools.operator import pressed, require_consent
+from drivers.operator_tools.small_move import format_coordinate, small_move, travel
 from drivers.session.servo_axes import ServoAxes
 
 if TYPE_CHECKING:
@@ -26,11 +30,74 @@ if TYPE_CHECKING:
 
     from drivers.drives_file import AxisDrive, DrivesFile, Homing
     from drivers.operator_tools.operator import Operator
+    from drivers.operator_tools.small_move import Stroke
     from drivers.remote_dictionary import RemoteDictionary
     from drivers.session.connection import Fieldbus
 
+SLOW = 0.2
+"""Largest velocity of a jog, as a share of the velocity limit."""
+
+
+def jog(
+    bus: Fieldbus,
+    drives: DrivesFile,
+    axis: AxisDrive,
+    way: float,
+    velocity: float,
+    operator: Operator,
+    keeper: SettingsKeeper | None = None,
+) -> Stroke:
+    """Move an axis and return the observed stroke; the axis is off afterwards.
+
+    Parameters
+    ----------
+    bus : Fieldbus
+        An open bus.
+    drives : DrivesFile
+        Drives file of the axis.
+    axis : AxisDrive
+        Axis to move.
+    way, velocity : float
+        Signed distance [rad or m], and velocity, at most `SLOW` of the limit [rad/s or m/s].
+    operator : Operator
+        Consents to the motion and can stop it.
+    keeper : SettingsKeeper, optional
+        See `drivers.session.servo_axes.ServoAxes`.
+
+    Raises
+    ------
+    LimitExceeded
+        Too far or too fast; nothing was powered on.
+    StoppedByOperator, DriveError
+        The axis is stopped and off.
+    """
+    alone = drives.model_copy(update={"axes": (axis,)})
+    (server,) = bus.unpowered(alone).servers
+    limits = effective_limits(server.find, axis, server.label)
+    held = limits.apply_to(axis)
+    named = Axis(drives.axes.index(axis), axis, held, server, limits.own, wrap=limits.wrap)
+    fastest = SLOW * held.limits.velocity
+    if velocity > fastest:
+        raise LimitExceeded(
+            f"{axis.name}: {format_coordinate(axis, velocity)}/s must be at most"
+            f" {format_coordinate(axis, fastest)}/s, {SLOW:.0%} of its limit; jog more slowly"
+        )
+    position = server.get(objects.POSITION)
+    place = named.wrap.unwrap(position) if named.wrap else position
+    start = named.scale.position_from_counts(float(place))
+    move = small_move(held, start + way, velocity)
+    check_move(move, named)
+    intent = (
+        f"Power on {axis.name} alone and move it from {format_coordinate(axis, start)} to "
+        f"{format_coordinate(axis, move.target)} at {format_coordinate(axis, move.velocity)}/s?"
+    )
+    require_consent(operator, intent)
+    with ServoAxes(bus, alone, keeper=keeper) as axes:
+        return travel(axes, 0, held, move, operator)
+
+
 POLLED = 0.05
-"""Time between two looks at the drive, and before the first: what it shows may be stale [s]."""
+"""Time between two polls of the drive, and before the first, whose state may be stale [s]."""
 
 _START = ENABLED | Control.NEW_SET_POINT
 _ATTAINED, _ERROR = Status.SET_POINT_ACKNOWLEDGE, Status.FOLLOWING_ERROR
@@ -46,22 +113,22 @@ def home(
     patience: float,
     keeper: SettingsKeeper | None = None,
 ) -> float:
-    """Home one axis and return where it stands then [rad or m]; it is off afterwards.
+    """Home an axis and return its position [rad or m]; the axis is off afterwards.
 
     Parameters
     ----------
     bus : Fieldbus
         An open bus.
     drives : DrivesFile
-        The file that the axis is in.
+        Drives file of the axis.
     axis : AxisDrive
-        Which.
+        Axis to home.
     homing : Homing
-        How.
+        Homing parameters.
     operator : Operator
-        Who agrees to it and may stop it.
+        Consents to the motion and can stop it.
     patience : float
-        How long it may take [s].
+        Longest duration [s].
     keeper : SettingsKeeper, optional
         See `drivers.session.servo_axes.ServoAxes`.
 
@@ -85,17 +152,25 @@ def home(
             " that it would not hold its position by itself after homing; home it with the maker's"
             " tool"
         )
-    _refuse(server, limits.of(axis), homing)
+    _refuse(server, limits.apply_to(axis), homing)
     intent = (
         f"Power on {axis.name} alone and let it home by method {homing.method} at up to "
-        f"{shown(axis, homing.velocity)}/s? It may move as far as its switches."
+        f"{format_coordinate(axis, homing.velocity)}/s? It may move as far as its switches."
     )
     require_consent(operator, intent)
     keeper = keeper or SettingsKeeper()
     keeper.later = objects.HOMING
     with ServoAxes(bus, alone, anywhere=True, keeper=keeper) as axes:
         session = _Session(axes, operator)
-        _configure(session.server, axis, homing)
+        scale, entries = AxisScale.derive(axis), session.server
+        entries.set(objects.HOMING_METHOD, homing.method)
+        entries.set(objects.HOME_OFFSET, scale.position_to_counts(homing.position))
+        for entry, value in (
+            (objects.HOMING_SPEED, scale.velocity_to_counts(homing.velocity)),
+            (objects.HOMING_CREEP, scale.velocity_to_counts(homing.creep)),
+            (objects.HOMING_ACCELERATION, scale.acceleration_to_counts(homing.acceleration)),
+        ):
+            entries.set_if_present(entry, value, "the drive's own homing value is used")
         session.change_mode(Mode.HOMING)
         session.run(homing.method, patience)
         session.change_mode(Mode.PROFILE_POSITION)
@@ -119,33 +194,20 @@ def _refuse(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
     for key, value in (("velocity", homing.velocity), ("creep", homing.creep)):
         if value > fastest:
             raise LimitExceeded(
-                f"{axis.name}: homing.{key} {shown(axis, value)}/s must be at most "
-                f"{shown(axis, fastest)}/s, {SLOW:.0%} of its limit"
+                f"{axis.name}: homing.{key} {format_coordinate(axis, value)}/s must be at most "
+                f"{format_coordinate(axis, fastest)}/s, {SLOW:.0%} of its limit"
             )
 
 
-def _configure(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
-    scale = AxisScale.of(axis)
-    server.set(objects.HOMING_METHOD, homing.method)
-    server.set(objects.HOME_OFFSET, scale.position_to_counts(homing.position))
-    for entry, value in (
-        (objects.HOMING_SPEED, scale.velocity_to_counts(homing.velocity)),
-        (objects.HOMING_CREEP, scale.velocity_to_counts(homing.creep)),
-        (objects.HOMING_ACCELERATION, scale.acceleration_to_counts(homing.acceleration)),
-    ):
-        server.set_if_present(entry, value, "the drive's own homing value is used")
-
-
 class _Session:
-    """One powered axis in the drive's own hands."""
+    """Powered axis under control of its drive."""
 
     def __init__(self, axes: ServoAxes, operator: Operator) -> None:
         self.server = axes.servers[0]
-        self._axes = axes
-        self._operator = operator
+        self._axes, self._operator = axes, operator
 
     def change_mode(self, mode: Mode) -> None:
-        """Take a mode and wait until the drive shows it."""
+        """Write a mode and wait until the drive shows it."""
         self.server.put(objects.CONTROLWORD, ENABLED)
         self.server.put(objects.MODE, mode)
         if not self._wait(lambda: self.server.get(objects.MODE_DISPLAY) == mode, MODE_TIME):
@@ -157,14 +219,14 @@ class _Session:
     def run(self, method: int, patience: float) -> None:
         """Start homing and wait for its end."""
         self.server.put(objects.CONTROLWORD, _START)
-        if not self._wait(self._attained, patience):
+        if not self._wait(self._is_attained, patience):
             raise MoveFailed(
                 f"{self.server.label}: no reference found by method {method} in {patience:g} s; "
                 "check switches and direction, or allow more time with --patience"
             )
         self.server.put(objects.CONTROLWORD, ENABLED)
 
-    def _attained(self) -> bool:
+    def _is_attained(self) -> bool:
         word = self.server.get(objects.STATUSWORD)
         if word & _ERROR:
             raise MoveFailed(

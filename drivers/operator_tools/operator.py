@@ -1,7 +1,7 @@
-"""Who supervises a motion: confirms it, can stop it at any time, and is asked what only eyes see.
+"""Interface to the operator: consent to motion, stop keys, and questions.
 
-The logic of probing sees this protocol; terminal and keyboard stand behind it. Keys are polled
-between two SYNCs, for powered axes want to be served while somebody thinks.
+Terminal and keyboard implement this protocol. Keys are polled between two SYNCs, since powered axes
+must be served during a question.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveBus, Sample
 
 STOP_KEYS = frozenset(" q\x1b")
-"""Space, q and Esc stop a motion."""
+"""Keys that stop a motion: space, q and Esc."""
 
 
 class StoppedByOperator(DriveError):
-    """The operator pressed a key to stop, or did not agree to a motion."""
+    """The operator pressed a stop key, or did not consent to a motion."""
 
 
 class Operator(Protocol):
-    """The person in front of the robot."""
+    """Person in front of the robot."""
 
     @property
     def present(self) -> bool:
-        """Whether keys can come at all."""
+        """True if keys can be pressed at all."""
 
     def agrees(self, intent: str) -> bool:
-        """Ask before anything is powered; may wait for as long as it takes."""
+        """Ask for consent before power-on, without a time limit."""
 
     def show(self, text: str) -> None:
         """Show a line."""
@@ -39,19 +39,19 @@ class Operator(Protocol):
 
 
 def require_consent(operator: Operator, intent: str) -> None:
-    """Ask the operator before anything is powered.
+    """Ask the operator for consent before power-on.
 
     Raises
     ------
     StoppedByOperator
-        The operator does not agree.
+        The operator does not consent.
     """
     if not operator.agrees(intent):
         raise StoppedByOperator("nothing was powered on, since the operator did not agree")
 
 
 def pressed(operator: Operator) -> str:
-    """Return the keys pressed since the last call; whoever presses a stop key ends it all.
+    """Return the keys pressed since the last call; raise at a stop key.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def supervised_sample(bus: DriveBus, operator: Operator) -> Sample:
 
 
 def answer(bus: DriveBus, operator: Operator, question: str, choices: str) -> str:
-    """Ask for one of `choices` (keys) while the axes go on being served (see `pressed`)."""
+    """Ask for one of `choices` (keys) while the axes are served (see `pressed`)."""
     operator.show(question)
     while True:
         chosen = [key for key in pressed(operator).lower() if key in choices]

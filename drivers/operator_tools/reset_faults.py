@@ -1,8 +1,7 @@
-"""`hil drives reset-faults`: what faults drives are in, and their reset once somebody agrees.
+"""`hil drives reset-faults`: faults of the drives, and their reset with the operator's consent.
 
-A fault says why a drive stopped, so its cause is stated first. Only drives in FAULT are
-written to, and a reset leaves them in SWITCH ON DISABLED: nothing is energised by it. Drives that
-another master holds under power are left alone.
+A fault has a cause, which is stated first. Only drives in FAULT are written to, and a reset leaves
+them in SWITCH ON DISABLED: nothing is energised. Drives powered by another master are left alone.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from drivers.cia402 import objects
 from drivers.cia402.power import Power
 from drivers.cia402.states import State, decode_state
 from drivers.cia402.supervision import RESET, Supervision
-from drivers.commissioning.verdict import Grade, Verdict, graded, refused
+from drivers.commissioning.verdict import Grade, Verdict, grade_check, refused
 from drivers.drive_bus import DriveError
 from drivers.operator_tools.operator import require_consent
 
@@ -29,42 +28,42 @@ _STATE = "state (6041)"
 
 
 def check_state(server: RemoteDictionary, supervision: Supervision) -> Verdict:
-    """State what a drive shows; one in a fault is refused, with the cause.
+    """Judge the state of a drive; one in a fault is refused, with the cause.
 
     Raises
     ------
     DriveRefused, NodeSilent
-        An object that cannot be read.
+        An object cannot be read.
     """
     state = decode_state(server.get(objects.STATUSWORD))
     found = "undefined" if state is None else state.value
     if state is State.FAULT:
         found = f"{found}: {supervision.reason(server)}"
     healthy = state is not State.FAULT
-    return graded(healthy, Grade.REFUSED, server.label, _STATE, found, "", RESET)
+    return grade_check(healthy, Grade.REFUSED, server.label, _STATE, found, "", RESET)
 
 
 def reset_faults(bus: Fieldbus, drives: DrivesFile, operator: Operator) -> Iterator[Verdict]:
-    """State the fault of each drive; where the operator agrees, reset those that are in one.
+    """Report the fault of each drive; reset faults with the operator's consent.
 
     Parameters
     ----------
     bus : Fieldbus
         An open bus on which nobody commands the drives.
     drives : DrivesFile
-        The axes whose drives are asked.
+        Axes of the drives.
     operator : Operator
-        Who agrees.
+        Consents to the reset.
 
     Yields
     ------
     Verdict
-        What each drive shows, then what became of each reset.
+        State of each drive, then the result of each reset.
 
     Raises
     ------
     StoppedByOperator
-        The operator does not agree; nothing was written.
+        The operator does not consent; nothing was written.
     """
     unpowered = bus.unpowered(drives)
     supervision = Supervision(unpowered.servers)

@@ -1,9 +1,9 @@
-"""One axis moved a little, watched at every SYNC, and what was seen of it.
+"""Small supervised move of an axis, and its observation.
 
-A drive whose velocity unit is another than the file's may run a hundred times too fast. So an axis
-that is twice as fast as commanded is given up at once, which stops it; that it stays between start
-and target is what the driver sees to (`drivers.safety.trips`). Beside position and torque at every
-SYNC the drive's own following error (60F4) is read now and then by SDO.
+A drive with another velocity unit than the file's may run a hundred times too fast. Hence an axis
+twice as fast as commanded is given up at once, which stops it; the corridor between start and
+target is supervised by the driver (`drivers.safety.trips`). Besides position and torque at every
+SYNC, the drive's own following error (60F4) is read at intervals by SDO.
 """
 
 from __future__ import annotations
@@ -30,29 +30,29 @@ if TYPE_CHECKING:
     from drivers.session.servo_axes import ServoAxes
 
 SPEED_TIME = 0.08
-"""Speed is taken from positions this far apart [s]: a drive may not renew them with each SYNC."""
+"""Time base of the speed [s]: a drive may not refresh positions with each SYNC."""
 TOO_FAST = 2.0
-"""Times the commanded velocity at which a move is given up."""
+"""Speed at which a move is given up, as a multiple of the commanded one."""
 POLLED = 0.1
 """Time between two readings of the following error [s]."""
 TOO_SLOW = 1.4
-"""Times its duration after which a move is given up."""
+"""Duration after which a move is given up, as a multiple of the planned one."""
 RAMP = 0.25
-"""Time that a small move takes to speed up [s]."""
+"""Acceleration time of a small move [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stroke:
-    """One small move as it was seen.
+    """Observation of a small move.
 
     Attributes
     ----------
     move : Move
-        What was commanded.
+        Commanded move.
     time, q, tau : ndarray, shape (n,)
-        Of each SYNC [s], [rad], [N m]; NaN where the TPDO is missing.
+        Instants [s], positions [rad], torques [N m] of the SYNCs; NaN where the TPDO is missing.
     following_error : float
-        The largest that the drive showed [rad]; NaN where it does not show one.
+        Largest following error [rad]; NaN if the drive does not show it.
     """
 
     move: Move
@@ -63,36 +63,43 @@ class Stroke:
 
     @property
     def peak_torque(self) -> float:
-        """The largest torque either way [N m]."""
+        """Largest magnitude of torque [N m]."""
         return float(np.nanmax(np.abs(self.tau)))
 
     @property
     def cruising(self) -> NDArray[np.bool_]:
-        """Which samples lie in the middle part of the way, at constant velocity; shape (n,)."""
+        """Mask of the samples in the middle of the path, at constant velocity; shape (n,)."""
         way = self.move.velocity**2 / self.move.acceleration / 2
         return self.between(min(1.2 * way, 0.4 * abs(self.move.target - float(self.q[0]))))
 
     def between(self, margin: float) -> NDArray[np.bool_]:
-        """Return which samples lie farther than `margin` from both ends [rad]; shape (n,)."""
+        """Return a mask of the samples farther than `margin` from both ends [rad]; shape (n,)."""
         low, high = sorted((float(self.q[0]), self.move.target))
         inside: NDArray[np.bool_] = (self.q > low + margin) & (self.q < high - margin)
         return inside
 
 
 def small_move(axis: AxisDrive, target: float, velocity: float) -> Move:
-    """Return a slow move: with the ramps of `RAMP`, within what limits and the drive's units allow.
+    """Return a slow move with ramps of `RAMP`, within limits and resolution of the drive.
 
     Parameters
     ----------
     axis : AxisDrive
-        Whose limits hold.
+        Axis with the limits.
     target, velocity : float
-        [rad], [rad/s].
+        Target [rad], velocity [rad/s].
     """
-    scale, limits = AxisScale.of(axis), axis.limits
+    scale, limits = AxisScale.derive(axis), axis.limits
     velocity = min(max(velocity, scale.velocity), limits.velocity)
     acceleration = min(max(velocity / RAMP, scale.acceleration), limits.acceleration)
     return Move(target, velocity, acceleration)
+
+
+def format_coordinate(axis: AxisDrive, value: float, spec: str = ".4g") -> str:
+    """Format a joint coordinate or distance [rad or m] in degrees or mm."""
+    if axis.joint == "prismatic":
+        return f"{1000 * value + 0.0:{spec}} mm"
+    return f"{math.degrees(value) + 0.0:{spec}}°"
 
 
 def travel(
@@ -103,22 +110,22 @@ def travel(
     operator: Operator,
     poll: Callable[[float], None] = lambda _time: None,
 ) -> Stroke:
-    """Move one axis under supervision and return what was seen.
+    """Move an axis under supervision and return the observed stroke.
 
     Parameters
     ----------
     bus : ServoAxes
-        Entered.
+        Entered bus.
     number : int
-        The axis on `bus`, from 0.
+        Index of the axis on `bus`, from 0.
     drive : AxisDrive
-        What the drives file states of it.
+        Axis of the drives file.
     move : Move
-        What to do.
+        Move to command.
     operator : Operator
-        Who may stop it.
+        Can stop the motion.
     poll : callable
-        Called on the way, with the time [s].
+        Called during the motion, with the time [s].
 
     Raises
     ------
@@ -146,7 +153,7 @@ def travel(
 
 
 class _Watch:
-    """Gives up a move that is faster than commanded, or far slower."""
+    """Supervision of a move's speed: gives up a move much faster or slower than commanded."""
 
     def __init__(
         self, label: str, drive: AxisDrive, start: float, move: Move, period: float
@@ -154,14 +161,14 @@ class _Watch:
         self._label = label
         self._span = max(1, round(SPEED_TIME / period))
         self._unit = f"{drive.unit}/s"
-        self._step = 2 * abs(AxisScale.of(drive).position)
+        self._step = 2 * abs(AxisScale.derive(drive).position)
         self._commanded = move.velocity
         self._seen = [(0.0, start)]
         duration = abs(move.target - start) / move.velocity + move.velocity / move.acceleration
         self._patience = TOO_SLOW * duration + 1.0
 
     def look(self, time: float, q: float) -> None:
-        """Take a position [rad], NaN where it is missing, since the start [s]."""
+        """Check a position [rad], NaN if missing, at a time since the start [s]."""
         self._seen.append((time, self._seen[-1][1] if math.isnan(q) else q))
         before, there = self._seen[max(0, len(self._seen) - 1 - self._span)]
         way, elapsed = abs(self._seen[-1][1] - there), time - before
@@ -179,16 +186,16 @@ class _Watch:
 
 
 class _FollowingError:
-    """Reads object 60F4 every now and then."""
+    """Reader of object 60F4 at intervals."""
 
     def __init__(self, server: RemoteDictionary, drive: AxisDrive) -> None:
         self.largest = math.nan
         self._server = server
-        self._per_count = abs(AxisScale.of(drive).position)
+        self._per_count = abs(AxisScale.derive(drive).position)
         self._next = -math.inf
 
     def poll(self, time: float) -> None:
-        """Read it if it is time; a drive that lacks it is not asked again."""
+        """Read the object when due; a drive without it is not asked again."""
         if time < self._next:
             return
         counts = self._server.find(objects.FOLLOWING_ERROR)

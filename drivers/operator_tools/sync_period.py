@@ -1,17 +1,18 @@
-"""Which period of SYNC is kept: by this computer, its adapter, the bus and the drives together.
+"""Achievable period of SYNC for computer, adapter, bus and drives together.
 
-First nothing is sent and no drive takes part. For some seconds the process does what the driver
-does between two SYNCs: it waits for the next deadline of an absolute grid, on the same bus. How
-late it comes is noted for every deadline, also for those that passed while it slept on. The driver
-leaves out a SYNC that is later than `drivers.fieldbus.TOO_LATE` of the period, so the highest rate
-is the one at which hardly any is.
+First nothing is sent, and no drive takes part. For some seconds the process waits for the deadlines
+of an absolute grid, on the same bus, as the driver does between two SYNCs. The delay at every
+deadline is recorded, also for those missed during one long sleep. The driver leaves out a SYNC
+later
+than `drivers.fieldbus.TOO_LATE` of the period, so the highest rate is the one with hardly any
+missed.
 
-Then, while powered drives hold their position, SYNC is sent and answered, and adapter, bus and
-drives show in it: how long answers take, and how far SYNC is off its period where it acts. An
-adapter that only this process can reach is measured along, since nothing else times SYNC there.
+Then, while powered drives hold their position, SYNC is sent and answered, which shows the influence
+of adapter, bus and drives: response times, and the deviation of SYNC from its period at the drives.
+An adapter accessible only to this process is included, since nothing else times SYNC there.
 
-Where SYNC comes by itself, as from the kernel, its deadlines are kept without us; a late wake-up
-delays there only what we see and how soon we react.
+If SYNC is sent independently, as by the kernel, its deadlines are kept without us; a late wake-up
+then delays only our observation and reaction.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from drivers.commissioning.verdict import Grade, Verdict, graded
+from drivers.commissioning.verdict import Grade, Verdict, grade_check
 from drivers.fieldbus import TOO_LATE
 
 if TYPE_CHECKING:
@@ -35,46 +36,46 @@ if TYPE_CHECKING:
 RATES = (1000.0, 500.0, 250.0, 200.0, 125.0, 100.0, 50.0, 25.0)
 """Usual rates of SYNC, highest first [Hz]."""
 IN_TIME = 0.999
-"""Share of the wake-ups that must come in time for a rate to be recommended."""
+"""Smallest share of timely wake-ups at a recommended rate."""
 
 
 @dataclass(frozen=True, eq=False)
 class WakeUps:
-    """How late a process came for its deadlines.
+    """Delays of a process at its deadlines.
 
     Attributes
     ----------
     period : float
         Time between two deadlines [s].
     late : array (n,)
-        How late it came for each [s].
+        Delay at each deadline [s].
     """
 
     period: float
     late: NDArray[np.float64]
 
     def quantile(self, share: float) -> float:
-        """Lateness that this share of the wake-ups does not exceed [s]."""
+        """Return the delay not exceeded by a share of the wake-ups [s]."""
         return float(np.quantile(self.late, share))
 
     @property
     def longest(self) -> float:
-        """Greatest lateness [s]."""
+        """Largest delay [s]."""
         return float(self.late.max())
 
     @property
     def missed(self) -> float:
-        """Share of the deadlines that count as missed at this period."""
+        """Share of missed deadlines at this period."""
         return float(np.mean(self.late > TOO_LATE * self.period))
 
     @property
     def recommended(self) -> float | None:
-        """Highest of the usual rates that is kept, None if none is [Hz]."""
+        """Highest usual rate that is kept [Hz], None if there is none."""
         return usual_rate(self.quantile(IN_TIME) / TOO_LATE)
 
 
 def usual_rate(shortest: float) -> float | None:
-    """Return the highest of the usual rates of a longer period [s], None if none is [Hz]."""
+    """Return the highest usual rate with a longer period [Hz], None if there is none."""
     return next((rate for rate in RATES if shortest < 1 / rate), None)
 
 
@@ -84,16 +85,16 @@ def measure_wake_ups(
     wait: Callable[[float], object],
     clock: Callable[[], float] = time.perf_counter,
 ) -> WakeUps:
-    """Wait for one deadline after the other.
+    """Wait for deadlines and record the delays.
 
     Parameters
     ----------
     period, duration : float
-        Time between deadlines, and for how long [s].
+        Time between deadlines, and total time [s].
     wait : callable
-        Waits for so long at most [s], as a bus does when nothing is received.
+        Waits at most for a time [s], as a bus does when nothing is received.
     clock : callable
-        Monotonic time [s].
+        Monotonic clock [s].
     """
     count = max(1, round(duration / period))
     late = np.empty(count)
@@ -107,23 +108,23 @@ def measure_wake_ups(
 
 
 def wake_ups_on(bus: Fieldbus, period: float, duration: float) -> WakeUps | None:
-    """Measure on an open bus, whose frames are dropped; None in lock-step, where nothing waits."""
+    """Measure on an open bus, whose frames are dropped; None in lock-step, without waits."""
     if bus.lock_step:
         return None
     return measure_wake_ups(period, duration, bus.wait)
 
 
 def judge_wake_ups(found: WakeUps, *, real_time: bool, by_kernel: bool = False) -> Verdict:
-    """Compare the rate that this computer keeps with the one that is wanted.
+    """Compare the rate kept by this computer with the wanted one.
 
     Parameters
     ----------
     found : WakeUps
-        At the wanted period.
+        Delays at the wanted period.
     real_time : bool
-        It was measured in real time.
+        True if measured in real time.
     by_kernel : bool
-        The kernel sends SYNC, so that a late wake-up delays supervision and no SYNC.
+        True if the kernel sends SYNC, so that a late wake-up delays supervision only.
     """
     wanted, best = 1.0 / found.period, found.recommended
     ok = found.missed <= 1.0 - IN_TIME and best is not None
@@ -131,7 +132,7 @@ def judge_wake_ups(found: WakeUps, *, real_time: bool, by_kernel: bool = False) 
     if best is not None and best < wanted:
         remedies.append(f"set sync_period to {1.0 / best:g} s or more")
     remedies.append("set this computer up as docs/reference/can.md says")
-    return graded(
+    return grade_check(
         ok,
         Grade.WARNING,
         "this computer",
@@ -145,17 +146,17 @@ def judge_wake_ups(found: WakeUps, *, real_time: bool, by_kernel: bool = False) 
 
 
 def judge_period(timed: TimedFieldbus, period: float, late: float) -> Verdict:
-    """Compare the highest rate of SYNC that all carry together with that of the drives file.
+    """Compare the highest achievable rate of SYNC with that of the drives file.
 
     Parameters
     ----------
     timed : TimedFieldbus
-        On which powered drives have answered SYNC for a while.
+        Bus on which powered drives have answered SYNC for a while.
     period : float
-        Between two SYNCs by the drives file [s].
+        Time between two SYNCs by the drives file [s].
     late : float
-        How late this process wakes up to send SYNC, but for one in a thousand [s]; 0 where SYNC
-        does not wait for it.
+        Wake-up delay of this process before SYNC, except for one in a thousand [s]; 0 if SYNC does
+        not depend on this process.
     """
     carried, slowest = timed.achievable_rate()
     jitter = max(timed.jitter(period), late)
@@ -166,7 +167,7 @@ def judge_period(timed: TimedFieldbus, period: float, late: float) -> Verdict:
     why = max(bounds, key=lambda name: bounds[name])
     rate = usual_rate(bounds[why])
     advice = "no usual rate is kept" if rate is None else f"set sync_period to {1 / rate:g} s"
-    return graded(
+    return grade_check(
         period * (1 + 1e-9) >= bounds[why],
         Grade.WARNING,
         "bus",

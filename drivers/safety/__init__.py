@@ -1,1 +1,1 @@
-"""What stops all axes for what the samples show, whatever the drives make of it."""
+"""Supervision of the axes by samples: reasons to stop, independent of the drives."""

@@ -1,8 +1,8 @@
-"""Whether current sensors read zero where no current can flow: with the power stage off.
+"""Offset of current sensors, measured with the power stage off.
 
-Looked at before the axes are energised and after they were switched off. A constant offset is no
-reason to stop, for an estimate of friction absorbs it, but the operator shall know. Where an axis's
-telegram is missing, its current is that of a SYNC before, when its power may have been on.
+Measured before the axes are energised and after power-off. A constant offset does not stop a run,
+since the friction estimate absorbs it, but is reported. Samples without a telegram are left out:
+their currents are those of a SYNC before, when power may have been on.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ if TYPE_CHECKING:
     from drivers.cycle_data import ProcessData
 
 SYNCS = 10
-"""SYNCs whose samples are averaged, as far as they came in time."""
+"""SYNCs averaged, except those without a timely telegram."""
 
 _ENERGISED = 1 << 2
 """Bit of the statusword: operation enabled."""
 _OLD = SampleFlag.MISSING | SampleFlag.LATE
 OFFSET = 0.02
-"""Share of an axis's torque limit that its sensor may read with power off."""
+"""Largest offset, as a share of the torque limit."""
 
 
-def offsets(
+def measure_offsets(
     process_data: ProcessData, axes: Sequence[Axis], cycle: Callable[[], object], when: str
 ) -> list[str]:
-    """Let some SYNCs pass with all power stages off; return which sensors do not read zero.
+    """Let some SYNCs pass with all power stages off; return a message for each sensor offset.
 
     Parameters
     ----------
     process_data : ProcessData
-        Of all axes.
+        Process data of the axes.
     axes : sequence of Axis
         In joint order.
     cycle : callable
         Lets one SYNC pass.
     when : str
-        For the message.
+        Occasion, for the message.
     """
     seen: list[list[float]] = [[] for _ in axes]
     for _ in range(SYNCS):
@@ -53,7 +53,7 @@ def offsets(
                 readings.append(current)
     found = []
     for axis, readings in zip(axes, seen, strict=True):
-        if not readings:  # of a silent drive nothing is known
+        if not readings:  # a silent drive
             continue
         current, bound = math.fsum(readings) / len(readings), OFFSET * axis.stated.limits.torque
         torque = abs(current * axis.scale.torque)

@@ -1,20 +1,25 @@
-"""Stopping all axes for what the samples show, whatever the drives think of it.
+"""Supervision of all axes by the samples, independent of the drives.
 
-Three things are looked for, all in the drives' own counts so that a look costs next to nothing:
+Three criteria are checked, in the drives' counts to save time:
 
 corridor
-    an axis lies between where it stood and where it was sent, give or take the following error
-    window; at rest, where it was sent last. This stands in for the following error (60F4), which
-    the TPDO has no room for and each drive watches for itself (6065): it needs no model of the
-    drive's profile, and it guards what was planned, for no axis leaves the ways that were checked.
+    the position is between start and target, within the following error window; at rest, at the
+    last target. The corridor replaces the following error (60F4), which does not fit into the TPDO
+    and is supervised by each drive (6065). It needs no model of the drive's profile, and it guards
+    the planned path.
 speed
-    the encoder shows no more than `drives_file.Trip.velocity`. A jump of the encoder is speed too.
+    the speed at the encoder is at most `drives_file.Trip.velocity`, also during encoder jumps.
 torque
-    none beyond `drives_file.Trip.torque` lasts longer than `drives_file.Trip.torque_time`.
+    none above `drives_file.Trip.torque` lasts longer than `drives_file.Trip.torque_time`.
 
-Corridor and speed take turns, torque is looked at at every eighth SYNC. So the first two trip at
-the latest with the second SYNC that shows it. Where several SYNCs pass in one call, which only a
-virtual plant offers, all of them are looked at after the last.
+Corridor and speed are checked at alternate SYNCs, torque at every eighth: the first two trip at
+the second SYNC of a violation, at the latest. If several SYNCs pass in one call, on a virtual plant
+only, all are checked after the last.
+
+Missing and doubled process data are counted: one is a gap, ten are a loss of control. In lock-step
+nothing arrives unless something is sent. Hence our heartbeat is sent early after a gap
+(`collect_late`): a late TPDO arrives with it, is flagged as late and dropped, and is not mistaken
+for the answer to the next SYNC.
 """
 
 from __future__ import annotations
@@ -23,32 +28,118 @@ import math
 from operator import gt, lt, sub
 from typing import TYPE_CHECKING
 
-from drivers.drive_bus import Tripped
+from drivers.drive_bus import NodeSilent, SampleFlag, Tripped
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from drivers.axis import Axis
     from drivers.cycle_data import Cycles, ProcessData
+    from drivers.drive_bus import DriveError
     from drivers.drives_file import AxisDrive
 
+BLIND = 10
+"""Consecutive SYNCs without an axis's TPDO until all axes are stopped."""
+BUSY = 0.25
+"""Minimum time without TPDOs while this computer itself is late, since their delivery may be late
+too [s]."""
+
+
+class MissingTelegrams:
+    """Counter of unanswered SYNCs, for each axis.
+
+    Parameters
+    ----------
+    axes : sequence of Axis
+        In joint order.
+    collect_late : callable
+        Receives late telegrams; called after a gap.
+    period : float
+        Time between two SYNCs [s].
+    silence, wiring : str
+        Parts of the message: what is missing, and what to check of the bus.
+    doubling : str
+        See `drivers.session.connection.Connection`.
+
+    Attributes
+    ----------
+    open : bool
+        True if the last sample had a gap.
+    """
+
+    def __init__(
+        self,
+        axes: Sequence[Axis],
+        collect_late: Callable[[], None],
+        period: float,
+        silence: str,
+        wiring: str,
+        doubling: str,
+    ) -> None:
+        self._silence, self._wiring, self._doubling = silence, wiring, doubling
+        self._busy = max(BLIND, math.ceil(BUSY / period))
+        self.open = False
+        self._axes, self._collect_late = axes, collect_late
+        self._counts = [0] * len(axes)
+        self._doubled = [0] * len(axes)
+
+    @property
+    def blind(self) -> bool:
+        """True if an axis has been unobserved for more than one SYNC."""
+        return self.open and max(self._counts) > 1
+
+    def look(
+        self, flags: Sequence[int], misfits: Mapping[int, str], *, busy: bool = False
+    ) -> DriveError | None:
+        """Check the flags of a sample; return an error if an axis is unobserved for too long.
+
+        Parameters
+        ----------
+        misfits : mapping of int to str
+            Description of the telegram that arrived instead of the expected one, by axis.
+        busy : bool
+            True if this computer was late just now.
+        """
+        most = self._busy if busy else BLIND
+        for axis in self._axes:
+            gone = flags[axis.index] & SampleFlag.MISSING
+            self._counts[axis.index] = self._counts[axis.index] + 1 if gone else 0
+            twice = flags[axis.index] & SampleFlag.DOUBLED
+            self._doubled[axis.index] = self._doubled[axis.index] + 1 if twice else 0
+        self.open = any(self._counts)
+        if self.open:
+            self._collect_late()
+        if max(self._doubled) >= BLIND:
+            labels = ", ".join(a.label for a in self._axes if self._doubled[a.index] >= BLIND)
+            return Tripped(f"{labels}: {self._doubling.format(BLIND)}")
+        blind = [axis.label for axis in self._axes if self._counts[axis.index] >= most]
+        if not blind:
+            return None
+        found = [misfits[axis.index] for axis in self._axes if axis.index in misfits]
+        why = f"; {'; '.join(found)}" if found else ""
+        return NodeSilent(
+            f"{', '.join(blind)}: {self._silence.format(most)}{why}; check the drive's supply, "
+            f"{self._wiring}"
+        )
+
+
 TORQUE_SHARE = 0.95
-"""Share of its torque limit that an axis may not need for long, unless stated."""
+"""Default torque threshold, as a share of the torque limit."""
 
 SPEED_SHARE = 1.3
-"""Multiple of its speed limit that an axis may not reach, unless stated."""
+"""Default speed threshold, as a multiple of the speed limit."""
 
 JITTER = 0.5
-"""Share of the period by which a SYNC may reach the drives at another instant than it was sent."""
+"""Jitter of SYNC between sending and arrival at the drives, as a share of the period."""
 
 WRAPS = 0.03
-"""Share by which a jump may differ from a power of two to be that of a counter, and some motion."""
+"""Largest relative deviation of a counter's wrap-around from a power of two, motion included."""
 
 _TURNS = 8
 
 
 class Trips:
-    """Looks at the process data of each SYNC and finds why the axes must stop, if they must.
+    """Check of the process data of each SYNC for reasons to stop the axes.
 
     Parameters
     ----------
@@ -59,8 +150,7 @@ class Trips:
     """
 
     def __init__(self, axes: Sequence[Axis], period: float) -> None:
-        self._axes = axes
-        self._period = period
+        self._axes, self._period = axes, period
         self._velocities = [fastest(axis.drive) / axis.per_count for axis in axes]
         self._steps = [2 * velocity * period for velocity in self._velocities]
         self._half_steps = [step / 2 for step in self._steps]
@@ -73,17 +163,17 @@ class Trips:
         self._turn = 0
 
     def arm(self, time: float, positions: Sequence[int]) -> None:
-        """Begin to look: all axes rest at `positions` [increments]."""
+        """Start the supervision: all axes rest at `positions` [increments]."""
         self._lows = [positions[axis.index] - axis.window for axis in self._axes]
         self._highs = [positions[axis.index] + axis.window for axis in self._axes]
         self._last, self._last_time = tuple(positions), time
         self._since.clear()
 
     def expect(self, axis: int, position: int, target: float, *, moving: bool) -> None:
-        """Let an axis go from `position` to `target` [rad or m].
+        """Allow an axis to go from `position` to `target` [rad or m].
 
-        An axis that is still `moving` may overrun on its way to another target, so it keeps the
-        corridor that it has as well.
+        An axis still `moving` may overshoot before it turns to the new target, so it keeps its
+        previous corridor as well.
         """
         counts, window = self._axes[axis].scale.position_to_counts(target), self._axes[axis].window
         low, high = min(position, counts) - window, max(position, counts) + window
@@ -91,18 +181,18 @@ class Trips:
         self._highs[axis] = max(high, self._highs[axis]) if moving else high
 
     def follow(self, lows: Iterable[int], highs: Iterable[int]) -> None:
-        """Let all axes be between `lows` and `highs` [increments] until others are given."""
+        """Set the corridors of all axes to `lows` to `highs` [increments] until the next ones."""
         self._lows, self._highs = list(lows), list(highs)
 
     def look_ahead(self, cycles: Cycles) -> Tripped | None:
-        """Do as `look` for each of several regular SYNCs; return the first reason to stop."""
+        """Check several regular SYNCs as `look` does; return the first reason to stop."""
         times, positions, currents = cycles
         columns = list(zip(*positions, strict=True))
         before = [self._last, *positions]
         if (
             True in map(lt, map(min, columns), self._lows)
             or True in map(gt, map(max, columns), self._highs)
-            # two steps in a row of at most half the bound keep it
+            # two steps in a row of at most half the bound stay within the bound
             or any(
                 True in map(gt, map(abs, map(sub, here, there)), self._half_steps)
                 for here, there in zip(positions, before, strict=False)
@@ -122,30 +212,25 @@ class Trips:
         return None
 
     def look(self, time: float, process_data: ProcessData) -> Tripped | None:
-        """Return why the axes must stop now, None if they need not.
+        """Return the reason to stop the axes now, None if there is none.
 
         Parameters
         ----------
         time : float
-            The SYNC's instant [s].
+            Instant of the SYNC [s].
         process_data : ProcessData
-            What it brought.
+            Process data of the SYNC.
         """
         return self._look(
             time, process_data.positions, process_data.currents, irregular=process_data.irregular
         )
 
     def _look(
-        self,
-        time: float,
-        positions: tuple[int, ...],
-        currents: Sequence[float],
-        *,
-        irregular: bool,
+        self, time: float, positions: tuple[int, ...], currents: Sequence[float], *, irregular: bool
     ) -> Tripped | None:
         self._turn = turn = (self._turn + 1) % _TURNS
         if turn & 1:
-            if irregular:  # the SYNC before must do, with a longer time in between
+            if irregular:  # compare with the SYNC before instead, over a longer time
                 return None
             last, then = self._last, self._last_time
             self._last, self._last_time = positions, time
@@ -154,10 +239,10 @@ class Trips:
             return None
         if True in map(gt, positions, self._highs) or True in map(lt, positions, self._lows):
             jump = self._judge_speed(time - self._last_time, positions, self._last)
-            return jump or self._outside(positions)
+            return jump or self._describe_corridor(positions)
         return None if turn else self._judge_torque(time, currents)
 
-    def _outside(self, positions: Sequence[int]) -> Tripped:
+    def _describe_corridor(self, positions: Sequence[int]) -> Tripped:
         bounds = zip(positions, self._lows, self._highs, strict=True)
         n = next(i for i, (p, low, high) in enumerate(bounds) if not low <= p <= high)
         axis, unit = self._axes[n], self._axes[n].drive.unit
@@ -174,14 +259,14 @@ class Trips:
         self, elapsed: float, positions: Sequence[int], last: Sequence[int]
     ) -> Tripped | None:
         for axis, velocity in zip(self._axes, self._velocities, strict=True):
-            way = abs(positions[axis.index] - last[axis.index])
-            if way > velocity * (elapsed + JITTER * self._period):
+            step = abs(positions[axis.index] - last[axis.index])
+            if step > velocity * (elapsed + JITTER * self._period):
                 per_count, unit = axis.per_count, axis.drive.unit
                 return Tripped(
-                    f"{axis.label}: {way * per_count:.4g} {unit} in {elapsed:.3g} s is"
-                    f" {way * per_count / elapsed:.4g} {unit}/s, at most"
+                    f"{axis.label}: {step * per_count:.4g} {unit} in {elapsed:.3g} s is"
+                    f" {step * per_count / elapsed:.4g} {unit}/s, at most"
                     f" {velocity * per_count:.4g} {unit}/s may be (trip.velocity); the axis runs"
-                    f" away or {_cause(way, axis)}: check encoder cable and tuning"
+                    f" away or {_suspect_cause(step, axis)}: check encoder cable and tuning"
                 )
         return None
 
@@ -202,16 +287,16 @@ class Trips:
         return None
 
 
-def _cause(way: int, axis: Axis) -> str:
-    """Return in words what else than motion may show such a way [increments]."""
+def _suspect_cause(step: int, axis: Axis) -> str:
+    """Return the cause, other than motion, of a step in position [increments], in words."""
     limits = axis.drive.limits
-    if way * axis.per_count > limits.q_max - limits.q_min:
+    if step * axis.per_count > limits.q_max - limits.q_min:
         return "somebody else mapped its process data anew, which carry no position any more"
-    turn = 1 << round(math.log2(way))
-    wraps = f", or wraps around at {turn} counts (607B)" if abs(way / turn - 1) < WRAPS else ""
+    turn = 1 << round(math.log2(step))
+    wraps = f", or wraps around at {turn} counts (607B)" if abs(step / turn - 1) < WRAPS else ""
     return f"its encoder jumps{wraps}"
 
 
 def fastest(axis: AxisDrive) -> float:
-    """Return the speed that an axis may not reach [rad/s or m/s]."""
+    """Return the speed at which the driver stops an axis [rad/s or m/s]."""
     return axis.trip.velocity or SPEED_SHARE * axis.limits.velocity

@@ -1,1 +1,1 @@
-"""A session on the bus: what connecting builds, what moves and watches the axes, and leaving."""
+"""Session on a bus: connection, motion and supervision of the axes, and its end."""

@@ -1,30 +1,27 @@
-"""All or nothing: every drive must pass before any is energised, or even written to.
+"""Check and configuration of all drives: every drive must pass before any is written to.
 
-Each drive is switched off and looked at in turn, and what start-up will write to it is found out
-(`announcement`). One that fails does not keep the others from being looked at, so that the operator
-learns at once what to mend. Only when all have passed, and what they hold has been kept
-(`found_settings.keeping`), are they configured (`configure`).
+Each drive is switched off and examined in turn, and the values that start-up will write are
+determined (`announcement`). A failure does not keep the others from being examined, so that the
+operator gets all messages at once. Only when all have passed and their values have been saved
+(`found_settings.keeping`) are they configured (`configure`).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from drivers.axis import Axis
 from drivers.cia402.states import Mode
 from drivers.commissioning.announcement import announce
-from drivers.commissioning.configure import commission
+from drivers.commissioning.configure import commission, find_swap
 from drivers.commissioning.effective_limits import effective_limits
-from drivers.commissioning.mix_up import mixed_up
-from drivers.drive_bus import DriveError, DriveFault, DriveRefused, NodeSilent, joined
+from drivers.drive_bus import DriveError, DriveFault, DriveRefused, NodeSilent, join_errors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from drivers.commissioning.announcement import Announcement
-    from drivers.commissioning.effective_limits import EffectiveLimits
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import Entry
     from drivers.found_settings.keeping import SettingsKeeper
@@ -42,32 +39,32 @@ def check_and_configure(
     *,
     reset_faults: bool,
 ) -> tuple[Axis, ...]:
-    """Check and configure all drives, leaving them off and exchanging no process data.
+    """Check and configure all drives; they stay off, without process data.
 
     Parameters
     ----------
     connection : Connection
-        To the drives; `written` grows by each as soon as something may have been written to it.
+        Connection to the drives; a drive is added to `written` before its first write.
     drives : DrivesFile
-        What is stated of them.
+        Drives file.
     period : float
         Time between two SYNCs [s].
     keeper : SettingsKeeper
-        Keeps what they hold before that.
+        Saves the present values.
     reset_faults : bool
-        Reset drives that are found in a fault.
+        True to reset drives found in a fault.
 
     Returns
     -------
     tuple of Axis
-        With the limits that hold.
+        Axes with the limits in force.
 
     Raises
     ------
     DriveRefused, NodeSilent, DriveFault
-        Why drives cannot serve, a line each.
+        Unsuitable drives, a line each.
     FileError
-        What they hold cannot be kept; nothing was written.
+        The present values cannot be saved; nothing was written.
     """
     keeper.open(drives)
     servers, communications = connection.servers, connection.communications
@@ -81,13 +78,17 @@ def check_and_configure(
         try:
             announcement = announce(server, axis, drives, period, communication, held, keeper.later)
         except DriveRefused as error:
-            raise _explained(error, server, axis, pairs) from error
+            # node numbers may be swapped: then that is the remedy
+            swap = find_swap(server, axis, pairs)
+            if swap is None:
+                raise
+            raise DriveRefused(f"{str(error).rsplit('; ', 1)[0]}; {swap}") from error
         planned = {change.entry: change.value for change in announcement.changes}
         keeper.take(server, axis, announcement.found, planned)
         return announcement
 
-    expected = tuple(each.limits for each in _all(look, pairs))
-    keeper.announced(servers)
+    expected = tuple(each.limits for each in _visit_all(look, pairs))
+    keeper.announce(servers)
 
     def configure(server: RemoteDictionary, axis: AxisDrive) -> Axis:
         place = at[server]
@@ -95,55 +96,38 @@ def check_and_configure(
         holding, communication = expected[place], communications[place]
         wait = connection.power.wait
         identity, mode = commission(server, axis, drives, period, wait, holding, communication)
-        held = _held(server, axis, holding)
+
+        def find(entry: Entry) -> int | None:  # a drive may keep a tighter value than ours
+            if entry in server.missing:
+                return None
+            return server.kept.get(entry, holding.values.get(entry))
+
+        held = effective_limits(find, axis, server.label)
         return Axis(
             place,
             axis,
-            held.of(axis),
+            held.apply_to(axis),
             server,
-            own=held.own,
+            own={**held.own, **holding.own},
             stop_deceleration=held.stop_deceleration,
             identity=identity,
             planned=mode is not Mode.PROFILE_POSITION,
             wrap=holding.wrap,
         )
 
-    configured = _all(configure, pairs)
+    configured = _visit_all(configure, pairs)
     conflicts = connection.conflicts()
     if conflicts:
-        raise joined(conflicts)
-    keeper.configured(servers)
+        raise join_errors(conflicts)
+    keeper.confirm(servers)
     return tuple(configured)
 
 
-def _explained(
-    error: DriveRefused,
-    server: RemoteDictionary,
-    axis: AxisDrive,
-    pairs: Iterable[tuple[RemoteDictionary, AxisDrive]],
-) -> DriveRefused:
-    """Give an error of a drive that is another axis's that remedy in place of its own."""
-    other = mixed_up(server, axis, pairs)
-    return error if other is None else DriveRefused(f"{str(error).rsplit('; ', 1)[0]}; {other}")
-
-
-def _held(server: RemoteDictionary, axis: AxisDrive, expected: EffectiveLimits) -> EffectiveLimits:
-    """Return the limits that hold now: a drive may keep a tighter value than was written."""
-
-    def find(entry: Entry) -> int | None:
-        if entry in server.missing:
-            return None
-        return server.kept.get(entry, expected.values.get(entry))
-
-    kept = effective_limits(find, axis, server.label)
-    return replace(kept, own={**kept.own, **expected.own}, notes=())
-
-
-def _all(
+def _visit_all(
     step: Callable[[RemoteDictionary, AxisDrive], _Result],
     pairs: Iterable[tuple[RemoteDictionary, AxisDrive]],
 ) -> list[_Result]:
-    """Take a step with each drive, and only then raise what went wrong."""
+    """Take a step with each drive, and raise failures only at the end."""
     problems: list[DriveError] = []
     results = []
     for server, axis in pairs:
@@ -152,5 +136,5 @@ def _all(
         except (DriveRefused, NodeSilent, DriveFault) as error:
             problems.append(error)
     if problems:
-        raise problems[0] if len(problems) == 1 else joined(problems)
+        raise problems[0] if len(problems) == 1 else join_errors(problems)
     return results

@@ -1,4 +1,4 @@
-"""What a session stands on, whichever bus it is: connections to drives, and the open bus itself."""
+"""Interfaces between session and bus: connection to drives, and open bus."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from drivers.cia402.picture import Picture
     from drivers.commissioning.communication import Communication
     from drivers.cycle_data import ProcessData
-    from drivers.dictionary.bus_rules import BusRules
-    from drivers.dictionary.found_nodes import Scan
+    from drivers.dictionary.review import BusRules, Scan
     from drivers.drive_bus import DriveRefused
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import LifeSign
@@ -28,31 +27,31 @@ if TYPE_CHECKING:
 
 
 class Connection(ABC):
-    """The services of all drives on one bus, in joint order; each bus makes its own.
+    """Services of the drives on a bus, in joint order; implemented by each bus.
 
     Parameters
     ----------
     servers : tuple of RemoteDictionary
-        The drives' object dictionaries.
+        Object dictionaries of the drives.
     communications : tuple of Communication
-        How each drive communicates; what is found is put in.
+        Communication of each drive; completed by set-up.
     process_data : ProcessData
-        Of all axes.
+        Process data of the axes.
     life_sign : LifeSign
-        Ours and theirs.
+        Mutual supervision.
 
     Attributes
     ----------
     silence, wiring : str
-        What stays away for so many SYNCs, in words, and what to check of the bus then.
+        Parts of the message about missing telegrams: what is missing, and what to check.
     doubling : str
-        What DOUBLED samples for so many SYNCs mean, in words, with the remedy.
+        Message about doubled telegrams, with the remedy.
     supervision : Supervision
-        Judges statuswords and emergencies.
+        Supervision of statuswords and emergencies.
     power : Power
-        Switches drives on and off.
+        Power-on and power-off of drives.
     written : list of RemoteDictionary
-        Drives to which something may have been written; grows.
+        Drives that may have been written to; the list grows.
     """
 
     silence: str
@@ -73,30 +72,30 @@ class Connection(ABC):
         self.written: list[RemoteDictionary] = []
 
     def remarks(self) -> Sequence[str]:
-        """State what is to be known of the bus itself after a while, and stops nothing."""
+        """Return remarks on the bus that stop nothing."""
         return ()
 
     def conflicts(self) -> Sequence[DriveRefused]:
-        """Return which drives cannot share the bus, once all are configured."""
+        """Return an error for each drive that cannot share the bus, after configuration."""
         return ()
 
     @abstractmethod
     def start(self) -> None:
-        """Expect what each drive sends as it has been set up, and command all to send it."""
+        """Expect the telegrams of the drives as set up, and command the drives to send."""
 
     @abstractmethod
     def await_answers(self) -> None:
-        """Watch drives that have just been commanded to start, until each answers SYNC.
+        """Wait until each drive answers SYNC, after the command to start.
 
         Raises
         ------
         NodeSilent
-            Which do not, or whose life sign stays away.
+            Drives without answers or life sign.
         """
 
     @abstractmethod
     def refuse_unwatched(self) -> None:
-        """Refuse drives whose watch on us is not as it was set, right before power-on.
+        """Refuse drives whose supervision of our life sign was changed, just before power-on.
 
         Raises
         ------
@@ -104,30 +103,30 @@ class Connection(ABC):
             Another master may be at work.
         """
 
-    def look_at_limits(self) -> None:  # noqa: B027 - most buses hear it
-        """Read back a limit of each drive, where nobody hears that somebody else writes it.
+    def look_at_limits(self) -> None:  # noqa: B027 - most buses hear foreign writes
+        """Read back a limit of each drive, if foreign writes cannot be heard.
 
         Raises
         ------
         Tripped
-            It is no longer what start-up wrote.
+            The limit differs from the value written at start-up.
         """
 
     @abstractmethod
     def collect_late(self) -> None:
-        """Take telegrams off the bus that are merely late."""
+        """Receive late telegrams."""
 
     @abstractmethod
     def close(self) -> None:
-        """Take away what was put on the bus, which stays open."""
+        """Remove our part from the bus, which stays open."""
 
     def cycle(self) -> None:
-        """Let one SYNC pass.
+        """Let a SYNC pass.
 
         Raises
         ------
         NodeSilent, BusUnavailable
-            A drive's life sign stays away; the bus does not serve any more.
+            The life sign of a drive is missing; the bus has failed.
         """
         self.process_data.sync()
         self.life_sign.service()
@@ -135,21 +134,21 @@ class Connection(ABC):
             raise self.life_sign.trouble
 
     def beating_cycle(self) -> None:
-        """Let one SYNC pass, whoever's life sign stays away."""
+        """Let a SYNC pass, even without life signs of drives."""
         self.process_data.sync()
         self.life_sign.beat()
 
 
 @dataclass(frozen=True)
 class UnpoweredDrives:
-    """Drives that are asked what they are, or watched when they are off; nothing watches them.
+    """Drives before power-on or after power-off, without mutual supervision.
 
     Attributes
     ----------
     servers : tuple of RemoteDictionary
-        The drives' object dictionaries in joint order.
+        Object dictionaries of the drives in joint order.
     communications : tuple of Communication
-        How they would communicate.
+        Preferred communication.
     process_data : ProcessData
         Lets time pass; the drives send none.
     """
@@ -166,18 +165,18 @@ class UnpoweredDrives:
 
 
 class Place(NamedTuple):
-    """Where a drive is on its bus.
+    """Address of a drive on its bus.
 
     Attributes
     ----------
     node : int
-        Its number.
+        Node number.
     name : str
-        For messages.
+        Name in messages.
     alias : int or None
-        By which it is found in place of its number, on buses that have such.
+        Alias that identifies the drive instead of the node number, on buses with aliases.
     within : InNode
-        Which of several axes of its node.
+        Axis within the node.
     """
 
     node: int
@@ -187,23 +186,23 @@ class Place(NamedTuple):
 
 
 def places_of(drives: Iterable[AxisDrive | FoundDrive]) -> tuple[Place, ...]:
-    """Return where drives are that a file names."""
+    """Return the addresses of the drives in a file."""
     return tuple(Place(drive.node, drive.name, drive.alias, drive.within) for drive in drives)
 
 
 class Fieldbus(ABC):
-    """An open bus with drives on it, and a context manager that closes it.
+    """Open bus with drives, and a context manager that closes the bus.
 
     Attributes
     ----------
     rules : BusRules
-        Its own in their object dictionaries.
+        Rules of the bus for object dictionaries.
     lock_step : bool
-        Time is counted in SYNCs, which wait for nobody.
+        True if time is counted in SYNCs.
     keeps_time : bool
-        SYNC comes by itself, however late this process is.
+        True if SYNC is sent on time even if this process is late.
     recorded : bool
-        No drives are behind it that could be left switched on.
+        True for a replay, which has no drives that could stay powered.
     """
 
     rules: BusRules
@@ -221,67 +220,67 @@ class Fieldbus(ABC):
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
     ) -> Connection:
-        """Build all that is needed to talk to drives, or nothing; nothing is sent.
+        """Build the services for a set of drives, or nothing; nothing is sent.
 
         Parameters
         ----------
         drives : DrivesFile
-            The axes in joint order.
+            Axes in joint order.
         period : float
             Time between two SYNCs [s].
         feed_forward : bool
-            The drives are to take offsets of velocity and torque.
+            True if the drives take offsets of velocity and torque.
         """
 
     @abstractmethod
     def unpowered(self, drives: DrivesFile) -> UnpoweredDrives:
-        """Reach drives as they are before or after a session."""
+        """Access drives before or after a session."""
 
     @abstractmethod
     def servers(self, places: Iterable[Place], timeout: float) -> tuple[RemoteDictionary, ...]:
-        """Reach drives, which may take `timeout` to answer [s]."""
+        """Access drives, with `timeout` for an answer [s]."""
 
     @abstractmethod
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
-        """Find the nodes of some numbers (by default all) and what they offer, writing nothing.
+        """Find the nodes with some numbers (default: all) and read the offers, without writing.
 
         Raises
         ------
         BusUnavailable
-            The bus takes no frames or has gone.
+            The bus accepts no frames or has gone.
         """
 
     @abstractmethod
     def wait(self, timeout: float) -> object:
-        """Wait as for the next SYNC, for so long at most [s]; what is received is dropped."""
+        """Wait as for the next SYNC, at most `timeout` [s]; received frames are dropped."""
 
     @abstractmethod
     def timed(self, drives: DrivesFile) -> AbstractContextManager[TimedFieldbus]:
-        """Stand in for this bus and note how long drives take to answer."""
+        """Measure the response times of drives, in place of this bus."""
 
     @abstractmethod
     def picture(self, drives: DrivesFile, *, inputs: bool = False) -> Picture:
-        """Show what is seen by listening alone, and digital inputs (60FD) by asking for them."""
+        """Show the axes by listening, and digital inputs (60FD) by request."""
 
     @abstractmethod
     def load(self, drives: DrivesFile) -> tuple[float, float]:
-        """Return the time of a cycle on the bus [s], and the share of the period it may take."""
+        """Return the duration of a cycle on the bus [s], and its largest share of the period."""
 
     @abstractmethod
     def shutdown(self) -> None:
-        """Close it."""
+        """Close the bus."""
 
 
 class TimedFieldbus(Fieldbus):
-    """An open bus that notes when SYNC was sent and how long drives take to answer."""
+    """Open bus with measured instants of SYNC and response times of the drives."""
 
     @abstractmethod
     def achievable_rate(self) -> tuple[float, float]:
-        """Return the highest rate of SYNC [1/s], and the slowest answer [s], 0 if not timed."""
+        """Return the highest rate of SYNC [1/s] and the slowest answer [s], 0 if not measured."""
 
     @abstractmethod
     def jitter(self, period: float) -> float:
-        """Return how far SYNC was off its period [s] where it acts, but for one in a hundred [s].
+        """Return the deviation of SYNC from its period at the drives, for 99 of 100 [s].
 
-        0 where it is not timed.
+        0 if not measured.
         """

@@ -1,9 +1,8 @@
-"""Axes that have been checked and configured, from power-on until they must stop.
+"""Session of checked and configured axes, from power-on to the stop.
 
-A `Session` is built complete or not at all, once every drive has passed. Time passes in `sample`
-alone: one SYNC, what came with it, set-point handshakes, heartbeats, statuswords and emergencies.
-Trouble stops all axes before it is raised, and latches. How a session is left is the business of
-`drivers.session.leaving`.
+A `Session` is built once every drive has passed. Time passes in `sample` only: one SYNC, its
+answers, set-point handshakes, heartbeats, statuswords and emergencies. A failure stops all axes
+before it is raised, and latches. The end of a session is in `drivers.session.servo_axes`.
 """
 
 from __future__ import annotations
@@ -14,43 +13,44 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
+from drivers.axis import unwrap_positions
 from drivers.cia402.cyclic_position import CyclicPosition
 from drivers.cia402.feed_forward import offsets_in_counts
 from drivers.cia402.profile_position import ProfilePosition
 from drivers.cia402.samples import SampleReader
-from drivers.cia402.set_point_limits import check_move, refuse_outside
+from drivers.cia402.set_point_limits import (
+    check_feed_forward,
+    check_move,
+    check_path,
+    refuse_outside,
+)
 from drivers.cia402.states import State
-from drivers.cia402.stream_limits import check_feed_forward, check_path
-from drivers.cia402.unwrapping import unwrapped
 from drivers.drive_bus import LATE_FOR, DriveError, DriveRefused, MoveFailed, Tripped
-from drivers.safety.current_offset import offsets
-from drivers.safety.missing_telegrams import MissingTelegrams
-from drivers.safety.trips import Trips
+from drivers.safety.current_offset import measure_offsets
+from drivers.safety.trips import MissingTelegrams, Trips
 from drivers.session.stopping import Stopping
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from numpy.typing import NDArray
 
     from drivers.axis import Axis
     from drivers.drive_bus import Move, Sample
     from drivers.session.connection import Connection
 
 LEFT_OUT = 0.5
-"""Periods by which a SYNC is late from which on one was left out, by its deadline's tolerance."""
+"""Delay of a SYNC [periods] from which another one was left out, by its deadline's tolerance."""
 UNSUPERVISED = 0.5
-"""Share of the heartbeat timeout for which nobody may look at axes in motion."""
+"""Longest time without supervision during motion, as a share of the heartbeat timeout."""
 
 AHEAD = 25
-"""SYNCs that may pass in lock-step before the axes are looked at: 0.1 s at 4 ms, no time at all
-beside a plant that waits for us."""
+"""Largest number of SYNCs in lock-step between two checks of the axes: 0.1 s at 4 ms, which a
+waiting plant does not notice."""
 ROUNDED = 0.01
-"""Share of a period that sums of periods may be off by rounding."""
+"""Rounding error of sums of periods, as a share of a period."""
 
 
 class SessionState(enum.Enum):
-    """How far a session has come."""
+    """Progress of a session."""
 
     CHECKED = "every drive has passed, and none exchanges process data"
     READY = "all drives exchange process data"
@@ -59,29 +59,29 @@ class SessionState(enum.Enum):
 
 
 class Session:
-    """Axes under power, and what moves and watches them.
+    """Axes under power, their motion and supervision.
 
     Parameters
     ----------
     connection : Connection
-        To drives that have been checked and configured.
+        Connection to checked and configured drives.
     period : float
         Time between two SYNCs [s].
     axes : tuple of Axis
-        In joint order.
+        Axes in joint order.
     note : callable
-        Takes what the operator should know though it stops nothing.
+        Receives messages for the operator that stop nothing.
     anywhere : bool
-        Power on also where an axis stands outside its limits.
+        True to power on even if an axis is outside its limits.
     feed_forward : bool
-        The drives were set up to take offsets of velocity and torque.
+        True if the drives were set up for offsets of velocity and torque.
 
     Attributes
     ----------
     axes, connection
         As given.
     stopping : Stopping
-        Stops all axes, and remembers why.
+        Stop of all axes, with its reason.
     """
 
     def __init__(
@@ -95,14 +95,10 @@ class Session:
         feed_forward: bool = False,
     ) -> None:
         self._state = SessionState.CHECKED
-        self.connection = connection
-        self.axes = axes
-        self._period = period
-        self._note = note
-        self._anywhere = anywhere
-        self._feed_forward = feed_forward
+        self.connection, self.axes, self._period = connection, axes, period
+        self._note, self._anywhere, self._feed_forward = note, anywhere, feed_forward
         self._planned = any(axis.planned for axis in axes)
-        connection.process_data = unwrapped(connection.process_data, axes)
+        connection.process_data = unwrap_positions(connection.process_data, axes)
         self._process_data = data = connection.process_data
         self._life_sign, self._power = connection.life_sign, connection.power
         self._supervision = connection.supervision
@@ -127,17 +123,17 @@ class Session:
 
     @property
     def state(self) -> SessionState:
-        """How far it has come."""
+        """Progress of the session."""
         stopped = self._state is SessionState.READY and self.stopping.trip is not None
         return SessionState.STOPPED if stopped else self._state
 
     @property
     def looks_ahead(self) -> bool:
-        """`samples` may return several."""
+        """True if `samples` may return several samples."""
         return self._process_data.looks_ahead
 
     def leave(self) -> None:
-        """Take note that nothing can be commanded any more."""
+        """Record the end of the session: nothing can be commanded any more."""
         self._state = SessionState.LEFT
 
     def start(self) -> None:
@@ -146,7 +142,7 @@ class Session:
         Raises
         ------
         DriveRefused, LimitExceeded, NodeSilent, DriveFault, BusUnavailable
-            Why not.
+            The axes cannot be powered on.
         """
         self.connection.start()
         self._state = SessionState.READY
@@ -154,7 +150,7 @@ class Session:
         self.power_on()
 
     def power_on(self) -> None:
-        """Energise all axes together, where they stand."""
+        """Energise the axes together at the present positions."""
         self.connection.refuse_unwatched()
         if not self._anywhere:
             refuse_outside(self.axes, self._process_data.positions)
@@ -172,7 +168,7 @@ class Session:
                 self.sample()
 
     def move(self, moves: Mapping[int, Move]) -> None:
-        """Give set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
+        """Send set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
         self.stopping.refuse()
         if self._planned and self._cyclic_position.streaming:
             raise MoveFailed("a move can only begin where no path is streamed; wait until reached")
@@ -201,45 +197,53 @@ class Session:
         torque: Sequence[Sequence[float]] | None = None,
         holding: Sequence[Sequence[float]] | None = None,
     ) -> None:
-        """Begin to send a path of set-points (see `drivers.drive_bus.StreamingBus`)."""
+        """Start a path of set-points (see `drivers.drive_bus.StreamingBus`)."""
         self.stopping.refuse()
         if self._moving:
             raise MoveFailed("a path can only begin where all axes rest; wait until reached")
         here = self._samples.sample(self._process_data.now(), self._process_data, reached=True).q
         points = np.asarray(path, dtype=float)
         check_path(points, self.axes, here, self._period)
-        offsets = self._offsets(points, velocity, torque, holding)
+        offsets, stated = None, (velocity, torque, holding)
+        if any(values is not None for values in stated):
+            if not self._feed_forward:
+                raise DriveRefused(
+                    "the drives were not set up to take what is fed forward; open the bus with"
+                    " feed_forward=True"
+                )
+            fed = [
+                np.zeros_like(points) if values is None else np.asarray(values, dtype=float)
+                for values in stated
+            ]
+            check_feed_forward(points, fed, self.axes, self._period)
+            offsets = offsets_in_counts(fed, self.axes)
         try:
             self._cyclic_position.begin(points, offsets)
         except DriveError as error:
             self.stopping.fail(error)
 
     def sample(self) -> Sample:
-        """Return what the axes reported for the next SYNC (see `drivers.drive_bus.DriveBus`)."""
+        """Return the sample of the next SYNC (see `drivers.drive_bus.DriveBus`)."""
         return self._step(1)[-1]
 
     def samples(self, limit: int) -> Sequence[Sample]:
-        """Return what the axes reported for the next SYNCs (see `drivers.drive_bus.DriveBus`)."""
-        return self._step(self._idle(limit))
-
-    def _idle(self, limit: int) -> int:
-        """Return how many SYNCs may pass before there is something to do, at most `limit`."""
+        """Return the samples of the next SYNCs (see `drivers.drive_bus.DriveBus`)."""
         data, profile = self._process_data, self._profile_position
-        if (
+        if (  # the next SYNC needs an action
             self._cyclic_position.cyclic
             or self._missing.open
             or data.words != self._words
             or self._supervision.emergency
             or self._life_sign.trouble
         ):
-            return 1
+            return self._step(1)
         until = min(self._life_sign.due, profile.quiet_until(data.words))
-        # the last SYNC is looked at by itself
+        # the last SYNC is checked separately
         times = (until - data.time) / self._period + 1 - ROUNDED
-        return int(max(1.0, min(limit, AHEAD, times)))
+        return self._step(int(max(1.0, min(limit, AHEAD, times))))
 
     def _step(self, limit: int) -> Sequence[Sample]:
-        """Let SYNCs pass, at most `limit`; look at all, with all care at the last."""
+        """Let up to `limit` SYNCs pass; check all of them, and the last completely."""
         if self.stopping.trip is not None:
             self.stopping.supervise()
             self.stopping.refuse()
@@ -262,13 +266,17 @@ class Session:
         last = self._samples.sample(time, data, not self._moving)
         if cycles is None:
             return (last,)
-        return [*self._samples.several(cycles, limits, reached), last]
+        return [*self._samples.convert_several(cycles, limits, reached), last]
 
     def _judge(self, time: float, elapsed: float) -> None:
-        """Look at what the SYNC at `time` brought, so long after the one before [s]."""
+        """Check the SYNC at `time`, `elapsed` after the one before [s]."""
         data, profile, cyclic = self._process_data, self._profile_position, self._cyclic_position
         if elapsed > self._period:
-            self._came_late(elapsed)
+            late = elapsed - self._period
+            if late > LEFT_OUT * self._period:
+                self._late = data.time, elapsed
+                cyclic.note_left_out(late)
+            cyclic.note_late(late)
         if time >= self._life_sign.due:
             self._life_sign.service()
         words = data.words
@@ -280,7 +288,13 @@ class Session:
             if blind:
                 self._fail(blind)
         if elapsed > self._unsupervised and profile.active:
-            self.stopping.fail(self._unattended(elapsed))
+            self.stopping.fail(
+                Tripped(
+                    f"nobody supervised the axes in motion for {elapsed:.3g} s, at most "
+                    f"{self._unsupervised:.3g} s may be (half the heartbeat timeout); come back to "
+                    "sample() sooner, or free the computer of other work"
+                )
+            )
         failed = (
             (profile.active and profile.advance(time, data))
             or self._trips.look(time, data)
@@ -290,10 +304,10 @@ class Session:
             self._fail(failed)
 
     def follow(self) -> Sample:
-        """Return the next sample while a drive moves by itself, as in homing.
+        """Return the next sample of a motion planned by a drive, such as homing.
 
-        Statuswords, emergencies and heartbeats are watched as in `sample`; where the axes go is
-        not, since only the drive knows.
+        Statuswords, emergencies and heartbeats are supervised as in `sample`; the path is not,
+        since only the drive knows it.
         """
         if self.stopping.trip is not None:
             self.stopping.supervise()
@@ -308,7 +322,7 @@ class Session:
         return self._samples.sample(time, self._process_data, reached=False)
 
     def halt(self) -> None:
-        """Bring every axis to rest with its profile deceleration; the drives stay powered."""
+        """Stop every axis with the profile deceleration; the drives stay powered."""
         self.stopping.refuse()
         if self._planned:
             return self._cyclic_position.brake()
@@ -339,52 +353,34 @@ class Session:
             self.stopping.fail(error)
 
     def note_offsets(self, when: str) -> None:
-        """Note current sensors that do not read zero, with all power stages off."""
-        self._note(offsets(self._process_data, self.axes, self.connection.beating_cycle, when))
+        """Note offsets of current sensors, with all power stages off."""
+        self._note(
+            measure_offsets(self._process_data, self.axes, self.connection.beating_cycle, when)
+        )
 
     @property
-    def along(self) -> float:
-        """Number of the set-points that act from the last SYNC on, from 0."""
-        return self._cyclic_position.along
+    def path_index(self) -> float:
+        """Index of the set-points that act from the last SYNC on, from 0."""
+        return self._cyclic_position.path_index
 
     @property
     def _moving(self) -> bool:
         return bool(self._profile_position.active) or self._cyclic_position.moving
-
-    def _offsets(
-        self,
-        points: NDArray[np.float64],
-        *stated: Sequence[Sequence[float]] | None,
-    ) -> NDArray[np.float64] | None:
-        """Return what is fed forward in the drives' units, once it has passed its checks."""
-        if not any(values is not None for values in stated):
-            return None
-        if not self._feed_forward:
-            raise DriveRefused(
-                "the drives were not set up to take what is fed forward; open the bus with"
-                " feed_forward=True"
-            )
-        fed = [
-            np.zeros_like(points) if values is None else np.asarray(values, dtype=float)
-            for values in stated
-        ]
-        check_feed_forward(points, fed, self.axes, self._period)
-        return offsets_in_counts(fed, self.axes)
 
     def _attend(self, words: Sequence[int]) -> None:
         self._words = words
         self._samples.note_limits(words)
         if self._life_sign.trouble:
             self.stopping.fail(self._life_sign.trouble)
-        lost = self._supervision.lost(words)
+        lost = self._supervision.find_lost(words)
         if lost is not None:
             self.stopping.stop()
-            self.stopping.await_rest()  # before the drive may be asked for the reason
+            self.stopping.await_rest()  # before the drive is asked for the reason
             self._fail(self._supervision.diagnose(self.axes[lost].server, words[lost]))
         self._note(self._supervision.warnings())
 
     def _fail(self, trouble: DriveError) -> NoReturn:
-        """Stop all axes; where SYNCs were late just before, that is said first."""
+        """Stop all axes; a preceding delay of SYNC comes first in the message."""
         at, gap = self._late
         ago = self._process_data.now() - at
         if ago <= LATE_FOR:
@@ -394,18 +390,3 @@ class Session:
                 f" other work or use --realtime first; then: {trouble}"
             )
         self.stopping.fail(trouble)
-
-    def _came_late(self, elapsed: float) -> None:
-        """Take note that a SYNC came so long after the one before [s], more than a period."""
-        late = elapsed - self._period
-        if late > LEFT_OUT * self._period:
-            self._late = self._process_data.time, elapsed
-            self._cyclic_position.left_out(late)
-        self._cyclic_position.late(late)
-
-    def _unattended(self, elapsed: float) -> Tripped:
-        return Tripped(
-            f"nobody supervised the axes in motion for {elapsed:.3g} s, at most "
-            f"{self._unsupervised:.3g} s may be (half the heartbeat timeout); come back to "
-            "sample() sooner, or free the computer of other work"
-        )

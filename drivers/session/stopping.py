@@ -1,9 +1,9 @@
-"""The stop of all axes: commanded once, for a reason that latches.
+"""Stop of the axes, for a reason that latches.
 
-Nothing moves after a trip until it is ended on purpose (`Stopping.end`), and all that time
-each SYNC sees to it that the axes stay stopped. How fast an axis may be and how its drive slows it
-down decide how far it may go on before its voltage is disabled (`drivers.cia402.stop`), so a speed
-is rather too high than too low, and a deceleration rather too low than too high.
+After a trip nothing moves until it is ended on purpose (`Stopping.end`), and each SYNC commands the
+axes to stay stopped. Speed and deceleration of an axis determine how far it may continue before its
+voltage is disabled (`drivers.cia402.stop`), so a speed is rather estimated too high, and a
+deceleration too low.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from drivers.cia402 import objects
 from drivers.cia402.shutdown import Shutdown
 from drivers.commissioning.effective_limits import SLOWEST_STOP
 from drivers.drive_bus import DriveFault, Tripped
-from drivers.interrupts import interrupts_held
+from drivers.interrupts import hold_interrupts
 from drivers.safety.trips import fastest
 
 if TYPE_CHECKING:
@@ -29,23 +29,23 @@ if TYPE_CHECKING:
 
 
 class Stopping(Shutdown):
-    """A shutdown that knows how fast axes may be and how they slow down, and remembers its reason.
+    """Shutdown with the largest speeds and decelerations of the axes, and its reason.
 
     Parameters
     ----------
     connection : Connection
-        To the drives.
+        Connection to the drives.
     axes : sequence of Axis
-        In joint order.
+        Axes in joint order.
     period : float
         Time between two SYNCs [s].
     profile, cyclic
-        What may be moving the axes.
+        Possible motions of the axes.
 
     Attributes
     ----------
     trip : DriveError or None
-        Why all axes were stopped.
+        Reason of the stop.
     """
 
     def __init__(
@@ -62,17 +62,17 @@ class Stopping(Shutdown):
         self._profile, self._cyclic = profile, cyclic
 
     def stop(self) -> None:
-        """Command all axes to stop, once; each SYNC that passes here sees to it from then on."""
+        """Command all axes to stop, once; later SYNCs of this class supervise the stop."""
         if self.begun:
             return
         decelerations = [self._deceleration(axis) for axis in self._axes]
-        speeds = self._speeds()
+        speeds = self._bound_speeds()
         self._profile.active.clear()
         self._cyclic.abandon()
         self.begin(speeds, decelerations)
 
     def fail(self, trouble: DriveError) -> NoReturn:
-        """Bring all axes to rest, remember why, and raise it."""
+        """Stop the axes, record the reason, and raise the error."""
         if self.trip is None:
             self.stop()
             self.trip = trouble
@@ -85,7 +85,7 @@ class Stopping(Shutdown):
         Raises
         ------
         Tripped
-            There was one, with its reason.
+            There was a trip; with its reason.
         """
         if self.trip is not None:
             raise Tripped(
@@ -93,19 +93,19 @@ class Stopping(Shutdown):
             ) from self.trip
 
     def end(self, note: Callable[[Iterable[str]], None]) -> None:
-        """Switch all axes off and allow motion again, where all have shown that they are off.
+        """Switch all axes off and permit motion again, if power-off is confirmed.
 
         Parameters
         ----------
         note : callable
-            Takes what the operator should know.
+            Receives messages for the operator.
 
         Raises
         ------
         DriveFault
-            A drive does not show it; the trip stays.
+            A drive does not confirm power-off; the trip stays.
         """
-        with interrupts_held():
+        with hold_interrupts():
             self.stop()
             self.switch_off()
             note(self.conclude())
@@ -119,27 +119,27 @@ class Stopping(Shutdown):
         self.forget()
         self.trip = None
 
-    def _speeds(self) -> list[float]:
-        """Return how fast each axis may be [rad/s or m/s]: as measured, or commanded if faster."""
+    def _bound_speeds(self) -> list[float]:
+        """Return an upper bound of each axis's speed [rad/s or m/s]: measured or commanded."""
         try:
-            seen = self._process_data.speeds()
-            return [self._speed(axis, seen[axis.index]) for axis in self._axes]
+            speeds = []
+            for axis, counts in zip(self._axes, self._process_data.speeds(), strict=True):
+                # an unseen axis (inf) may have its limit; a jump of the encoder is no speed
+                unseen = math.isinf(counts)
+                seen = axis.drive.limits.velocity if unseen else counts * axis.per_count
+                commanded = (each.velocity(axis.index) for each in (self._cyclic, self._profile))
+                speeds.append(max(*commanded, min(seen, fastest(axis.drive))))
         except Exception:  # nothing may keep the axes from being stopped
             return [axis.drive.limits.velocity for axis in self._axes]
-
-    def _speed(self, axis: Axis, counts: float) -> float:
-        """Return the speed of one axis whose encoder shows `counts` [increments/s], inf: unseen."""
-        seen = axis.drive.limits.velocity if math.isinf(counts) else counts * axis.per_count
-        commanded = (each.velocity(axis.index) for each in (self._cyclic, self._profile))
-        return max(*commanded, min(seen, fastest(axis.drive)))  # a jump of the encoder is none
+        return speeds
 
     def _deceleration(self, axis: Axis) -> float:
-        """Return how an axis slows down in a quick stop [rad/s^2 or m/s^2].
+        """Return a lower bound of an axis's quick stop deceleration [rad/s^2 or m/s^2].
 
-        As the drives file states it, as the drive has it, or as the axis was moved.
+        As stated in the drives file, as held by the drive, or as commanded last.
         """
         slowest = SLOWEST_STOP * axis.stated.limits.acceleration
         ours = max(axis.stop_deceleration or axis.drive.limits.acceleration, slowest)
         if axis.server.missing & {objects.QUICK_STOP_OPTION, objects.QUICK_STOP_DECELERATION}:
-            ours = min(ours, self._profile.deceleration(axis.index))  # it may take that of 6084
+            ours = min(ours, self._profile.deceleration(axis.index))  # it may use 6084
         return axis.stated.quick_stop_deceleration or ours

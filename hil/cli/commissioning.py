@@ -102,7 +102,8 @@ def jog(
     yes: Yes = False,
 ) -> None:
     """Move one axis by a small distance, slowly; no other axis is powered."""
-    from drivers.operator_tools import jog as jogging
+    from drivers.operator_tools import home as jogging
+    from drivers.operator_tools.small_move import format_coordinate
     from hil.cli import bus_access
 
     drives = bus_access.selected(drives_file)
@@ -117,10 +118,13 @@ def jog(
         position_unit="m" if drive.joint == "prismatic" else "rad",
         peak_torque=float(stroke.peak_torque), torque_unit=torque,
     )  # fmt: skip
+    start, end, error = (
+        format_coordinate(drive, value)
+        for value in (stroke.q[0], stroke.q[-1], stroke.following_error)
+    )
     say(
-        f"{drive.name}: from {jogging.shown(drive, stroke.q[0])} to"
-        f" {jogging.shown(drive, stroke.q[-1])}, torque at most {stroke.peak_torque:.3g} {torque},"
-        f" following error at most {jogging.shown(drive, stroke.following_error)}; off"
+        f"{drive.name}: from {start} to {end}, torque at most {stroke.peak_torque:.3g} {torque},"
+        f" following error at most {error}; off"
     )
 
 
@@ -140,7 +144,7 @@ def home(
     """Home one axis by its drive's own homing mode; no other axis is powered."""
     from checked_files.yaml_file import FileError
     from drivers.operator_tools import home as homing
-    from drivers.operator_tools.jog import shown
+    from drivers.operator_tools.small_move import format_coordinate
     from hil.cli import bus_access
 
     drives = bus_access.selected(drives_file)
@@ -152,7 +156,7 @@ def home(
     with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
         q = homing.home(bus, drives, drive, how, operator, patience=patience, keeper=keeper)
     give(axis=drive.name, method=how.method, q=float(q))
-    say(f"{drive.name}: homed by method {how.method}, stands at {shown(drive, q)}; off")
+    say(f"{drive.name}: homed by method {how.method}, stands at {format_coordinate(drive, q)}; off")
 
 
 @expand_records

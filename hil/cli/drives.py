@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from drivers.dictionary.dictionary import Dictionary
-    from drivers.dictionary.found_nodes import FoundNode, Scan
+    from drivers.dictionary.review import FoundNode, Scan
     from drivers.operator_tools.draft import DraftedAxis
 
 commands = typer.Typer()
@@ -95,7 +95,7 @@ def new(
 ) -> None:
     """Write a first drives file from data sheets or from the drives, and list what to fill in."""
     from checked_files.yaml_file import UNSTATED
-    from drivers.opening import ETHERCAT, rules_of
+    from drivers.opening import ETHERCAT, find_rules
     from drivers.operator_tools.draft import draft_drives
     from hil.runs.atomic_file import write_file
 
@@ -111,7 +111,7 @@ def new(
         bitrate = bitrate or BITRATE
         where = DrivesBus(interface, channel, bus_option)
         axes = _from_bus(where, bitrate, _numbers(nodes))
-    text = draft_drives(axes, rules_of(interface), bitrate)
+    text = draft_drives(axes, find_rules(interface), bitrate)
     write_file(output, text.encode())
     choices: dict[str, list[str]] = {}
     for number, axis in enumerate(axes, start=1):
@@ -136,7 +136,7 @@ def _from_sheets(
 ) -> list[DraftedAxis]:
     """Read data sheets: one for all nodes, or as many as there are nodes."""
     from drivers.dictionary.review import review
-    from drivers.opening import read_eds, read_esi, rules_of
+    from drivers.opening import find_rules, read_eds, read_esi
     from drivers.operator_tools.draft import DraftedAxis
 
     if nodes and len(files) == 1:
@@ -146,11 +146,11 @@ def _from_sheets(
             f"{len(nodes)} nodes and {len(files)} data sheets: give one sheet for all nodes or as"
             " many as nodes"
         )
-    axes, rules = [], rules_of(interface)
+    axes, rules = [], find_rules(interface)
     for number, file in enumerate(files):
         whole = (read_esi if interface else read_eds)(file, nodes[number] if nodes else None)
         for within in whole.axes():
-            dictionary = whole.of_axis(within)
+            dictionary = whole.select_axis(within)
             reviewed = review(dictionary, rules)
             axes.append(DraftedAxis(dictionary, reviewed, whole.node, within))
     return axes

@@ -77,7 +77,7 @@ def _put_back(bus: Fieldbus, settings: FoundSettings, file: Path) -> tuple[Found
             say(f"{drive.name} (node {drive.node}): {drive.doubt}", style="yellow")
     for each in put_back(bus, settings):
         show_changed(each.label, each.written, "put back")
-        settings = settings.with_drives([each.drive])
+        settings = settings.update_drives([each.drive])
         write_file(file, dump_found_settings(settings).encode())
         for line in each.left:
             say(line, style="yellow")

@@ -121,9 +121,9 @@ class BusInFront:
         self._streaming = self._bus
 
     @property
-    def along(self) -> float:
+    def path_index(self) -> float:
         """Where on the path that is streamed the last sample was."""
-        return self._streaming.along if self._streaming else 0.0
+        return self._streaming.path_index if self._streaming else 0.0
 
 
 class FeedingBus(BusInFront):

@@ -100,8 +100,8 @@ def _followed(bus: DriveBus, trajectory: Trajectory, slow: float) -> Iterator[tu
     while not reached:
         sample = bus.sample()
         reached = sample.reached
-        yield sample, bus.along
-        if bus.along >= len(path) - 1:
+        yield sample, bus.path_index
+        if bus.path_index >= len(path) - 1:
             arrived = min(arrived, sample.time)
         if sample.time - arrived > GRACE:
             bus.halt()

@@ -246,5 +246,5 @@ def _resolutions(
     drives = known_drives(robot, drives_file)
     if drives is None:
         return None, None
-    scales = [AxisScale.of(axis) for axis in drives.axes]
+    scales = [AxisScale.derive(axis) for axis in drives.axes]
     return [scale.torque_step for scale in scales], [abs(scale.position) for scale in scales]

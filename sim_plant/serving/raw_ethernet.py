@@ -23,7 +23,7 @@ IDLE = 0.1
 """How long the server waits for a frame before it looks at `stop_event` [s]."""
 EAGER = 0.0003
 """How long the next frame of a master in lock-step is looked for before the server goes to sleep
-[s]: some ten cycles of such a master; waking up takes longer than one (drivers/awake.py)."""
+[s]: some ten cycles of such a master; waking up takes longer than one (drivers/sync_clock.py)."""
 _FRAME_MAX = 2048
 _OURS = 4
 """Packet type of a frame that leaves (PACKET_OUTGOING)."""

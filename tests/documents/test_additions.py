@@ -17,7 +17,7 @@ from fault_table.cases import CASES
 
 from benchmarks.rivals import RIVALS
 from drivers import rate_units
-from drivers.commissioning import kept_values, requirements
+from drivers.commissioning import requirements
 from hil.estimation.consistent import conditions
 from hil.estimation.identify import METHODS
 from hil.estimation.local_fits import LOCAL_FITS
@@ -75,8 +75,9 @@ REGISTRIES = {
         Registry("benchmarks/rivals/__init__.py", RIVALS.values()),
     ),
     "a drive's deviation": (
-        Registry("drivers/commissioning/requirements.py", [requirements.with_rows]),
-        Registry("drivers/commissioning/kept_values.py", [kept_values.Kept]),
+        Registry(
+            "drivers/commissioning/requirements.py", [requirements.add_rows, requirements.Kept]
+        ),
         Registry("sim_plant/personality.py", [personality.Personality]),
     ),
     "a drive's unit of velocities": (Registry("drivers/rate_units.py", [rate_units.NamedRate]),),

@@ -20,7 +20,7 @@ MANUTEC = Path(__file__).parents[2] / "hil" / "robots" / "manutec-r15.drives.yam
 
 
 def scale(**changes: Any) -> AxisScale:
-    return AxisScale.of(drives(axis(**changes)).axes[0])
+    return AxisScale.derive(drives(axis(**changes)).axes[0])
 
 
 def current(basis: str, amplitude: str | None = "peak") -> dict[str, Any]:
@@ -40,14 +40,14 @@ AXES = st.builds(
 
 @given(AXES, st.floats(-10, 10))
 def test_a_position_comes_back_within_half_an_increment(stated: dict[str, Any], q: float) -> None:
-    s = AxisScale.of(drives(stated).axes[0])
+    s = AxisScale.derive(drives(stated).axes[0])
     back = s.position_from_counts(float(s.position_to_counts(q)))
     assert abs(back - q) <= 0.5 * abs(s.position) * (1 + 1e-6)
 
 
 @given(AXES, st.integers(-(2**30), 2**30))
 def test_every_count_comes_back_exactly(stated: dict[str, Any], counts: int) -> None:
-    s = AxisScale.of(drives(stated).axes[0])
+    s = AxisScale.derive(drives(stated).axes[0])
     assert s.position_to_counts(s.position_from_counts(float(counts))) == counts
 
 
@@ -55,7 +55,7 @@ def test_every_count_comes_back_exactly(stated: dict[str, Any], counts: int) -> 
 def test_velocities_and_accelerations_are_never_rounded_up_and_lose_less_than_a_count(
     stated: dict[str, Any], value: float
 ) -> None:
-    s = AxisScale.of(drives(stated).axes[0])
+    s = AxisScale.derive(drives(stated).axes[0])
     for counts, unit in (
         (s.velocity_to_counts(value), s.velocity),
         (s.acceleration_to_counts(value), s.acceleration),
@@ -141,7 +141,7 @@ def test_a_prismatic_axis_is_scaled_by_its_radians_per_metre() -> None:
 def test_the_packaged_drives_give_peak_torque_at_three_times_rated() -> None:
     packaged = load_drives(MANUTEC)
     assert [a.node for a in packaged.axes] == [1, 2, 3, 4, 5, 6]
-    peaks = [abs(AxisScale.of(a).torque_from_counts(3000.0)) for a in packaged.axes]
+    peaks = [abs(AxisScale.derive(a).torque_from_counts(3000.0)) for a in packaged.axes]
     assert peaks == pytest.approx([945, 1890, 540, 210, 186, 75], rel=2e-3)
 
 

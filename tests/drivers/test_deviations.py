@@ -12,9 +12,8 @@ from personalities import drives_for, plant_file
 from pydantic import ValidationError
 
 from drivers.axis import AxisScale
-from drivers.canopen.bus_load import cycle_time
 from drivers.canopen.monitor import BusPicture
-from drivers.canopen.sync_rate import achievable_rate
+from drivers.canopen.sync_rate import achievable_rate, cycle_time
 from drivers.cia402.states import State
 from drivers.drive_bus import DriveFault, DriveRefused, Move
 from drivers.drives_file import AxisDrive, DrivesFile
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 Objects = dict[tuple[int, int], Any]
 
 OFF = 1 << 31
-SCALES = [AxisScale.of(axis) for axis in drives_file().axes]
+SCALES = [AxisScale.derive(axis) for axis in drives_file().axes]
 IDENTIFIER_AND_FRAME = (1 << 30) - 1
 STATUS, POSITION, CURRENT, MODE = 0x60410010, 0x60640020, 0x60780010, 0x60610008
 

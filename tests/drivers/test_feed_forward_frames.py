@@ -123,7 +123,7 @@ def test_offsets_are_in_the_drive_s_units_and_direction() -> None:
     sent = np.array(offsets(frames))
     per_mille = -TORQUE / (axis.gear_ratio * axis.rated_torque / 1000)
     assert sent[:, 1].min() == pytest.approx(per_mille, abs=1)
-    assert sent[:, 0].min() == pytest.approx(VELOCITY / AxisScale.of(axis).position, rel=1e-3)
+    assert sent[:, 0].min() == pytest.approx(VELOCITY / AxisScale.derive(axis).position, rel=1e-3)
     assert not np.any(offsets(frames, 1))
 
 

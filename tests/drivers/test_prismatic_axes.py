@@ -13,10 +13,10 @@ from fake_fieldbus import axes_of
 from local_bench import NODES, drives_file
 
 from drivers.axis import AxisScale
-from drivers.canopen.requirements import REQUIREMENTS
+from drivers.canopen.rules import REQUIREMENTS
 from drivers.cia402 import objects
-from drivers.cia402.stream_limits import check_path
-from drivers.commissioning.readback import readback
+from drivers.cia402.set_point_limits import check_path
+from drivers.commissioning.configure import make_judge
 from drivers.drive_bus import DriveError, LimitExceeded, Move
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Act = Callable[[Any, CanopenDriveBus], None]
 
 DRIVES = drives_file(joint="prismatic")
-PER_METRE = 1 / abs(AxisScale.of(DRIVES.axes[0]).position)
+PER_METRE = 1 / abs(AxisScale.derive(DRIVES.axes[0]).position)
 OF_ROTATION = re.compile(r"\brad\b|N m\b")
 
 
@@ -161,7 +161,7 @@ def test_paths_are_refused_in_metres(path: list[float], words: str) -> None:
 
 
 def test_what_a_drive_keeps_instead_is_stated_in_metres() -> None:
-    judge = readback(DRIVES.axes[0], DRIVES, REQUIREMENTS)
+    judge = make_judge(DRIVES.axes[0], DRIVES, REQUIREMENTS)
     counts = 2 * round(PER_METRE), round(PER_METRE)
     for entry, unit in (
         (objects.SOFTWARE_LIMIT_MAX, "m"),

@@ -12,8 +12,7 @@ import pytest
 import yaml
 from personalities import drives_for, plant_file
 
-from drivers.axis import Wrap
-from drivers.cia402.unwrapping import unwrapped
+from drivers.axis import Wrap, unwrap_positions
 from drivers.drive_bus import DriveRefused, Move, Tripped
 from drivers.opening import open_drive_bus
 from sim_plant.personality import load_personality
@@ -53,13 +52,13 @@ def gone(bus: CanopenDriveBus, *targets: float) -> tuple[np.ndarray, np.ndarray]
 @pytest.mark.parametrize("place", [-7, 0, 5, 99, 100, 123])
 def test_each_position_is_one_place_of_the_axis(place: int) -> None:
     wrap = Wrap(low=20, size=150, first=-20)
-    assert 20 <= wrap.wrapped(place) < 170
-    assert wrap.unwrapped(wrap.wrapped(place)) == place
+    assert 20 <= wrap.wrap(place) < 170
+    assert wrap.unwrap(wrap.wrap(place)) == place
 
 
 def test_every_target_goes_out_within_the_range_of_its_drive() -> None:
     inner, wrap = Mock(), Wrap(low=20, size=150, first=-20)
-    there = unwrapped(inner, [SimpleNamespace(wrap=wrap), SimpleNamespace(wrap=None)])
+    there = unwrap_positions(inner, [SimpleNamespace(wrap=wrap), SimpleNamespace(wrap=None)])
     there.lead(0, -7)
     there.command(0, -7, 0x1F)
     there.lead(1, -7)

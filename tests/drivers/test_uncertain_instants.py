@@ -9,7 +9,7 @@ import can
 import numpy as np
 import pytest
 
-from drivers.ethercat.reference_clock import ReferenceClock
+from drivers.ethercat.clocks import ReferenceClock
 from drivers.sync_clock import CERTAIN, LockStep, WallClock
 from sim_plant.plant import load_plant
 from sim_plant.serving import wall_clock
@@ -32,18 +32,18 @@ class Host:
         return self.time
 
 
-def sent(clock: WallClock, host: Host, took: float) -> float:
+def note_sent(clock: WallClock, host: Host, took: float) -> float:
     """Let a SYNC be sent in a call that takes `took` [s]; return its instant."""
     host.time += clock.due()
-    clock.sending()
+    clock.note_sending()
     host.time += took
-    return clock.sent()
+    return clock.note_sent()
 
 
 def test_a_sync_is_timed_in_the_middle_of_what_sending_took() -> None:
     host = Host()
     clock = WallClock(PERIOD, clock=host)
-    instants = [sent(clock, host, took) for took in (0.0, 0.0002, 0.0)]
+    instants = [note_sent(clock, host, took) for took in (0.0, 0.0002, 0.0)]
     assert np.diff(instants) == pytest.approx([PERIOD + 0.0001, PERIOD - 0.0001])
 
 
@@ -51,21 +51,21 @@ def test_a_sync_is_timed_in_the_middle_of_what_sending_took() -> None:
 def test_a_sync_whose_sending_was_interrupted_is_uncertain(share: float, uncertain: bool) -> None:
     host = Host()
     clock = WallClock(PERIOD, clock=host)
-    sent(clock, host, share * CERTAIN * PERIOD)
+    note_sent(clock, host, share * CERTAIN * PERIOD)
     assert clock.uncertain is uncertain
-    sent(clock, host, 0.0)
+    note_sent(clock, host, 0.0)
     assert not clock.uncertain
 
 
 def test_lock_step_and_clocks_of_drives_are_never_uncertain() -> None:
     host = Host()
     step = LockStep(PERIOD, synchronous=True)
-    step.sending()
-    step.sent()
+    step.note_sending()
+    step.note_sent()
     assert not step.uncertain
     reference = ReferenceClock(PERIOD, host=host)
     reference.begin(0, host())
-    sent(reference, host, 0.5 * PERIOD)
+    note_sent(reference, host, 0.5 * PERIOD)
     assert not reference.uncertain
 
 

@@ -22,7 +22,7 @@ from drivers.drives_file import DrivesFile, load_drives
 from drivers.ethercat import registers as reg
 from drivers.ethercat.bus import EthercatBus
 from drivers.ethercat.line import Line
-from drivers.ethercat.station import Station
+from drivers.ethercat.slaves import Station
 from drivers.ethercat.wire import RawWire
 from drivers.opening import open_drive_bus
 from hil.model.robot import ROBOTS, Robot

@@ -9,15 +9,14 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from drivers.canopen.requirements import REQUIREMENTS
-from drivers.commissioning.kept_values import EXACT
-from drivers.commissioning.requirement import Lack, Use
-from drivers.ethercat.requirements import REQUIREMENTS as OVER_ETHERCAT
+from drivers.canopen.rules import REQUIREMENTS
+from drivers.commissioning.requirements import EXACT, Lack, Use
+from drivers.ethercat.rules import REQUIREMENTS as OVER_ETHERCAT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
-    from drivers.commissioning.requirement import Requirement
+    from drivers.commissioning.requirements import Requirement
     from drivers.fieldbus import Entry
 
 DOCS = Path(__file__).parents[2] / "docs"

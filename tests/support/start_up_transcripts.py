@@ -24,7 +24,7 @@ from probing_bench import Scripted
 from sdo_transcript import transcript
 
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.scan import scan_bus
+from drivers.canopen.monitor import scan_bus
 from drivers.drive_bus import DriveRefused, Move
 from drivers.operator_tools.check import check
 from drivers.operator_tools.check_powered import SmallMoves

@@ -19,7 +19,6 @@ from hostile.plant_storm import recorded_session, storm
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drivers.canopen.emergency import Emergencies
 from drivers.canopen.network import PumpedNetwork
 from drivers.canopen.sdo import server_of
 from drivers.cia402.error_codes import decode_emergency
@@ -241,7 +240,7 @@ def test_an_emergency_without_a_code_takes_no_other_back(length: int) -> None:
     with Scripted([]) as bus:
         network = PumpedNetwork(bus, synchronous=True)
         supervision = Supervision([server_of(network, Place(1, "axis"))])
-        Emergencies(network, [1], supervision.take_emergency)
+        network.subscribe(0x81, lambda _, data, __: supervision.take_emergency(1, bytes(data)))
         network.notify(0x81, bytearray(b"\x10\x23"), 0.0)
         network.notify(0x81, bytearray(length), 0.0)
         assert "2310" in str(supervision.diagnose(server_of(network, Place(1, "axis")), 0x08))

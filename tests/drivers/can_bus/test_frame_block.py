@@ -7,8 +7,7 @@ import struct
 import can
 import pytest
 
-from drivers.can_bus.capabilities import capabilities_of
-from drivers.can_bus.frame_block import FrameBlock
+from drivers.can_bus.capabilities import FrameBlock, find_capabilities
 
 FRAME = struct.Struct("=IB3x8s")
 LAYOUTS = "Hih", "xxb"
@@ -59,7 +58,7 @@ def test_a_block_of_the_plant_is_its_messages() -> None:
         write(bus, 0x1800, 2, 1, 1)  # on every SYNC
         write(bus, 0x1800, 1, 0x181, 4)
         bus.send(can.Message(arbitration_id=0, data=[1, 1], is_extended_id=False))
-        source = capabilities_of(bus).blocks
+        source = find_capabilities(bus).blocks
         assert source is not None
         while bus.recv(0.0) or beside.recv(0.0):
             pass

@@ -14,8 +14,7 @@ from canopen_drive_bus import CanopenDriveBus
 
 from checked_files.yaml_file import FileError
 from drivers.can_bus.frame_log import FrameLog
-from drivers.can_bus.replay_bus import ReplayBus
-from drivers.can_bus.replay_log import ReplayLog
+from drivers.can_bus.replay_bus import ReplayBus, ReplayLog
 from drivers.drive_bus import BusUnavailable, SampleFlag
 from drivers.drives_file import DrivesFile, load_drives
 from drivers.opening import open_drive_bus

@@ -145,10 +145,10 @@ def test_a_peer_that_answers_at_once_finds_us_awake_where_we_may_wait_long(
         slept = True
         peer.send(frame())
 
-    monkeypatch.setattr(LocalBus, "_await", sleep)
+    monkeypatch.setattr(LocalBus, "_wait", sleep)
     # however busy this computer is, no time passes before the peer has answered
-    monkeypatch.setattr("drivers.awake.time.perf_counter", lambda: 0.0)
-    monkeypatch.setattr("drivers.awake.os.sched_yield", lambda: peer.send(frame()))
+    monkeypatch.setattr("drivers.sync_clock.time.perf_counter", lambda: 0.0)
+    monkeypatch.setattr("drivers.sync_clock.os.sched_yield", lambda: peer.send(frame()))
     assert bus.recv(timeout) is not None
     assert slept == asleep
 

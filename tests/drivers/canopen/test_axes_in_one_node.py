@@ -21,7 +21,7 @@ from drivers.canopen.bus import CanopenBus
 from drivers.dictionary.review import review
 from drivers.drive_bus import DriveFault, Move, NodeSilent, Sample, Tripped
 from drivers.drives_file import DrivesFile
-from drivers.opening import read_eds, rules_of
+from drivers.opening import find_rules, read_eds
 from drivers.operator_tools.draft import DraftedAxis, draft_drives
 from drivers.session.connection import places_of
 from sim_plant.canopen.eds import drive_eds
@@ -102,7 +102,7 @@ def test_a_scan_finds_each_axis_with_its_own_ratings_and_a_draft_names_all(
             *node.further,
         )
     ]
-    text = draft_drives(axes, rules_of(None))
+    text = draft_drives(axes, find_rules(None))
     stated = [line.strip() for line in text.splitlines()]
     for number, drive in enumerate(load_machine(plant_of(tmp_path, each)).drives):
         assert axes[number].node == drive.node_id
@@ -198,7 +198,7 @@ def test_a_data_sheet_with_the_first_four_pdos_for_two_axes_gives_two_to_each(
     path.write_text(text)
     sheet = read_eds(path, 5)
     assert [within.pdos for within in sheet.axes()] == [(1, 2), (3, 4)]
-    assert all(review(sheet.of_axis(each), rules_of(None)).serves for each in sheet.axes())
+    assert all(review(sheet.select_axis(each), find_rules(None)).serves for each in sheet.axes())
 
 
 def test_axes_of_one_node_are_counted_and_their_pdos_kept_apart() -> None:

@@ -39,8 +39,8 @@ class Bench:
         )
         clock: Any = SimpleNamespace(
             synchronous=True,
-            sending=lambda: None,
-            sent=self.tick,
+            note_sending=lambda: None,
+            note_sent=self.tick,
             passed_over=0,
             uncertain=False,
         )

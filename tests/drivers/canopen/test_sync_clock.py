@@ -70,7 +70,7 @@ def test_the_wall_clock_on_request_is_kept_even_on_a_stepped_bus() -> None:
 def test_lock_step_counts_periods_and_is_always_due() -> None:
     pacing = LockStep(PERIOD, synchronous=True)
     assert pacing.due() == 0.0
-    assert [pacing.sent() for _ in range(3)] == [1 * PERIOD, 2 * PERIOD, 3 * PERIOD]
+    assert [pacing.note_sent() for _ in range(3)] == [1 * PERIOD, 2 * PERIOD, 3 * PERIOD]
     assert pacing.now() == 3 * PERIOD
     assert pacing.window() == 0.0
 
@@ -78,7 +78,7 @@ def test_lock_step_counts_periods_and_is_always_due() -> None:
 def test_lock_step_with_another_thread_gives_it_a_limited_time() -> None:
     clock = Clock()
     pacing = LockStep(PERIOD, synchronous=False, clock=clock)
-    pacing.sent()
+    pacing.note_sent()
     assert pacing.window() == pytest.approx(PATIENCE)
     clock.time += PATIENCE + 1
     assert pacing.window() == 0.0
@@ -90,7 +90,7 @@ def test_the_wall_clock_keeps_absolute_deadlines_without_drift() -> None:
     for number in range(100):
         clock.time += pacing.due()
         assert clock.time == pytest.approx(100.0 + number * PERIOD)
-        pacing.sent()
+        pacing.note_sent()
         clock.time += 0.3 * PERIOD
 
 
@@ -99,7 +99,7 @@ def test_a_sync_that_is_a_little_late_does_not_shift_the_next_deadline() -> None
     pacing = WallClock(PERIOD, clock=clock)
     clock.time += 0.4 * PERIOD
     assert pacing.due() == 0.0
-    assert pacing.sent() == pytest.approx(0.4 * PERIOD)
+    assert pacing.note_sent() == pytest.approx(0.4 * PERIOD)
     assert pacing.due() == pytest.approx(0.6 * PERIOD)
     assert pacing.skipped == 0
 
@@ -108,12 +108,12 @@ def test_missed_deadlines_are_skipped_and_counted_never_made_up_for() -> None:
     clock = Clock()
     pacing = WallClock(PERIOD, clock=clock)
     pacing.due()
-    pacing.sent()
+    pacing.note_sent()
     clock.time += 4.7 * PERIOD
     assert pacing.due() == pytest.approx(0.3 * PERIOD)
     assert pacing.skipped == 4
     clock.time += pacing.due()
-    pacing.sent()
+    pacing.note_sent()
     assert pacing.due() == pytest.approx(PERIOD)
 
 
@@ -121,12 +121,12 @@ def test_after_a_pause_the_grid_goes_on_and_nothing_counts_as_skipped() -> None:
     clock = Clock()
     pacing = WallClock(PERIOD, clock=clock)
     pacing.due()
-    pacing.sent()
+    pacing.note_sent()
     clock.time += PAUSE + 3.7 * PERIOD
     left = pacing.due()
     assert left == pytest.approx(0.3 * PERIOD)
     clock.time += left
-    pacing.sent()
+    pacing.note_sent()
     assert pacing.skipped == 0
     assert pacing.due() == pytest.approx(PERIOD)
 
@@ -134,7 +134,7 @@ def test_after_a_pause_the_grid_goes_on_and_nothing_counts_as_skipped() -> None:
 def test_answers_have_a_share_of_the_period() -> None:
     clock = Clock()
     pacing = WallClock(PERIOD, clock=clock)
-    pacing.sent()
+    pacing.note_sent()
     assert pacing.window() == pytest.approx(WINDOW * PERIOD)
     clock.time += PERIOD
     assert pacing.window() == 0.0
@@ -144,7 +144,7 @@ def test_a_sync_that_its_sender_woke_too_late_for_takes_the_place_of_the_next() 
     clock = Clock()
     pacing = WallClock(PERIOD, clock=clock)
     clock.time += pacing.due() + 0.8 * PERIOD
-    assert pacing.sent() == pytest.approx(0.8 * PERIOD)
+    assert pacing.note_sent() == pytest.approx(0.8 * PERIOD)
     assert pacing.due() == pytest.approx(1.2 * PERIOD)
     assert pacing.skipped == 1
 
@@ -159,7 +159,7 @@ def test_however_late_the_caller_comes_or_wakes_syncs_never_come_in_bursts(
     for overslept, stay in late:
         due = pacing.due()
         clock.time += due + overslept * (due > 0)
-        instants.append(pacing.sent())
+        instants.append(pacing.note_sent())
         clock.time += stay
     gaps = [after - before for before, after in pairwise(instants)]
     assert min(gaps) >= (1 - TOO_LATE) * PERIOD * (1 - 1e-6)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from drivers.fieldbus import LifeSign
 
 AXES = drives_file().axes
-SCALES = [AxisScale.of(axis) for axis in AXES]
+SCALES = [AxisScale.derive(axis) for axis in AXES]
 
 
 @pytest.fixture

@@ -73,7 +73,7 @@ def test_what_is_fed_forward_goes_with_the_pace_and_what_holds_the_axes_stays() 
     path.step()
     path.pace = 0.5
     assert path.fed == [[50, 20 + 50 // 4]] * 2
-    path.late(3 * PERIOD)
+    path.note_late(3 * PERIOD)
     assert path.fed == [[0, 20]] * 2
 
 
@@ -81,7 +81,7 @@ def test_as_long_as_set_points_are_late_axes_overrun_by_no_more_than_their_windo
     path, overrun = Path(swing(T), LIMITS, WINDOWS, PERIOD), []
     for number in range(1, 2000):
         if number % 20 == 0:
-            path.late(2 * PERIOD)
+            path.note_late(2 * PERIOD)
         overrun.append(np.abs(path.overrun[0]) / WINDOWS)
         path.step()
     assert np.max(overrun[:20]) < np.max(overrun[60:]) < 1.1
@@ -95,7 +95,7 @@ def test_the_more_often_set_points_are_late_the_slower_the_path_is_passed() -> N
         path = Path(swing(T), LIMITS, WINDOWS, PERIOD)
         for number in range(1, 1200):
             if number % every == 0:
-                path.late(PERIOD)
+                path.note_late(PERIOD)
             path.step()
         paces.append(path.at / 1199)
     assert paces[0] == 1.0
@@ -107,7 +107,7 @@ def test_the_more_often_set_points_are_late_the_slower_the_path_is_passed() -> N
 def test_set_points_that_are_all_a_little_late_slow_a_path_down_by_the_time_they_stay_out() -> None:
     path = Path(swing(T), LIMITS, WINDOWS, PERIOD)
     for number in range(1200):
-        path.late(0.2 * PERIOD * (number % 2))
+        path.note_late(0.2 * PERIOD * (number % 2))
         path.step()
         path.at = min(path.at, 600.0)  # where the swing is quick
     assert path.pace == pytest.approx(OUT / 0.1, rel=0.02)
@@ -119,7 +119,7 @@ def test_stalls_that_never_end_slow_a_path_down_no_further_than_they_are_harmles
         path = Path(swing(T), LIMITS, WINDOWS, PERIOD)
         for number in range(1, 1200):
             if number % 25 == 0:
-                path.late(stalled * PERIOD)
+                path.note_late(stalled * PERIOD)
             path.step()
         progress.append(path.at / 1199)
     assert progress == sorted(progress, reverse=True)
@@ -134,9 +134,9 @@ def test_a_short_stall_takes_of_the_pace_what_the_limits_let_the_axes_lose_meanw
     for _ in range(150):
         path.step()
     before, speeds = path.pace, np.abs(np.diff(swing(T)[149:152:2], axis=0)[0]) / (2 * PERIOD)
-    path.late(periods * PERIOD)
+    path.note_late(periods * PERIOD)
     lost = (before - path.pace) * speeds
     assert (lost <= np.array(LIMITS) * periods * PERIOD * (1 + 1e-6)).all()
     assert path.pace > 0.5
-    path.late(1000 * PERIOD)
+    path.note_late(1000 * PERIOD)
     assert path.pace == 0.0

@@ -26,7 +26,7 @@ def bus() -> FakeFieldbus:
 
 def test_positions_count_from_zero_and_currents_are_torques(bus: FakeFieldbus) -> None:
     sample = SampleReader(Axis.all(AXES, bus.drives)).sample(0.1, bus, reached=True)
-    scales = [AxisScale.of(axis) for axis in AXES]
+    scales = [AxisScale.derive(axis) for axis in AXES]
     expected = [s.position_from_counts(p) for s, p in zip(scales, bus.positions, strict=True)]
     assert sample.q == pytest.approx(expected)
     assert sample.tau == pytest.approx([1.0, -2.0, -3.0])  # 0.1 N m per mille, joint 2 reversed

@@ -49,7 +49,7 @@ def test_a_set_point_that_comes_before_the_last_is_acknowledged_takes_its_place(
     motion.start({0: Move(0.1, 0.5, 10.0)})
     while motion.active:
         assert motion.advance(bus.sync(), bus) is None
-    q = AxisScale.of(drives_file().axes[0]).position_from_counts(bus.positions[0])
+    q = AxisScale.derive(drives_file().axes[0]).position_from_counts(bus.positions[0])
     assert q == pytest.approx(0.1, abs=1e-3)
 
 

@@ -447,7 +447,7 @@ def test_outside_a_session_nothing_can_be_commanded(
 def test_two_signals_at_once_keep_nothing_powered(
     can_bus: Any, drive_bus: CanopenDriveBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    held = servo_axes.interrupts_held
+    held = servo_axes.hold_interrupts
     pressed: list[int] = []
 
     @contextmanager
@@ -458,7 +458,7 @@ def test_two_signals_at_once_keep_nothing_powered(
         with held():
             yield
 
-    monkeypatch.setattr(servo_axes, "interrupts_held", late)
+    monkeypatch.setattr(servo_axes, "hold_interrupts", late)
     with pytest.raises(KeyboardInterrupt), drive_bus:
         drive_bus.move(MOVES)
         samples(drive_bus, 5)

@@ -10,7 +10,7 @@ from fake_fieldbus import PERIOD, FakeDrive, FakeFieldbus
 from local_bench import drives_file
 
 from drivers.axis import Axis
-from drivers.cia402 import deadline
+from drivers.cia402 import power
 from drivers.cia402.power import Power
 from drivers.cia402.shutdown import LONGEST, Shutdown
 from drivers.cia402.states import State
@@ -74,7 +74,7 @@ def test_a_stop_whose_syncs_hardly_pass_is_given_up_later_where_brakes_close_slo
     monkeypatch: pytest.MonkeyPatch, brake_delay: float
 ) -> None:
     clock = Clock(per_sync=0.5)
-    monkeypatch.setattr(deadline, "monotonic", clock)
+    monkeypatch.setattr(power, "monotonic", clock)
     bus = Bus(clock)
     bus.silent = {0, 1, 2}
     shut_down(bus, tuple(drives_file(brake_delay=brake_delay).axes))

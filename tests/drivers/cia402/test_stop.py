@@ -58,15 +58,15 @@ def run(
     """Let SYNCs pass until a condition holds; return the instant [s]."""
     time = 0.0
     if sendable(time):
-        axis.sent(time)
+        axis.note_sent(time)
     while not until(axis):
         time += PERIOD
         assert time < limit, axis.phase
         if axis.unsent is not None and sendable(time):  # as before every SYNC
-            axis.sent(time)
+            axis.note_sent(time)
         command = axis.step(time, word(axis, time), round(position(time)), fresh=fresh(time))
         if command is not None and sendable(time):
-            axis.sent(time)
+            axis.note_sent(time)
     return time
 
 
@@ -77,7 +77,7 @@ def braking(time: float) -> float:
 
 
 def test_the_bound_follows_from_speed_and_stated_deceleration() -> None:
-    bound = StopBound.of(2.4, 15.0, 0.05)
+    bound = StopBound.compute(2.4, 15.0, 0.05)
     assert bound.time == pytest.approx(0.1 + 1.5 * 2.4 / 15.0)
     assert bound.way == pytest.approx(0.05 + 0.24 + 1.5 * 2.4**2 / 30.0)
     assert bound.time <= 0.5
@@ -86,7 +86,7 @@ def test_the_bound_follows_from_speed_and_stated_deceleration() -> None:
 
 def test_quick_stop_is_commanded_at_every_sync_until_the_drive_shows_that_it_obeys() -> None:
     axis = stop()
-    axis.sent(0.0)
+    axis.note_sent(0.0)
     commands = [axis.step(PERIOD * n, ENABLED, 0, fresh=True) for n in range(1, 6)]
     assert commands == [Command.QUICK_STOP] * 5
     assert axis.step(PERIOD * 6, STOPPING, 0, fresh=False) is Command.QUICK_STOP
@@ -132,7 +132,7 @@ def test_a_drive_that_keeps_its_voltage_is_given_up_sooner_while_its_axis_moves(
     assert ended - begun <= OFF_TIME_MOVING + SETTLING + 3 * PERIOD
     run(resting, lambda *_: STOPPING, lambda _: 0.0, until=lambda a: a.phase is StopPhase.RESTING)
     resting.disable(1.0)
-    resting.sent(1.0)
+    resting.note_sent(1.0)
     assert resting.step(1.0 + OFF_TIME, STOPPING, 0, fresh=True) is Command.DISABLE_VOLTAGE
     resting.step(1.0 + OFF_TIME + SETTLING + PERIOD, STOPPING, 0, fresh=True)
     assert resting.phase is StopPhase.LOST
@@ -156,7 +156,7 @@ def test_the_bound_begins_when_the_command_goes_out_and_the_last_position_may_be
         sendable=lambda t: t > 0.2,
         until=lambda a: a.phase is StopPhase.DISABLING,
     )
-    plain = StopBound.of(SPEED, DECELERATION, WINDOW)
+    plain = StopBound.compute(SPEED, DECELERATION, WINDOW)
     assert axis.bound.way == pytest.approx(plain.way + 0.2 * SPEED, abs=2 * PERIOD * SPEED)
     assert axis.bound.time == plain.time
 
@@ -171,9 +171,9 @@ def test_a_bus_that_takes_nothing_is_given_up_after_a_while() -> None:
 @pytest.mark.parametrize("word", [OFF, FAULT])
 def test_a_drive_that_is_off_is_told_to_stay_off_once(word: int) -> None:
     axis = stop()
-    axis.sent(0.0)
+    axis.note_sent(0.0)
     assert axis.step(PERIOD, word, 0, fresh=True) is Command.DISABLE_VOLTAGE
-    axis.sent(PERIOD)
+    axis.note_sent(PERIOD)
     assert axis.phase is StopPhase.OFF
     assert axis.step(2 * PERIOD, word, 0, fresh=True) is None
 
@@ -181,7 +181,7 @@ def test_a_drive_that_is_off_is_told_to_stay_off_once(word: int) -> None:
 def test_a_drive_that_was_off_and_shows_power_again_is_switched_off_again() -> None:
     axis = stop()
     axis.step(PERIOD, OFF, 0, fresh=True)
-    axis.sent(PERIOD)
+    axis.note_sent(PERIOD)
     assert axis.step(2 * PERIOD, ENABLED, 0, fresh=True) is Command.DISABLE_VOLTAGE
     assert axis.phase is StopPhase.DISABLING
 
@@ -208,7 +208,7 @@ def test_whatever_drive_and_bus_do_the_stop_ends_and_off_was_shown(
         if axis.phase is StopPhase.RESTING:
             axis.disable(time)
         if command is not None and sendable:
-            axis.sent(time)
+            axis.note_sent(time)
         assert time <= 3 * most + 1.0
         assert math.isfinite(axis.bound.way)
     assert axis.phase is not StopPhase.OFF or shown_off
@@ -220,7 +220,7 @@ def test_a_drive_that_comes_back_again_and_again_is_given_up() -> None:
         time += PERIOD
         word = OFF if round(time / PERIOD) % 8 == 0 else ENABLED
         if axis.step(time, word, 0, fresh=True) is not None:
-            axis.sent(time)
+            axis.note_sent(time)
         given_up = axis.phase is StopPhase.LOST
         assert time < 3.0
 
@@ -265,7 +265,7 @@ def test_the_time_for_a_command_begins_with_the_command_however_old_the_last_syn
         settling=SETTLING,
     )
     assert axis.step(10.0, 0, 0, fresh=False) is Command.QUICK_STOP
-    axis.sent(10.0)
+    axis.note_sent(10.0)
     assert axis.step(10.0 + PERIOD, STOPPING, 8000, fresh=True) is None
     assert axis.phase is StopPhase.SLOWING
 

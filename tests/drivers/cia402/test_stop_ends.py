@@ -30,7 +30,7 @@ def unsent(settled: int = 1, delay: float = 0.0) -> AxisStop:
 def begun(settled: int = 1, delay: float = 0.0) -> AxisStop:
     """Return that stop once the bus has taken its command."""
     axis = unsent(settled, delay)
-    axis.sent(0.0)
+    axis.note_sent(0.0)
     return axis
 
 
@@ -53,15 +53,15 @@ def switched_off() -> AxisStop:
 
 def test_an_axis_has_rested_for_as_long_as_it_has_stood_still() -> None:
     axis = at_rest()
-    assert axis.rested(3.0) == 3.0
+    assert axis.resting_time(3.0) == 3.0
     axis.disable(3.0)
-    assert axis.rested(4.0) == 0.0
+    assert axis.resting_time(4.0) == 0.0
 
 
 def test_a_drive_at_rest_may_take_longer_to_switch_off_than_one_in_motion() -> None:
     axis = at_rest()
     axis.disable(1.0)
-    axis.sent(1.0)
+    axis.note_sent(1.0)
     axis.step(1.0 + OFF_TIME - 0.01, STOPPING, 0, fresh=True)
     assert OFF_TIME > OFF_TIME_MOVING
     assert axis.phase is StopPhase.DISABLING
@@ -72,7 +72,7 @@ def test_a_drive_that_shows_power_again_is_given_time_anew_twice_and_not_a_third
     for begun in (10.0, 20.0, 30.0):
         axis.step(begun, ENABLED, 0, fresh=True)
         patience.append(axis.phase is StopPhase.DISABLING)
-        axis.sent(begun)
+        axis.note_sent(begun)
         axis.step(begun, OFF, 0, fresh=True)
     assert patience == [True, True, False]
 
@@ -92,7 +92,7 @@ def test_an_axis_that_has_not_ended_when_the_stop_is_given_up_is_not_seen_to_be_
 def test_a_drive_that_stays_ready_to_switch_on_counts_as_off_when_its_time_is_over() -> None:
     axis = at_rest()
     axis.disable(1.0)
-    axis.sent(1.0)
+    axis.note_sent(1.0)
     assert axis.step(1.0, READY, 0, fresh=True) is Command.DISABLE_VOLTAGE
     assert axis.phase is StopPhase.DISABLING
     axis.step(1.01 + OFF_TIME, READY, 0, fresh=True)
@@ -144,7 +144,7 @@ def test_an_axis_that_shows_off_and_moves_is_off_only_once_it_rests() -> None:
 def test_a_drive_has_half_a_second_to_switch_off_and_the_bus_two_to_take_a_command() -> None:
     axis = at_rest()
     axis.disable(1.0)
-    axis.sent(1.0)
+    axis.note_sent(1.0)
     axis.step(1.51, STOPPING, 0, fresh=True)
     assert axis.phase is StopPhase.LOST
     axis = unsent()

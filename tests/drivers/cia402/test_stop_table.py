@@ -8,7 +8,7 @@ from itertools import product
 import pytest
 
 from drivers.cia402.states import Command
-from drivers.cia402.stop import AWAITED, Shown, StopPhase, overdue, step_of
+from drivers.cia402.stop import AWAITED, Shown, StopPhase, next_step, overdue_phase
 
 OFF = {Shown.OFF, Shown.OFF_AT_REST}
 OBEYING = {Shown.OBEYING, Shown.AT_REST}
@@ -18,8 +18,10 @@ PAIRS = list(product(StopPhase, Shown))
 
 def following(phase: StopPhase, shown: Shown) -> set[StopPhase]:
     """What one SYNC may lead to, and a bound that is passed with it."""
-    after, _ = step_of(phase, shown)
-    return {after} | ({overdue(after, shown)} if after in AWAITED | {StopPhase.RESTING} else set())
+    after, _ = next_step(phase, shown)
+    return {after} | (
+        {overdue_phase(after, shown)} if after in AWAITED | {StopPhase.RESTING} else set()
+    )
 
 
 def reached(phase: StopPhase, shown: set[Shown]) -> set[StopPhase]:
@@ -35,14 +37,14 @@ def reached(phase: StopPhase, shown: set[Shown]) -> set[StopPhase]:
 
 def test_every_phase_but_that_of_an_axis_seen_to_drift_comes_and_every_pair_has_its_row() -> None:
     assert reached(StopPhase.STOPPING, set(Shown)) == set(StopPhase) - {StopPhase.ADRIFT}
-    assert len({pair: step_of(*pair) for pair in PAIRS}) == len(StopPhase) * len(Shown)
+    assert len({pair: next_step(*pair) for pair in PAIRS}) == len(StopPhase) * len(Shown)
 
 
 @pytest.mark.parametrize(("phase", "shown"), PAIRS)
 def test_an_axis_that_shows_power_is_commanded_unless_it_obeys(
     phase: StopPhase, shown: Shown
 ) -> None:
-    after, command = step_of(phase, shown)
+    after, command = next_step(phase, shown)
     if shown in {Shown.ENABLED, Shown.ON, Shown.READY}:
         assert command is not None
     if after not in BRAKING | {StopPhase.RESTING}:
@@ -54,7 +56,7 @@ def test_off_is_what_was_shown(phase: StopPhase, shown: Shown) -> None:
     if StopPhase.OFF in following(phase, shown) and phase is not StopPhase.OFF:
         assert shown in OFF | {Shown.READY}
     if shown in OFF and phase is not StopPhase.ADRIFT:
-        assert step_of(phase, shown)[0] is StopPhase.OFF
+        assert next_step(phase, shown)[0] is StopPhase.OFF
 
 
 @pytest.mark.parametrize(
@@ -73,7 +75,7 @@ def test_an_axis_that_never_shows_off_ends_lost_or_unseen(shown: Shown) -> None:
 
 @pytest.mark.parametrize("phase", StopPhase)
 def test_an_axis_that_shows_off_at_rest_is_off_wherever_its_stop_was(phase: StopPhase) -> None:
-    assert step_of(phase, Shown.OFF_AT_REST)[0] is StopPhase.OFF
+    assert next_step(phase, Shown.OFF_AT_REST)[0] is StopPhase.OFF
 
 
 def test_an_axis_that_was_seen_to_move_without_power_is_off_only_where_it_rests() -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import MoveFailed
 
 AXES = drives_file().axes
-WINDOW = AXES[1].position_window / abs(AxisScale.of(AXES[1]).position)
+WINDOW = AXES[1].position_window / abs(AxisScale.derive(AXES[1]).position)
 """Of axis 2 [increments]."""
 
 
@@ -30,7 +30,7 @@ def end(away: list[float]) -> tuple[float, MoveFailed | None]:
     trips = Trips(Axis.all(AXES, bus.drives), PERIOD)
     trips.arm(0.0, bus.positions)
     motion = CyclicPosition(bus, Axis.all(AXES, bus.drives), trips, PERIOD, bus.sync)
-    rest = [-AxisScale.of(axis).position * AxisScale.of(axis).zero for axis in AXES]
+    rest = [-AxisScale.derive(axis).position * AxisScale.derive(axis).zero for axis in AXES]
     motion.begin(np.tile(rest, (3, 1)))
     begin, turn = bus.time, 0
     while motion.moving:

@@ -13,7 +13,7 @@ from drivers.cia402.states import State
 from drivers.safety.trips import Trips
 
 AXES = drives_file().axes
-STEP = 100 * abs(AxisScale.of(AXES[0]).position)
+STEP = 100 * abs(AxisScale.derive(AXES[0]).position)
 """A way of a hundred counts [rad]."""
 
 

@@ -219,7 +219,7 @@ def test_an_axis_may_be_six_periods_and_its_window_behind_what_was_sent(
     path = np.full((100, 3), 0.4 * PERIOD) * np.arange(100)[:, None]
     q = path[50].copy()
     q[axis] = path[50 - behind, axis] - 0.999 * axes[axis].following_error_window
-    scales = [AxisScale.of(each) for each in axes]
+    scales = [AxisScale.derive(each) for each in axes]
     counts = [scale.position_to_counts(each) for scale, each in zip(scales, q, strict=True)]
     corridor.arm(0.0, counts)
     streams.begin(path)

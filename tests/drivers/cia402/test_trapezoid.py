@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.cia402.trapezoid import Trapezoid
+from drivers.cia402.path import Trapezoid
 
 T = np.linspace(0.0, 12.0, 120_001)
 

@@ -157,7 +157,7 @@ def test_the_scale_that_follows_from_a_drive_s_objects_is_that_of_its_motor(
     assume(resolution > 1 and 1 < expected < 1 << 26 and can_be_stated(expected))
     (reading,) = position_readings(factors(says))
     assert reading.per_revolution == expected
-    scale = AxisScale.of(one_axis(increments_per_revolution=expected, gear_ratio=50.0, zero=0))
+    scale = AxisScale.derive(one_axis(increments_per_revolution=expected, gear_ratio=50.0, zero=0))
     count = turned / resolution * expected  # what 6064 shows after so many encoder increments
     angle = 2 * math.pi * float(turned / resolution) / 50
     assert scale.position_from_counts(float(count)) == pytest.approx(angle, rel=1e-12)
@@ -309,15 +309,15 @@ def test_a_velocity_of_one_unit_is_that_unit_at_the_joint(
         "rad/s": 1.0,
     }[symbol]
     expected = motor * float(over) / float(under or 1) / gear_ratio
-    assert AxisScale.of(stated).velocity == pytest.approx(expected, rel=1e-12)
+    assert AxisScale.derive(stated).velocity == pytest.approx(expected, rel=1e-12)
 
 
 def test_lengths_are_those_of_the_prismatic_axis_whatever_its_spindle() -> None:
     stated = one_axis(
         joint="prismatic", gear_ratio=628.3, velocity_unit="mm/s", acceleration_unit="m/s^2"
     )
-    assert AxisScale.of(stated).velocity == pytest.approx(1e-3)
-    assert AxisScale.of(stated).acceleration == pytest.approx(1.0)
+    assert AxisScale.derive(stated).velocity == pytest.approx(1e-3)
+    assert AxisScale.derive(stated).acceleration == pytest.approx(1.0)
 
 
 def test_every_object_that_decides_is_asked_for() -> None:

@@ -8,9 +8,9 @@ import pytest
 from local_bench import build, drives_file, never_energised
 
 from drivers.canopen import objects as cia301
-from drivers.canopen.requirements import REQUIREMENTS
+from drivers.canopen.rules import REQUIREMENTS
 from drivers.cia402 import objects
-from drivers.commissioning.readback import readback
+from drivers.commissioning.configure import make_judge
 from drivers.drive_bus import DriveRefused
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ TIMEOUT = 127 << 16 | 500
 def judge() -> Judge:
     """Of joint 1, whose heartbeat period is 0.1 s and time-out 0.5 s."""
     drives = drives_file()
-    return readback(drives.axes[0], drives, REQUIREMENTS)
+    return make_judge(drives.axes[0], drives, REQUIREMENTS)
 
 
 @pytest.mark.parametrize(

@@ -8,14 +8,13 @@ import pytest
 from local_bench import build
 from requirement_tables import DOCS, TABLES, with_tables
 
-from drivers.canopen.requirements import REQUIREMENTS
+from drivers.canopen.rules import REQUIREMENTS
 from drivers.cia402 import objects
-from drivers.commissioning.requirement import Lack, Use
-from drivers.commissioning.requirements import OWN_LIMITS, reaction_for
+from drivers.commissioning.requirements import OWN_LIMITS, Lack, Use, reaction_for
 from drivers.rate_units import ACCELERATIONS, VELOCITIES
 
 if TYPE_CHECKING:
-    from drivers.commissioning.requirement import Requirement
+    from drivers.commissioning.requirements import Requirement
     from drivers.rate_units import RateUnit
 
 

@@ -23,7 +23,7 @@ from drivers.commissioning.verdict import Grade, Verdict
 from drivers.dictionary.review import review
 from drivers.drive_bus import DriveRefused
 from drivers.drives_file import DrivesFile
-from drivers.operator_tools.check_scaling import check_scaling
+from drivers.operator_tools.check_objects import check_scaling
 from drivers.operator_tools.draft import DraftedAxis, draft_drives
 
 NAMES = tuple(HABITS)
@@ -135,7 +135,7 @@ def test_lengths_per_second_are_those_that_the_spindle_makes_of_revolutions(
 def test_a_position_in_millidegrees_is_the_angle_that_the_joint_turned() -> None:
     # 0.001 degree at the output of the gear, which is the joint: nothing else to calculate
     habit = HABITS["millidegrees behind a gear"]
-    scale = AxisScale.of(drives(habit, gear_ratio=100).axes[0])
+    scale = AxisScale.derive(drives(habit, gear_ratio=100).axes[0])
     assert scale.position_from_counts(90_000.0) == pytest.approx(math.pi / 2)
 
 

@@ -13,7 +13,7 @@ from checked_files.yaml_file import FileError
 from drivers.canopen.eds_file import parse_eds, read_eds
 from drivers.canopen.rules import RULES
 from drivers.dictionary.review import review
-from drivers.operator_tools.draft_hints import also_named
+from drivers.operator_tools.draft_values import also_named
 
 if TYPE_CHECKING:
     from collections.abc import Callable

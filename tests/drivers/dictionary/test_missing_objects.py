@@ -10,8 +10,8 @@ from local_bench import build, never_energised
 from local_drives import LocalBus
 
 from drivers.canopen.eds_file import parse_eds
+from drivers.canopen.monitor import scan_bus
 from drivers.canopen.rules import RULES
-from drivers.canopen.scan import scan_bus
 from drivers.dictionary.review import review
 from drivers.drive_bus import DriveRefused
 

@@ -8,10 +8,9 @@ import pytest
 from data_sheets import MAKERS_CURRENT, TORQUE, Place, Spec, sheet
 
 from drivers.canopen.eds_file import parse_eds
-from drivers.canopen.requirements import REQUIREMENTS
-from drivers.canopen.rules import RULES
+from drivers.canopen.rules import REQUIREMENTS, RULES
 from drivers.cia402.states import Mode
-from drivers.commissioning.requirement import Lack
+from drivers.commissioning.requirements import Lack
 from drivers.dictionary.review import Review, review
 from drivers.drives_file import Basis
 from sim_plant.canopen.eds import EDS_PATH
@@ -19,7 +18,7 @@ from sim_plant.canopen.eds_variant import variant
 from sim_plant.personality import load_personality, packaged_personalities
 
 if TYPE_CHECKING:
-    from drivers.commissioning.requirement import Requirement
+    from drivers.commissioning.requirements import Requirement
 
 Changes = dict[Place, Spec | None]
 

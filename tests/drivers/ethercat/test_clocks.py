@@ -16,8 +16,7 @@ from plant_wire import PlantWire
 
 from drivers.drive_bus import Move, NodeSilent, SampleFlag
 from drivers.ethercat.bus import EthercatBus
-from drivers.ethercat.clocks import OUT_OF_STEP, Passage, delays
-from drivers.ethercat.reference_clock import SHIFT, ReferenceClock
+from drivers.ethercat.clocks import OUT_OF_STEP, SHIFT, Passage, ReferenceClock, compute_delays
 from drivers.session.servo_axes import ServoAxes
 from sim_plant.ethercat import registers as reg
 from sim_plant.ethercat.clock import HOP
@@ -244,11 +243,11 @@ def test_a_reference_that_is_lost_is_not_followed(bus: ServoAxes, wire: Cable) -
 
 def test_delays_of_a_line_and_of_a_tree() -> None:
     line = [Passage((0, 1500), 1), Passage((7000, 7900), 1), Passage((50,), 0)]
-    assert delays(line) == [0, 300, 750]
+    assert compute_delays(line) == [0, 300, 750]
     # A junction with two branches of one slave each, of 100 and 300 ns of cable.
     tree = [Passage((0, 200, 800), 2), Passage((5,), 0), Passage((6,), 0)]
-    assert delays(tree) == [0, 100, 500]
+    assert compute_delays(tree) == [0, 100, 500]
     without = [Passage((0, 1000), 1), Passage((), 1), Passage((9,), 0)]
-    assert delays(without) == [0, 0, 500], "a slave without a clock is a piece of cable"
+    assert compute_delays(without) == [0, 0, 500], "a slave without a clock is a piece of cable"
     dark = [Passage((0, 1000), 1), Passage((), 2), Passage((9,), 0), Passage((9,), 0)]
-    assert delays(dark) == [0, 0, 0, 0], "behind it nobody can share the time out"
+    assert compute_delays(dark) == [0, 0, 0, 0], "behind it nobody can share the time out"

@@ -14,7 +14,7 @@ from drivers.cia402 import objects
 from drivers.dictionary.review import review
 from drivers.ethercat.esi_file import read_esi
 from drivers.ethercat.rules import RULES
-from drivers.operator_tools.draft_hints import acceleration_unit, velocity_unit
+from drivers.operator_tools.draft_values import acceleration_unit, velocity_unit
 from hil.cli import app
 from sim_plant.__main__ import app as plant
 

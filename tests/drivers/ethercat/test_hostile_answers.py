@@ -9,8 +9,8 @@ from hostile.ethercat_answers import storm
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.ethercat.coe import SdoClient
-from drivers.ethercat.frames import Command, Datagram, answers_of
+from drivers.ethercat.line import Command, Datagram, answers_of
+from drivers.ethercat.mailbox import SdoClient
 from drivers.remote_dictionary import AccessRefused, NoAnswer
 
 if TYPE_CHECKING:

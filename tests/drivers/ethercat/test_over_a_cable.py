@@ -9,7 +9,7 @@ import ethercat_processes
 import pytest
 from foreign_ethercat import THEIRS, carried_out, needs
 
-from drivers.ethercat.al_states import ERROR, AlState
+from drivers.ethercat.registers import ERROR, AlState
 from hil.planning.plan import dump_plan
 from hil.runs.run import Run
 

@@ -15,13 +15,12 @@ from drivers.cia402.states import State
 from drivers.drive_bus import DriveRefused, Move, NodeSilent, SampleFlag
 from drivers.drives_file import Homing
 from drivers.ethercat import registers as reg
-from drivers.ethercat.al_states import AlState
 from drivers.ethercat.bus import EthercatBus
-from drivers.ethercat.frames import START, Command
+from drivers.ethercat.line import START, Command
+from drivers.ethercat.registers import AlState
 from drivers.found_settings.keeping import SettingsKeeper
 from drivers.found_settings.settings_file import load_found_settings
-from drivers.operator_tools.home import home
-from drivers.operator_tools.jog import jog
+from drivers.operator_tools.home import home, jog
 from drivers.operator_tools.put_back import put_back
 from drivers.session.servo_axes import ServoAxes
 from sim_plant.ethercat.al_states import AlState as PlantState

@@ -361,7 +361,7 @@ def test_what_a_drive_does_not_take_back_is_reported_once_and_keeps_no_session_a
         first, second, third = put_back(CanopenBus(can_bus), settings)
         assert (first.problem, third.problem) == ("", "")
         assert "joint 2 (node 2): cannot write 0 to object 607F:00" in second.problem
-        done = settings.with_drives([first.drive, second.drive, third.drive])
+        done = settings.update_drives([first.drive, second.drive, third.drive])
         assert done.restored
         assert [each.refused for each in done.drives][0::2] == [(), ()]
         assert [entry.index for entry in done.drives[1].refused] == [0x607F]
@@ -418,7 +418,7 @@ def test_what_a_killed_session_left_is_put_back_and_doing_it_twice_is_harmless(
         again = list(put_back(CanopenBus(can_bus), settings))
         assert downloads(can_bus.sent) == []
         assert not any(each.written for each in again)
-        done = settings.with_drives(each.drive for each in first)
+        done = settings.update_drives(each.drive for each in first)
         assert done.restored
         assert list(put_back(CanopenBus(can_bus), done)) == []
 
@@ -645,7 +645,7 @@ def settings_of_drives(draw: Any) -> FoundSettings:
         interface=interface,
         channel=channel,
     )
-    return empty.with_drives(drives)
+    return empty.update_drives(drives)
 
 
 @given(settings_of_drives())

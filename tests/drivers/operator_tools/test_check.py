@@ -15,12 +15,11 @@ from kernel_bus import SocketcanLike
 from probing_bench import Answering, Scripted, bench, drives_of, spoilt_plant
 
 from drivers.canopen.bus import CanopenBus
-from drivers.canopen.bus_load import cycle_time, frame_bits
-from drivers.canopen.sync_rate import StopwatchBus, achievable_rate
+from drivers.canopen.sync_rate import StopwatchBus, achievable_rate, cycle_time, frame_bits
 from drivers.commissioning.verdict import Grade, Verdict
 from drivers.operator_tools.check import check
-from drivers.operator_tools.check_limits import check_limits
-from drivers.operator_tools.check_motion import renewed_every
+from drivers.operator_tools.check_motion import refresh_period
+from drivers.operator_tools.check_objects import check_limits
 from drivers.operator_tools.check_powered import SmallMoves, check_powered
 from drivers.operator_tools.operator import StoppedByOperator
 from sim_plant import build
@@ -431,11 +430,11 @@ def test_how_often_a_noisy_value_is_renewed_shows_whatever_its_steps(
     for seed in range(20):
         noise = np.random.default_rng(seed).normal(0.0, ratio, 2000)
         values = np.round(noise[np.floor(np.arange(600) / every).astype(int)])
-        assert renewed_every([values[:300], values[300:]], 1.0) == pytest.approx(every, rel=0.15), (
-            seed
-        )
+        assert refresh_period([values[:300], values[300:]], 1.0) == pytest.approx(
+            every, rel=0.15
+        ), seed
 
 
 def test_a_value_that_hardly_changes_shows_no_period() -> None:
     values = np.repeat([0.0, 1.0, 0.0], 50)
-    assert math.isnan(renewed_every([values], 1.0))
+    assert math.isnan(refresh_period([values], 1.0))

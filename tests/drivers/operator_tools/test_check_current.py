@@ -19,10 +19,8 @@ from drivers.canopen.bus import CanopenBus
 from drivers.commissioning.verdict import Grade
 from drivers.drive_bus import Move
 from drivers.operator_tools.check import check
-from drivers.operator_tools.check_current import NEAR, judge_current_unit
-from drivers.operator_tools.check_gravity import judge_direction
-from drivers.operator_tools.check_motion import Moved
-from drivers.operator_tools.check_powered import SmallMoves
+from drivers.operator_tools.check_motion import Moved, judge_direction
+from drivers.operator_tools.check_powered import NEAR, SmallMoves, judge_current_unit
 from drivers.operator_tools.small_move import Stroke
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.dynamics import gravity_torque
@@ -33,7 +31,7 @@ if TYPE_CHECKING:
 
     from drivers.commissioning.verdict import Verdict
     from drivers.drives_file import AxisDrive, DrivesFile
-    from drivers.operator_tools.check_gravity import Gravity
+    from drivers.operator_tools.check_motion import Gravity
     from hil.model.robot import Robot
 
 MOVES = SmallMoves(angle=math.radians(2), angular_velocity=math.radians(5))

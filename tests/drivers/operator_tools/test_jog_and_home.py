@@ -13,8 +13,7 @@ from drivers.canopen.bus import CanopenBus
 from drivers.cia402 import objects
 from drivers.drive_bus import DriveRefused, LimitExceeded, Move, MoveFailed
 from drivers.drives_file import Homing
-from drivers.operator_tools.home import home
-from drivers.operator_tools.jog import jog
+from drivers.operator_tools.home import home, jog
 from drivers.operator_tools.operator import StoppedByOperator
 from drivers.operator_tools.small_move import _Watch
 
@@ -32,7 +31,7 @@ def position(bus: AlteredBus, axis: AxisDrive) -> float:
     """Where an axis stands, asked by SDO [rad]."""
     unpowered = CanopenBus(bus).unpowered(drives_of(axis.node))
     unpowered.wait(0.02)
-    return AxisScale.of(axis).position_from_counts(
+    return AxisScale.derive(axis).position_from_counts(
         float(unpowered.servers[0].get(objects.POSITION))
     )
 

@@ -18,8 +18,8 @@ from drivers.commissioning.verdict import Grade
 from drivers.drive_bus import DriveError, DriveRefused, Move
 from drivers.drives_file import DrivesFile
 from drivers.operator_tools.check import check
+from drivers.operator_tools.check_objects import check_reactions
 from drivers.operator_tools.check_powered import SmallMoves
-from drivers.operator_tools.check_reactions import check_reactions
 
 if TYPE_CHECKING:
     from pathlib import Path

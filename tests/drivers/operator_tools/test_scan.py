@@ -10,7 +10,7 @@ import can
 import pytest
 from local_drives import LocalBus
 
-from drivers.canopen.scan import Scan, scan_bus
+from drivers.canopen.monitor import Scan, scan_bus
 from drivers.cia402.states import Mode
 from sim_plant.serving.server import serve
 

@@ -7,7 +7,7 @@ from fake_fieldbus import FakeFieldbus, axes_of
 from local_bench import drives_file
 
 from drivers.drive_bus import SampleFlag
-from drivers.safety.current_offset import offsets
+from drivers.safety.current_offset import measure_offsets
 
 AXES = drives_file().axes
 
@@ -20,7 +20,7 @@ def found(second: list[int], flags: list[int] | None = None) -> list[str]:
         bus.currents = (0, next(readings), 0)
         bus.flags = (0, next(seen), 0)
 
-    messages = offsets(bus, axes_of(AXES), cycle, "before power-on")
+    messages = measure_offsets(bus, axes_of(AXES), cycle, "before power-on")
     assert next(readings, None) is None
     return messages
 
@@ -54,6 +54,6 @@ def test_only_readings_that_came_count(flag: SampleFlag) -> None:
 def test_an_axis_that_somebody_else_switched_on_says_nothing_of_its_sensor() -> None:
     bus = FakeFieldbus(len(AXES))
     bus.currents, bus.words = (0, 700, 0), (0x0240, 0x0237, 0x0240)
-    assert offsets(bus, axes_of(AXES), lambda: None, "after power-off") == []
+    assert measure_offsets(bus, axes_of(AXES), lambda: None, "after power-off") == []
     bus.words = (0x0240, 0x0240, 0x0240)
-    assert len(offsets(bus, axes_of(AXES), lambda: None, "after power-off")) == 1
+    assert len(measure_offsets(bus, axes_of(AXES), lambda: None, "after power-off")) == 1

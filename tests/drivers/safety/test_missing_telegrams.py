@@ -7,7 +7,7 @@ from fake_fieldbus import axes_of
 from local_bench import drives_file
 
 from drivers.drive_bus import DriveError, SampleFlag
-from drivers.safety.missing_telegrams import MissingTelegrams
+from drivers.safety.trips import MissingTelegrams
 
 HERE, GONE = 0, int(SampleFlag.MISSING)
 ALL_HERE, SECOND_GONE = (HERE, HERE, HERE), (HERE, GONE, HERE)

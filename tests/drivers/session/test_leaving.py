@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from checked_files.yaml_file import FileError
 from drivers.drive_bus import DriveRefused
-from drivers.session.leaving import leave
+from drivers.session.servo_axes import leave
 
 if TYPE_CHECKING:
     import pytest

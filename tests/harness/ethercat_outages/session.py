@@ -20,7 +20,7 @@ from plant_wire import PlantWire
 
 from drivers.drive_bus import DriveError, MoveFailed
 from drivers.ethercat.bus import EthercatBus
-from drivers.ethercat.frames import START, Command
+from drivers.ethercat.line import START, Command
 from drivers.session.servo_axes import ServoAxes
 from sim_plant.ethercat.al_states import AlState
 from sim_plant.ethercat.segment import Segment

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from drivers.cia402.states import State, decode_state
-from drivers.safety.missing_telegrams import BLIND
+from drivers.safety.trips import BLIND
 from fault_table.logged_bus import SYNC
 from fault_table.trial import AXIS, drives
 

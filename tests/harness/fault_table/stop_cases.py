@@ -13,7 +13,7 @@ from drivers.canopen.network import SEND_ATTEMPTS
 from drivers.canopen.pdo_mapping import received
 from drivers.cia402.states import Command
 from drivers.drive_bus import BusUnavailable, NodeSilent
-from drivers.safety.missing_telegrams import BLIND
+from drivers.safety.trips import BLIND
 from fault_table import signs
 from fault_table.case import Case, everywhere, fault
 from fault_table.trial import FAST, FAST_AXIS, drives

@@ -70,7 +70,7 @@ class DriverStorm:
     def __init__(self, seed: int, session: list[can.Message]) -> None:
         self.figures = DriverFigures()
         self._drives = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
-        self._scales = [AxisScale.of(axis) for axis in self._drives.axes]
+        self._scales = [AxisScale.derive(axis) for axis in self._drives.axes]
         self._seed, self._session = seed, session
         self._asked: dict[int, int] = {}
 

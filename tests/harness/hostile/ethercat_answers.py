@@ -17,7 +17,7 @@ from plant_wire import PlantWire
 
 from drivers.drive_bus import DriveError, Move
 from drivers.ethercat.bus import EthercatBus
-from drivers.ethercat.frames import INDEX, SOURCE, START
+from drivers.ethercat.line import INDEX, SOURCE, START
 from drivers.session.servo_axes import ServoAxes
 from hostile.harm import Harm
 from sim_plant.ethercat.segment import Segment

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 from personalities import drives_for
 
-from drivers.canopen.bus_load import frame_bits
+from drivers.canopen.sync_rate import frame_bits
 from hil.planning.trajectory import Trajectory
 from hil.tasks.robot_drives import bus_cycle
 

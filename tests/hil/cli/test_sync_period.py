@@ -69,7 +69,7 @@ def test_what_counts_as_missed_is_what_the_driver_leaves_out() -> None:
     for late in (TOO_LATE * 0.004 - 1e-6, TOO_LATE * 0.004 + 1e-6):
         now = [0.0]
         pacing = WallClock(0.004, clock=lambda now=now: now[0])
-        pacing.sent()
+        pacing.note_sent()
         now[0] = 0.004 + late
         pacing.due()
         assert pacing.skipped == round(WakeUps(0.004, np.array([late])).missed)

@@ -22,7 +22,7 @@ class Streamed:
         self.asked = 0
 
     @property
-    def along(self) -> float:
+    def path_index(self) -> float:
         self.asked += 1
         return 7.0
 
@@ -40,12 +40,12 @@ def test_where_a_path_is_is_asked_of_the_bus_behind_once() -> None:
     bus = BusInFront(BusInFront(BusInFront(BusInFront(behind))))  # type: ignore[arg-type]
     bus.stream([[0.0]])
     behind.asked = 0
-    assert bus.along == 7.0
+    assert bus.path_index == 7.0
     assert behind.asked == 1
 
 
 def test_without_a_path_it_is_at_its_beginning(ideal_bus: IdealBus) -> None:
-    assert BusInFront(ideal_bus).along == 0.0
+    assert BusInFront(ideal_bus).path_index == 0.0
 
 
 def test_drives_that_follow_no_set_points_are_refused(ideal_bus: IdealBus) -> None:
