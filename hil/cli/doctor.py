@@ -17,7 +17,12 @@ if TYPE_CHECKING:
 
 commands = typer.Typer()
 STYLES = {"OK": "green", "WARN": "yellow", "FAIL": "bold red"}
-EXTRAS = {"dask": "distributed", "pandas": "pandas", "recordings": "pyarrow"}
+EXTRAS = {
+    "dask": "distributed",
+    "mujoco": "mujoco",
+    "pandas": "pandas",
+    "recordings": "pyarrow",
+}
 """Optional extras of the installation, and a module that each brings."""
 
 
