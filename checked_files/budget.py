@@ -1,4 +1,4 @@
-"""Budget of what a file of a stranger may become in memory and on the disk.
+"""Budget of memory and disk for a foreign file.
 
 A small file can declare, or unpack to, any size. A reader asks here before it reads or unpacks.
 """
@@ -21,7 +21,7 @@ as large as numbers of eight bytes, and 200 MB are an hour of seven joints at 30
 
 
 def allowed(path: Path) -> int:
-    """Return how many bytes a file, or the files of a folder, may become."""
+    """Return the budget of a file, or of the files in a folder [bytes]."""
     try:
         raised = float(os.environ.get(LIMIT, "0"))
     except ValueError:
@@ -33,7 +33,7 @@ def allowed(path: Path) -> int:
 
 
 def refuse_beyond(path: Path, size: int, what: str) -> None:
-    """Refuse a file of which `what` would take more bytes than it may.
+    """Refuse a file if `what` would exceed the budget.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def refuse_beyond(path: Path, size: int, what: str) -> None:
 
 
 def exceeded(path: Path, what: str) -> FileError:
-    """Return the error that `what` took more bytes than a file may become."""
+    """Return the error about `what` beyond the budget of a file."""
     most = allowed(path)
     return FileError(
         f"{path}: {what} takes more than {_megabytes(most)} MB (200 MB and 4 times the file); if"

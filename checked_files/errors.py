@@ -1,4 +1,4 @@
-"""The root of all errors that a user can mend.
+"""Root of all errors with a remedy for the user.
 
 It stands beside the reader of files, which all packages may see, so that whoever catches it catches
 what is wrong with a file, a drive, a run or an argument alike.
@@ -8,4 +8,4 @@ from __future__ import annotations
 
 
 class HilError(Exception):
-    """Something that the user can mend; the message states what is wrong, the bound, the remedy."""
+    """Error with a remedy; the message states value, bound and remedy."""

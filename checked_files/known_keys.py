@@ -1,4 +1,4 @@
-"""Which keys a model knows at a place of a file, for whoever mistyped one.
+"""Known keys of a model at a place of a file, for messages about mistyped keys.
 
 pydantic says where an unknown key stands, not which ones would be known there; that follows from
 the annotations of the fields on the way.
@@ -33,7 +33,7 @@ def known_keys(model: type[BaseModel], place: Iterable[str | int]) -> list[str]:
 
 
 def _models(annotation: Any) -> list[type[BaseModel]]:
-    """All models that an annotation names, through unions, tuples and dictionaries."""
+    """Yield the models in an annotation, through unions, tuples and dictionaries."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [found for part in get_args(annotation) for found in _models(part)]

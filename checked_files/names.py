@@ -1,4 +1,4 @@
-"""Names that become names of files and stand in messages and on terminals."""
+"""Names for files, messages and terminals."""
 
 from __future__ import annotations
 

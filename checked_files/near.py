@@ -1,4 +1,4 @@
-"""Which known name a mistyped one may stand for."""
+"""Suggestions of known names for mistyped names."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ _CLOSE = 0.6
 
 
 def did_you_mean(given: str, known: Iterable[str]) -> str:
-    """Return a clause that names the nearest of the known names; empty where none is near."""
+    """Return a clause with the nearest known name; empty if none is near."""
     near = get_close_matches(given, list(known), n=1, cutoff=_CLOSE)
     return f"; did you mean {near[0]}?" if near else ""

@@ -1,4 +1,4 @@
-"""Changes in the text of an XML file: attributes and new children; all else stays byte for byte."""
+"""Changes in the text of an XML file: attributes and new children; the rest stays byte for byte."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class XmlPatch:
         self._edits: list[tuple[int, int, bytes]] = []
 
     def set(self, element: Element, values: Mapping[str, str | None]) -> None:
-        """Set attributes where they stand, new ones at the end of the tag; None removes one."""
+        """Set attributes in place, new attributes at the end of the tag; None removes an attribute."""
         begin, end = self._tag(element)
         closing = end - (2 if self._content[end - 2 : end] == b"/>" else 1)
         for key, value in values.items():
@@ -65,12 +65,12 @@ class XmlPatch:
 
     @property
     def changed(self) -> bool:
-        """Whether there are changes."""
+        """True if the text has changes."""
         return bool(self._edits)
 
     @property
     def text(self) -> str:
-        """The file with all changes."""
+        """Content of the file with all changes."""
         content = self._content
         for begin, end, new in sorted(self._edits, key=lambda each: -each[0]):
             content = content[:begin] + new + content[end:]

@@ -34,17 +34,17 @@ if TYPE_CHECKING:
 
 
 class FileError(HilError):
-    """A file that cannot be used; one line a problem, each with its place."""
+    """Unusable file; the message has a line for each problem, with its place."""
 
 
 class FileModel(BaseModel):
-    """Base of everything that is read from a file: frozen, no unknown keys, finite numbers."""
+    """Base of all models of files: frozen, no unknown keys, finite numbers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
     verbatim: ClassVar[frozenset[str]] = frozenset()
     """Keys of the file whose texts keep their lines."""
 
-    def as_yaml(self, width: int = 200) -> bytes:
+    def encode_yaml(self, width: int = 200) -> bytes:
         """Return YAML text with lines of about `width` characters at most."""
         content = self.model_dump(mode="json")
         return yaml.dump(content, Dumper=Dumper, sort_keys=False, width=width).encode()
@@ -80,7 +80,7 @@ class _Loader(yaml.composer.Composer, Events, SafeConstructor, Resolver):
         self._depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """Take one value and those within it from the text."""
+        """Build a value and its nested values from the events of the text."""
         self._depth += 1
         if self._depth > DEPTH_MAX:
             mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
@@ -159,20 +159,20 @@ def parse_yaml(text: str, model: type[M], source: str) -> M:
         found = {type(None): "nothing", str: "text"}.get(type(data), type(data).__name__)
         raise FileError(f"{source}:1: must hold keys and values, not {found}")
     try:
-        return model.model_validate(_in_lines(data, getattr(model, "verbatim", ())))
+        return model.model_validate(_join_lines(data, getattr(model, "verbatim", ())))
     except ValidationError as error:
         raise FileError("\n".join(_described(_wrong(error, model), root, source))) from error
 
 
-def _in_lines(value: object, verbatim: Container[object]) -> object:
+def _join_lines(value: object, verbatim: Container[object]) -> object:
     """Return the content of a file with texts on one line, except for `verbatim` keys."""
     if isinstance(value, dict):
         return {
-            _in_lines(key, ()): each if key in verbatim else _in_lines(each, verbatim)
+            _join_lines(key, ()): each if key in verbatim else _join_lines(each, verbatim)
             for key, each in value.items()
         }
     if isinstance(value, list):
-        return [_in_lines(each, verbatim) for each in value]
+        return [_join_lines(each, verbatim) for each in value]
     # a delimiter may be a tab
     return whole_line(value) if isinstance(value, str) and value != "\t" else value
 
@@ -196,7 +196,7 @@ def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:
 
 
 def line_of(text: str, location: tuple[str | int, ...]) -> int:
-    """Line (from 1) on which the value at `location` stands in YAML `text`."""
+    """Return the line (from 1) of the value at `location` in YAML `text`."""
     return _line(_Loader(text).get_single_node(), location)
 
 
@@ -227,7 +227,7 @@ def _shown(value: object) -> str:
 
 
 def problems(error: ValidationError) -> list[str]:
-    """Return one line for each invalid value given without a file."""
+    """Return a line for each invalid value of a model without a file."""
     return [f"{place(at)}: {message}" for at, message in _wrong(error)]
 
 
@@ -254,7 +254,7 @@ def place(location: tuple[str | int, ...]) -> str:
 def _described(
     wrong: list[tuple[tuple[str | int, ...], str]], root: yaml.Node | None, source: str
 ) -> list[str]:
-    """Return one line for each value; messages of all members of a union share the line."""
+    """Return a line for each value, shared by the messages of all members of a union."""
     found: dict[tuple[str | int, ...], list[str]] = {}
     for location, message in wrong:
         messages = found.setdefault(_written(root, location, message), [])

@@ -23,7 +23,7 @@ _LONGEST = 1000
 
 
 def scalar(value: str | float | bool | None) -> str:
-    """Return a value as YAML reads it again: text is quoted unless it is a mere word."""
+    """Return the YAML text of a value, with quotes unless the value is a single word."""
     if isinstance(value, str):
         is_word = _PLAIN.fullmatch(value) and yaml.safe_load(value) == value
         return value if is_word else quoted(value)
@@ -35,13 +35,13 @@ def scalar(value: str | float | bool | None) -> str:
 
 
 def quoted(text: str) -> str:
-    """Return a text in double quotes, in one line, with all that is not printable escaped."""
+    """Return a text in double quotes on one line, with non-printable characters escaped."""
     written: str = yaml.safe_dump(text, default_style='"', width=math.inf, allow_unicode=True)
     return written.rstrip("\n")
 
 
 def number(value: float) -> str:
-    """Return a float as short as it is exact, without a point where it is whole."""
+    """Return the shortest exact text of a float, without a point for whole numbers."""
     text = repr(float(value) + 0.0).removesuffix(".0")
     mantissa, e, exponent = text.partition("e")
     return f"{mantissa}.0{e}{exponent}" if e and "." not in mantissa else text
@@ -52,7 +52,7 @@ def comment(text: str) -> str:
     return f"# {one_line(text, _LONGEST)}"
 
 
-def to_be_stated(hint: str) -> str:
-    """Return the mark of a value that the user must state, with what to state."""
+def mark_unstated(hint: str) -> str:
+    """Return the `!state` mark of an unstated value, with its description."""
     line = one_line(hint, _LONGEST)
     return f"{UNSTATED} {line if _SENTENCE.fullmatch(line) else quoted(line)}"

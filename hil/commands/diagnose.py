@@ -220,7 +220,7 @@ def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
         unmeasured=errors.unmeasured,
         phase=PhaseRecord.of(found.phase) if found.phase else None,
     )
-    write_file(run.path / NAME, kept.as_yaml(100))
+    write_file(run.path / NAME, kept.encode_yaml(100))
     return kept
 
 

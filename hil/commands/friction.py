@@ -222,7 +222,7 @@ def write_friction(run: Run, result: FrictionResult) -> Path:
         ),
     )
     path = run.path / NAME
-    write_file(path, content.as_yaml())
+    write_file(path, content.encode_yaml())
     return path
 
 

@@ -227,7 +227,7 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
     """
     runs = {name: Run.open(folder / name) for name in PASSES}
     found = tracked(runs, model, delay)
-    write_file(folder / NAME, found.as_yaml())
+    write_file(folder / NAME, found.encode_yaml())
     plot = Plot(
         "errors",
         partial(over_time, runs, delay),

@@ -91,7 +91,7 @@ def write_validation(run: Run, model: Model, model_path: Path, found: Validation
         validation=found,
     )
     path = run.path / NAME
-    write_file(path, record.as_yaml())
+    write_file(path, record.encode_yaml())
     where = os.path.relpath(run.path, model_path.parent)
     kept = KeptJudgement.of(
         found.reasons, lambda: found, run=where, validated=record.validated, relative=found.relative

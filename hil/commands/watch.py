@@ -42,7 +42,7 @@ def watch(folder: Path, run: Run | None, found: Watched, trace: Trace) -> Outcom
         Torques around alarms.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_file(folder / NAME, found.as_yaml(80))
+    write_file(folder / NAME, found.encode_yaml(80))
     model, units = Model.load(found.model), tuple(axis.unit for axis in found.axes)
     plot = Plot(
         "watch",

@@ -16,7 +16,7 @@ import numpy as np
 
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import UNSTATED, FileError
-from checked_files.yaml_text import comment, quoted, to_be_stated
+from checked_files.yaml_text import comment, mark_unstated, quoted
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
 from hil.imports.tables import SECONDS, listed
@@ -105,7 +105,7 @@ def draft_map(path: Path, name: str) -> str:
             "# Columns and what they hold:",
             *(f"#   {one_line(described(column), 400)}" for column in columns),
             *_left_out_lines(others),
-            f"robot: {to_be_stated('a robot file, a URDF, or the name of a robot')}",
+            f"robot: {mark_unstated('a robot file, a URDF, or the name of a robot')}",
             f"files: [{quoted(name)}]",
             *_time_lines(time, from_format=bool(table.time)),
             *_segment_lines(time, looked_at),
@@ -159,23 +159,23 @@ def _stamp_in_two(columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
 def _time_lines(time: Sequence[SeenColumn], *, from_format: bool) -> Iterator[str]:
     if not time:
         yield "time:"
-        yield f"  rate: {to_be_stated('samples per second [Hz]')}"
+        yield f"  rate: {mark_unstated('samples per second [Hz]')}"
     elif from_format:
         yield "time: {column: sec, unit: s, plus: {column: nanosec, unit: ns}}"
     elif len(time) > 1:
         yield "time:"
         yield f"  column: {time[0].key}"
-        yield f"  unit: {to_be_stated('s')}"
+        yield f"  unit: {mark_unstated('s')}"
         yield "  plus:"
         yield f"    column: {time[1].key}"
-        yield f"    unit: {to_be_stated('ns')}"
+        yield f"    unit: {mark_unstated('ns')}"
     else:
         step = time[0].step
         rates = {unit: 1 / (step * s) for unit, s in SECONDS.items() if step > 0}
         likely = [f"{unit} if {rate:.4g} Hz" for unit, rate in rates.items() if 15 < rate < 1e5]
         yield "time:"
         yield f"  column: {time[0].key}"
-        yield f"  unit: {to_be_stated(', '.join(likely or SECONDS))}"
+        yield f"  unit: {mark_unstated(', '.join(likely or SECONDS))}"
 
 
 def _segment_lines(time: Sequence[SeenColumn], looked_at: int) -> Iterator[str]:
@@ -291,18 +291,18 @@ def _joint(joint: dict[str, SeenColumn], *, from_ros: bool) -> Iterator[str]:
         yield f"{start}{key}:"
         start = "    "
         lacking = f"number or name of the column of its {key}s"
-        yield f"      column: {column.key if column else to_be_stated(lacking)}"
+        yield f"      column: {column.key if column else mark_unstated(lacking)}"
         yield f"      unit: {_unit(key, column, from_ros=from_ros)}"
         if key == "torque" and not from_ros:
             gain = "N m, or N, for one unit; 1 for N m and N; or unknown"
-            yield f"      gain: {to_be_stated(gain)}"
+            yield f"      gain: {mark_unstated(gain)}"
 
 
 def _unit(key: str, column: SeenColumn | None, *, from_ros: bool) -> str:
     if from_ros:
         turning = {"position": "rad", "velocity": "rad/s", "torque": "N m"}[key]
         return f"{turning} # as ROS has it for joints that turn"
-    return to_be_stated(f"{_UNITS[key]}{_guess(key, column)}")
+    return mark_unstated(f"{_UNITS[key]}{_guess(key, column)}")
 
 
 def _guess(key: str, column: SeenColumn | None) -> str:

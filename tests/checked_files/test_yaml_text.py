@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from checked_files.foreign_text import LONGEST, one_line, printable
-from checked_files.yaml_text import comment, number, quoted, scalar, to_be_stated
+from checked_files.yaml_text import comment, mark_unstated, number, quoted, scalar
 
 FOREIGN = st.text(st.characters(exclude_categories=()), max_size=40) | st.sampled_from(
     [f"a{end}key: 1{end}# b" for end in ("\n", "\r", "\r\n", "\x85", "\u2028", "\u2029")]
@@ -36,7 +36,7 @@ def test_a_comment_stays_a_comment(text: str) -> None:
 
 @given(FOREIGN)
 def test_a_mark_holds_its_hint_and_nothing_else(text: str) -> None:
-    root = yaml.compose(f"key: {to_be_stated(text)}\nend: 2\n")
+    root = yaml.compose(f"key: {mark_unstated(text)}\nend: 2\n")
     assert isinstance(root, yaml.MappingNode)
     assert [key.value for key, _ in root.value] == ["key", "end"]
     assert root.value[0][1].tag == "!state"

@@ -17,7 +17,7 @@ import numpy as np
 
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import UNSTATED
-from checked_files.yaml_text import comment, number, scalar, to_be_stated
+from checked_files.yaml_text import comment, mark_unstated, number, scalar
 from hil.model.drive_train_file import UNKNOWN
 from hil.model.frames import QUARTER, ROUNDED_OFF
 from hil.model.readers.axes_to_frames import frames_of
@@ -186,12 +186,12 @@ def _joint(joint: LimitedJoint, frame: str) -> Iterator[str]:
 def _to_be_stated(joint: LimitedJoint) -> Iterator[str]:
     """Limits and drive train of a robot that is to be moved."""
     for key, value, what in _limits(joint):
-        yield f"    {key}: {to_be_stated(what) if math.isnan(value) else number(value)}"
+        yield f"    {key}: {mark_unstated(what) if math.isnan(value) else number(value)}"
     yield "    drive:"
     per = "" if joint.type == "revolute" else ", motor angle over way [rad/m]"
-    yield f"      gear_ratio: {to_be_stated(f'motor turns per joint turn{per}')}"
-    yield f"      rotor_inertia: {to_be_stated('of the motor, 0 for a direct drive [kg m2]')}"
-    yield f"      torque_constant: {to_be_stated('of the motor [N m/A]')}"
+    yield f"      gear_ratio: {mark_unstated(f'motor turns per joint turn{per}')}"
+    yield f"      rotor_inertia: {mark_unstated('of the motor, 0 for a direct drive [kg m2]')}"
+    yield f"      torque_constant: {mark_unstated('of the motor [N m/A]')}"
 
 
 def _left_open(joint: LimitedJoint) -> Iterator[str]:
