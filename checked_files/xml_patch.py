@@ -30,7 +30,7 @@ class XmlPatch:
         self._edits: list[tuple[int, int, bytes]] = []
 
     def set(self, element: Element, values: Mapping[str, str | None]) -> None:
-        """Set attributes in place, new attributes at the end of the tag; None removes an attribute."""
+        """Set attributes in place, new ones at the end of the tag; None removes an attribute."""
         begin, end = self._tag(element)
         closing = end - (2 if self._content[end - 2 : end] == b"/>" else 1)
         for key, value in values.items():
