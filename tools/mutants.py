@@ -61,8 +61,7 @@ _TWO_STEP = "hil/estimation/two_step.py"
 
 MUTANTS = (
     # units and signs
-    Mutant(_AXIS, 'case "rms", "peak":\n            return math.sqrt(2)',
-           'case "rms", "peak":\n            return math.sqrt(0.5)'),
+    Mutant(_AXIS, "ampere * math.sqrt(2) ** peaks", "ampere * math.sqrt(0.5) ** peaks"),
     Mutant(_AXIS, "return round(q / self.position) + self.zero",
            "return int(q / self.position) + self.zero"),
     Mutant(_AXIS, "math.floor(value * (1 + 1e-9))", "math.ceil(value)"),
@@ -82,7 +81,7 @@ MUTANTS = (
     Mutant("drivers/cycle_data.py", "math.inf if flag & SampleFlag.MISSING or elapsed <= 0",
            "0.0 if flag & SampleFlag.MISSING or elapsed <= 0"),
     Mutant(_PDO, "self.feed_forward(axis, 0, 0)", "pass"),
-    Mutant("drivers/axis.py", "self._inner.lead(axis, self._wrapped(axis, target))",
+    Mutant("drivers/axis.py", "self._inner.lead(axis, self._wrap(axis, target))",
            "self._inner.lead(axis, target)"),
     # what stops all axes
     Mutant(_TRIPS, "[2 * velocity * period", "[20 * velocity * period"),

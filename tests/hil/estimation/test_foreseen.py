@@ -40,7 +40,8 @@ def test_twice_the_noise_hides_twice_as_large_a_cause(plan, manutec, sizes):
     loud = replace(stated, torque=2 * stated.torque, wander=2 * stated.wander)
     twice = sizes_of(plan, manutec, loud)
     both = [twice[each] / size for each, size in sizes.items() if size and twice[each]]
-    assert np.median(both) == pytest.approx(2.0, rel=0.05)
+    # a little less, since the increments of encoders stay as they are
+    assert np.median(both) == pytest.approx(2.0, rel=0.07)
 
 
 def test_what_no_motion_shows_is_never_found(sizes):

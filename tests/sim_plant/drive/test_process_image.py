@@ -17,7 +17,7 @@ def readings(*axes: Reading) -> np.ndarray:
 
 
 @pytest.fixture(params=["by itself", "with frames"])
-def latch_instant(request: pytest.FixtureRequest) -> tuple[ProcessImage, ProcessImage | FrameBlock]:
+def latched(request: pytest.FixtureRequest) -> tuple[ProcessImage, ProcessImage | FrameBlock]:
     """An image, and what readings are latched by."""
     image = ProcessImage(N_AXES)
     if request.param == "by itself":
