@@ -110,6 +110,7 @@ class _Rows:
         self.bodies = inverse_dynamics(robot, p, self.q, self.qd, self.qdd)
         self.rigid = self._own(self.bodies)
         self.motor = self._own(motor_torque(robot, self.q, self.qd, self.qdd))
+        self._of_axis = -1, np.empty((3, 0))
 
     def _own(self, x: Array) -> Array:
         return np.take_along_axis(x, self.evidence.axis[:, None], axis=1)[:, 0]
@@ -122,16 +123,25 @@ class _Rows:
         """With that of the motors."""
         return self.torque(*motion) + self._own(motor_torque(self.robot, *motion))
 
-    def along(self, axis: int, *of: Array | float) -> tuple[Array, Array]:
-        """Derivatives where position, speed and acceleration of an axis change by `of`.
+    def partials(self, axis: int) -> Array:
+        """Derivatives of the rigid bodies' torque by motion of an axis, shape (3, n).
 
-        Of the torque of the rigid bodies, and of that of the motors.
+        By its position, speed and acceleration; the torque is linear in accelerations.
         """
-        motion = [x.copy() for x in (self.q, self.qd, self.qdd)]
-        for x, change in zip(motion, of, strict=True):
-            x[:, axis] += STEP * change
-        bodies, motor = self.torque(*motion), self._own(motor_torque(self.robot, *motion))
-        return (bodies - self.rigid) / STEP, (motor - self.motor) / STEP
+        if self._of_axis[0] != axis:
+            found = []
+            for k, step in enumerate((STEP, STEP, 1.0)):
+                motion = [x.copy() for x in (self.q, self.qd, self.qdd)]
+                motion[k][:, axis] += step
+                found.append((self.torque(*motion) - self.rigid) / step)
+            self._of_axis = axis, np.array(found)
+        return self._of_axis[1]
+
+    def motors_by_position(self, axis: int) -> Array:
+        """Derivative of the motors' torque by the position of an axis, shape (n,)."""
+        q = self.q.copy()
+        q[:, axis] += STEP
+        return (self._own(motor_torque(self.robot, q, self.qd, self.qdd)) - self.motor) / STEP
 
     @cached_property
     def of_own(self) -> Array:
@@ -157,7 +167,8 @@ class _Rows:
         places = np.split(e.sample[order], first)
         moved = np.empty((len(half_gaps), 3, len(order)))
         moved[..., order] = displacements(e.signals, self._driven, axis, places, half_gaps)
-        return [self.along(axis, *each)[0] for each in moved]
+        by_motion = self.partials(axis)
+        return [(by_motion * each).sum(axis=0) for each in moved]
 
     @cached_property
     def by_time(self) -> Array:
@@ -263,8 +274,9 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
         turns = bool(robot.revolute[axis])
         q, qd, qdd = (x[:, axis] for x in (rows.q, rows.qd, rows.qdd))
         unit = np.pi / 180 if turns else 1e-3
-        by_position = unit * np.add(*rows.along(axis, 1.0, 0.0, 0.0))
-        scale, _ = rows.along(axis, q, qd, qdd)
+        by_motion = rows.partials(axis)
+        by_position = unit * (by_motion[0] + rows.motors_by_position(axis))
+        scale = (by_motion * (q, qd, qdd)).sum(axis=0)
         yield at["zero"], by_position
         yield at["position scale"], 0.01 * (scale + mine * rows.motor)
         yield at["gear ratio"], -0.01 * (scale + mine * rows.rigid)
