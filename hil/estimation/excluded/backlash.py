@@ -76,22 +76,28 @@ class Driven(NamedTuple):
     ----------
     torque : ndarray, shape (n, n_joints)
         Smoothed as all rows are [N m].
-    inertia : ndarray, shape (n, n_joints)
-        Diagonal of the mass matrix without rotors.
+    inertia : ndarray, shape (n_some, n_joints)
+        Diagonal of the mass matrix without rotors, at one of `SPARSE` samples.
+    some : ndarray of int, shape (n_some,)
+        These samples.
     """
 
     torque: Array
     inertia: Array
+    some: Indices
 
     @classmethod
     def of(cls, robot: Robot, p: Array, s: Signals) -> Driven:
         """Compute both from recorded motion and base parameters."""
         torque = s.smoothed(inverse_dynamics(robot, p, *s.link))
-        n = len(torque)
-        some = np.append(np.arange(0, n - 1, SPARSE), n - 1)
-        inertia = np.einsum("nii->ni", mass_matrix(robot, p, s.q[some]))
-        every = [np.interp(np.arange(n), some, own) for own in inertia.T]
-        return cls(torque, np.column_stack(every))
+        some = np.append(np.arange(0, len(torque) - 1, SPARSE), len(torque) - 1)
+        return cls(torque, np.einsum("nii->ni", mass_matrix(robot, p, s.q[some])), some)
+
+    def acceleration(self, axis: int) -> Array:
+        """Acceleration that a gear in contact gives the link of an axis, shape (n,)."""
+        at = np.arange(len(self.torque))
+        inertia = np.interp(at, self.some, self.inertia[:, axis])
+        return np.asarray(self.torque[:, axis] / inertia)
 
 
 def displacements(
@@ -119,9 +125,7 @@ def displacements(
         Displacement, speed and acceleration, smoothed, one after the other of `places`.
     """
     pieces = [_pieces(len(s.time)) for s in signals]
-    rate = np.concatenate([
-        (d.torque[:, axis] / d.inertia[:, axis])[at] for d, at in zip(driven, pieces, strict=True)
-    ])  # fmt: skip
+    rate = np.concatenate([d.acceleration(axis)[at] for d, at in zip(driven, pieces, strict=True)])
     period = np.repeat([s.period for s in signals], [len(at) for at in pieces])
     simulated = _crossed(-rate.T, period, np.array(half_gaps)[:, None])
     found, first = [], 0
