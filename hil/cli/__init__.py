@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 PANELS = {
     "First of all": {
-        "try": "Try it all on a virtual robot in five minutes: measure, identify, predict, push.",
+        "try": "Try it all on a virtual robot in two minutes: measure, identify, predict, push.",
     },
     "Plan": {
         "robot": "Show what can be identified of a robot, or write a first robot file.",

@@ -67,14 +67,18 @@ def validate(model: Model, model_path: Path, run: Run, accuracy: float) -> Outco
     simulated, title = run.journal.simulated, f"{run.robot.name}: validation"
     if not found.axes:
         return Outcome(verdicts=found.verdicts, simulated=simulated)
-    notes: tuple[str, ...] = ()
-    if model.provenance.plan_digest == run.plan.digest:
-        notes = ("the model was made from this very plan: record another motion to judge it",)
     left = band_residual(found.residual, model.robot, "of this recording")
     return Outcome(
-        (scores(found, notes), left), verdicts=found.verdicts, title=title, simulated=simulated,
+        (scores(found, remarks(model, run)), left), verdicts=found.verdicts, title=title, simulated=simulated,
         played=partial(played, model, [run]),
     )  # fmt: skip
+
+
+def remarks(model: Model, run: Run) -> tuple[str, ...]:
+    """Return what restricts a validation by this run: that the model was made from its plan."""
+    if model.provenance.plan_digest != run.plan.digest:
+        return ()
+    return ("the model was made from this very plan: record another motion to judge it",)
 
 
 def write_validation(run: Run, model: Model, model_path: Path, found: Validation) -> Path:

@@ -134,7 +134,7 @@ def test_found_settings_have_the_keys_of_their_kind(name):
     drive = {"name": name, "node": 1, "identity": {"vendor": 1}, "objects": [
         {"index": 0x6065, "subindex": 0, "type": "u32", "value": 1, "name": name}]}  # fmt: skip
     for each in (name, "plain"):
-        drive["name"] = drive["objects"][0]["name"] = each or "axis"
+        drive["name"] = drive["objects"][0]["name"] = each if each.strip() else "axis"
         text = dump_found_settings(FoundSettings(bitrate=1_000_000, drives=(drive,)))
         assert set(yaml.safe_load(text)) <= set(FoundSettings.model_fields)
         assert len(yaml.safe_load(text)["drives"]) == 1

@@ -230,7 +230,7 @@ def test_all_found_values_are_on_the_disk_before_anything_is_written(tmp_path: P
     assert [drive.node for drive in then.drives] == [1, 2, 3]
     end = load_found_settings(path)
     assert end.restored
-    assert [d.objects for d in end.drives] == [d.done().objects for d in then.drives]
+    assert [d.objects for d in end.drives] == [d.finish().objects for d in then.drives]
 
 
 def test_where_nothing_can_be_kept_nothing_is_written(tmp_path: Path) -> None:
@@ -628,7 +628,7 @@ def settings_of_drives(draw: Any) -> FoundSettings:
     nodes = draw(st.lists(st.integers(1, 127), unique=True, max_size=3))
     drives = [
         FoundDrive(
-            name=draw(st.text(min_size=1, max_size=20)),
+            name=draw(st.text(min_size=1, max_size=20).filter(str.strip)),
             node=node,
             identity=FoundIdentity(
                 vendor=draw(U32), product=draw(U32), revision=draw(U32), serial=draw(U32)

@@ -138,7 +138,7 @@ def test_an_unknown_format_is_refused_and_all_are_named(
 ) -> None:
     status, _, err = hil("export", run, "--to", "simulink", "-o", tmp_path / "out")
     assert status == 1
-    assert "simulink: unknown format; available: c, python, json, friction" in err
+    assert "simulink: unknown format; available: c, python, st, json, friction" in err
     assert "of recordings: mcap, csv, parquet" in err
     assert not (tmp_path / "out").exists()
 

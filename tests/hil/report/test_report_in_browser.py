@@ -127,7 +127,7 @@ def test_a_click_on_a_point_opens_the_recording_behind_it(
         f"axis {measurement.axis}: {of}, over time"
         for of in (
             "torque, N m",
-            "measured less predicted, N m",
+            "measured − predicted, N m",
             "position, rad",
             "velocity, rad/s",
         )

@@ -98,7 +98,7 @@ def test_the_report_of_the_loaded_run_shows_the_load(runs: Path, kept: LoadFile)
     )
     section = text[text.index("The load From two runs") :][:4000]
     assert "from both runs at once" in section
-    assert f"Not identifiable are {', '.join(kept.unidentifiable)} of the load" in section
+    assert all(name in section for name in kept.unidentifiable)
     assert "in kg m² and kg" in section or "kg m², kg" in section
 
 

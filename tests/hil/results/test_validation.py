@@ -224,10 +224,10 @@ def test_the_worst_word_stands() -> None:
 def test_the_recording_of_the_model_s_own_plan_is_remarked_upon(
     manutec: Robot, tmp_path: Path
 ) -> None:
-    from hil.cli.judging import _notes
+    from hil.commands.validate import remarks
 
     run = write_run(tmp_path / "run", manutec)
-    assert "this very plan" in _notes(identify(run), run)[0]
+    assert "this very plan" in remarks(identify(run), run)[0]
 
 
 def test_errors_of_parameters_that_compensate_are_no_doubt_about_the_torque() -> None:

@@ -143,7 +143,7 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
     page = (folder / "watch.html").read_text()
     assert "<svg viewBox" in page
     assert ">SIMULATED<" in page
-    assert "<strong>2 alarms</strong>" in page
+    assert "<strong>doubtful</strong> 2 alarms in" in page
     assert 'data-r="t"' in page  # the recording with the alarms is played
     found = load_yaml(folder / NAME, Watched)
     assert found.learned == pytest.approx(LEARNED, abs=0.01)
@@ -188,7 +188,7 @@ def test_an_interrupted_watch_keeps_what_it_has_seen(
     assert found.learned + found.watched == pytest.approx(motion, abs=0.01)
     assert found.axes[5].soon is None
     page = (folder / "watch.html").read_text()
-    assert ("<strong>nothing was watched</strong>" in page) == (motion < 5)
+    assert ("<strong>doubtful</strong> nothing was watched" in page) == (motion < 5)
     assert 'class="outcome good"' not in page  # other axes than the second stood
 
 
