@@ -68,8 +68,9 @@ def validate(model: Model, model_path: Path, run: Run, accuracy: float) -> Outco
     if not found.axes:
         return Outcome(verdicts=found.verdicts, simulated=simulated)
     left = band_residual(found.residual, model.robot, "of this recording")
+    tables = scores(found, remarks(model, run)), left
     return Outcome(
-        (scores(found, remarks(model, run)), left), verdicts=found.verdicts, title=title, simulated=simulated,
+        tables, verdicts=found.verdicts, title=title, simulated=simulated,
         played=partial(played, model, [run]),
     )  # fmt: skip
 
