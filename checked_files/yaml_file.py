@@ -254,7 +254,7 @@ def place(location: tuple[str | int, ...]) -> str:
 def _described(
     wrong: list[tuple[tuple[str | int, ...], str]], root: yaml.Node | None, source: str
 ) -> list[str]:
-    """Return a line for each value, shared by the messages of all members of a union."""
+    """Return message lines by value; the members of a union share a line."""
     found: dict[tuple[str | int, ...], list[str]] = {}
     for location, message in wrong:
         messages = found.setdefault(_written(root, location, message), [])

@@ -20,13 +20,13 @@ import time
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.drive_bus import BusUnavailable
+from drivers.ethercat.wire import ETHERTYPE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from drivers.ethercat.wire import Wire
 
-ETHERTYPE = 0x88A4
 SHORTEST, LONGEST = 60, 1514
 """Length of an Ethernet frame without check sum [bytes]."""
 START = 16

@@ -13,9 +13,9 @@ import struct
 from typing import Protocol
 
 from drivers.drive_bus import BusUnavailable
-from drivers.ethercat.line import ETHERTYPE
 from drivers.sync_clock import LOCK_STEP_WAIT, poll_actively
 
+ETHERTYPE = 0x88A4
 BUFFER = 2048
 """Largest accepted frame [bytes]."""
 _RECEIVE_TIMEOUT = getattr(socket, "SO_RCVTIMEO", 20)

@@ -22,10 +22,9 @@ from hil.runs.atomic_file import write_file
 from hil.runs.journal import now
 from hil.show.outcome import Outcome
 from hil.show.rounding import significant
-from hil.show.table import Column, Marked, Table, figures, table
+from hil.show.table import Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from pathlib import Path
 
     from hil.results.validation import AxisScore
@@ -144,22 +143,3 @@ def _refitted(score: AxisScore) -> Row:
     if score.refitted is None or score.refitted_inside is None:
         return "", ""
     return significant(100 * score.refitted, 2), f"{100 * score.refitted_inside:.0f}"
-
-
-def judgements(kept: Sequence[KeptJudgement]) -> Table:
-    """What a model was worth on other recordings."""
-    return table(
-        "Judged by other recordings",
-        ("run", "judgement", *figures("off by, %"), Column("reason", folds=True)),
-        (
-            (
-                each.run,
-                each.word if each.word == "good" else Marked(each.word),
-                "" if each.relative is None else significant(100 * each.relative, 2),
-                each.clause,
-            )
-            for each in kept
-        ),
-        "By hil validate: judgement, error of the predicted torques, and the worst of what was"
-        " found.",
-    )
