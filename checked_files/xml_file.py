@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+DEEPEST = 200
+"""Deepest nesting of elements: an MJCF of 30 joints has some three elements a joint."""
+
+
 class XmlFile:
     """The elements of an XML file.
 
@@ -25,7 +29,7 @@ class XmlFile:
     Raises
     ------
     FileError
-        The file is not XML, or declares entities, which can exhaust the memory.
+        The file is not XML, declares entities, which can exhaust the memory, or nests too deeply.
     """
 
     def __init__(self, path: Path) -> None:
@@ -83,12 +87,23 @@ class XmlFile:
 
     def _tree(self, text: str) -> Element:
         builder, parser = TreeBuilder(), expat.ParserCreate()
+        open_elements: list[str] = []
 
         def start(tag: str, attributes: dict[str, str]) -> None:
             lines = {name: whole_line(value) for name, value in attributes.items()}
             element = builder.start(tag, lines)
             self._lines[id(element)] = parser.CurrentLineNumber
             self._offsets[id(element)] = parser.CurrentByteIndex
+            open_elements.append(tag)
+            if len(open_elements) > DEEPEST:
+                raise FileError(
+                    f"{self.path}:{parser.CurrentLineNumber}: <{tag}> is nested"
+                    f" {len(open_elements)} deep, at most {DEEPEST} may be; flatten the file"
+                )
+
+        def end(tag: str) -> None:
+            builder.end(tag)
+            open_elements.pop()
 
         def refused(*_: object) -> None:
             raise FileError(
@@ -98,7 +113,7 @@ class XmlFile:
 
         handlers: dict[str, Callable[..., object]] = {
             "StartElementHandler": start,
-            "EndElementHandler": builder.end,
+            "EndElementHandler": end,
             "CharacterDataHandler": builder.data,
             "EntityDeclHandler": refused,
         }

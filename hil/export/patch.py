@@ -55,7 +55,8 @@ if TYPE_CHECKING:
     from hil.estimation.consistent.conditions import BodyBounds
     from hil.export.simulated_robot import SimulatedJoint, SimulatedRobot
     from hil.export.urdf_file import Given
-    from hil.model.readers.mjcf import MjcfChain, Placed
+    from hil.model.readers.mjcf import MjcfChain
+    from hil.model.readers.mjcf_text import Placed
     from hil.model.readers.urdf import UrdfChain
     from hil.model.robot import Robot
     from hil.results.model import Model
@@ -295,11 +296,10 @@ class _Mjcf:
     def __init__(self, path: Path, robot: Robot) -> None:
         self.path, self.chain = path, _chain_of(path, robot)
         self._text, self._model = self.chain.text, self.chain.model
-        compiler = self._text.files[path].root.find("compiler")
-        if compiler is not None and compiler.get("inertiafromgeom") == "true":
+        if self._text.from_geoms:
             raise Mismatch(
-                f"{self._text.files[path].wrong(compiler, 'inertiafromgeom')}: inertials would not"
-                ' count; set it to "auto"'
+                f'{path}: inertiafromgeom="true" of the compiler: inertials would not count; set it'
+                ' to "auto"'
             )
         for one, other in pairwise(self.chain.bodies):
             if one == other:

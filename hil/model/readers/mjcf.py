@@ -1,8 +1,8 @@
 """A chain of joints from an MJCF file of MuJoCo, as its own compiler understands it.
 
 Defaults, classes, frames, angles in degrees and all orientations are the compiler's work. Axes come
-from the compiled model; names of files and lines come from the text, whose bodies and joints stand
-in the compiler's order: depth first, includes in their place. The chain is that of a URDF
+from the compiled model; names of files and lines come from the text (`MjcfText`), whose bodies and
+joints are in the compiler's order. The chain is that of a URDF
 (`hil.model.readers.urdf`): the frame of a joint has its origin at the joint's anchor and the body's
 directions; bodies without joints count with the link below them.
 
@@ -16,27 +16,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
 from hil.model.frames import inverse
+from hil.model.readers.mjcf_text import MjcfText
 from hil.model.readers.urdf import PARALLELOGRAM, ROUNDED, UrdfChain, UrdfJoint
 from hil.model.robot_file import MOST_JOINTS
 from hil.optional_packages import needed_for
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from xml.etree.ElementTree import Element
 
     from hil.arrays import Array, Indices
+    from hil.model.readers.mjcf_text import Placed
 
-WRITTEN_OUT = {"replicate", "attach", "composite", "flexcomp"}
-"""Elements that stand for bodies that the file does not name one by one."""
-MOST_INCLUDES = 100
-"""Maximum number of files in a model."""
 _REFUSED = {
     "freejoint": "a robot with a free base is not modelled: fix its base for the recording, and"
     " remove the joint",
@@ -45,73 +41,6 @@ _REFUSED = {
     "ball": "a ball joint has no single motor: replace it by three hinge joints, or end the chain"
     " before it with --to (tip of hil.Robot.load)",
 }
-
-
-class Placed(NamedTuple):
-    """An element and the file that it is in."""
-
-    file: XmlFile
-    element: Element
-
-    def wrong(self, what: str) -> FileError:
-        """Return an error about the element, with file and line."""
-        return self.file.wrong(self.element, what)
-
-
-class MjcfText:
-    """The files of an MJCF model: bodies, joints of each, and equalities, in the compiler's order.
-
-    Attributes
-    ----------
-    files : dict of Path to XmlFile
-    bodies : list of (Placed, list of Placed)
-        Each body with its joints; the world is the first, without an element of its own.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path, self.files = path, {path: XmlFile(path)}
-        self.equalities: list[Placed] = []
-        root = self.files[path].root
-        if root.tag != "mujoco":
-            raise self.files[path].wrong(root, f"<{root.tag}> must be <mujoco>: this is no MJCF")
-        self.bodies: list[tuple[Placed, list[Placed]]] = [(Placed(self.files[path], root), [])]
-        for each in self._children(Placed(self.files[path], root)):
-            if each.element.tag == "worldbody":
-                self._walk(each, self.bodies[0][1])
-            elif each.element.tag == "equality":
-                self.equalities += self._children(each)
-
-    def _children(self, parent: Placed) -> Iterator[Placed]:
-        """Yield the children of an element, those of included files in their place."""
-        for element in parent.element:
-            here = Placed(parent.file, element)
-            if element.tag != "include":
-                yield here
-                continue
-            name = element.get("file") or ""
-            places = [folder / name for folder in (self.path.parent, parent.file.path.parent)]
-            found = next((place for place in places if place.is_file()), None)
-            if found is None or found in self.files or len(self.files) >= MOST_INCLUDES:
-                raise here.wrong(f"includes {name!r}, which is not there, or is included before")
-            self.files[found] = XmlFile(found)
-            yield from self._children(Placed(self.files[found], self.files[found].root))
-
-    def _walk(self, parent: Placed, joints: list[Placed]) -> None:
-        for each in self._children(parent):
-            tag = each.element.tag
-            if tag in WRITTEN_OUT:
-                raise each.wrong(
-                    f"<{tag}> stands for bodies that are not written out; compile the file and save"
-                    " it, with mujoco.mj_saveLastXML"
-                )
-            if tag == "body":
-                own: list[Placed] = []
-                self.bodies.append((each, own))
-                self._walk(each, own)
-            elif tag == "frame":
-                self._walk(each, joints)
-            elif tag in ("joint", "freejoint"):
-                joints.append(each)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,7 +100,7 @@ def _reader(path: Path) -> _Reader:
     with needed_for(path, "mujoco"):
         import mujoco  # noqa: PLC0415 - optional, and slow to load
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        model = mujoco.MjModel.from_xml_string(*text.reduced())
     except ValueError as error:
         why = " ".join(str(error).split())
         raise FileError(f"{path}: MuJoCo does not compile it: {why}") from error

@@ -82,3 +82,61 @@ def test_springs_are_identified_and_compensated_gravity_is_named_as_left_out(tmp
     assert "k3" in robot.added_parameters
     assert "not taken: " in robot.text
     assert "wrist.xml:2: gravcomp" in robot.text
+
+
+TRIANGLES = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def of_mesh(folder, *, file="tool.obj", stated=False):
+    """Write the arm with a tool of a mesh, which has an inertial or not; return its path."""
+    asset = f'<asset><mesh name="tool" file="{file}" scale=".1 .1 .1"/></asset><worldbody>'
+    arm = ARM.replace("<worldbody>", asset).replace("autolimits", 'meshdir="meshes" autolimits')
+    inertial = '<inertial pos="0 0 0" mass="0.2" diaginertia="0.0002 0.0002 0.0002"/>'
+    geom = '<geom type="mesh" mesh="tool"/>'
+    return write_arm(folder, arm, WRIST.replace(inertial, geom + inertial * stated))
+
+
+def test_only_what_moves_joints_is_compiled(tmp_path):
+    """Of what else a file states no size is allocated, and no file is read."""
+    plain = read_mjcf(write_arm(tmp_path / "plain"))
+    more = ARM.replace(
+        "<worldbody>",
+        '<asset><texture name="sky" type="2d" file="/not/there.png"/><material name="m"'
+        ' texture="sky"/><hfield name="hills" nrow="2000" ncol="2000" size="1 1 1 1"/></asset>'
+        '<custom><numeric name="table" size="1000000"/></custom><worldbody><geom type="hfield"'
+        ' hfield="hills"/>',
+    ).replace('size=".1 .1 .1"', 'size=".1 .1 .1" material="m"')
+    chain = read_mjcf(write_arm(tmp_path / "more", more))
+    assert (chain.model.nhfielddata, chain.model.ntex, chain.model.nnumericdata) == (0, 0, 0)
+    np.testing.assert_array_equal(chain.model.body_inertia, plain.model.body_inertia)
+    np.testing.assert_array_equal(chain.frames(np.ones(4)), plain.frames(np.ones(4)))
+
+
+def test_a_mesh_is_needed_where_it_makes_an_inertia_and_nowhere_else(tmp_path):
+    assert read_mjcf(of_mesh(tmp_path / "stated", stated=True)).model.nmesh == 0
+    path = of_mesh(tmp_path / "made")
+    with pytest.raises(
+        FileError, match=r"arm\.xml:\d+: 'tool\.obj' is not there.*state the inertial"
+    ):
+        read_mjcf(path)
+    (path.parent / "meshes").mkdir()
+    (path.parent / "meshes" / "tool.obj").write_text(TRIANGLES)
+    assert read_mjcf(path).model.body("tool").mass[0] == pytest.approx(1000 * 0.1**3 / 6)
+
+
+def test_files_outside_of_the_folder_are_not_read(tmp_path):
+    (tmp_path / "mine.obj").write_text(TRIANGLES)
+    path = of_mesh(tmp_path / "arm", file="../../mine.obj")
+    (path.parent / "meshes").mkdir()
+    with pytest.raises(FileError, match=r"mine\.obj is outside of .*; copy it"):
+        read_mjcf(path)
+    (tmp_path / "mine.xml").write_text(WRIST)
+    arm = ARM.replace("parts/wrist.xml", "../mine.xml")
+    with pytest.raises(FileError, match=r"arm\.xml:\d+: .*mine.xml is outside of .*; copy it"):
+        read_mjcf(write_arm(tmp_path / "other", arm))
+
+
+def test_elements_within_one_another_without_end_are_refused(tmp_path):
+    arm = ARM.replace("<worldbody>", "<worldbody>" + "<frame>" * 3000 + "</frame>" * 3000)
+    with pytest.raises(FileError, match=r"arm\.xml:10: <frame> is nested 201 deep, at most 200"):
+        read_mjcf(write_arm(tmp_path / "arm", arm))

@@ -1,0 +1,188 @@
+"""The text of an MJCF file of MuJoCo with its includes: bodies and joints, each with file and line.
+
+Bodies and joints are in the compiler's order: depth first, includes in their place. A file of a
+stranger names no file outside of its folder, and MuJoCo compiles what moves joints alone.
+
+The format: mujoco.readthedocs.io, XML reference.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+from checked_files.xml_file import XmlFile
+
+if TYPE_CHECKING:
+    from checked_files.yaml_file import FileError
+
+WRITTEN_OUT = {"replicate", "attach", "composite", "flexcomp"}
+"""Elements that stand for bodies that the file does not name one by one."""
+MOST_INCLUDES = 100
+"""Maximum number of files in a model."""
+_KEPT = {"compiler", "default", "worldbody"}
+"""Sections that MuJoCo compiles, beside gravity and meshes."""
+_WITHIN = {"default", "body", "frame", "joint", "freejoint", "inertial", "geom", "mesh"}
+"""Elements within these sections that it compiles."""
+_FOLDERS = {"assetdir", "meshdir", "texturedir", "strippath"}
+
+
+class Placed(NamedTuple):
+    """An element and the file that it is in."""
+
+    file: XmlFile
+    element: Element
+    children: list[Placed]
+    """Those of the element, with those of included files in their place."""
+
+    def wrong(self, what: str) -> FileError:
+        """Return an error about the element, with file and line."""
+        return self.file.wrong(self.element, what)
+
+
+class MjcfText:
+    """The files of an MJCF model: bodies, joints of each, and equalities, in the compiler's order.
+
+    Attributes
+    ----------
+    files : dict of Path to XmlFile
+    bodies : list of (Placed, list of Placed)
+        Each body with its joints; the world is the first, without an element of its own.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.files = path, {path: XmlFile(path)}
+        root = self.files[path].root
+        if root.tag != "mujoco":
+            raise self.files[path].wrong(root, f"<{root.tag}> must be <mujoco>: this is no MJCF")
+        self._root = self._placed(self.files[path], root)
+        self.bodies: list[tuple[Placed, list[Placed]]] = [(self._root, [])]
+        self.equalities = [each for part in self._parts("equality") for each in part.children]
+        for each in self._parts("worldbody"):
+            self._walk(each, self.bodies[0][1])
+
+    def _parts(self, tag: str) -> list[Placed]:
+        return [each for each in self._root.children if each.element.tag == tag]
+
+    def _placed(self, file: XmlFile, element: Element) -> Placed:
+        """Read an element with all below it, and the files that these include."""
+        children: list[Placed] = []
+        for child in element:
+            if child.tag != "include":
+                children.append(self._placed(file, child))
+                continue
+            here = Placed(file, child, [])
+            name = child.get("file") or ""
+            places = [folder / name for folder in (self.path.parent, file.path.parent)]
+            found = next((place for place in places if place.is_file()), None)
+            if found is None or found in self.files or len(self.files) >= MOST_INCLUDES:
+                raise here.wrong(f"includes {name!r}, which is not there, or is included before")
+            self._refuse_outside(here, found)
+            self.files[found] = XmlFile(found)
+            children += self._placed(self.files[found], self.files[found].root).children
+        return Placed(file, element, children)
+
+    def _walk(self, parent: Placed, joints: list[Placed]) -> None:
+        for each in parent.children:
+            tag = each.element.tag
+            if tag in WRITTEN_OUT:
+                raise each.wrong(
+                    f"<{tag}> stands for bodies that are not written out; compile the file and save"
+                    " it, with mujoco.mj_saveLastXML"
+                )
+            if tag == "body":
+                own: list[Placed] = []
+                self.bodies.append((each, own))
+                self._walk(each, own)
+            elif tag == "frame":
+                self._walk(each, joints)
+            elif tag in ("joint", "freejoint"):
+                joints.append(each)
+
+    def _refuse_outside(self, element: Placed, found: Path) -> None:
+        """Refuse a file that a stranger's MJCF names outside of its own folder."""
+        folder = self.path.parent.resolve()
+        if not found.resolve().is_relative_to(folder):
+            raise element.wrong(f"{found} is outside of {folder}, the folder of the MJCF; copy it")
+
+    @property
+    def compiler(self) -> dict[str, str]:
+        """Settings of the compiler; of several sections the last holds."""
+        return dict(item for each in self._parts("compiler") for item in each.element.items())
+
+    @property
+    def from_geoms(self) -> bool:
+        """True if inertias of geoms take the place of stated inertials."""
+        return self.compiler.get("inertiafromgeom") == "true"
+
+    def reduced(self) -> tuple[str, dict[str, bytes]]:
+        """Return what MuJoCo compiles: bodies, joints and what inertias are made of.
+
+        Textures, height fields, tables and the like may be as large as a few characters state, and
+        name any file. None of them moves a joint, so they are left out; meshes are read here, and
+        those of bodies with an inertial are not needed.
+
+        Returns
+        -------
+        text : str
+            Without includes.
+        assets : dict of str to bytes
+            Meshes by the names that the text has for them.
+
+        Raises
+        ------
+        FileError
+            A mesh that is needed is not there, is outside of the folder, or is made by MuJoCo.
+        """
+        root, geoms = Element("mujoco"), list[Element]()
+        for each in self._parts("option"):
+            gravity = {k: v for k, v in each.element.items() if k == "gravity"}
+            SubElement(root, "option", gravity)
+        for each in self._root.children:
+            if (tag := each.element.tag) in _KEPT:
+                attributes = {k: v for k, v in each.element.items() if k not in _FOLDERS}
+                self._copy(each, SubElement(root, tag, attributes), geoms)
+        meshes = {
+            mesh.element.get("name", Path(mesh.element.get("file", "")).stem): mesh
+            for each in self._parts("asset")
+            for mesh in each.children
+            if mesh.element.tag == "mesh"
+        }
+        assets, given = SubElement(root, "asset"), dict[str, bytes]()
+        for name in sorted({geom.get("mesh", "") for geom in geoms} & meshes.keys()):
+            element = SubElement(assets, "mesh", {**meshes[name].element.attrib, "name": name})
+            if "builtin" in element.attrib:
+                what = f"mesh {name!r} is made by MuJoCo; state the inertials of its bodies"
+                raise meshes[name].wrong(what)
+            if file := element.get("file"):
+                element.set("file", f"{len(given)}{Path(file).suffix}")
+                given[element.get("file", "")] = self._mesh(meshes[name], file)
+        return tostring(root, encoding="unicode"), given
+
+    def _copy(self, source: Placed, target: Element, geoms: list[Element]) -> None:
+        """Copy what is kept of an element, and list its geoms; a stated inertial needs none."""
+        stated = any(each.element.tag == "inertial" for each in source.children)
+        for each in source.children:
+            tag, attributes = each.element.tag, dict(each.element.items())
+            needless = tag == "geom" and (
+                (stated and not self.from_geoms) or "hfield" in attributes
+            )
+            if tag in _WITHIN and not needless:
+                attributes.pop("material", None)
+                copied = SubElement(target, tag, attributes)
+                geoms += [copied] if tag == "geom" else []
+                self._copy(each, copied, geoms)
+
+    def _mesh(self, mesh: Placed, file: str) -> bytes:
+        compiler = self.compiler
+        inside = compiler.get("meshdir") or compiler.get("assetdir") or ""
+        places = [each.path.parent / inside / file for each in (self, mesh.file)]
+        found = next((place for place in places if place.is_file()), None)
+        if found is None:
+            raise mesh.wrong(
+                f"{file!r} is not there, and the inertia of a body is that of its mesh; put it"
+                " there, or state the inertial of the body"
+            )
+        self._refuse_outside(mesh, found)
+        return found.read_bytes()
