@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 from data_sheets import sheet
+from mjcf_robots import WHOLE
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
 from scipy.io import savemat
@@ -366,6 +367,7 @@ def _read_run(path: Path) -> None:
 KINDS = {
     "robot": Kind(_text("robot.yaml", ROBOT), Robot.load),
     "urdf": Kind(_text("arm.urdf", urdf("SCARA", ROBOTS["SCARA"])), _read_urdf),
+    "mjcf": Kind(_text("arm.xml", WHOLE), Robot.load),
     "dh": Kind(
         _text("dh.csv", "alpha [rad],a [m],d,theta\n0,0,0.1,q1\npi/2,0.3,0,q2\n"),
         lambda path: draft_robot(read_dh(path, "modified"), GRAVITY),

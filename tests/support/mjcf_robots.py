@@ -46,6 +46,9 @@ WRIST = """<mujoco>
 ONE_JOINT = re.sub(r" *<joint name=\"slide\".*\n", "", WRIST)
 """The wrist without its second joint."""
 
+WHOLE = re.sub("<include.*?>", re.sub("</?mujoco>", "", WRIST), ARM)
+"""The arm in one file."""
+
 
 def write_arm(folder, arm=ARM, wrist=WRIST):
     """Write the arm and the wrist that it includes; return the arm's path."""
