@@ -75,7 +75,12 @@ of axis 2 that is off by 0.1 degrees."""
 
 
 def excluded(
-    robot: Robot, p: Array, evidence: Evidence, leaves: float = 1.0, known: Sequence[str] = ()
+    robot: Robot,
+    p: Array,
+    evidence: Evidence,
+    leaves: float = 1.0,
+    known: Sequence[str] = (),
+    both: Array | None = None,
 ) -> Excluded:
     """Test all causes.
 
@@ -88,6 +93,9 @@ def excluded(
         limits go.
     known : sequence of str
         Causes that stay free beside the others.
+    both : ndarray, shape (n_base,), optional
+        Base parameters of earlier and later rows together, beside which changes of friction are
+        tested; by default `p`.
     """
     if evidence.later is None:
         every = columns(robot, p, evidence, (*FITTED, *known))
@@ -123,7 +131,7 @@ def excluded(
     if evidence.later is not None and not instead.shows_changes:
         stated = tuple(each.model_copy(update={"size": None}) for each in stated)
     if evidence.later is not None and not instead.departs:
-        friction, more = friction_changes(robot, p, evidence)
+        friction, more = friction_changes(robot, p if both is None else both, evidence)
         # where all torques of an axis changed, its friction did with them
         explained = {axis for each in causes for axis in each.axes}
         causes = (*causes, *(each for each in friction if not explained & {*each.axes}))

@@ -92,9 +92,12 @@ def changed(
 ) -> Excluded | None:
     """What changed between recordings, by cause; None where too little was recorded.
 
-    Base parameters are those of all recordings, and causes act in the later ones alone. So what
+    Base parameters are fitted to all recordings, and causes act in the later ones alone. So what
     parameters would take for their own in one run shows here: a torque constant, a rotor, all of a
-    load. Friction is each measurement's own; whether it changed is tested by itself.
+    load. The columns of causes are made with the earlier run's parameters, since those of both hold
+    part of the change; known causes keep those of both, since the earlier hold none of a load.
+    Friction is each measurement's own; whether it changed is tested by itself, beside the
+    parameters of both.
 
     Parameters
     ----------
@@ -108,8 +111,8 @@ def changed(
     later = [(motion, replace(s, time=s.time + begin)) for motion, s in _prepared(after)]
     try:
         solver = SimultaneousFit(robot, [*earlier, *later])
-        # a model of both runs holds part of a change, one of the earlier none of what is known
-        p = (solver if known else SimultaneousFit(robot, earlier)).solve()
+        both = solver.solve()
+        p = both if known else SimultaneousFit(robot, earlier).solve()
     except NotIdentifiable:
         return None
     evidence = measured(robot, solver, [*earlier, *later], rates=True)
@@ -117,7 +120,7 @@ def changed(
     shown = evidence.time + first >= begin
     if shown.all() or not shown.any():
         return None
-    found = excluded(robot, p, replace(evidence, later=shown), known=known)
+    found = excluded(robot, p, replace(evidence, later=shown), known=known, both=both)
     named = {(each.cause, each.axes): each for each in reversed(found.found)}
     causes = [each for each in found.found if named.get((each.cause, each.axes)) is each]
     return found.model_copy(update={"found": tuple(causes)})
