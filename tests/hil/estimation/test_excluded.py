@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from trajectory_run import recorded as recorded_periods
 from trajectory_run import some_trajectory
 
 from hil.estimation.drive_train import directly_driven
-from hil.estimation.excluded import proof
+from hil.estimation.excluded import finding, proof
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finding import excluded
 from hil.estimation.excluded.proof import changed as changed_between
@@ -312,18 +312,22 @@ def test_a_torque_constant_that_changed_between_two_runs_is_named_with_its_size(
 def test_a_change_is_no_part_of_the_model_by_which_its_size_is_stated(
     robot: Robot, good: FreeRecorded, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    used: list[Array] = []
-    monkeypatch.setattr(
-        proof, "excluded", lambda robot, p, *given, **more: used.append(p) or excluded(
-            robot, p, *given, **more
-        )
-    )  # fmt: skip
-    for degrees in (0.0, 8.0):
+    columns: list[Array] = []
+    friction: list[Array] = []
+
+    def noted(used: list[Array], test: Any) -> Any:
+        return lambda robot, p, *given, **more: used.append(p) or test(robot, p, *given, **more)
+
+    monkeypatch.setattr(proof, "excluded", noted(columns, excluded))
+    monkeypatch.setattr(finding, "friction_changes", noted(friction, finding.friction_changes))
+    for degrees in (0.0, 1.0):
         angle = np.array([0.0, np.radians(degrees)])
         later = changed(heavier(robot, 0.0), lambda q, _tau, _t, angle=angle: q.__isub__(angle))
         proof.changed(robot, good, later)
-    unchanged, off = used
+    unchanged, off = columns
     np.testing.assert_array_equal(off, unchanged)
+    # a change of friction is tested beside the parameters of both
+    assert np.abs(friction[-1] - off).max() > 1e-6
 
 
 def unmodelled(q: Array, tau: Array, _time: Array) -> None:
