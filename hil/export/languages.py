@@ -4,11 +4,10 @@ C: one header of static inline functions, an example, and a CMake file. No memor
 state is kept, and nothing is included but <math.h>, of which sin, cos and atan alone are called
 (fabs is an instruction). Numbers are double, or float where ``NAME_SINGLE`` is defined before the
 header is included. Python: a module that needs numpy alone; its functions take any number of
-samples. Structured text: one
-function block for each function, without pointers, methods or loops, so that compilers of the
-second edition of the standard take it; one block more remembers the direction of friction; and in a
-file of its own, for CODESYS alone, a block that CODESYS SoftMotion takes as the dynamic model of an
-axis group.
+samples. Structured text: one function block for each function, without pointers, methods or loops,
+so that compilers of the second edition of the standard take it; one block more remembers the
+direction of friction; and in a file of its own, for CODESYS alone, a block that CODESYS SoftMotion
+takes as the dynamic model of an axis group.
 """
 
 from __future__ import annotations

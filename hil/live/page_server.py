@@ -7,7 +7,7 @@ run's lines it adds ``alive``, now and then; ``stopping``, where a page has aske
 
 After ADDRESS and PORT may come ``--hand PATH``, the socket at which the virtual plant takes pushes,
 ``--report PATH``, the report that is served once it is there, and ``--while-open``: a stop is asked
-for once the last page has been closed, or with the line ``report`` if none is open.
+for once the last page has been closed, or with the line ``report`` if none has ever been open.
 """
 
 from __future__ import annotations
@@ -206,9 +206,8 @@ def _pass_on(streams: Streams, closed: Callable[[], None] | None) -> None:
             streams.take(_line("alive"))
             if streams.pages:
                 seen = now
-        if line.startswith(b'{"kind":"report"') and not streams.pages:
-            seen = -math.inf
-        if closed is not None and now - seen > CLOSED:
+        nobody = streams.reported and seen == math.inf and not streams.pages
+        if closed is not None and (nobody or now - seen > CLOSED):
             closed()
             closed = None
     if not streams.ended:

@@ -86,6 +86,11 @@ class Streams:
         return "end" in self._state
 
     @property
+    def reported(self) -> bool:
+        """Whether the report is there: nothing is measured any more."""
+        return "report" in self._state
+
+    @property
     def pages(self) -> int:
         """How many pages are served."""
         with self._lock:
