@@ -106,7 +106,7 @@ lock: $(DEV)
 	@echo uv | $(LOCK) - -o requirements/uv.txt
 	@echo pip-audit | $(LOCK) - -o requirements/audit.txt
 	@echo 'setuptools>=77' | $(LOCK) pyproject.toml - -o requirements/run.txt
-	@$(LOCK) pyproject.toml --extra dev -o requirements/dev.txt
+	@$(LOCK) pyproject.toml --group pyproject.toml:dev -o requirements/dev.txt
 
 # known weaknesses of the packages; asks the index, so that no other target depends on it
 audit:

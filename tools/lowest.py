@@ -18,13 +18,13 @@ LINT = {"import-linter", "mypy", "ruff", "scipy-stubs", "towncrier"}
 def main() -> None:
     """Print a line a package."""
     path = Path(__file__).parents[1] / "pyproject.toml"
-    project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
-    extras = project["optional-dependencies"]
+    stated = tomllib.loads(path.read_text(encoding="utf-8"))
+    project = stated["project"]
     users = [*project["dependencies"]]
-    users += [each for name in extras if name != "dev" for each in extras[name]]
+    users += [each for extra in project["optional-dependencies"].values() for each in extra]
     pinned = {BOUND.sub(r"\1==\2\3", each) for each in users}
     names = {BOUND.sub(r"\1", each) for each in users} | LINT
-    others = {each for each in extras["dev"] if BOUND.sub(r"\1", each) not in names}
+    others = {each for each in stated["dependency-groups"]["dev"] if BOUND.sub(r"\1", each) not in names}
     sys.stdout.writelines(f"{each}\n" for each in sorted(pinned | others))
 
 
