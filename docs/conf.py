@@ -23,7 +23,7 @@ from figures import expanded
 from notebooks import write_pages
 from over_time import page as benchmarks_over_time
 
-project = "Robot identification over CANopen"
+project = "Robot identification over CANopen and EtherCAT"
 _PROJECT = Path(__file__).parents[1] / "pyproject.toml"
 version = release = tomllib.loads(_PROJECT.read_text())["project"]["version"]
 extensions = [

@@ -20,3 +20,11 @@ def test_every_file_that_a_document_names_or_links_exists(document: Path) -> Non
     named = {ROOT / place for place in PLACE.findall(text)}
     linked = {document.parent / place for place in LINK.findall(text)}
     assert [str(path) for path in sorted(named | linked) if not path.exists()] == []
+
+
+def test_readme_and_front_page_of_the_documents_open_the_same_doors() -> None:
+    def doors(path: Path) -> list[str]:
+        table = path.read_text(encoding="utf-8").partition("| you are | begin with |")[2]
+        return table.partition("\n\n")[0].replace("](docs/", "](").splitlines()[2:]
+
+    assert doors(ROOT / "README.md") == doors(ROOT / "docs" / "index.md") != []
