@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -74,20 +75,31 @@ def fault_plan(jumps: int) -> dict[str, object]:
     }
 
 
-def strokes(bus: ServoAxes, count: int) -> Iterator[str]:
-    """Yield what ended each stroke; empty where it came to its end and its recording is good."""
-    home = bus.sample().q[AXIS]
-    number = 0
+def strokes(interface: str, channel: str, count: int) -> Iterator[str]:
+    """Yield what ended each stroke; empty where it came to its end and its recording is good.
+
+    Drives that stopped since this computer was late take part again in a new session.
+    """
+    home, number = None, 0
     while number < count:
-        recorder, ends = Recorder(), None
+        bus = open_drive_bus(DRIVES, interface, channel, pacing="wall-clock")
+        with suppress(DriveError), bus:  # those that are off by themselves answer nothing
+            home = bus.sample().q[AXIS] if home is None else home
+            for reason in _of_session(bus, home, range(number, count)):
+                number += 1
+                yield reason
+
+
+def _of_session(bus: ServoAxes, home: float, numbers: range) -> Iterator[str]:
+    """Yield what ended each stroke, until the drives cannot be powered on again."""
+    for number in numbers:
+        recorder, ends, reason = Recorder(), None, ""
         try:
             sample = bus.sample()
             target = home + STROKE * (number % 2 == 0)
             bus.move({AXIS: Move(target, VELOCITY, ACCELERATION)})
         except DriveError:  # no set-point went out, so the plant counts none either
-            bus.reset()
-            continue
-        number += 1
+            return
         try:
             while ends is None or sample.time < ends:
                 sample = bus.sample()
@@ -95,10 +107,14 @@ def strokes(bus: ServoAxes, count: int) -> Iterator[str]:
                 if ends is None and sample.reached:
                     ends = sample.time + REST
             finished(bus, recorder, ACCELERATION)
-            yield ""
         except DriveError as error:
-            yield str(error)
-            bus.reset()
+            reason = str(error)
+        yield reason
+        if reason:
+            try:
+                bus.reset()
+            except DriveError:
+                return
 
 
 def measured(interface: str, channel: str, jumps: int) -> dict[str, object]:
@@ -108,8 +124,8 @@ def measured(interface: str, channel: str, jumps: int) -> dict[str, object]:
     late: list[str] = []
     tried = 0
     begun = time.monotonic()
-    with load(BUSY), open_drive_bus(DRIVES, interface, channel, pacing="wall-clock") as bus:
-        for number, reason in enumerate(strokes(bus, 2 * jumps)):
+    with load(BUSY):
+        for number, reason in enumerate(strokes(interface, channel, 2 * jumps)):
             of_encoder = any(word in reason for word in ENCODER)
             if reason and not of_encoder:
                 late.append(reason)
