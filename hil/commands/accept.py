@@ -8,6 +8,7 @@ a YAML file.
 
 from __future__ import annotations
 
+import math
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Self, cast
@@ -107,7 +108,7 @@ class Check(Reservation):
     unit: str
     value: float | str | None
     least: float | str | None
-    most: float | str | None
+    most: float | None
 
 
 class Acceptance(Judgement):
@@ -174,7 +175,8 @@ def draft_limits(run: Run | Path | str, factor: float = 3.0) -> Limits:
         if each.axis is None:
             low, high = intervals[model.names.index(each.name)]
             half = (high - low) / 2
-        least, most = (float(f"{found.value + k * factor * half:.6g}") for k in (-1, 1))
+        digits = _decimals(2 * factor * half)
+        least, most = (round(found.value + k * factor * half, digits) for k in (-1, 1))
         limits_of = QuantityLimits(
             name=each.name, unit=each.unit, axis=each.axis, speed=each.speed, least=least, most=most
         )
@@ -238,7 +240,7 @@ def _check(
     passed = value is not None and ends[0] <= _rank(value) <= ends[1]
     limits = {"at least": least, "at most": most}
     bounds = (f"{which} {_text(each)}" for which, each in limits.items() if each is not None)
-    reason = f"{_text(value)} {unit}".strip() + f" must be {' and '.join(bounds)}"
+    reason = f"{_rounded(value, least, most)} {unit}".strip() + f" must be {' and '.join(bounds)}"
     return Check(
         word="good" if passed else "failed",
         reason="was not identified" if value is None else reason,
@@ -248,6 +250,18 @@ def _check(
 
 def _rank(value: float | str) -> float:
     return value if isinstance(value, int | float) else -WORDS.index(cast("Word", value))
+
+
+def _rounded(value: float | str | None, least: float | str | None, most: float | None) -> str:
+    """Write a value with one decimal place more than its limits need."""
+    if not isinstance(value, float) or not value or isinstance(least, str) or most is None:
+        return _text(value)
+    return f"{value:.{_decimals(most - (least or 0.0)) + 1}f}"
+
+
+def _decimals(width: float) -> int:
+    """Return the decimal places that resolve an interval of this width to three digits."""
+    return max(0, 2 - math.floor(math.log10(width))) if width > 0.0 else 6
 
 
 def _text(value: float | str | None) -> str:
@@ -313,7 +327,8 @@ def checked(found: Acceptance) -> Table:
             (
                 check.subject,
                 check.word if check.word == "good" else Marked(check.word),
-                *(signed(_text(each)) for each in (check.value, check.least, check.most)),
+                signed(_rounded(check.value, check.least, check.most)),
+                *(signed(_text(each)) for each in (check.least, check.most)),
                 unit(check.unit),
             )
             for check in found.checks

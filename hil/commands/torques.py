@@ -37,7 +37,7 @@ EACH = 400
 def played(model: Model, runs: Sequence[Run], words: str = "") -> Played:
     """Predict the torques of runs; empty where nothing of them can be predicted.
 
-    Of each axis the recording is drawn that asks most of it, with `words` on the prediction.
+    Each axis is drawn in a recording with large torques; `words` describe the prediction.
     """
     found: dict[tuple[str, int], PredictedTorque] = {}
     pairs: dict[str, tuple[RecordedMotion, Recording]] = {}
@@ -57,8 +57,8 @@ def played(model: Model, runs: Sequence[Run], words: str = "") -> Played:
         lambda: over_time(chosen, model.robot),
         "Measured and predicted torque of every axis over time with its interval of 95 %, and"
         " their difference below.",
-        f"Measured and predicted torque, after the low-pass; below it the residual. {words}Of"
-        " each axis the recording that asks most of it.",
+        f"Measured and predicted torque, after the low-pass; below it the residual. {words}Each"
+        " axis in a recording with large torques.",
     )
     robot = model.robot
     picture = arm(robot, first_pose(robot, shown[0].recording))

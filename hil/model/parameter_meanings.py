@@ -77,4 +77,6 @@ def _inertia(robot: Robot, head: str, row: Array) -> str:
         return f"inertia of axis {link}"
     names = robot.standard_parameters
     less = [each for each in "xyz" if each != one and row[names.index(f"I{each}{each}{link}")] < 0]
-    return f"inertia of link {link}, {one}" + "".join(f" less {each}" for each in less)
+    if not less:
+        return f"inertia {one}{one} of link {link}"
+    return f"inertia {' - '.join(2 * each for each in (one, *less))} of link {link}"

@@ -66,7 +66,7 @@ def _over_time(run: ReportedRun) -> Iterator[Plot]:
         "Measured and predicted torque of every axis over time with its interval of 95 %, and their"
         " difference below.",
         f"Measured and predicted torque, after the low-pass; below it the residual. {found.words}"
-        " Of each axis the recording that asks most of it; no prediction where the axis hardly"
+        " Each axis in a recording with large torques; no prediction where the axis hardly"
         f" moves, since friction is no function of velocity there.{beside}",
     )
 

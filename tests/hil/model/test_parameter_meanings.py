@@ -17,7 +17,7 @@ ROBOTS = Path(__file__).parents[2] / "robots"
     [
         ("manutec-r15", "p5", "gravity of axis 2 (p5)"),
         ("manutec-r15", "p7", "inertia of axis 3 (p7)"),
-        ("manutec-r15", "p2", "inertia of link 2, x less y (p2)"),
+        ("manutec-r15", "p2", "inertia xx - yy of link 2 (p2)"),
         ("manutec-r15", "p3", "product of inertia xz of link 2 (p3)"),
         ("staubli-tx40", "p8", "gravity of axis 2, y (p8)"),
         ("emps", "p1", "mass moved by axis 1 (p1)"),

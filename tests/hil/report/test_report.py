@@ -36,7 +36,7 @@ from hil.runs.run_folder import RunFolder
 from hil.show.html import symbols
 from hil.show.rounding import decimals, percent, rounded, significant
 
-TITLE_OF_P11 = "inertia of link 5, x less y (p11)"
+TITLE_OF_P11 = "inertia xx - yy of link 5 (p11)"
 PLOTS = {
     *ELEMENT_KINDS,
     *(f"{name}-angles" for name, kind in ELEMENT_KINDS.items() if not kind.pair),
@@ -335,7 +335,7 @@ class TestAdvice:
         covariance[0, 1] = covariance[1, 0] = -0.97 * np.sqrt(covariance[0, 0] * covariance[1, 1])
         assert replace(best, covariance=covariance).correlation[0, 1] == pytest.approx(-0.97)
         items = self.advised(folder, replace(best, covariance=covariance))
-        assert "−0.97" in items["inertia of axis 1 (p1), inertia of link 2, x less y (p2)"].reason
+        assert "−0.97" in items["inertia of axis 1 (p1), inertia xx - yy of link 2 (p2)"].reason
 
     def test_friction_that_differs_by_direction_is_of_note(self, folder, found):
         items = self.advised(folder, found["improved"])
