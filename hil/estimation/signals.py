@@ -33,7 +33,7 @@ import numpy as np
 from scipy import fft
 
 from hil.errors import NotEnoughData
-from hil.friction.equation import moving, rows_of, term_columns, usable
+from hil.friction.equation import moving, base_rows, term_columns, usable
 from hil.least_squares.differences import FIRST, SECOND
 from hil.least_squares.window import correlated, half_window, smooth, widened
 from hil.runs.recording import under_way
@@ -131,7 +131,7 @@ class Signals:
 
     def terms(self, robot: Robot, axis: int) -> tuple[Array, Array, Array]:
         """Columns of an axis (`hil.friction.equation.term_columns`)."""
-        rows = self.once((rows_of, robot, axis), lambda: rows_of(robot, self, axis))
+        rows = self.once((base_rows, robot, axis), lambda: base_rows(robot, self, axis))
         return term_columns(robot, self, axis, rows)
 
     def filtered(self, x: Array) -> Array:

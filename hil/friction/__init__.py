@@ -1,1 +1,1 @@
-"""Friction: one set of terms, laws made up of them and their search, warmth, drift, symmetry."""
+"""Friction of axes: terms, laws, selection of a law, warmth of gears, drift over time."""

@@ -1,4 +1,4 @@
-"""Friction as a function of speed, fitted to measured points; the choice among four such models.
+"""Friction as a function of speed: four models, fitted to measured points and selected.
 
 =========== ================================================= =============================
 linear      a1 v + a2 sgn v                                   eq. (1), linear least squares
@@ -7,21 +7,22 @@ arctan      a1 v + a2 sgn v + a3 atan(a4 v)                   eq. (3), bounded n
 stribeck    a1 v + a2 sgn v + a3 exp(-(v / a4)^2) sgn v       bounded non-linear
 =========== ================================================= =============================
 
-All are odd functions, so least squares over both directions is least squares over their mean, and
-that is what they are fitted to: friction's asymmetry is tested by itself
-(`hil.estimation.friction.symmetry`).
-Given a4 the last two are linear as well. So a4 is looked for on a grid in its logarithm and between
-its best neighbours, all else by linear least squares (variable projection, Golub and Pereyra 1973).
-In the fit speed is a share of the axis's limit and torque a share of the largest one measured, so
-that all parameters are of similar size.
+All models are odd functions of velocity. Least squares over both directions is therefore least
+squares over the mean of both directions, to which the models are fitted. Asymmetric friction is
+tested separately (`hil.estimation.friction.symmetry`).
 
-A parameter is not identifiable where a4 ends at its bound (its knee lies outside the measured
-speeds) or has a standard error of more than half its value, or where another one has and is
-correlated with a further one so strongly that only both together are known.
+For given a4, the last two models are linear as well. A grid over log a4, refined between the best
+neighbours, yields a4; linear least squares yields all other parameters (variable projection, Golub
+and Pereyra 1973). The fit uses speed as a share of the axis's limit and torque as a share of the
+largest measured torque, so that all parameters have similar sizes.
 
-Recommended is the simplest model that none beats by more than chance at speeds that are held out,
-all repetitions of one together (`hil.least_squares.choice`). The slowest and the fastest are always
-fitted: nothing is asked of a model beyond the speeds that were measured.
+A parameter is not identifiable if a4 ends at its bound (the knee is outside the measured speeds),
+if its standard error exceeds half its value, or if it is so strongly correlated with another
+parameter that only their sum is known.
+
+The recommended model is the simplest one that no other model beats by more than chance at held-out
+speeds, all repetitions of a speed together (`hil.least_squares.choice`). The slowest and the
+fastest speed are never held out, since models are not used beyond the measured speeds.
 """
 
 from __future__ import annotations
@@ -49,15 +50,15 @@ _FAMILIES: dict[Law, tuple[tuple[str, ...], tuple[float, ...]]] = {
     "arctan": (("N m s/rad", "N m", "N m", "s/rad"), (1.0, 0.0, 0.0, 1.0)),
     "stribeck": (("N m s/rad", "N m", "N m", "rad/s"), (1.0, 0.0, 0.0, -1.0)),
 }
-"""Units of each model's parameters, of an axis that turns, and powers of the inverse speed in them;
-from the simplest."""
+"""Units of each model's parameters for a revolute axis, and powers of the inverse speed in these
+units; the simplest model first."""
 LAWS: tuple[Law, ...] = tuple(_FAMILIES)
 GRID = 60
-"""Values of a4 that are tried first: a tenth apart over the 2.5 decades of speed of a sweep."""
+"""Grid points of a4: a tenth apart over the 2.5 decades of speed of a sweep."""
 
 
 class FrictionModel(FileModel):
-    """A fitted friction model of one axis, as `friction.yaml` keeps it.
+    """Fitted friction model of one axis; an entry of `friction.yaml`.
 
     Attributes
     ----------
@@ -69,13 +70,13 @@ class FrictionModel(FileModel):
         From the scatter about the model; None where there are no degrees of freedom or the data do
         not determine the parameter.
     units : tuple of str
-        Of `a`.
+        Units of `a`.
     error : float
-        Root mean square of what the fit leaves [N m or N].
+        Root mean square of the residuals [N m or N].
     held_out_error : float, optional
-        The same at speeds that were held out.
+        Root mean square error at held-out speeds [N m or N].
     unidentifiable : tuple of str
-        A sentence for every parameter that the data do not identify.
+        One sentence for each parameter that the data do not identify.
     """
 
     kind: Law
@@ -87,24 +88,24 @@ class FrictionModel(FileModel):
     unidentifiable: tuple[str, ...]
 
     def torque(self, v: ArrayLike) -> Array:
-        """Friction torque against motions at velocities `v` (any shape) [rad/s -> N m]."""
+        """Return the friction torque at velocities `v`, any shape [rad/s -> N m]."""
         return torque(self.kind, self.a, v)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AxisCurves:
-    """Friction of one axis over its speeds.
+    """Friction models of one axis, fitted over speed.
 
     Attributes
     ----------
     axis : int
         From 0.
     velocity, torque : ndarray, shape (n,)
-        What the models were fitted to: speeds [rad/s], mean friction of both directions [N m].
+        Fitted points: speeds [rad/s], mean friction of both directions [N m].
     models : dict
-        All models that there were enough speeds for, by kind.
+        Models by kind, where the number of speeds allows a fit.
     chosen : str
-        Kind of the model that is recommended.
+        Kind of the recommended model.
     """
 
     axis: int
@@ -117,7 +118,7 @@ class AxisCurves:
 def choose(
     axis: int, velocity: Array, torque: Array, limit: float, *, turns: bool = True
 ) -> AxisCurves | None:
-    """Fit all models to the points of one axis and recommend one.
+    """Fit all friction models to the points of an axis and select a model.
 
     Parameters
     ----------
@@ -128,16 +129,16 @@ def choose(
     limit : float
         The axis's speed limit [rad/s].
     turns : bool
-        Whether the axis turns; if not, all is in m and N.
+        Whether the axis is revolute; units of a prismatic axis are m and N.
 
     Returns
     -------
     AxisCurves or None
-        None with less than three speeds: no model can be checked then.
+        None with less than three speeds, which allow no check of a model.
     """
     order = np.argsort(velocity)
     speed = np.empty(len(velocity), dtype=np.intp)
-    # speeds that differ by less than this share are one speed: drives keep theirs better
+    # drives hold their speed better than within 2 %, so closer points belong to one speed
     speed[order] = np.cumsum(np.diff(np.log(velocity[order]), prepend=-np.inf) > 0.02) - 1
     kinds = [kind for kind in LAWS if speed.max() + 1 > len(_FAMILIES[kind][0])]
     if not kinds:
@@ -158,7 +159,7 @@ def choose(
 
 
 def torque(kind: Law, a: ArrayLike, v: ArrayLike) -> Array:
-    """Friction torque of a model with parameters `a` at velocities `v` [rad/s -> N m]."""
+    """Return the friction torque of a model with parameters `a` at velocities `v` [N m]."""
     coefficients, velocity = np.asarray(a, dtype=float), np.asarray(v, dtype=float)
     shape = coefficients[3] if len(coefficients) > 3 else 1.0
     value: Array = _columns(kind, velocity, shape) @ coefficients[:3]
@@ -168,16 +169,16 @@ def torque(kind: Law, a: ArrayLike, v: ArrayLike) -> Array:
 def fit_model(
     kind: Law, v: Array, tau: Array, limit: float, *, turns: bool = True
 ) -> FrictionModel:
-    """Fit one model.
+    """Fit one friction model to points.
 
     Parameters
     ----------
     v, tau : ndarray, shape (n,)
         Velocities [rad/s] and friction torques [N m]; at least as many as parameters.
     limit : float
-        The axis's speed limit, which scales the fit [rad/s].
+        Speed limit of the axis, which scales the fit [rad/s].
     turns : bool
-        Whether the axis turns; if not, all is in m and N.
+        Whether the axis is revolute; units of a prismatic axis are m and N.
     """
     names, powers = _FAMILIES[kind]
     scale = float(np.abs(tau).max())
@@ -201,12 +202,12 @@ def fit_model(
 
 
 def sliding(unit: str) -> str:
-    """Unit of an axis that slides, for that of one that turns."""
+    """Convert a unit of a revolute axis to the unit of a prismatic axis."""
     return unit.replace("N m", "N").replace("rad", "m")
 
 
 def _columns(kind: Law, v: Array, shape: float = 1.0) -> Array:
-    """What the linear parameters are multiplied with, shape (..., 2 or 3)."""
+    """Return the regressor of the linear parameters, shape (..., 2 or 3)."""
     columns = [v, np.sign(v)]
     if kind == "cube-root":
         columns.append(np.cbrt(v))
@@ -218,7 +219,7 @@ def _columns(kind: Law, v: Array, shape: float = 1.0) -> Array:
 
 
 def _jacobian(kind: Law, a: Array, x: Array) -> Array:
-    """Change of the torque per change of each parameter, shape (n, n_parameters)."""
+    """Return the derivatives of the torque with respect to the parameters, (n, n_parameters)."""
     if len(a) < 4:
         return _columns(kind, x)
     if kind == "arctan":
@@ -230,7 +231,7 @@ def _jacobian(kind: Law, a: Array, x: Array) -> Array:
 
 
 def _bounds(kind: Law, speed: Array) -> tuple[float, float] | None:
-    """Range of a4 in which the knee lies among the measured speeds; None for linear models."""
+    """Return the range of a4 with the knee among the measured speeds; None for linear models."""
     low, high = float(speed.min()), float(speed.max())
     if kind == "arctan":
         return 0.5 / high, 2.0 / low
@@ -238,7 +239,7 @@ def _bounds(kind: Law, speed: Array) -> tuple[float, float] | None:
 
 
 def _shape(kind: Law, x: Array, y: Array, bounds: tuple[float, float]) -> float:
-    """The a4 that leaves least, all else being fitted."""
+    """Find a4 by variable projection: the smallest residual with fitted linear parameters."""
     from scipy.optimize import minimize_scalar  # noqa: PLC0415 - takes long to load
 
     def left(logarithm: float) -> float:

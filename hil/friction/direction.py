@@ -1,6 +1,6 @@
-"""Direction of an axis's friction: the sign of its velocity, or Dahl's model of what follows it.
+"""Direction of an axis's friction: sign of the velocity, or Dahl's model of presliding.
 
-The latter is explained in `hil.estimation.nuisances`.
+`hil.estimation.nuisances` derives the columns of presliding.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ if TYPE_CHECKING:
 
 
 STILL = 1e-3
-"""Share of an axis's speed below which it has no direction: what a filter rings on at rest."""
+"""Share of an axis's reference speed below which friction has no direction: filters ring at
+rest."""
 STEP = 1.2
-"""Factor of the presliding distance by which its derivative is found."""
+"""Factor of the presliding distance for the difference quotient of `bent`."""
 
 
 class Direction(NamedTuple):
-    """Direction of an axis's friction, from -1 to 1, shape (n,), and how it bends.
+    """Direction of an axis's friction, from -1 to 1, shape (n,), and its derivative.
 
-    The latter is its change with the logarithm of the presliding distance; 0 where friction turns
-    round at once.
+    `bend` is the derivative with respect to the logarithm of the presliding distance; 0 without
+    presliding.
     """
 
     sign: Array
@@ -33,17 +34,17 @@ class Direction(NamedTuple):
 
 
 def sign_of_velocity(qd: Array, speed: float) -> Array:
-    """Sign of velocities; 0 below `STILL` times `speed`, that the axis hardly ever exceeds."""
+    """Return the sign of velocities; 0 below `STILL` times the reference speed `speed`."""
     return np.where(np.abs(qd) < STILL * speed, 0.0, np.sign(qd))
 
 
 def at_once(qd: Array, speed: float) -> Direction:
-    """Direction of a friction that turns round at once, from velocities."""
+    """Return the direction of friction without presliding, from velocities."""
     return Direction(sign_of_velocity(qd, speed), np.zeros(len(qd)))
 
 
 def bent(after: Callable[[float], Array], distance: float) -> Direction:
-    """Direction and bend, from what `after` finds of the direction with some distance."""
+    """Return the direction and its derivative; `after` returns the direction for a distance."""
     sign = after(distance)
     if distance == 0:
         return Direction(sign, np.zeros_like(sign))
@@ -51,10 +52,10 @@ def bent(after: Callable[[float], Array], distance: float) -> Direction:
 
 
 def are_successive(q: Array, qd: Array) -> bool:
-    """Whether rows, shape (n, n_joints), are samples of a motion at even intervals.
+    """Return True if rows, shape (n, n_joints), are samples of a motion at even intervals.
 
-    Then positions change from row to row as velocities say: velocities at one and the same position
-    are no motion, nor are rows in reverse.
+    Positions then change from row to row as the velocities demand. Rows with different velocities
+    at one position are no motion, nor are rows in reverse order.
     """
     step, mean = np.diff(q, axis=0), (qd[1:] + qd[:-1]) / 2
     size = float(np.sum(mean**2))
@@ -62,12 +63,12 @@ def are_successive(q: Array, qd: Array) -> bool:
         return False
     period = float(np.sum(step * mean)) / size
     apart = float(np.linalg.norm(step - period * mean))
-    # difference of steps from what velocities say, over their size, up to which they are the same
+    # tolerance of steps relative to their size: velocities of a recording are noisy
     return period > 0 and apart <= 0.1 * float(np.linalg.norm(step))
 
 
 def friction_direction(q: Array, distance: float) -> Array:
-    """Direction of friction, from -1 to 1, shape (n,); 0 before the first motion.
+    """Return the direction of friction by Dahl's model, -1 to 1, shape (n,); 0 before any motion.
 
     Parameters
     ----------
@@ -84,7 +85,8 @@ def friction_direction(q: Array, distance: float) -> Array:
     way = np.append(0.0, np.cumsum(np.abs(step)))
     kept = np.exp(-np.diff(way[np.append(begins, len(step))]) / distance)
     at_begin, z = np.zeros(len(begins)), 0.0
-    # a run in one direction after the other; between its ends all samples follow at once
+    # the direction decays exponentially within each run of one sign, so only the state at the
+    # beginning of each run has to be computed in sequence
     for k, (s, share) in enumerate(zip(sign[begins].tolist(), kept.tolist(), strict=True)):
         at_begin[k] = z
         z = s - (s - z) * share

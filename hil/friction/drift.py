@@ -4,17 +4,18 @@ A friction level f_k measured at time t_k is modelled as
 
     ln f_k = c + alpha T(t_k) + beta S(t_k) + e_k
 
-with two states that the axis's own history drives. T is the warmth of the gear, which follows the
-speed (friction power, at much the same friction) with one time constant; S is the share of the
-lubricant that has settled, which grows at rest with a second one and decays in motion with a third,
-at a rate proportional to the speed:
+with two states, driven by the history of the axis. T is the warmth of the gear and follows the
+speed (friction power at nearly constant friction) with one time constant. S is the settled share of
+the lubricant: S grows at rest with a second time constant and decays in motion with a third one, at
+a rate proportional to the speed:
 
     T' = (x - T) / tau_warm,    S' = (1 - S) / tau_rest at rest,    S' = -S (x / x0) / tau_motion,
 
-x being the mean speed as a share of the limit and x0 = `REFERENCE`. The axis counts as cold and
-rested when the run begins. Levels of different kinds or speeds have constants c of their own. Given
-the time constants all else is linear; they are looked for on a grid in their logarithms and refined
-by bounded least squares. Residuals wander, so standard errors are widened by their autocorrelation.
+with the mean speed x as a share of the limit and x0 = `REFERENCE`. The axis counts as cold and
+rested when the run begins. Each kind and speed of levels has its own constant c. For given time
+constants the model is linear. A grid over the logarithms of the time constants, refined by bounded
+least squares, yields the time constants. Residuals are autocorrelated, which widens the standard
+errors.
 """
 
 from __future__ import annotations
@@ -37,12 +38,12 @@ if TYPE_CHECKING:
 
 
 AT_REST = 0.01
-"""Mean speed, as share of the limit, below which the lubricant settles: what a travel between two
-recordings amounts to."""
+"""Mean speed, as a share of the limit, below which the lubricant settles: the mean speed of a move
+between two recordings."""
 BOUNDS = {"warm-up": (120.0, 14400.0), "settling": (10.0, 3600.0), "stirring": (1.0, 600.0)}
-"""Time constants that are looked for, from those of a measurement to those of a shift [s]."""
+"""Bounds of the time constants, from the duration of a measurement to that of a shift [s]."""
 GRID = (6, 5, 5)
-"""Values of each that are tried first, about a factor of two apart."""
+"""Grid points of each time constant, about a factor of two apart."""
 FEWEST = 10
 """Levels beyond the number of unknowns below which the scatter is uncertain by a quarter and more,
 1 / sqrt(2 * 10)."""
@@ -67,7 +68,7 @@ class Level(NamedTuple):
 
 
 class TimeConstant(NamedTuple):
-    """One of the three.
+    """Time constant of a drift, with its standard error.
 
     Attributes
     ----------
@@ -76,7 +77,7 @@ class TimeConstant(NamedTuple):
     value, standard_error : float
         [s].
     word : str
-        Why it is not identifiable; empty where it is.
+        Reason if the time constant is not identifiable; empty otherwise.
     """
 
     name: str
@@ -87,21 +88,21 @@ class TimeConstant(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drift:
-    """The variance in time of one axis's friction.
+    """Drift of one axis's friction over time.
 
     Attributes
     ----------
     axis : int
         From 0.
     levels : tuple of Level
-        What was fitted.
+        Fitted levels.
     fitted : ndarray, shape (n,)
-        The same by the model [N m].
+        Levels of the model [N m].
     constants : tuple of TimeConstant
     warm_effect, rest_effect : float
-        Relative change of the level by warming up as far as it did, and from stirred to settled.
+        Relative change of the level by the observed warming, and from stirred to settled lubricant.
     scatter : float
-        Relative root mean square of what is left.
+        Relative root mean square of the residuals.
     """
 
     axis: int
@@ -114,7 +115,7 @@ class Drift:
 
 
 def drift(axis: int, levels: Sequence[Level], past: History) -> Drift | None:
-    """Estimate the time constants of one axis; None where there are too few levels."""
+    """Estimate the time constants of one axis; None if the number of levels is too small."""
     used = sorted(levels, key=lambda level: level.time)
     names = sorted({level.group for level in used})
     if len(used) < FEWEST + len(names) + 5:
@@ -136,7 +137,7 @@ def drift(axis: int, levels: Sequence[Level], past: History) -> Drift | None:
     a = fitted(X, log_levels)
     jacobian = np.column_stack([X, *(column @ a[-2:] for column in course.changes(taus))])
     variance = float(residual @ residual) / (len(residual) - jacobian.shape[1])
-    covariance = classical(jacobian, variance * _wandering(residual))
+    covariance = classical(jacobian, variance * _variance_factor(residual))
     error = np.sqrt(np.diag(covariance))
     seen = UNCERTAIN * np.abs(a[-2:]) > error[len(a) - 2 : len(a)]
     at_bound = np.minimum(taus - low, high - taus) < 1e-3
@@ -153,7 +154,7 @@ def drift(axis: int, levels: Sequence[Level], past: History) -> Drift | None:
 
 
 class _Course:
-    """Columns of the levels of one axis, as its history made them."""
+    """Columns of the regression of one axis's levels on the states of the axis."""
 
     def __init__(
         self, axis: int, levels: Sequence[Level], names: Sequence[str], past: History
@@ -163,13 +164,13 @@ class _Course:
         self._ends, self._speed = np.append(past.begin, past.end), past.speed[:, axis]
 
     def columns(self, taus: Array) -> Array:
-        """Constants of the groups, warmth and settled share, for logarithms of time constants."""
+        """Return columns of group constants, warmth and settled share for log time constants."""
         warm_up, settling, stirring = np.exp(taus)
         states = self._warmth(warm_up), self._settled(settling, stirring)
         return np.column_stack([self._constants, *states])
 
     def best(self, grid: Sequence[Array], log_levels: Array) -> Array:
-        """Logarithms of time constants of a grid that leave least of the levels."""
+        """Return the logarithms of the time constants of the grid with the smallest residual."""
         warm_up, settling, stirring = (np.exp(each) for each in grid)
         warmth = [self._warmth(tau) for tau in warm_up]
         settled = [self._settled(*taus) for taus in product(settling, stirring)]
@@ -190,7 +191,7 @@ class _Course:
         return np.asarray(np.interp(self._time, self._ends, relaxed(1.0, resting, left)))
 
     def changes(self, taus: Array, step: float = 1e-3) -> list[Array]:
-        """Change of warmth and settled share with each of `taus`, each of shape (n, 2)."""
+        """Return derivatives of warmth and settled share by `taus`: arrays of shape (n, 2)."""
         return [
             (self.columns(taus + d) - self.columns(taus - d))[:, -2:] / (2 * step)
             for d in step * np.eye(len(taus))
@@ -198,7 +199,7 @@ class _Course:
 
 
 def _constant(name: str, tau: float, error: float, seen: bool, at_bound: bool) -> TimeConstant:
-    """Time constant of logarithm `tau`, with the reason if it is not identifiable."""
+    """Return the time constant exp(`tau`), with the reason if not identifiable."""
     value, word = float(np.exp(tau)), ""
     if not seen:
         word = "its effect is lost in the scatter; measure longer, or with stops"
@@ -210,8 +211,8 @@ def _constant(name: str, tau: float, error: float, seen: bool, at_bound: bool) -
     return TimeConstant(name, value, value * float(error), word)
 
 
-def _wandering(left: Array) -> float:
-    """How much the autocorrelation of residuals widens the variance of what is fitted to them."""
+def _variance_factor(left: Array) -> float:
+    """Return the factor of variances by the first-order autocorrelation of the residuals."""
     rho = float(left[1:] @ left[:-1] / (left @ left)) if left.any() else 0.0
     rho = min(max(rho, 0.0), 0.95)
     return (1.0 + rho) / (1.0 - rho)

@@ -1,31 +1,29 @@
-"""The improved method's equation, measured or foreseen: its columns, samples and unknowns.
+"""Equation of the improved method for measured or planned motions: columns, samples, unknowns.
 
 Every usable sample of an axis i says
 
     Q_i - Qm_i = A_i(q, qd, qdd) p + F(t) a + G_i(q) b + e
 
-with base parameters p, their rows taken on the links' side of the gears; friction of this
-measurement alone, F; and what is common to all measurements of the axis, G.
+with base parameters p and their regressor A_i on the link side of the gears, friction F of this
+measurement alone, and terms G common to all measurements of the axis.
 
-F holds five functions of speed and the drift of the level, sign(v) s. Friction falls as
-motion stirs the lubricant and as its own power heats the gear, both in step with the way s that
-the axis has gone, not with time: between strokes time passes and friction stays. An inertia takes
-up what is left of such a drift, since over every stroke, forth or back, the integral of
-t sign(v) qdd is minus the way.
+F holds five functions of speed and the drift of the level, sign(v) s. Friction falls as motion
+stirs the lubricant and as friction power heats the gear. Both follow the distance s, not the time:
+during a rest between strokes friction hardly changes. Without this column an inertia would absorb
+the drift, since the integral of t sign(v) qdd over every stroke is minus the distance.
 
 G holds a constant and |v| (asymmetric friction, sensor offset), torque ripple at multiples of the
-motor's angle (zero at those that look like something else, `hil.friction.ripple`), and friction
-that grows with the transmitted torque, |Q_t| sign(v) and, where that differs by direction, |Q_t|.
-What is transmitted is not known before there is a first estimate, so these two are zero here, and
-the estimator fills them in.
+motor angle (zero at multiples that cannot be distinguished from other columns,
+`hil.friction.ripple`), and load friction: |Q_t| sign(v) with the transmitted torque Q_t and, for
+load friction that differs by direction, |Q_t|. The transmitted torque is unknown before a first
+estimate. These two columns are zero here and filled in by the estimator.
 
-Left out are samples near a reversal, where friction is no function of velocity, and those where the
-acceleration changes fast, at the corners of the trapezoid: there, differences of positions and
-samples of the torque do not show the same instant.
+Samples near a reversal are left out, where friction is no function of velocity, and samples of high
+jerk at the corners of the trapezoid, where differences of positions and samples of the torque
+belong to different instants.
 
-None of this needs a torque. So it is the same for a motion that was measured
-(`hil.estimation.signals`) and for one that is planned
-(`hil.planning.prediction.information`).
+No column needs a torque. The equation therefore serves measured motions (`hil.estimation.signals`)
+and planned motions (`hil.planning.prediction.information`).
 """
 
 from __future__ import annotations
@@ -48,25 +46,25 @@ if TYPE_CHECKING:
 
 
 OWN = (*(term for term in DIRECTED if term != "load"), DRIFT)
-"""Terms of the friction of one measurement alone, the columns of F."""
+"""Columns of F: friction terms of one measurement."""
 COMMON = (
     "offset", "asymmetric",
     *(f"{wave} {order}" for wave in ("cosine", "sine") for order in RIPPLE_ORDERS),
     "load", LOAD_BY_DIRECTION,
 )  # fmt: skip
-"""Terms that all measurements of an axis share, the columns of G."""
+"""Columns of G: terms common to all measurements of an axis."""
 ASYMMETRIC = tuple(COMMON.index(term) for term in ("offset", "asymmetric"))
-"""Places of the columns of G by which friction differs by direction."""
+"""Indices of the columns of G for friction that differs by direction."""
 LOAD = COMMON.index("load")
-"""Place of the column of G that grows with the transmitted torque; its coefficient is mu."""
+"""Index of the load friction |Q_t| sign(v) in G; its coefficient is mu."""
 N_COMMON = len(COMMON)
-"""Columns of G of one axis."""
+"""Number of columns of G of one axis."""
 SLOW = 0.05
-"""Share of the speed limit below which samples are left out."""
+"""Share of the speed limit below which samples are not used."""
 JERK = 5.0
-"""Samples are used up to this jerk, per acceleration limit of the axis [1/s]."""
+"""Largest jerk of used samples, as a multiple of the axis's acceleration limit [1/s]."""
 FEWEST = 50
-"""Usable samples below which an axis's share of a measurement is left out."""
+"""Least number of usable samples of an axis in a measurement."""
 
 
 class Motion(Protocol):
@@ -74,48 +72,48 @@ class Motion(Protocol):
 
     @property
     def period(self) -> float:
-        """Between samples [s]."""
+        """Sample period [s]."""
 
     @property
     def time(self) -> Array:
-        """Shape (n,) [s]."""
+        """Instants, shape (n,) [s]."""
 
     @property
     def q(self) -> Array:
-        """Shape (n, n_joints) [rad]."""
+        """Positions, shape (n, n_joints) [rad]."""
 
     @property
     def qd(self) -> Array:
-        """Shape (n, n_joints) [rad/s]."""
+        """Velocities, shape (n, n_joints) [rad/s]."""
 
     @property
     def qdd(self) -> Array:
-        """Shape (n, n_joints) [rad/s^2]."""
+        """Accelerations, shape (n, n_joints) [rad/s^2]."""
 
     @property
     def link(self) -> tuple[Array, Array, Array]:
-        """q, qd and qdd on the links' side of the gears, which is `q` as long as they are rigid."""
+        """Return q, qd, qdd on the link side of the gears; equal to the motor side if rigid."""
 
     def smoothed(self, x: Array) -> Array:
-        """Low-pass along the first axis (`hil.least_squares.window`)."""
+        """Low-pass a signal along the first axis (`hil.least_squares.window`)."""
 
     def away_from(self, excluded: Mask) -> Mask:
-        """Samples that nothing connects to the `excluded` ones, shape (n,)."""
+        """Return a mask of samples without influence of the `excluded` samples, shape (n,)."""
 
 
-def rows_of(robot: Robot, motion: Motion, axis: int) -> Array:
-    """Columns of an axis's base parameters, shape (n, n_base)."""
+def base_rows(robot: Robot, motion: Motion, axis: int) -> Array:
+    """Return the regressor rows of an axis's base parameters, shape (n, n_base)."""
     return regressor(robot, *motion.link, joints=[axis])[:, 0]
 
 
 def term_columns(
     robot: Robot, motion: Motion, axis: int, rows: Array | None = None
 ) -> tuple[Array, Array, Array]:
-    """Columns of an axis's base parameters, common terms and friction, each of shape (n, ...).
+    """Return columns of an axis's base parameters, common terms and friction, each (n, ...).
 
-    Base parameters' are the `rows`, where these are known.
+    `rows` are the regressor rows of `base_rows`, if already computed.
     """
-    rows = rows_of(robot, motion, axis) if rows is None else rows
+    rows = base_rows(robot, motion, axis) if rows is None else rows
     v = motion.qd[:, axis] / speed_scale(robot, motion, axis)
     seen = (*COMMON[:2], *(f"{wave} {n}" for wave in ("cosine", "sine")
                            for n in ripple_orders(robot, axis)))  # fmt: skip
@@ -126,12 +124,12 @@ def term_columns(
 
 
 def own_friction(motion: Motion, v: Array) -> Array:
-    """F: what friction of one measurement can be, shape (n, 6).
+    """Return F, the friction columns of one measurement, shape (n, 6).
 
     Parameters
     ----------
     v : ndarray, shape (n,)
-        Velocity of the axis as share of its limit.
+        Velocity of the axis as a share of the speed limit.
     """
     free_of_noise = motion.smoothed(v)
     distance = np.cumsum(np.abs(free_of_noise))
@@ -140,19 +138,19 @@ def own_friction(motion: Motion, v: Array) -> Array:
 
 
 def speed_scale(robot: Robot, motion: Motion, axis: int) -> float:
-    """Speed limit of an axis; where that is unknown, its greatest speed in the motion."""
+    """Return the speed limit of an axis; the largest speed in the motion if unknown."""
     limit = float(robot.velocity_limit[axis])
     return limit_or_reached(limit, motion.smoothed(motion.qd[:, axis])) if isnan(limit) else limit
 
 
 def limit_or_reached(limit: float, x: Array) -> float:
-    """Limit of a quantity; where that is unknown (NaN), the greatest size that it has, above 0."""
+    """Return the limit of a quantity; the largest absolute value if the limit is NaN, above 0."""
     reached = max(float(np.abs(x).max(initial=0.0)), float(np.finfo(float).tiny))
     return reached if np.isnan(limit) else float(limit)
 
 
 def moving(robot: Robot, motion: Motion, axis: int) -> Mask:
-    """Samples of an axis away from reversals, shape (n,)."""
+    """Return a mask of an axis's samples away from reversals, shape (n,)."""
     least, qd = SLOW * speed_scale(robot, motion, axis), motion.qd[:, axis]
     if np.abs(qd).max() < least:
         return np.zeros(len(qd), dtype=bool)
@@ -160,7 +158,7 @@ def moving(robot: Robot, motion: Motion, axis: int) -> Mask:
 
 
 def usable(robot: Robot, motion: Motion, axis: int) -> Mask:
-    """Samples of an axis in steady motion, away from reversals and corners, shape (n,)."""
+    """Return a mask of an axis's samples away from reversals and corners, shape (n,)."""
     away = moving(robot, motion, axis)
     if not away.any():
         return away
@@ -171,10 +169,10 @@ def usable(robot: Robot, motion: Motion, axis: int) -> Mask:
 
 
 def place(robot: Robot, axis: int) -> Indices:
-    """Where base parameters and an axis's common terms stand among all unknowns."""
+    """Return the indices of base parameters and an axis's common terms among all unknowns."""
     return axis_place(len(base_parameters(robot)), N_COMMON, axis)
 
 
 def n_unknowns(robot: Robot) -> int:
-    """Base parameters and, axis by axis, the common terms."""
+    """Return the number of base parameters and common terms of all axes."""
     return len(base_parameters(robot)) + robot.n_joints * N_COMMON

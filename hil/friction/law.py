@@ -1,13 +1,12 @@
-"""The law of friction of a model: what friction each axis's drive has to overcome, and how surely.
+"""Friction law of a model: friction torque of each axis, with uncertainty.
 
-A sum of terms of velocity and load (`hil.friction.terms`) for each axis, whatever was identified.
-Three things are uncertain of it. The terms are, from the recordings they were found in. At speeds
-that no sample had, laws that fit all samples equally well go apart (`hil.friction.search`). And
-friction itself changes with temperature and lubricant, which no term knows: while strokes were
-measured it had another level in each of them. How far it wandered there, as a share of the level,
-is kept and counts in every interval: an axis that has rested is at one end of what the campaign has
-seen, not at its mean. Where the warmth of the gear explains a part of that (`hil.friction.warmth`),
-the level can be that of a stated warmth.
+The law of an axis is a sum of terms of velocity and load (`hil.friction.terms`). Its uncertainty
+has three sources. The coefficients of the terms scatter with the recordings. At speeds without
+samples, laws with equal residuals diverge (`hil.friction.search`). Friction itself changes with
+temperature and lubricant, without a term for either: each measurement had another level. The
+largest deviation of a level, as a share of the level, is part of every interval, since a rested
+axis is at an end of the observed levels, not at their mean. Where the warmth of the gear explains a
+part of the deviation (`hil.friction.warmth`), the level can be computed for a stated warmth.
 """
 
 from __future__ import annotations
@@ -34,25 +33,25 @@ if TYPE_CHECKING:
 
 
 class TermValue(FileModel):
-    """Coefficient of one term of friction [N m or N], or a like number, and its standard error."""
+    """Coefficient of a friction term [N m or N], with its standard error."""
 
     value: float
     standard_error: float
 
     @classmethod
     def estimated(cls, value: float, variance: float) -> Self:
-        """From a variance, which rounding may leave below zero."""
+        """Make a coefficient from its variance, which rounding may leave below zero."""
         return cls(value=float(value), standard_error=math.sqrt(max(variance, 0.0)))
 
     @classmethod
     def named(cls, names: Iterable[str], values: Array, covariance: Array) -> dict[str, Self]:
-        """Coefficients by the names of their terms."""
+        """Return coefficients by the names of the terms."""
         rows = zip(names, values, np.diag(covariance), strict=True)
         return {name: cls.estimated(value, variance) for name, value, variance in rows}
 
 
 class OneWay(FileModel):
-    """An axis that moves in one direction only, where Coulomb friction and offset are one column.
+    """Axis with motion in a single direction, where Coulomb friction and offset are one column.
 
     Attributes
     ----------
@@ -74,61 +73,61 @@ class OneWay(FileModel):
 
 
 SLOWEST = 0.02
-"""Share of an axis's speed below which free motions show presliding in place of a law: the least
-dead zone beside it (docs, free-motions.md). From 0.005 to 0.2 the TX40's model leaves 7.8 % of its
-torques below 100 Hz, where the level at rest itself bounds friction it is 8.2 %."""
+"""Share of an axis's reference speed below which the level at this share bounds presliding: the
+least dead zone (docs, free-motions.md). From 0.005 to 0.2 the TX40's residual up to 100 Hz is 7.8
+%; with the level at rest as the bound 8.2 %."""
 
 
 class AxisLaw(FileModel):
-    """Friction of one axis, with its uncertainty.
+    """Friction law of an axis, with uncertainty.
 
     Attributes
     ----------
     law : str
         One of `hil.friction.terms.LAWS`.
     speed : float
-        That velocities are divided by [rad/s or m/s]; the axis hardly ever exceeds it.
+        Reference speed, by which velocities are divided [rad/s or m/s].
     terms : dict of str to TermValue
         By the names of `hil.friction.terms.TERMS`.
     covariance : tuple of tuple of float
-        Of the coefficients of `terms`, in their order [(N m)^2 or N^2]; empty in files of earlier
-        versions, whose standard errors then count as independent.
+        Covariance of the coefficients in the order of `terms` [(N m)^2 or N^2]; empty in files of
+        earlier versions, whose standard errors count as independent.
     beside : tuple of tuple of float
-        Covariance of each of `terms` with the base parameters; empty in files of earlier versions,
-        and where friction was found apart from them.
+        Covariance of each of `terms` with the base parameters; empty in files of earlier versions
+        and for friction that was estimated separately.
     plain : dict of str to TermValue
-        What offset, Coulomb's and viscous friction alone would be, of samples at all speeds: for
-        comparison with other sources. The law that was chosen may share them out otherwise.
+        Offset, Coulomb and viscous friction fitted without further terms to samples at all speeds,
+        for comparison with other sources.
     presliding : float
-        Distance over which friction turns round after a reversal [rad or m]; 0 for at once.
+        Distance of presliding after a reversal [rad or m]; 0 without presliding.
     bend : TermValue
-        Of what the direction changes with the logarithm of this distance [N m or N].
+        Coefficient of the derivative of the direction by the logarithm of this distance [N m or N].
     held_out : dict of str to float
-        Root mean square error on held-out groups by law, over that of the law chosen, of all axes
-        where they were fitted together; empty where no law was chosen.
+        Root mean square error on held-out groups by law, relative to the chosen law; of all axes
+        if fitted together; empty without a choice.
     level : tuple of float
-        Of friction at instants spread evenly over the time recorded, the first and the last
-        included, over its mean, which `terms` state; empty where it keeps its level.
+        Level of friction relative to its mean, at instants spread evenly over the recorded time,
+        both ends included; empty for a constant level.
     one_way : OneWay, optional
         None for an axis that moves in both directions.
     wander : float
-        Greatest difference of the level in one measurement, or at one instant, from the law, as a
-        share of it. It counts as one standard deviation: in a measurement the level is a mean
-        already. By default that of `level`.
+        Largest relative deviation of the level of a measurement, or at an instant, from the law.
+        Counts as one standard deviation, since the level of a measurement is already a mean. By
+        default the largest deviation in `level`.
     speeds : tuple of two floats, optional
-        Slowest and fastest samples that the law was found from [rad/s or m/s].
+        Slowest and fastest samples of the fit [rad/s or m/s].
     unseen : tuple of tuple of two floats
-        Speeds [rad/s or m/s], ascending, and how uncertain it is there how friction changes from
-        the nearest of `speeds`, a standard deviation [N m or N]; between them linear.
+        Speeds without samples [rad/s or m/s], ascending, each with the standard deviation of the
+        change of friction from the nearest of `speeds` [N m or N]; linear in between.
     measurements : int, optional
-        That the law was found from, each of which counts as one draw; None of free motions, and in
-        files of earlier versions.
+        Number of measurements of the fit, each of which counts as one draw; None for free motions
+        and in files of earlier versions.
     warmth : Warmth, optional
-        What the level depends on besides, where that is identified; the terms are those at its
-        reference. `wander` is of the law alone: the warmth of a motion may be unknown.
+        Dependence of the level on warmth, if identified; the terms apply at its reference. `wander`
+        ignores warmth, since the warmth of a motion may be unknown.
     exposure : Exposure, optional
-        What the axis had gone through in these measurements; None of free motions, and in files of
-        earlier versions.
+        Motion and rest of the axis before and during the measurements; None for free motions and in
+        files of earlier versions.
     """
 
     law: str
@@ -151,7 +150,7 @@ class AxisLaw(FileModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _wander_of_the_level(cls, stated: Any) -> Any:
+    def _default_wander(cls, stated: Any) -> Any:
         if isinstance(stated, dict) and "wander" not in stated and stated.get("level"):
             return stated | {"wander": max(abs(level - 1.0) for level in stated["level"])}
         return stated
@@ -163,25 +162,25 @@ class AxisLaw(FileModel):
 
     @property
     def directed(self) -> Mask:
-        """Terms of the level, which change their sign with the direction, shape (n_terms,)."""
+        """Mask of the terms that change sign with the direction, shape (n_terms,)."""
         return np.array([term in DIRECTED for term in self.terms], dtype=bool)
 
     @property
     def slope(self) -> float:
-        """Of the plainest law, Coulomb and viscous friction [N m s/rad or N s/m]."""
+        """Coefficient of viscous friction in the plain law [N m s/rad or N s/m]."""
         return self.plain["viscous"].value / self.speed
 
     def known(self, speed: Array) -> Array:
-        """Speeds at which the law is taken: those that it was found from, or the nearest of them.
+        """Clip speeds to the range of the samples of the fit.
 
-        A sum of terms may go anywhere else; slower and faster the law goes on with `slope`.
+        Sums of terms may diverge outside this range, where the law continues with `slope`.
         """
         return speed if self.speeds is None else np.clip(speed, *self.speeds)
 
     def extrapolation(self, speed: Array) -> Array:
-        """Standard deviation of friction by what is not known of unseen speeds, shape of `speed`.
+        """Return the standard deviation of extrapolated friction [N m or N], shape of `speed`.
 
-        [N m or N]; 0 at the speeds that the law was found from.
+        0 within the range of the samples of the fit.
         """
         if not self.unseen:
             return np.zeros_like(speed)
@@ -195,20 +194,20 @@ class AxisLaw(FileModel):
         return np.diag([each.standard_error**2 for each in self.terms.values()])
 
     def factor(self, warmth: Array | None) -> Array:
-        """What a warmth, shape (n,), multiplies the level by, shape (n,); () where it has none."""
+        """Return the factor of the level at a warmth, shape (n,); () without a warmth."""
         if self.warmth is None or warmth is None:
             return np.ones(())
         return self.warmth.factor(warmth)
 
     def deviation(self, warmth: Array | None) -> Array:
-        """Standard deviation of the level as a share of the law's, shape as of `factor`."""
+        """Return the relative standard deviation of the level, shape as of `factor`."""
         if self.warmth is None or warmth is None:
             return np.asarray(self.wander)
         return self.warmth.deviation(warmth)
 
 
 class CoupledFriction(FileModel):
-    """Friction of a motor that turns with two joints, from 1, in their combined velocity."""
+    """Friction of a motor that turns with two joints (from 1), in the motor's own velocity."""
 
     motor: int
     joint: int
@@ -222,7 +221,7 @@ class FrictionLaw(FileModel):
     Attributes
     ----------
     axes : tuple of AxisLaw or None
-        None where nothing recorded showed an axis's friction.
+        None for an axis of unknown friction.
     coupled : tuple of CoupledFriction
     """
 
@@ -231,17 +230,17 @@ class FrictionLaw(FileModel):
 
     @property
     def unknown(self) -> tuple[int, ...]:
-        """Axes, from 1, whose friction nothing showed."""
+        """Axes of unknown friction, from 1."""
         return tuple(axis for axis, law in enumerate(self.axes, start=1) if law is None)
 
     def restricted(self, axes: Collection[int]) -> FrictionLaw:
-        """Return the laws of some axes (from 0) alone; the friction of others counts as unknown."""
+        """Return the law of `axes` (from 0) alone, with unknown friction elsewhere."""
         own = (law if axis in axes else None for axis, law in enumerate(self.axes))
         return self.model_copy(update={"axes": tuple(own)})
 
     @property
-    def _of_motors(self) -> list[TermValue]:
-        """Coefficients of `hil.friction.terms.coupled_friction`."""
+    def _motor_terms(self) -> list[TermValue]:
+        """Coefficients of the columns of `hil.friction.terms.coupled_friction`."""
         return [part for each in self.coupled for part in (each.viscous, each.coulomb)]
 
 
@@ -254,9 +253,9 @@ def friction_torque(
     directions: Sequence[Direction] | None = None,
     warmth: Array | None = None,
 ) -> Array:
-    """Torque of friction and ripple of all axes, shape of `q` [N m or N].
+    """Return the torque of friction and ripple of all axes, shape of `q` [N m or N].
 
-    Zero for an axis whose friction is unknown.
+    Zero for an axis of unknown friction.
 
     Parameters
     ----------
@@ -265,11 +264,11 @@ def friction_torque(
     load : ndarray, shape of `q`
         Torque of the rigid bodies [N m or N].
     directions : sequence (n_joints,) of Direction, optional
-        Of each axis's friction; by default that along the rows, where these are successive samples
-        of a motion, and else the sign of the velocity.
+        Direction of each axis's friction. By default computed along the rows if these are
+        successive samples of a motion, otherwise the sign of the velocity.
     warmth : ndarray, shape of `q`, optional
-        Of the gears; by default that at which each law stands. Without effect on axes whose
-        warmth is not identified.
+        Warmth of the gears; by default the reference of each law. Without effect on axes without an
+        identified warmth.
     """
     q_rows, qd_rows, loads, warm = _rows(robot, q, qd, load, warmth)
     if directions is None:
@@ -286,9 +285,9 @@ def friction_torque(
                 most = _sliding_level(robot, each, q_rows, qd_rows, loads, axis)
                 level = np.clip(level, -most, most)
             other = columns[:, ~each.directed] @ each.values[~each.directed]
-            found[:, axis] = other + each.factor(_of(warm, axis)) * level
+            found[:, axis] = other + each.factor(_axis_warmth(warm, axis)) * level
         if law.coupled:
-            shared = np.array([part.value for part in law._of_motors])
+            shared = np.array([part.value for part in law._motor_terms])
             found[:, axis] += coupled_friction(robot, qd_rows, axis) @ shared
     return found.reshape(np.shape(q))
 
@@ -296,12 +295,12 @@ def friction_torque(
 def _sliding_level(
     robot: Robot, law: AxisLaw, q: Array, qd: Array, load: Array, axis: int
 ) -> Array:
-    """Size of one axis's friction that slides at its speeds, shape (n,) [N m or N].
+    """Return the size of one axis's sliding friction, shape (n,) [N m or N], a bound of presliding.
 
-    Friction after a reversal is between this size and its negative (Dahl's direction is within -1
-    and 1). The columns of the fit hold that for Coulomb friction alone: terms of speed follow the
-    velocity at once, and the bend is a linear correction of the distance. Below the slowest speed
-    that the law was found from it is no less than there: an axis about to slide holds as much.
+    Dahl's direction is within -1 and 1, so presliding never exceeds sliding friction. The columns
+    of the fit obey this bound for Coulomb friction alone: terms of speed follow the velocity at
+    once, and `bend` is a linear correction of the distance. Below the slowest sample of the fit the
+    bound stays at least as large as there: an axis about to slide holds as much.
     """
     forward, found = Direction(np.ones(len(q)), np.zeros(len(q))), []
     for least in (0.0, law.speeds[0] if law.speeds else SLOWEST * law.speed):
@@ -322,17 +321,17 @@ def friction_variance(
     warmth: Array | None = None,
     level: Array | None = None,
 ) -> Array:
-    """Variance of `friction_torque`, shape of `q` [(N m)^2 or N^2]; parameters as there.
+    """Return the variance of `friction_torque`, shape of `q` [(N m)^2 or N^2].
 
-    By default that of motions like those that the law was found from. `level` is the standard
-    deviation of the level elsewhere, as a share of the law's, that broadcasts to the shape of `q`
-    and is NaN for axes without one (`level_along`, `level_anywhere`).
+    The default holds for motions like those of the fit. `level` is the relative standard deviation
+    of the level in other motions; it broadcasts to the shape of `q` and is NaN for axes without an
+    exposure (`level_along`, `level_anywhere`). Other parameters as of `friction_torque`.
     """
     q_rows, qd_rows, loads, warm = _rows(robot, q, qd, load, warmth)
     found = np.zeros(q_rows.shape)
     for axis, each in enumerate(law.axes):
         if each is not None:
-            direction, own = at_once(qd_rows[:, axis], each.speed), _of(warm, axis)
+            direction, own = at_once(qd_rows[:, axis], each.speed), _axis_warmth(warm, axis)
             columns = law_columns(robot, each, q_rows, qd_rows, loads, axis, direction)
             friction = columns[:, each.directed] @ each.values[each.directed]
             scale = np.reshape(each.factor(own), (-1, 1))
@@ -345,25 +344,25 @@ def friction_variance(
             found[:, axis] += (away * friction) ** 2
             found[:, axis] += each.extrapolation(np.abs(qd_rows[:, axis])) ** 2
         if law.coupled:
-            error = np.array([part.standard_error for part in law._of_motors])
+            error = np.array([part.standard_error for part in law._motor_terms])
             found[:, axis] += np.sum((coupled_friction(robot, qd_rows, axis) * error) ** 2, axis=1)
     return found.clip(0.0).reshape(np.shape(q))
 
 
 def level_along(law: FrictionLaw, past: History, time: Array) -> Array:
-    """Return how uncertain the level of each axis's friction is at instants of a history.
+    """Compute the uncertainty of each axis's friction level at instants of a history.
 
     Parameters
     ----------
     past : History
-        Of all axes; they are cold where it begins.
+        History of all axes, which are cold at its beginning.
     time : ndarray, shape (n,)
-        [s].
+        Instants [s].
 
     Returns
     -------
     ndarray, shape (n, n_joints)
-        Standard deviation as a share of the law's level; NaN for axes without an exposure.
+        Relative standard deviation of the level; NaN for axes without an exposure.
     """
     found = np.full((len(time), len(law.axes)), np.nan)
     for axis, each in enumerate(law.axes):
@@ -374,10 +373,10 @@ def level_along(law: FrictionLaw, past: History, time: Array) -> Array:
 
 
 def level_anywhere(law: FrictionLaw, *, warmth_stated: bool = False) -> Array:
-    """Return how uncertain the level of each axis's friction is if nothing is known of its past.
+    """Compute the uncertainty of each axis's friction level for an unknown past.
 
-    Shape (n_joints,), as a share of the law's level. NaN for axes without an exposure, and for
-    those whose warmth is identified where that is stated.
+    Relative standard deviation, shape (n_joints,). NaN for axes without an exposure and, if the
+    warmth is stated, for axes with an identified warmth.
     """
     return np.array(
         [
@@ -392,21 +391,21 @@ def level_anywhere(law: FrictionLaw, *, warmth_stated: bool = False) -> Array:
 def _rows(
     robot: Robot, q: Array, qd: Array, load: Array, warmth: Array | None
 ) -> tuple[Array, Array, Array, Array | None]:
-    """All as rows of samples, shape (n, n_joints)."""
+    """Reshape all arrays to rows of samples, shape (n, n_joints)."""
     rows, rates, loads = (np.reshape(x, (-1, robot.n_joints)) for x in (q, qd, load))
     warm = None if warmth is None else np.reshape(warmth, (-1, robot.n_joints))
     return rows, rates, loads, warm
 
 
-def _of(warmth: Array | None, axis: int) -> Array | None:
+def _axis_warmth(warmth: Array | None, axis: int) -> Array | None:
     return None if warmth is None else warmth[:, axis]
 
 
 def level_at(law: AxisLaw, speed: float) -> tuple[float, float]:
-    """Level of friction at one of the speeds that a law was found from, and its standard error.
+    """Return the friction level at a speed [rad/s or m/s], with its standard error [N m or N].
 
-    [rad/s or m/s], [N m or N]; at no load and without ripple, half of what forward and backward
-    differ by.
+    Half of the difference between forward and backward, without load and without ripple. The speed
+    must be within the range of the samples of the fit.
     """
     qd = np.array([speed, -speed])
     forward, back = friction_columns(qd / law.speed, at_once(qd, law.speed), terms=tuple(law.terms))
@@ -415,7 +414,7 @@ def level_at(law: AxisLaw, speed: float) -> tuple[float, float]:
 
 
 def _directions(law: FrictionLaw, q: Array, qd: Array) -> list[Direction]:
-    """Directions of friction along rows of samples; at once for axes of unknown friction."""
+    """Return the directions of friction along rows of samples, with presliding where known."""
     presliding = any(each is not None and each.presliding for each in law.axes)
     successive, found = presliding and are_successive(q, qd), []
     for each, positions, velocities in zip(law.axes, q.T, qd.T, strict=True):
@@ -435,7 +434,7 @@ def law_columns(
     axis: int,
     direction: Direction,
 ) -> Array:
-    """Columns of the terms of an axis's law, shape (n, n_terms)."""
+    """Return the columns of the terms of an axis's law, shape (n, n_terms)."""
     v, angle = qd[:, axis], motor_angle(robot, q, axis)
     if law.speeds is not None:
         v = np.sign(direction.sign) * law.known(np.abs(v))

@@ -1,12 +1,11 @@
-"""Which multiples of a motor's angle a regression can hold torque ripple at.
+"""Orders of torque ripple that a regression can distinguish from rigid-body torques.
 
-Torques of links are polynomials of second degree in the sines and cosines of the joint angles, and
-so is everything that an offset, gravity and inertias say of an axis. Ripple at an order n of the
-motor's angle is a sine of the joint's angle times n times the gear ratio. Behind a gear that is far
-beyond: nothing else looks like it. On a direct drive the first orders are columns of gravity and
-inertia themselves, and where a motor makes less than a turn over the whole range of its joint all
-orders look like each other and like an offset. Such orders are left out: as much as there is of
-this ripple becomes part of the base parameters, which no measurement can prevent.
+Torques of the links, gravity and offset included, are polynomials of second degree in the sines and
+cosines of the joint angles. Ripple of order n is a sine of the joint angle times n times the gear
+ratio. Behind a gear this frequency is far above those of all rigid-body columns. On a direct drive
+the first orders are columns of gravity and inertia, and if a motor makes less than one turn over
+the range of the joint, all orders resemble each other and an offset. Such orders are not fitted:
+ripple of these orders becomes part of the base parameters, which no measurement can prevent.
 """
 
 from __future__ import annotations
@@ -23,24 +22,23 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 RIPPLE_ORDERS = range(1, 7)
-"""Multiples of the motor's angle: unbalance, misalignment, poles and slots of common motors."""
+"""Multiples of the motor angle: unbalance, misalignment, poles and slots of common motors."""
 
 
 def ripple_orders(robot: Robot, axis: int) -> tuple[int, ...]:
-    """Orders of `RIPPLE_ORDERS` at which ripple of an axis can be distinguished; axis from 0."""
+    """Return the orders of `RIPPLE_ORDERS` that an axis (from 0) allows to distinguish."""
     gear = float(robot.gear_ratio[axis])
     turns = gear * float(robot.q_max[axis] - robot.q_min[axis]) / math.tau
-    # turns of a motor over its joint's range below which its orders cannot be distinguished
+    # within less than one turn of the motor, the orders resemble each other
     if not (np.isfinite(gear) and turns >= 1.0):
         return ()
-    # least multiple of the joint's angle that counts as ripple: twice that of the fastest torque
-    # of links
+    # rigid-body torques reach twice the joint angle; ripple must have twice that frequency
     least = 4.0 if robot.revolute[axis] else 0.0
     return tuple(n for n in RIPPLE_ORDERS if n * gear >= least)
 
 
 def multiples(angle: NDArray[np.float64], orders: range) -> NDArray[np.complex128]:
-    """exp(j n angle) of successive orders n, shape (n_orders, n): cosines and sines."""
+    """Return exp(j n angle) for successive orders n, shape (n_orders, n): cosines and sines."""
     once = np.empty(len(angle), dtype=complex)
     once.real, once.imag = np.cos(angle), np.sin(angle)
     found = np.empty((len(orders), len(angle)), dtype=complex)
@@ -51,14 +49,14 @@ def multiples(angle: NDArray[np.float64], orders: range) -> NDArray[np.complex12
 
 
 def orders_left_out(robot: Robot) -> dict[int, tuple[int, ...]]:
-    """Orders that the regression does not hold, by axis from 0; only axes that have some."""
+    """Return the orders without columns in the regression, by axis from 0."""
     kept = {axis: set(ripple_orders(robot, axis)) for axis in range(robot.n_joints)}
     left = {axis: tuple(n for n in RIPPLE_ORDERS if n not in own) for axis, own in kept.items()}
     return {axis: orders for axis, orders in left.items() if orders}
 
 
 def ripple_left_out(robot: Robot) -> str:
-    """State which orders are left out at which axes, and why; empty where none is."""
+    """State the orders without columns for each axis, and the reason; empty if none."""
     found = orders_left_out(robot)
     if not found:
         return ""
@@ -78,5 +76,5 @@ def _stated(ratio: float) -> str:
 
 
 def _listed(orders: tuple[int, ...]) -> str:
-    """Orders that follow each other, as a range."""
+    """Write successive orders as a range."""
     return str(orders[0]) if len(orders) == 1 else f"{orders[0]} to {orders[-1]}"

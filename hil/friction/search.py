@@ -1,16 +1,16 @@
-"""The search of a law of friction: the simplest that none beats by more than chance.
+"""Selection of a friction law: the simplest law that no other law beats by more than chance.
 
-What an axis's friction was in groups of samples, such as measurements, stands in blocks of one
-channel with a column for each term (`hil.friction.terms`). Every law is fitted to all groups but
-those that are held out in turn, and predicts these (`hil.least_squares.choice`). Coulomb's and
-viscous friction stands unless the data call for another law: simpler ones would save an unknown and
-be taken wherever there are too few groups to show anything.
+The friction of an axis in groups of samples, such as measurements, is given as blocks of one
+channel with a column for each term (`hil.friction.terms`). Every law is fitted without a part of
+the groups and predicts the held-out groups, for all parts in turn (`hil.least_squares.choice`).
+Coulomb and viscous friction is the simplest law tried: even simpler laws would win wherever a few
+groups cannot show a difference.
 
-A group's error counts as one draw, since friction's level stays much the same in a measurement and
-differs in the next: covariances are Huber's sandwich over groups. How far the level wanders is the
-greatest of the differences from one of the factors by which the law's level fits each of them.
-Where the warmth of the gear explains how the level changed (`hil.friction.warmth`), the law is that
-at the mean warmth.
+The error of a group counts as one draw, since the level of friction hardly changes within a
+measurement and differs in the next one: covariances are Huber's sandwich over groups. `wander` is
+the largest deviation from 1 of the factors that fit the level of the law to each group. Where the
+warmth of the gear explains the changes of the level (`hil.friction.warmth`), the law applies at the
+mean warmth.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 
 
 BEYOND = 1.25
-"""Share of the speed limit up to which extrapolation is stated; faster than that it stays so."""
+"""Share of the speed limit up to which extrapolation is computed; constant beyond."""
 TRIED = tuple(LAWS)[tuple(LAWS).index(USUAL) :]
-"""Laws, from the usual one on."""
+"""Candidate laws: the usual law and all richer laws."""
 
 
 def axis_law(
@@ -49,23 +49,23 @@ def axis_law(
     past: History | None,
     axis: int,
 ) -> AxisLaw:
-    """Law of friction of one axis.
+    """Select and fit the friction law of one axis.
 
     Parameters
     ----------
     measured : Blocks
-        One channel with the terms that laws are made of; a group for each measurement, in the order
-        of time.
+        One channel with the terms of the laws; one group for each measurement, in the order of
+        time.
     speed : float
-        That velocities are divided by [rad/s or m/s].
+        Reference speed, by which velocities are divided [rad/s or m/s].
     speeds : tuple of two floats
         Slowest and fastest samples [rad/s or m/s].
     time : ndarray, shape (n,)
-        Of the middle of each measurement [s].
+        Middle of each measurement [s].
     past : History, optional
-        What the axes did; without it no warmth is looked for.
+        History of the axes; without a history warmth is not estimated.
     axis : int
-        From 0, in the history.
+        Axis in the history, from 0.
     """
     tried = {name: LAWS[name] for name in TRIED if set(LAWS[name]) <= set(measured.own)}
     system = measured.normal(np.ones(1))
@@ -104,22 +104,22 @@ def unseen(
     speed: float,
     speeds: tuple[float, float],
 ) -> tuple[tuple[float, float], ...]:
-    """Return how uncertain friction is at speeds that no sample had.
+    """Compute the uncertainty of friction at speeds without samples.
 
-    All laws that were tried are fitted to all samples. From the nearest speed seen they let
-    friction change by Delta_m; the law that was chosen goes on in a straight line, by Delta. With
-    weights w_m, the root mean square error on held-out groups of the law chosen over theirs,
+    All candidate laws are fitted to all samples. Law m lets friction change by Delta_m from the
+    nearest speed with samples; the chosen law continues in a straight line, by Delta. With weights
+    w_m, the root mean square error of the chosen law on held-out groups over that of law m,
 
         s^2 = sum w_m (Delta_m - Delta)^2 / sum w_m.
 
     Parameters
     ----------
     tried : mapping
-        Terms of each law, the one that was chosen first.
+        Terms of each law, the chosen law first.
     errors : mapping
         Squared errors on held-out groups, by law.
     speed : float
-        Limit of the axis, by which velocities are divided [rad/s or m/s].
+        Reference speed of the axis, by which velocities are divided [rad/s or m/s].
     speeds : tuple of two floats
         Slowest and fastest samples [rad/s or m/s].
 
@@ -146,7 +146,7 @@ def unseen(
 
 
 def _level(u: Array, terms: tuple[str, ...], x: Array) -> Array:
-    """Level of friction at speeds above 0 and no load, shape of `u`; that of rest is its limit."""
+    """Return the friction level without load at speeds `u`, shape of `u`; at rest its limit."""
     forward, back = (
         friction_columns(side * u, Direction(side * np.ones_like(u), np.zeros_like(u)), terms=terms)
         for side in (1.0, -1.0)
@@ -155,9 +155,9 @@ def _level(u: Array, terms: tuple[str, ...], x: Array) -> Array:
 
 
 def relative_errors(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:
-    """Root mean square errors on held-out groups, over that of the alternative chosen.
+    """Return root mean square errors on held-out groups, relative to the chosen alternative.
 
-    Errors below rounding of the largest count as rounding: data without noise leave nothing else.
+    Errors below the rounding error of the largest count as rounding errors, for data without noise.
     """
     sums = {name: float(error.sum()) for name, error in errors.items()}
     rounding = np.finfo(float).eps ** 2 * max(sums.values()) or np.finfo(float).tiny

@@ -1,14 +1,13 @@
-"""Terms of friction, and laws made up of them, from simple to rich.
+"""Terms of friction and laws made of terms, from simple to rich.
 
-Terms are functions of an axis's velocity, as a share u of the speed that it hardly ever exceeds; of
-its direction; of the torque that it transmits; of the distance that it has gone; and, for ripple of
-motors and gears, which is no friction but as periodic, of the motor's angle. Coulomb's friction and
-the offset together are one that differs by direction. Cube root and arc tangent are degressive, as
-Stribeck's effect makes friction. Every coefficient is a torque or a force, except for those of the
-load, which are shares of it.
+Terms are functions of an axis's velocity, as a share u of the reference speed, of its direction, of
+the transmitted torque, of the distance, and of the motor angle for the torque ripple of motors and
+gears. Coulomb friction and offset together describe Coulomb friction that differs by direction.
+Cube root and arc tangent are degressive, like friction with Stribeck effect. Every coefficient is a
+torque or a force, except for those of the load, which are shares of the load.
 
-A motor that turns with two joints has friction in its own velocity besides, viscous and Coulomb's,
-which both joints feel.
+A motor that turns with two joints has viscous and Coulomb friction in its own velocity, which acts
+on both joints.
 """
 
 from __future__ import annotations
@@ -29,12 +28,12 @@ if TYPE_CHECKING:
 
 
 BEND = 0.08
-"""Share of the speed at which the arc tangent bends: between rest, where the cube root does, and
-full speed, where the quadratic does."""
+"""Share of the reference speed at the knee of the arc tangent: between rest, the knee of the cube
+root, and full speed, that of the quadratic term."""
 
 
 class _Samples(NamedTuple):
-    """What friction is a function of, each of shape (n,)."""
+    """Arguments of friction terms, each of shape (n,)."""
 
     u: Array
     direction: Direction
@@ -43,16 +42,16 @@ class _Samples(NamedTuple):
 
 
 class Term(NamedTuple):
-    """A term of friction.
+    """Term of a friction law.
 
     Attributes
     ----------
     formula : str
-        What its coefficient is multiplied by, of velocity v and share u.
+        Factor of the coefficient, as a function of velocity v and share u.
     column : callable
-        The same of samples.
+        Column of the regression for samples.
     directed : bool
-        Whether it changes its sign with the direction: those terms are the level of friction.
+        Whether the term changes sign with the direction and is part of the level of friction.
     """
 
     formula: str
@@ -70,26 +69,26 @@ OF_SPEED = {
     "quadratic": Term("u |u|", lambda s: s.u * np.abs(s.u), directed=True),
     "load": Term("|load| sgn(v)", lambda s: np.abs(s.load) * s.direction.sign, directed=True),
 }
-"""Terms of speed and load, in the order of their columns."""
+"""Terms of speed and load, in column order."""
 DIRECTED = tuple(name for name, term in OF_SPEED.items() if term.directed)
-"""Terms that change their sign with the direction: the level of friction."""
+"""Terms that change sign with the direction: the level of friction."""
 BENT, LOAD_BY_DIRECTION, DRIFT = "bend", "load by direction", "drift"
 _OTHERS = {
     BENT: Term("", lambda s: s.direction.bend, directed=True),
     LOAD_BY_DIRECTION: Term("|load|", lambda s: np.abs(s.load), directed=False),
     DRIFT: Term("", lambda s: s.direction.sign * s.gone, directed=True),
 }
-"""What Coulomb's friction changes by with the logarithm of the presliding distance; with the load,
-by direction; and over the distance that the axis goes."""
+"""Changes of Coulomb friction with the logarithm of the presliding distance, with the load by
+direction, and with the distance of the axis."""
 WAVES = ("cosine", "sine")
 RIPPLE = tuple(f"{wave} {order}" for order in RIPPLE_ORDERS for wave in WAVES)
-"""Ripple over the motor's angle, wave by wave."""
+"""Torque ripple over the motor angle, order by order."""
 TERMS = (*OF_SPEED, *RIPPLE)
-"""Terms of laws, in the order of their columns."""
+"""Terms of laws, in column order."""
 COLUMNS = (*TERMS, BENT)
-"""Unknowns of an axis's friction in free motions, in their order."""
+"""Unknowns of an axis's friction in free motions, in column order."""
 CLASSICAL = ("offset", "Coulomb", "viscous")
-"""What most of the literature fits."""
+"""Terms fitted in most of the literature."""
 LAWS: dict[str, tuple[str, ...]] = {
     "offset": ("offset",),
     "Coulomb": ("offset", "Coulomb"),
@@ -107,7 +106,7 @@ LAWS: dict[str, tuple[str, ...]] = {
 }
 """Laws by name, from the simplest; later ones have more terms."""
 USUAL = "Coulomb and viscous"
-"""Law that stands unless the data call for another."""
+"""Default law."""
 
 
 def friction_columns(
@@ -119,23 +118,23 @@ def friction_columns(
     gone: Array | None = None,
     terms: Sequence[str] = COLUMNS,
 ) -> Array:
-    """Columns of one axis's friction, shape (n, n_terms).
+    """Return the columns of one axis's friction, shape (n, n_terms).
 
     Parameters
     ----------
     u : ndarray, shape (n,)
         Velocity as a share of the axis's speed.
     direction : Direction
-        The sign of the velocity, or what follows it over the presliding distance.
+        Sign of the velocity, or direction with presliding.
     load : ndarray, shape (n,), optional
-        Torque that is transmitted [N m or N]; none by default.
+        Transmitted torque [N m or N]; none by default.
     angle : ndarray, shape (n,), optional
-        Of the motor [rad]; without ripple where it is 0 throughout, as by default.
+        Motor angle [rad]; no ripple if 0 throughout, the default.
     rate : ndarray, shape (n,), optional
-        Share of the rate at which samples can follow the motor's turning, 1 being the greatest:
-        what ripples faster, the low-pass takes away in any case.
+        Speed of the motor as a share of the largest speed that the sample rate resolves. Ripple
+        above 1 is left out, since the low-pass removes it anyway.
     gone : ndarray, shape (n,), optional
-        Distance that the axis has gone, in any unit.
+        Distance of the axis, in any unit.
     terms : sequence of str
         Names of the columns.
     """
@@ -153,12 +152,12 @@ def friction_columns(
 
 
 def motor_angle(robot: Robot, q: Array, axis: int) -> Array:
-    """Angle of one axis's motor [rad], or its rate from joint velocities; 0 where unknown."""
+    """Return the motor angle of one axis [rad], or the motor speed from joint velocities."""
     return np.asarray(np.nan_to_num(robot.gear_ratio[axis]) * q[:, axis])
 
 
 def coupled_friction(robot: Robot, qd: Array, axis: int) -> Array:
-    """Columns of the coupled motors' friction as one axis feels it, shape (n, 2 n_couplings)."""
+    """Return the columns of coupled motors' friction on one axis, shape (n, 2 n_couplings)."""
     columns = np.zeros((len(qd), 2 * len(robot.couplings)))
     for k, (motor, joint, ratio) in enumerate(robot.couplings):
         if axis not in (motor, joint):

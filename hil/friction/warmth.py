@@ -1,45 +1,45 @@
-"""Warmth of a gear: the state that scales friction between cold and warm.
+"""Warmth of a gear: a state that scales friction between cold and warm.
 
-Friction falls while an axis moves, as its power warms the gear and motion stirs the lubricant, and
-rises again at rest. One state of each axis stands for that, from 0 of a cold, rested gear to 1 of
-one as warm as motion can make it:
+Friction falls during motion, as friction power warms the gear and motion stirs the lubricant, and
+rises again at rest. One state of each axis describes this, from 0 of a cold, rested gear to 1 of a
+gear as warm as motion can make it:
 
     w' = (1 - w) (x / x0) / tau_warming - w / tau_cooling,
 
-driven by what is measured, the mean speed x as a share of the axis's limit (`speed` of its law), of
-which the friction power is much the same multiple at every speed; x0 = `REFERENCE`. Within a
-stretch of one mean speed it relaxes exponentially. It scales the level of friction, all that
-changes its sign with the direction, by
+with the mean speed x as a share of the reference speed of the law, which is nearly proportional to
+friction power, and x0 = `REFERENCE`. Within a stretch of constant mean speed w relaxes
+exponentially. Warmth scales the level of friction, all terms that change sign with the direction,
+by
 
     1 + s (w - w_r),
 
-with w_r the mean warmth of what the law of friction was found from, so that the law by itself is
-friction at that warmth. Beyond what was seen warmth counts as the nearest that was.
+with the mean warmth w_r of the measurements, so that the law without warmth is friction at w_r.
+Outside the observed range, warmth counts as the nearest observed value.
 
-Whether friction of an axis depends on it is asked of measurements, each of which says of the level
+The test of whether an axis's friction depends on warmth uses the level of each measurement,
 
     y = O a_o + (1 + s (w_k - w_r)) D a_d + e,
 
-with the terms D that change their sign with the direction, the others O, and the warmth w_k that
-the history of the axis gave it. For given time constants that is linear in a and nearly so in s:
-a few steps of Gauss and Newton. The time constants are the best of a grid. Levels wander by chance
-too, and any slow course goes along with some warmth. So the measurements are held out in parts,
-successive in time, and everything is found anew without each. Warmth counts as identified only
-where it predicts the parts certainly better than the law alone (`hil.least_squares.choice`), and no
-worse than the law at the level of the last measurement before, which a level that walks by chance
-keeps to. Of 100 walks two passed for warmth; what a campaign of the virtual plant showed of four
-axes left 0.63 to 0.99 of friction's residual in four other runs, seen when the rule was made.
+with the terms D that change sign with the direction, the other terms O, and the warmth w_k from the
+history of the axis. For given time constants the equation is linear in a and nearly linear in s: a
+few Gauss-Newton steps. A grid yields the time constants. Levels also change by chance, and every
+slow change correlates with some warmth. Therefore successive parts of the measurements are held
+out, and all unknowns are estimated without each part. Warmth counts as identified only if it
+predicts the held-out parts certainly better than the law alone (`hil.least_squares.choice`) and no
+worse than the level of the last measurement before, the best predictor of a random walk. 2 of 100
+random walks were accepted; on four axes of a virtual plant the warmth of one campaign left 0.63 to
+0.99 of friction's residual in four other runs (runs used for the choice of the rule).
 
-Most campaigns identify none. What friction does elsewhere is then open, all the more the less the
-axis has gone through there what it went through where the law was found (`Exposure`). With the
-states w_m for time constants m of a grid and their means over the measurements, the level of the
-law is taken to differ by a standard deviation u of
+Most campaigns identify no warmth. The friction in other motions is then uncertain, the more so the
+more the history of the axis differs from that of the measurements (`Exposure`). With the states w_m
+for time constants m of a grid and their means over the measurements, the level of the law deviates
+by a standard deviation u of
 
     u^2 = s^2 + S^2 D^2,    D^2 = mean over m of (w_m - mean w_m)^2,
 
-with the scatter s of the levels of the measurements about the law. S, the change from cold to as
-warm as motion makes a gear, is `COLD_TO_WARM`, or as much more as the measurements themselves
-showed: the root of the sum of their squared deviations over that of their D^2.
+with the scatter s of the levels of the measurements about the law. S, the change of the level from
+cold to warm, is `COLD_TO_WARM` or the change observed in the measurements if larger: the root of
+the sum of their squared deviations over the sum of their D^2.
 """
 
 from __future__ import annotations
@@ -67,36 +67,36 @@ if TYPE_CHECKING:
 
 
 REFERENCE = 0.5
-"""Mean speed, as share of the limit, that `warming` is stated for: a convention."""
+"""Mean speed, as a share of the limit, of the time constant `warming`: a convention."""
 TIMES = (
     (10.0, 30.0, 90.0, 270.0, 810.0, 2430.0),
     (60.0, 180.0, 540.0, 1620.0, 4860.0),
 )
-"""Time constants of warming and cooling that are tried, from those of a stroke to those of a
-campaign, a factor of three apart: levels half a factor off are hardly other ones [s]."""
+"""Grid of time constants of warming and cooling, from the duration of a stroke to that of a
+campaign, a factor of three apart: half a factor hardly changes the levels [s]."""
 COURSES = tuple(product((10.0, 90.0, 810.0), (60.0, 540.0, 4860.0)))
-"""Time constants of the states that an exposure is stated in: every other one of `TIMES`."""
+"""Time constants of the states of an exposure: every other value of `TIMES`."""
 COLD_TO_WARM = 0.4
-"""Change of the level from cold to as warm as motion makes a gear, a standard deviation, as a share
-of it. Virtual plants, which follow published measurements of gears, have 0.2 to 0.6 of it
-(`sim_plant.physics.friction`); with 0.3 intervals held 72 to 100 % of the levels of other motions,
-axis by axis, with 0.4 it was 83 to 100 % (three plants, strokes and trajectories)."""
+"""Relative change of the level from cold to warm, a standard deviation. Virtual plants, which
+follow published measurements of gears, have 0.2 to 0.6 (`sim_plant.physics.friction`). With 0.3
+intervals held 72 to 100 % of the levels of other motions, axis by axis, with 0.4 83 to 100 % (three
+plants, strokes and trajectories)."""
 STEPS = 4
-"""Of Gauss and Newton: the slope is a share of the level, and its error is squared in each."""
+"""Number of Gauss-Newton steps; each squares the error of the slope, a share of the level."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:
-    """Mean speeds of all axes, stretch by stretch of time.
+    """Mean speeds of all axes in successive stretches of time.
 
     Attributes
     ----------
     end : ndarray, shape (n,)
-        When each stretch ends, the first beginning at `begin` [s].
+        End of each stretch [s].
     speed : ndarray, shape (n, n_joints)
-        Mean speed within it as share of the axis's limit.
+        Mean speed within each stretch as a share of the axis's limit.
     begin : float
-        [s].
+        Beginning of the first stretch [s].
     """
 
     end: Array
@@ -105,7 +105,7 @@ class History:
 
 
 class Warmth(FileModel):
-    """How friction of one axis depends on its warmth.
+    """Dependence of an axis's friction on warmth.
 
     Attributes
     ----------
@@ -116,14 +116,14 @@ class Warmth(FileModel):
     slope, slope_error : float
         Relative change of the level from w = 0 to 1, of the level at `reference`; standard error.
     reference : float
-        Warmth at which the law stands.
+        Warmth of the law's coefficients.
     seen : tuple of two floats
-        Least and greatest warmth of the measurements that the law was found from.
+        Least and greatest warmth of the measurements.
     wander : float
-        Greatest difference of the level in one measurement from the law at its warmth, as a share.
+        Largest relative deviation of the level of a measurement from the law at its warmth.
     over_law, over_last : float
-        Root mean square error of blocks of measurements held out: of the law at any warmth, and of
-        the law at the level that was known last, each over that of the law at their warmth.
+        Root mean square error of held-out measurements, relative to the law with warmth: of the law
+        without warmth, and of the law at the level of the last measurement before.
     """
 
     warming: float = Field(gt=0)
@@ -137,42 +137,42 @@ class Warmth(FileModel):
     over_last: float
 
     def away(self, warmth: ArrayLike) -> Array:
-        """Warmth less the law's own, no further than was seen, shape of `warmth`."""
+        """Return the difference of warmth from the reference, clipped to the observed range."""
         return np.asarray(np.clip(warmth, *self.seen) - self.reference, dtype=np.float64)
 
     def factor(self, warmth: ArrayLike) -> Array:
-        """What the level of the law is multiplied by, shape of `warmth`."""
+        """Return the factor of the level at a warmth, shape of `warmth`."""
         return 1.0 + self.slope * self.away(warmth)
 
     def deviation(self, warmth: ArrayLike) -> Array:
-        """Standard deviation of the level at a warmth, over that of the law; shape of `warmth`."""
+        """Return the relative standard deviation of the level at a warmth, shape of `warmth`."""
         uncertain = self.slope_error * self.away(warmth)
         return np.asarray(np.hypot(self.wander * self.factor(warmth), uncertain))
 
     @property
     def cold(self) -> float:
-        """Level at the least warmth seen over that of the law."""
+        """Relative level at the least observed warmth."""
         return float(self.factor(self.seen[0]))
 
     @property
     def warm(self) -> float:
-        """Level at the greatest warmth seen over that of the law."""
+        """Relative level at the greatest observed warmth."""
         return float(self.factor(self.seen[1]))
 
 
 class Exposure(FileModel):
-    """What an axis had gone through in the measurements that its law was found from.
+    """Warming of an axis in the measurements of its friction law.
 
     Attributes
     ----------
     states : tuple of float
         Mean warmth for each of `COURSES`.
     widest : float
-        Greatest D of a measurement.
+        Largest D of a measurement.
     scatter : float
-        Of the level in one measurement about the law, a standard deviation as a share of it.
+        Relative standard deviation of the levels of measurements about the law.
     slope : float
-        S, as a share of the level.
+        S, relative to the level.
     """
 
     states: tuple[float, ...]
@@ -182,16 +182,16 @@ class Exposure(FileModel):
 
     @classmethod
     def of(cls, states: Array, deviations: Array, n_terms: int) -> Self:
-        """Exposure of measurements.
+        """Compute the exposure of measurements.
 
         Parameters
         ----------
         states : ndarray, shape (n, n_courses)
-            Warmth in each of them.
+            Warmth in each measurement, for each of `COURSES`.
         deviations : ndarray, shape (n,)
-            Level of each less that of the law, as a share.
+            Relative deviation of each measurement's level from the law.
         n_terms : int
-            Of the level, which the same measurements gave.
+            Number of terms of the level, fitted to the same measurements.
         """
         away, square = np.mean((states - states.mean(axis=0)) ** 2, axis=1), deviations @ deviations
         seen = math.sqrt(square / max(float(away.sum()), np.finfo(float).tiny))
@@ -199,23 +199,23 @@ class Exposure(FileModel):
             states=tuple(states.mean(axis=0).tolist()),
             widest=math.sqrt(float(away.max())),
             scatter=math.sqrt(square / max(len(deviations) - n_terms, 1)),
-            # friction that vanishes is the most that warmth can do
+            # warmth can at most make friction vanish
             slope=min(max(COLD_TO_WARM, seen), 1.0),
         )
 
     def distance(self, states: Array) -> Array:
-        """D of states, shape (n, n_courses): shape (n,)."""
+        """Return D of states, shape (n, n_courses); result of shape (n,)."""
         return np.asarray(np.sqrt(np.mean((states - np.array(self.states)) ** 2, axis=1)))
 
     def deviation(self, distance: ArrayLike) -> Array:
-        """Standard deviation of the level, u, at a distance; shape of it."""
+        """Return the standard deviation u of the level at a distance D, shape of `distance`."""
         return np.asarray(np.hypot(self.scatter, self.slope * np.asarray(distance)))
 
     @property
     def anywhere(self) -> float:
-        """D of an axis of which nothing is known.
+        """D of an axis with unknown history.
 
-        It is anywhere between cold and as warm as steady motion at `REFERENCE` makes it.
+        Warmth is equally likely anywhere between cold and steady motion at `REFERENCE`.
         """
         steady = np.array([cooling / (warming + cooling) for warming, cooling in COURSES])
         squares = steady**2 / 12.0 + (steady / 2.0 - np.array(self.states)) ** 2
@@ -223,14 +223,14 @@ class Exposure(FileModel):
 
 
 def states_at(past: History, axis: int, time: Array) -> Array:
-    """Warmth of an axis (from 0) for each of `COURSES` at instants (n,): (n, n_courses)."""
+    """Return the warmth of an axis (from 0) at instants, for each of `COURSES`: (n, n_courses)."""
     return np.column_stack([warmth_at(past, axis, *taus, time) for taus in COURSES])
 
 
 def warmth_at(
     past: History, axis: int, warming: float, cooling: float, time: Array, start: float = 0.0
 ) -> Array:
-    """Warmth of an axis at instants of its history, shape of `time`.
+    """Return the warmth of an axis at instants of its history, shape of `time`.
 
     Parameters
     ----------
@@ -240,9 +240,9 @@ def warmth_at(
     warming, cooling : float
         Time constants [s].
     time : ndarray, shape (n,)
-        [s].
+        Instants [s].
     start : float
-        Warmth where the history begins, cold by default.
+        Warmth at the beginning of the history, cold by default.
     """
     ends = np.append(past.begin, past.end)
     heating = past.speed[:, axis] / REFERENCE / warming
@@ -252,18 +252,18 @@ def warmth_at(
 
 
 def relaxed(start: float, goals: Array | Mask, left: Array) -> Array:
-    """A state that goes from `start` to one goal after the other, shape (1 + n_goals,).
+    """Compute a state that relaxes from `start` towards successive goals, shape (1 + n_goals,).
 
-    Of its distance from each goal the share `left` remains, shape (n_goals,).
+    The share `left`, shape (n_goals,), of the distance from each goal remains.
     """
-    # each state less its share of the last one: a triangular band, solved from the top
+    # x_k - left_k x_(k-1) = (1 - left_k) goal_k: a bidiagonal system
     band = np.array([np.ones(len(left) + 1), np.append(-left, 0.0)])
     states, _ = dtbtrs(band, np.append(start, (1.0 - left) * goals), uplo="L", diag="U")
     return np.asarray(states[:, 0] if states.ndim > 1 else states)
 
 
 class WarmLaw(NamedTuple):
-    """Coefficients of a law at its mean warmth, their covariance, and how warmth scales it."""
+    """Friction law at its mean warmth: coefficients, covariance, dependence on warmth."""
 
     values: Array
     covariance: Array
@@ -271,19 +271,19 @@ class WarmLaw(NamedTuple):
 
 
 def find_warmth(levels: Blocks, time: Array, past: History, axis: int) -> WarmLaw | None:
-    """Return the law with warmth; None where it predicts no better than without.
+    """Fit the law with warmth; return None unless warmth improves the prediction.
 
     Parameters
     ----------
     levels : Blocks
-        One channel with the terms of the law, a group for each measurement, in the order of time.
+        One channel with the terms of the law, one group for each measurement, in order of time.
     time : ndarray, shape (n,)
-        Of the middle of each measurement, ascending [s].
+        Middle of each measurement, ascending [s].
     past : History
     axis : int
         From 0.
     """
-    # range of warmth below which its slope would be one of 20 times what was seen
+    # within a smaller range of warmth the slope would be extrapolated more than twentyfold
     courses = {
         taus: course
         for taus in product(*TIMES)
@@ -298,7 +298,7 @@ def find_warmth(levels: Blocks, time: Array, past: History, axis: int) -> WarmLa
     fit, warmth = _fitted(levels, courses[taus], STEPS), courses[taus]
     factors = fit.factors(warmth)
     covariance = fit.regression.uncertainty("clusters").covariance
-    if fit.slope >= 0.0 or factors.min() <= 0.0:  # gears have less friction when warm, but some
+    if fit.slope >= 0.0 or factors.min() <= 0.0:  # a warm gear has less friction, but not none
         return None
     left = deviations(levels, fit.values) + 1.0 - factors
     found = Warmth(
@@ -316,7 +316,7 @@ def find_warmth(levels: Blocks, time: Array, past: History, axis: int) -> WarmLa
 
 
 def deviations(levels: Blocks, values: Array) -> Array:
-    """Level of each measurement less that of the law, as a share of it, shape (n,)."""
+    """Return the relative deviation of each measurement's level from the law, shape (n,)."""
     products = levels.products[:, 0]
     directed = np.concatenate([[0.0], np.where(np.isin(levels.own, DIRECTED), values, 0.0)])
     left = np.concatenate([[1.0], -values])
@@ -325,7 +325,7 @@ def deviations(levels: Blocks, values: Array) -> Array:
 
 
 class _Fit(NamedTuple):
-    """A law at its mean warmth `reference`, its relative slope, and the regression behind both."""
+    """Fitted law at the mean warmth `reference`, with relative slope and regression."""
 
     values: Array
     slope: float
@@ -337,7 +337,7 @@ class _Fit(NamedTuple):
 
 
 def _fitted(levels: Blocks, warmth: Array, steps: int) -> _Fit:
-    """Law and slope for given warmth, by steps of Gauss and Newton; no slope without a range."""
+    """Fit law and slope for given warmth by Gauss-Newton steps; no slope for constant warmth."""
     away, reference = warmth - warmth.mean(), float(warmth.mean())
     m, directed = len(levels.own), np.isin(levels.own, DIRECTED)
     names, at = (*levels.own, "slope") if away.any() else levels.own, 1 + np.arange(m)
@@ -355,7 +355,7 @@ def _fitted(levels: Blocks, warmth: Array, steps: int) -> _Fit:
 
 
 def _errors(levels: Blocks, values: Array, factors: Array) -> Array:
-    """Squared error of each measurement by the law with `factors` of its level, shape (n,)."""
+    """Return the squared error of each measurement with scaled levels of the law, shape (n,)."""
     scaled = np.where(np.isin(levels.own, DIRECTED), factors[:, np.newaxis], 1.0) * values
     around = np.column_stack([np.ones(len(scaled)), -scaled])
     squares: Array = np.einsum("nk,nkl,nl->n", around, levels.products[:, 0], around)
@@ -363,9 +363,10 @@ def _errors(levels: Blocks, values: Array, factors: Array) -> Array:
 
 
 def _best(levels: Blocks, courses: dict[tuple[float, float], Array]) -> tuple[float, float]:
-    """Time constants that leave least after two steps of `_fitted`, all of them at once.
+    """Return the time constants with the smallest residual after two Gauss-Newton steps.
 
-    Its equations are sums over measurements of their products times powers of warmth.
+    All candidates are computed at once, since the normal equations are sums over measurements of
+    inner products times powers of warmth.
     """
     course, products = np.array(list(courses.values())), levels.products[:, 0]
     away = course - course.mean(axis=1, keepdims=True)
@@ -394,9 +395,9 @@ def _best(levels: Blocks, courses: dict[tuple[float, float], Array]) -> tuple[fl
 
 
 def _held_out(levels: Blocks, courses: dict[tuple[float, float], Array]) -> Array:
-    """Squared errors of parts by the law alone, by the level known last and by warmth.
+    """Return squared errors of held-out parts, shape (3, n_parts).
 
-    Shape (3, n_parts).
+    Predictions: the law alone, the level of the last measurement before, and warmth.
     """
     found = []
     for out in folds(len(levels)):
