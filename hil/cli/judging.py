@@ -130,7 +130,7 @@ def _against_truth(
     without: list[str] | None,
 ) -> None:
     with working("reading the run") as now:
-        from hil.ground_truth.comparison import against_truth
+        from hil.ground_truth.comparison import truth_comparison
         from hil.results.identification import method_for
         from hil.runs.pooling import open_runs
 
@@ -138,7 +138,7 @@ def _against_truth(
         run, *more = open_runs([folder, *(others or ())])
         run = run.without(without or ())
         now(f"comparing the estimate of {run.robot.name} with the truth")
-        found = against_truth(run, truth, method or method_for(run, more)[0], more)
+        found = truth_comparison(run, truth, method or method_for(run, more)[0], more)
     show(found.summary())
     give(
         relative_errors={**found.group_error, "torques": found.mean_torque_error},

@@ -1,9 +1,8 @@
-"""`hil accept`: what a run found, against limits that somebody stated; page and JUnit XML.
+"""`hil accept`: results of a run against stated limits; page and JUnit XML.
 
-A check is a value and what it may be. Values come from the model of the run (parameters, friction,
-torque that the fit leaves, what the identification is worth) and from its journal and recordings
-(what is missing, flagged, or kept with findings). A value that was not identified fails. Limits are
-a YAML file.
+A check is a value with limits. Values come from the model of the run (parameters, friction,
+residual torque, verdict) and from its journal and recordings (missing measurements, flagged
+samples, recordings with findings). A value that was not identified fails. Limits are a YAML file.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ Amount = Annotated[float, Field(ge=0)]
 
 
 class QuantityLimits(FileModel):
-    """Limits of a parameter, or of friction: by `axis` and `speed`, without speed of its offset."""
+    """Limits of a base parameter, of friction at `axis` and `speed`, or of an offset at `axis`."""
 
     name: str
     unit: str
@@ -68,17 +67,17 @@ class Limits(FileModel):
     Attributes
     ----------
     robot : str
-        Name of the robot that they are for.
+        Name of the robot.
     drafted_from : str
-        Run whose intervals they are, widened by `factor`; empty where somebody stated them.
+        Run of the drafted limits, its intervals widened by `factor`; empty for stated limits.
     outcome : {"good", "doubtful", "failed"}
-        The worst that the identification may be.
+        Worst accepted verdict.
     missing, with_findings : int
-        Measurements that may be missing or left out, and recordings that may have findings.
+        Largest number of measurements missing or left out, and of recordings with findings.
     flagged : float
-        Share of the samples that may be flagged.
+        Largest share of flagged samples.
     residual : dict
-        Torque that the fit may leave, rms, by axis [N m or N].
+        Largest residual torque, rms, by axis [N m or N].
     """
 
     format: Literal[1] = 1
@@ -94,15 +93,15 @@ class Limits(FileModel):
 
 
 class Check(Reservation):
-    """A value and its limits, by the name of `subject`; texts where they are no numbers.
+    """Check of a value against limits; `subject` names the value.
 
     Attributes
     ----------
     unit : str
     value : float, str or None
-        None where the run does not give it.
+        None if the run does not identify the value.
     least, most : float, str or None
-        None where there is no such limit.
+        None without such a limit.
     """
 
     unit: str
@@ -112,7 +111,7 @@ class Check(Reservation):
 
 
 class Acceptance(Judgement):
-    """A machine judged by limits: failed where a check failed."""
+    """Judgement of a machine by limits: failed if any check failed."""
 
     checks: tuple[Check, ...]
 
@@ -123,14 +122,14 @@ def accept(run: Run | Path | str, limits: Limits | Path | str) -> Acceptance:
     Parameters
     ----------
     run : Run or path
-        With its model.
+        Identified run.
     limits : Limits or path
-        A file of limits, or what `draft_limits` returns.
+        Limits, or a file of limits; see `draft_limits`.
 
     Returns
     -------
     Acceptance
-        Its `word` is good or failed; `checks` states each value with its limits.
+        `word` is good or failed; `checks` lists each value with limits.
 
     Raises
     ------
@@ -152,7 +151,7 @@ def accept(run: Run | Path | str, limits: Limits | Path | str) -> Acceptance:
 
 
 def draft_limits(run: Run | Path | str, factor: float = 3.0) -> Limits:
-    """Draft limits around what a good run found: its intervals of 95 %, widened by a factor.
+    """Draft limits from a good run: its 95 % intervals, widened by a factor.
 
     Raises
     ------
@@ -233,7 +232,7 @@ def _check(
     most: float | None = None,
     least: float | str | None = None,
 ) -> Check:
-    """Judge a number or a word of a judgement by its limits; NaN is no value."""
+    """Judge a number or a verdict by limits; NaN counts as not identified."""
     if isinstance(value, float) and not np.isfinite(value):
         value = None
     ends = -np.inf if least is None else _rank(least), np.inf if most is None else most
@@ -253,7 +252,7 @@ def _rank(value: float | str) -> float:
 
 
 def _rounded(value: float | str | None, least: float | str | None, most: float | None) -> str:
-    """Write a value with one decimal place more than its limits need."""
+    """Write a value with one decimal place more than the limits need."""
     if not isinstance(value, float) or not value or isinstance(least, str) or most is None:
         return _text(value)
     return f"{value:.{_decimals(most - (least or 0.0)) + 1}f}"
@@ -265,7 +264,7 @@ def _decimals(width: float) -> int:
 
 
 def _text(value: float | str | None) -> str:
-    """Write a value or a limit; empty where there is none."""
+    """Write a value or a limit; empty for None."""
     return f"{value:.6g}" if isinstance(value, int | float) else value or ""
 
 
@@ -282,7 +281,7 @@ def outcome(run: Run, limits: Limits, folder: Path, stated: Mapping[str, str]) -
     Parameters
     ----------
     stated : mapping of str to str
-        Facts for the page that the run does not hold, by name.
+        Facts for the page from outside the run, by name.
     """
     with file_errors(folder, "made"):
         folder.mkdir(parents=True, exist_ok=True)
@@ -306,7 +305,7 @@ def outcome(run: Run, limits: Limits, folder: Path, stated: Mapping[str, str]) -
 
 
 def write_junit(path: Path, robot: str, measured: str, found: Acceptance) -> None:
-    """Write the checks as JUnit XML, a test case each."""
+    """Write the checks as JUnit XML, one test case each."""
     lost = sum(check.word == "failed" for check in found.checks)
     counts = {"tests": str(len(found.checks)), "failures": str(lost), "errors": "0"}
     suite = ET.Element("testsuite", name=robot, timestamp=measured, attrib=counts)
@@ -319,7 +318,7 @@ def write_junit(path: Path, robot: str, measured: str, found: Acceptance) -> Non
 
 
 def checked(found: Acceptance) -> Table:
-    """Checks with their values and limits."""
+    """Return the table of checks with values and limits."""
     return table(
         "Checks",
         ("check", "result", *figures("value", "at least", "at most"), "unit"),

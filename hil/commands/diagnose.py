@@ -1,8 +1,8 @@
-"""`hil diagnose`: a run held against its robot file: left-out parameters, needless ones, Fig. 7.
+"""`hil diagnose`: test of a robot file by a run: absent and needless parameters, Fig. 7.
 
-It is kept as `diagnosis.yaml` in the run's folder. Reports show it without computing it again, so
-the file says of what it was made: the recordings, the robot file, and the parameters of the
-estimate that it stood beside.
+The diagnosis is written to `diagnosis.yaml` in the folder of the run. The file names the
+recordings, the robot file and the base parameters of the diagnosis, so that reports show the
+diagnosis without a new computation as long as all three are unchanged.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """Findings of one run; `phase` is None where nothing left out shows in gravity torques."""
+    """Diagnosis of one run; `phase` is None if no absent parameter shows in gravity torques."""
 
     robot: Robot
     estimate: Estimate
@@ -59,14 +59,14 @@ class Diagnosis:
 
 
 def diagnose(run: Run) -> Diagnosis:
-    """Estimate a run anew and test its robot file.
+    """Estimate a run and test its robot file.
 
     Raises
     ------
     NotIdentifiable
-        Measurements that do not suffice.
+        Too few measurements.
     Mismatch
-        A run that was imported.
+        An imported run.
     """
     if run.imported:
         raise Mismatch(
@@ -86,11 +86,11 @@ def diagnose(run: Run) -> Diagnosis:
 
 NAME, PLOTS = "diagnosis.yaml", "diagnosis"
 SHOWN = 8
-"""Candidates in the ranking."""
+"""Number of candidates in the ranking."""
 
 
 class CandidateRecord(FileModel):
-    """Left-out parameters that look alike; see `hil.estimation.absent_parameters.Candidate`."""
+    """Indistinguishable absent parameters; see `hil.estimation.absent_parameters.Candidate`."""
 
     names: tuple[str, ...]
     value: float
@@ -98,16 +98,16 @@ class CandidateRecord(FileModel):
     t: float
     p_value: float
     beside: float | None
-    """t beside all that were found; None for those themselves, and where none was."""
+    """t-value beside all significant candidates; None for significant candidates."""
 
     @property
     def label(self) -> str:
-        """The names as one."""
+        """Names, joined."""
         return " or ".join(self.names)
 
 
 class Needless(FileModel):
-    """A stated base parameter that may as well be zero."""
+    """Stated base parameter that does not differ significantly from zero."""
 
     name: str
     expression: str
@@ -115,7 +115,7 @@ class Needless(FileModel):
 
 
 class PhaseRecord(FileModel):
-    """Fig. 7 as figures; see `hil.estimation.gravity_phase.Phase`. Axes count from 1."""
+    """Values of Fig. 7; see `hil.estimation.gravity_phase.Phase`. Axes count from 1."""
 
     axis: int
     over: int
@@ -127,8 +127,8 @@ class PhaseRecord(FileModel):
     standard_error: tuple[float | None, ...]
 
     @classmethod
-    def of(cls, phase: Phase) -> PhaseRecord:
-        """What is kept of it."""
+    def make(cls, phase: Phase) -> PhaseRecord:
+        """Make the record of a phase."""
         return cls(
             axis=phase.axis + 1,
             over=phase.over + 1,
@@ -141,7 +141,7 @@ class PhaseRecord(FileModel):
         )
 
     def phase(self) -> Phase:
-        """As the diagnosis had it."""
+        """Phase of the record."""
         return Phase(
             axis=self.axis - 1,
             over=self.over - 1,
@@ -160,15 +160,16 @@ class DiagnosisFile(FileModel):
     Attributes
     ----------
     p : tuple of float
-        Base parameters of the estimate that the residuals were of.
+        Base parameters of the estimate.
     candidates : tuple of CandidateRecord
-        Each tested by itself, strongest evidence first.
+        Candidates, each tested alone, strongest evidence first.
     found : tuple of str
-        Labels of the significant ones.
+        Labels of the significant candidates.
     threshold : float
         p-value below which a candidate is significant.
     absorbed, unmeasured : tuple of str
-        Left-out parameters that cannot show at all, and those that these measurements do not show.
+        Absent parameters that no measurement can show, and those that these measurements do not
+        show.
     """
 
     format: Literal[1] = 1
@@ -185,12 +186,12 @@ class DiagnosisFile(FileModel):
     phase: PhaseRecord | None
 
     def stale(self, folder: Run, p: Array) -> str:
-        """Why it does not belong to this run as it is now; empty if it does."""
+        """Return the reason if the file does not match the present run; empty if it does."""
         return self.of.change(folder) or same_parameters(self.p, p)
 
 
 def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
-    """Write `diagnosis.yaml` into the run's folder, whole or not at all, and return it."""
+    """Write `diagnosis.yaml` into the folder of the run, atomically; return its content."""
     errors, base = found.errors, base_parameters(found.robot)
     beside = {c.names: c.t for c in errors.after} if errors.found else {}
     kept = DiagnosisFile(
@@ -218,14 +219,14 @@ def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
         ),
         absorbed=errors.absorbed,
         unmeasured=errors.unmeasured,
-        phase=PhaseRecord.of(found.phase) if found.phase else None,
+        phase=PhaseRecord.make(found.phase) if found.phase else None,
     )
     write_file(run.path / NAME, kept.encode_yaml(100))
     return kept
 
 
 def load_diagnosis(folder: Run) -> DiagnosisFile | None:
-    """Read the diagnosis of a run, if there is one.
+    """Read the diagnosis of a run; None without a file.
 
     Raises
     ------
@@ -237,7 +238,7 @@ def load_diagnosis(folder: Run) -> DiagnosisFile | None:
 
 
 def candidates(found: DiagnosisFile) -> Table:
-    """Left-out parameters, strongest evidence first."""
+    """Return the table of absent parameters, strongest evidence first."""
     return table(
         "What the robot file leaves out, ranked by evidence",
         ("parameter", *figures("value", "std. error", "t", "p", "t beside found")),
@@ -259,7 +260,7 @@ def _candidate(each: CandidateRecord, found: DiagnosisFile) -> Row:
 
 
 def sentences(found: DiagnosisFile) -> Iterator[str]:
-    """State what is significant and what it moves, and what the data do not need."""
+    """State significant absent parameters with their effect, and needless parameters."""
     below = f"p below {found.threshold:.1g}"
     if found.found:
         yield f"Significant ({below}) is {', '.join(found.found)}: add it to the robot file."
@@ -283,8 +284,8 @@ def sentences(found: DiagnosisFile) -> Iterator[str]:
 
 
 def outcome(run: Run, found: Diagnosis) -> Outcome:
-    """Keep a diagnosis and its plots in the run's folder, and return it as it is shown."""
-    shown, robot = of_file(write_diagnosis(run, found), run.robot), run.robot
+    """Write diagnosis and plots into the folder of the run; return the outcome."""
+    shown, robot = file_outcome(write_diagnosis(run, found), run.robot), run.robot
     charts = {
         name: residuals_over_angles(
             [v for v in found.estimate.local if v.kind == name], robot, kind
@@ -300,8 +301,8 @@ def outcome(run: Run, found: Diagnosis) -> Outcome:
     return replace(shown, tables=tables, simulated=run.journal.simulated)
 
 
-def of_file(kept: DiagnosisFile, robot: Robot) -> Outcome:
-    """Return a diagnosis as its file has it."""
+def file_outcome(kept: DiagnosisFile, robot: Robot) -> Outcome:
+    """Return the outcome of a diagnosis file."""
     plots: tuple[Plot, ...] = ()
     if kept.phase is not None:
         plot = Plot(
@@ -319,7 +320,7 @@ def of_file(kept: DiagnosisFile, robot: Robot) -> Outcome:
 
 
 def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
-    """The paper's Fig. 7: a gravity torque by the robot file and by what was `found`."""
+    """Draw Fig. 7 of the paper: gravity torque with and without the `found` parameters."""
     angle = np.linspace(-np.pi, np.pi, 181)
     shown = np.degrees(angle)
     name = found if len(found) < 40 else "what was found"  # letters that a legend has room for
@@ -342,26 +343,26 @@ def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
 
 
 def residuals_over_angles(values: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Chart:
-    """Measured less modelled elements of every axis against the position of each joint that varied.
+    """Draw residuals of the elements of each axis over the position of every varied joint.
 
-    What is the same at all configurations of an axis is taken off: it is friction that differs by
-    direction, or that step 1 takes for part of the element, and hides what depends on angles.
+    The mean residual of an axis over all configurations is removed: asymmetric friction, which step
+    1 attributes to the element, would hide the dependence on angles.
 
     Parameters
     ----------
     values : sequence of LocalValue
-        Of one kind.
+        Local values of one kind.
     robot : Robot
     kind : ElementKind
-        Theirs.
+        Kind of the values.
     """
     axes = sorted({value.axis for value in values})
     each = ([value for value in values if value.axis == axis] for axis in axes)
-    return chart(panel for own in each for panel in _over_angles(own, robot, kind))
+    return chart(panel for own in each for panel in _angle_panels(own, robot, kind))
 
 
-def _over_angles(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Iterator[Panel]:
-    """Panels of one axis, all with the same vertical axis, over joints that vary by 4 deg or mm."""
+def _angle_panels(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> Iterator[Panel]:
+    """Yield the panels of one axis with a common scale, over joints varied by 4 deg or 4 mm."""
     axis = own[0].axis
     left = np.array([value.shown[0] - value.model for value in own])
     mean = float(left.mean())
@@ -388,7 +389,7 @@ def _over_angles(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) -> 
 
 
 def _right_angles(shown: Array) -> dict[float, str] | None:
-    """Marks at right angles, where a joint turns as far."""
+    """Return tick marks at right angles within the range of a joint."""
     if np.ptp(shown) < 150:
         return None
     step = 180 if np.ptp(shown) > 340 else 90

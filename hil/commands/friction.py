@@ -1,8 +1,7 @@
-"""`hil friction`: all that a run says about friction, kept as `friction.yaml`, and shown.
+"""`hil friction`: friction models and symmetry tests of a run, written to `friction.yaml`.
 
-The file says for every axis which model is recommended, all models with their errors and the
-outcome of the symmetry test, so that later steps need no recordings: compensation beforehand, and a
-gate before a campaign. It can be written again at any time.
+The file states for every axis the recommended model, all models with errors, and the result of the
+symmetry test. Feed-forward and the gate before a campaign need no recordings.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ NAME = "friction.yaml"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrictionResult:
-    """Everything that a run says about friction.
+    """Friction results of a run.
 
     Attributes
     ----------
@@ -59,16 +58,16 @@ class FrictionResult:
     planned : dict
         Friction measurements by id.
     points : tuple of FrictionPoint
-        In the order of the plan.
+        Friction points in the order of the plan.
     axes : tuple of AxisCurves
         Axes with enough speeds for models.
     symmetry : dict of int to Symmetry
-        Axes, from 0, whose gravity torque is known.
+        Symmetry by axis, from 0, for axes of known gravity torque.
     drifts : tuple of Drift
         Axes with enough levels over time.
     left_out : tuple of str
     model_folder : str, optional
-        Run whose model compensated gravity.
+        Run of the model that compensated gravity.
     """
 
     robot: Robot
@@ -82,11 +81,11 @@ class FrictionResult:
 
     @property
     def gravity(self) -> str:
-        """How gravity was compensated."""
+        """Compensation of gravity, in words."""
         return f"model of {self.model_folder}" if self.model_folder else "half-differences"
 
-    def of_axis(self, axis: int) -> list[FrictionPoint]:
-        """Points of one axis (index from 0)."""
+    def axis_points(self, axis: int) -> list[FrictionPoint]:
+        """Return the points of one axis (from 0)."""
         return [point for point in self.points if point.axis == axis]
 
 
@@ -116,11 +115,11 @@ class FrictionFile(FileModel):
 
     @property
     def bound(self) -> float | None:
-        """Greatest asymmetry that the tests accepted; None where no axis was tested."""
+        """Largest accepted asymmetry; None without a test."""
         return next((axis.symmetry.bound for axis in self.axes if axis.symmetry), None)
 
     def model(self, axis: int) -> FrictionModel | None:
-        """Recommended model of an axis (index from 0); None where there is none."""
+        """Return the recommended model of an axis (from 0), or None."""
         every = ((r, m) for r in self.axes for m in r.models if r.axis == axis + 1)
         return next((m for r, m in every if m.kind == r.chosen), None)
 
@@ -136,14 +135,14 @@ def fit_friction(
     Parameters
     ----------
     run : Run or path
-        With measurements of friction.
+        Run with friction measurements.
     model : path, optional
-        Identified run whose model compensates gravity; without it half-differences of both
-        directions do.
+        Identified run of a model that compensates gravity. Without a model, half of the difference
+        of both directions is free of gravity.
     asymmetry : float
-        Greatest asymmetry that is accepted, as a share of the friction level.
+        Largest accepted asymmetry, as a share of the friction level.
     recordings : sequence of (RecordedMotion, Recording), optional
-        All of the run, where they were read already (`hil.runs.pooling.recorded`).
+        All recordings of the run, if already read (`hil.runs.pooling.recorded`).
 
     Raises
     ------
@@ -199,7 +198,7 @@ def fit_friction(
 
 
 def write_friction(run: Run, result: FrictionResult) -> Path:
-    """Write `friction.yaml` into the run's folder, whole or not at all."""
+    """Write `friction.yaml` into the folder of the run, atomically."""
     sessions, curves = run.journal.sessions, {fit.axis: fit for fit in result.axes}
     content = FrictionFile(
         robot=run.robot.name,
@@ -227,12 +226,12 @@ def write_friction(run: Run, result: FrictionResult) -> Path:
 
 
 def load_friction(run: Run) -> FrictionFile:
-    """Read what was found about friction in a run.
+    """Read the friction results of a run.
 
     Raises
     ------
     FileError
-        Nothing was evaluated yet, or the file was damaged.
+        Friction was not evaluated, or a damaged file.
     """
     path = run.path / NAME
     if not path.exists():
@@ -241,21 +240,21 @@ def load_friction(run: Run) -> FrictionFile:
 
 
 def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:
-    """Gate before a campaign: refuse a robot whose friction was found to be asymmetric.
+    """Refuse a robot with asymmetric friction, a gate before a campaign.
 
     Returns
     -------
     list of str
-        Axes that the test could not judge, one sentence.
+        One sentence with the axes that the test could not judge.
 
     Raises
     ------
     AsymmetricFriction
-        An axis failed, or nothing was tested.
+        An axis failed, or no axis was tested.
     Mismatch
-        The run is of another robot.
+        Run of another robot.
     FileError
-        Its friction was not evaluated yet.
+        Friction of the run was not evaluated.
     """
     found = load_friction(run)
     source = f"{run.path}/{NAME}"
@@ -283,7 +282,7 @@ def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:
 
 
 def outcome(run: Run, found: FrictionResult) -> Outcome:
-    """Return all that a run says about friction as it is shown."""
+    """Return the outcome: friction models, symmetry and drift of a run."""
     return Outcome(
         (models(found), tables.symmetry(found.symmetry), tables.drift(found.drifts)),
         tuple(f"left out: {left}" for left in found.left_out),
@@ -292,7 +291,7 @@ def outcome(run: Run, found: FrictionResult) -> Outcome:
 
 
 def models(result: FrictionResult) -> Table:
-    """Every model of every axis with its errors; parameters that the data leave open are notes."""
+    """Return the table of models and errors, with notes on unidentifiable parameters."""
     return table(
         f"{result.robot.name}: {len(result.points)} friction measurements, gravity by"
         f" {result.gravity}",

@@ -1,9 +1,9 @@
-"""`hil payload`: a load, found from runs without and with it, kept as `load.yaml`, and shown.
+"""`hil payload`: a load, identified from runs without and with the load, written to `load.yaml`.
 
-The file lies beside the runs with the load, or in the folder of the loaded run. Reports show the
-load of two whole runs without computing it again: Table 3, the load, the drives' gains, and what
-Figs. 5 and 6 need of both runs. The file says of which recordings it was made. `payload.yaml`,
-which earlier versions wrote for two runs, is read too.
+The file is written beside the runs with the load, or into the folder of the loaded run. The file
+names its recordings, so that reports show a load without a new computation: Table 3, parameters of
+the load, gains of the drives, and Figs. 5 and 6. `payload.yaml` of earlier versions is read as
+well.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
 NAME, EARLIER, PAGE = "load.yaml", "payload.yaml", "payload.html"
 DRAWN = tuple(name for name, kind in ELEMENT_KINDS.items() if kind.figure)
-"""Kinds of measurement that figures of the paper show."""
+"""Kinds of measurement in figures of the paper."""
 
 
 def _drawn(kind: str) -> str:
@@ -69,7 +69,7 @@ def _drawn(kind: str) -> str:
 
 
 class ParameterChange(FileModel):
-    """A column of Table 3: one base parameter without and with the load."""
+    """Column of Table 3: a base parameter without and with the load."""
 
     name: str
     meaning: str = ""
@@ -80,14 +80,14 @@ class ParameterChange(FileModel):
     standard_error: float
     expected: float
     share: str
-    """Of the load in it."""
+    """Expression in the parameters of the load."""
 
 
 class GainRecord(FileModel):
     """Gain of one axis by the known mass; `error` is relative.
 
-    A torque constant [N m/A]; or of imported runs a factor of the map's gain, or where the map
-    leaves that unknown N m or N for one unit of the signal, and nothing is assumed.
+    Torque constant [N m/A]. For imported runs: factor of the gain in the map, or, if the map states
+    an unknown gain, N m or N per unit of the signal without an assumed value.
     """
 
     axis: int
@@ -100,7 +100,7 @@ class GainRecord(FileModel):
 
 
 class ElementRecord(FileModel):
-    """One measurement by itself: an element of g(q) or M(q), measured and modelled."""
+    """Measured and modelled element of g(q) or M(q) of one measurement."""
 
     id: str
     kind: Annotated[str, AfterValidator(_drawn)]
@@ -117,27 +117,28 @@ class LoadFile(FileModel):
     ----------
     without : RunStamp
     loaded : tuple of RunStamp
-        The runs with the load.
+        Runs with the load.
     mass : float or None
-        As it was stated [kg].
+        Stated mass [kg].
     verdict : tuple of str
-        What the operator is to read, line by line.
+        Sentences for the operator.
     rigidity : tuple of AxisMisfit
     unseen : tuple of str
-        Parameters of the load that the robot file takes as zero.
+        Parameters of the load that the robot file states as zero.
     unidentifiable : tuple of str
-        Those that the recordings leave open.
+        Parameters of the load without information in the recordings.
     changes : tuple of ParameterChange
-        Of two runs that each identify the robot, as is all that follows.
+        Changes between two runs that each identify the robot; empty otherwise, as are all further
+        attributes.
     chi_squared, degrees_of_freedom, p_value
-        Of what a rigid load leaves of any changes.
+        Test of the changes against a rigid load.
     imported : bool
         Whether the loaded run was imported.
     own : tuple of float
-        Base parameters of the loaded run alone, with the gains that its map states; empty where
-        these are the changes' or where there are none.
+        Base parameters of the loaded run alone with the gains of its map; empty if equal to those
+        in `changes`, or unknown.
     elements_without, elements_loaded : tuple of ElementRecord
-        What Figs. 5 and 6 are drawn from, in the plans' order; axes count from 1.
+        Elements of Figs. 5 and 6 in the order of the plans; axes count from 1.
     """
 
     format: Literal[1] = 1
@@ -164,12 +165,12 @@ class LoadFile(FileModel):
     elements_loaded: tuple[ElementRecord, ...] = ()
 
     def stale(self, folder: Run, p: Array) -> str:
-        """Why it does not belong to these runs as they are now; empty if it does.
+        """Return the reason if the file does not match the present runs; empty if it does.
 
         Parameters
         ----------
         p : ndarray, shape (n_base,)
-            Base parameters that the loaded run has now.
+            Present base parameters of the loaded run.
         """
         return (
             self.loaded[-1].change(folder)
@@ -189,7 +190,7 @@ def write_load(
     found: LoadFit,
     verdict: Sequence[str],
 ) -> LoadFile:
-    """Write `load.yaml` into the folder `path`, whole or not at all, and return it."""
+    """Write `load.yaml` into the folder `path`, atomically; return its content."""
     load, before, after, own = found.load, found.before, found.after, found.own
     kept = LoadFile(
         made=now(),
@@ -220,7 +221,7 @@ def write_load(
 
 
 def read_load(folder: Run) -> LoadFile | None:
-    """Read what was found of a load in a run, if anything was.
+    """Read the load file of a run; None without a file.
 
     Raises
     ------
@@ -234,7 +235,7 @@ def read_load(folder: Run) -> LoadFile | None:
 def _changes(
     robot: Robot, load: Load, before: Estimate, after: Estimate
 ) -> tuple[ParameterChange, ...]:
-    """The changes between two estimates; what drives do to both alike cancels."""
+    """Return the changes between two estimates; common errors of the drives cancel."""
     base, shares = base_parameters(robot), link_share(robot, robot.n_joints - 1)
     expected = load_columns(robot).K @ load.phi
     drives = after.drive_effect - before.drive_effect
@@ -256,7 +257,7 @@ def _changes(
 
 
 def _gains(found: Load, assumed: Array) -> tuple[GainRecord, ...]:
-    """Gains; one no better known than a torque constant usually is counts as not identifiable."""
+    """Return the gains; gains less certain than usual torque constants are not identifiable."""
     gain, relative, unknown = found.gains, found.gain_errors, np.isnan(assumed)
     constant = gain * np.where(unknown, 1.0, assumed)
     error = np.where(unknown, np.nan, 1.0 / gain - 1.0)
@@ -293,21 +294,21 @@ def _elements(estimate: Estimate | None) -> tuple[ElementRecord, ...]:
 SHOWN = float((special.ndtri(1.0 - LOOSE / 2.0) + special.ndtri(0.8)) / special.ndtri(0.975))
 """Change, in half-widths of the interval of 95 %, that is found with a probability of 80 %."""
 WHOLE_RUNS = "take two whole runs"
-"""What helps where no pose does."""
+"""Remedy if no pose helps."""
 
 
 def verdict(found: Load, advice: Mapping[str, str] | None = None) -> tuple[str, ...]:
-    """What was found, in sentences.
+    """State mass, centre and rigidity of the load in sentences.
 
     Parameters
     ----------
     advice : mapping of str to str, optional
-        What would help, by the parameter of the load that is rough or open (`advised`).
+        Remedy for each uncertain or unidentifiable parameter of the load (`advised`).
     """
     named = [q for q in found.quantities() if q.name == "mass" or "centre" in q.name]
-    lines = ["; ".join(_in_words(q) for q in named), *_of_rigidity(found)]
+    lines = ["; ".join(_worded(q) for q in named), *_rigidity_lines(found)]
     if not found.is_loose:
-        lines += _of_unsure(found, advice or {})
+        lines += _unsure_lines(found, advice or {})
     if found.unseen:
         lines.append(
             f"taken as zero: {', '.join(found.unseen)}, absent from the last link in the robot"
@@ -317,12 +318,12 @@ def verdict(found: Load, advice: Mapping[str, str] | None = None) -> tuple[str, 
 
 
 def unsure(found: Load) -> tuple[str, ...]:
-    """Parameters of the load that are rough or open, each once."""
+    """Return uncertain and unidentifiable parameters of the load, each once."""
     return tuple(dict.fromkeys([*map(_parameter_of, _rough(found)), *found.unidentifiable]))
 
 
 def advised(bare: WithoutLoad, plans: Sequence[Plan], found: Load) -> dict[str, str]:
-    """What would help beside plans that were measured, by what is rough or open."""
+    """Return a further pose for each uncertain or unidentifiable parameter, in words."""
     # reports show what was found and design nothing
     from hil.planning.design.load_pose import helpful_poses  # noqa: PLC0415
 
@@ -342,8 +343,8 @@ def _advice(robot: Robot, pose: Pose) -> str:
     )
 
 
-def _of_unsure(found: Load, advice: Mapping[str, str]) -> Iterator[str]:
-    """What is rough or open, and what would help; what the same would help in one line."""
+def _unsure_lines(found: Load, advice: Mapping[str, str]) -> Iterator[str]:
+    """Yield uncertain and unidentifiable parameters with remedies, one line for each remedy."""
     else_ = "" if found.stated_mass else ", or state the mass"
     by_help: dict[str, list[str]] = {}
     for q in _rough(found):
@@ -356,7 +357,7 @@ def _of_unsure(found: Load, advice: Mapping[str, str]) -> Iterator[str]:
 
 
 def _rough(found: Load, most: float = 0.1) -> list[Figure]:
-    """Mass and moments of inertia about the centre with half-widths beyond that share of them."""
+    """Return mass and central moments of inertia with relative half-widths above `most`."""
     return [
         q for q in found.quantities()
         if q.name in {"mass", *(f"I{k}{k} about the centre" for k in "xyz")}
@@ -365,11 +366,11 @@ def _rough(found: Load, most: float = 0.1) -> list[Figure]:
 
 
 def _parameter_of(figure: Figure) -> str:
-    """Parameter that a figure of the load needs most: `Ixx` of `Ixx about the centre`."""
+    """Return the parameter of a figure's name: `Ixx` of `Ixx about the centre`."""
     return "m" if figure.name == "mass" else figure.name.split(maxsplit=1)[0]
 
 
-def _of_rigidity(found: Load) -> list[str]:
+def _rigidity_lines(found: Load) -> list[str]:
     if not found.misfit:
         return []
     chance, least = found.rigid_chance, found.least_inertia()
@@ -379,7 +380,7 @@ def _of_rigidity(found: Load) -> list[str]:
     )
     if least is not None and found.is_no_body:
         return [
-            f"{doubt}no body has the inertia that was found, with {_in_words(least[0])} about an"
+            f"{doubt}no body has the inertia that was found, with {_worded(least[0])} about an"
             f" axis through the centre{remedy}"
         ]
     if not found.is_loose:
@@ -397,12 +398,12 @@ def _of_rigidity(found: Load) -> list[str]:
 
 
 def _hidden_sag(found: Load) -> float | None:
-    """Return the largest sag of the centre along gravity that the recordings hide [m].
+    """Return the largest undetected sag of the centre of mass along gravity [m].
 
-    A centre that moves along the line of gravity's force leaves the moment of gravity unchanged.
-    The sag d shows in the moments of inertia alone, of which it changes Ixx by up to
-    2 d sqrt(sy^2 + sz^2) from one pose to another. A load counts as loose at the chance `LOOSE`; of
-    four in five the least change is `SHOWN` half-widths. None where no such moment was identified.
+    A displacement along the line of gravity leaves the moment of gravity unchanged. A sag d changes
+    moments of inertia alone, Ixx by up to 2 d sqrt(sy^2 + sz^2) from one pose to another. The test
+    of rigidity at the level `LOOSE` detects a change of `SHOWN` half-widths with a probability of
+    80 %. None if no such moment was identified.
     """
     s, halves = found.phi[list(FIRST_MOMENTS)], {q.name: q.half_width for q in found.quantities()}
     across = np.sqrt(np.maximum(s @ s - s**2, 0.0))
@@ -414,7 +415,7 @@ def _hidden_sag(found: Load) -> float | None:
     return min(each, default=None)
 
 
-def _in_words(q: Figure) -> str:
+def _worded(q: Figure) -> str:
     if not q.standard_error:
         return f"{q.name} {q.value:g} {unit(q.unit)} as stated"
     value, half = (rounded(each, q.half_width) for each in (q.value, q.half_width))
@@ -428,9 +429,9 @@ OF_MAPS = (
 
 
 def changes(load: LoadFile) -> Table:
-    """Base parameters without and with the load, and what a rigid load changes of them.
+    """Return Table 3: base parameters without and with the load, and the expected change.
 
-    No rows where one of the runs does not identify the robot.
+    No rows unless both runs identify the robot.
     """
     units = list(dict.fromkeys(unit(each.unit) for each in load.changes))
     return table(
@@ -456,7 +457,7 @@ def _change(each: ParameterChange) -> Row:
 
 
 def torque_constants(load: LoadFile) -> Table:
-    """Torque constants by the load's mass; no rows where the mass was not stated."""
+    """Return the table of torque constants by the mass of the load; no rows without a mass."""
     unit_of = "" if load.imported else ", N m/A"
     stated = "" if load.mass is None else f"The mass was stated as {load.mass:g} kg."
     return table(
@@ -482,7 +483,7 @@ def _gain(gain: GainRecord) -> Row:
 
 
 def goodness_of_fit(load: LoadFile) -> str:
-    """State how well a rigid load explains the changes; empty where that was not tested."""
+    """State how well a rigid load explains the changes; empty without a test."""
     p = load.p_value
     if not load.degrees_of_freedom:
         return ""
@@ -494,14 +495,14 @@ def goodness_of_fit(load: LoadFile) -> str:
 
 
 def _or_gains(load: LoadFile) -> str:
-    """What else explains changes that no load makes, of imported runs with gains as stated."""
+    """Name wrong gains of a map as a further cause of changes; empty for other runs."""
     if not load.imported or load.gains:
         return ""
     return ", or the gains are wrong, which --mass and --gains find"
 
 
 def not_shown(load: LoadFile) -> str:
-    """State what of the load the runs do not show; empty where they show all of it."""
+    """State the parameters of the load that the runs do not show; empty if none."""
     said = []
     if load.unseen:
         remedy = "add what it has to that link" if load.imported else "hil diagnose tests them"
@@ -518,21 +519,21 @@ def not_shown(load: LoadFile) -> str:
 
 
 def outcome(bare: Run, loaded: Sequence[Run], found: Load, kept: LoadFile) -> Outcome:
-    """Return a load as it is shown, with torques predicted of the runs with it.
+    """Return the outcome of a load, with predicted torques of the loaded runs.
 
     Parameters
     ----------
     bare : Run
-        Without the load.
+        Run without the load.
     loaded : sequence of Run
-        With the load.
+        Runs with the load.
     found : Load
     kept : LoadFile
-        The same with what else was found.
+        Content of the load file.
     """
     robot = bare.robot
     word = "doubtful" if found.is_loose or found.unidentifiable else "good"
-    shown = of_file(kept, robot)
+    shown = file_outcome(kept, robot)
     first, *others = shown.sentences
     return replace(
         shown,
@@ -544,16 +545,14 @@ def outcome(bare: Run, loaded: Sequence[Run], found: Load, kept: LoadFile) -> Ou
     )
 
 
-def of_file(kept: LoadFile, robot: Robot) -> Outcome:
-    """Return a load as its file has it."""
-    # of imported motions there are no elements by themselves to draw
+def file_outcome(kept: LoadFile, robot: Robot) -> Outcome:
+    """Return the outcome of a load file."""
+    # imported motions have no elements of single measurements
     kinds = () if kept.imported else tuple(ELEMENT_KINDS[name] for name in DRAWN)
     plots = tuple(
         Plot(
             f"load-{kind.name}",
-            partial(
-                with_and_without_load, kept.elements_without, kept.elements_loaded, kind, robot
-            ),
+            partial(load_chart, kept.elements_without, kept.elements_loaded, kind, robot),
             f"{elements} without and with load over configuration number, one panel an axis.",
             f"{elements} without and with load, measured and modelled ({kind.figure}).",
         )
@@ -566,9 +565,9 @@ def of_file(kept: LoadFile, robot: Robot) -> Outcome:
 
 
 def _predicted(bare: Run, loaded: Sequence[Run], found: Load) -> Played:
-    """Torques of runs with the load, by the model of the run without it; empty where it has none.
+    """Predict torques of the loaded runs by the model without load, extended by the load.
 
-    The model's friction is that of the run without the load.
+    Friction is that of the run without the load. Empty without a model.
     """
     try:
         model = found_in(bare, method_for(bare)[0]).model
@@ -581,13 +580,13 @@ def _predicted(bare: Run, loaded: Sequence[Run], found: Load) -> Played:
     return played(carrying, loaded, words)
 
 
-def with_and_without_load(
+def load_chart(
     without: Sequence[ElementRecord],
     loaded: Sequence[ElementRecord],
     kind: ElementKind,
     robot: Robot,
 ) -> Chart:
-    """The paper's Figs. 5 and 6: elements of both runs over configuration number."""
+    """Draw Figs. 5 and 6 of the paper: elements of both runs over configuration number."""
     runs = [[each for each in run if each.kind == kind.name] for run in (without, loaded)]
     axes = sorted({each.axis for run in runs for each in run})
     return chart(

@@ -1,4 +1,4 @@
-"""`hil replay`: recorded and simulated positions of a run, shown."""
+"""`hil replay`: recorded and simulated positions of a run."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ PAGE = "replay.html"
 
 
 def replay(run: Run, found: Replay, limits: Mapping[bool, float]) -> Outcome:
-    """Return the position errors of a simulated run as they are shown.
+    """Return the outcome of a simulated run: position errors, judged by limits.
 
     Parameters
     ----------
     limits : mapping of bool to float
-        Limits of the largest error of revolute (True) and prismatic (False) joints [rad], [m].
+        Largest accepted error of revolute (True) and prismatic (False) joints [rad], [m].
     """
     verdict = found.verdict(limits)
     plot = Plot(
@@ -46,7 +46,7 @@ def replay(run: Run, found: Replay, limits: Mapping[bool, float]) -> Outcome:
 
 
 def positions(found: Replay) -> Chart:
-    """Recorded and simulated positions of each axis, of the recording with its largest error."""
+    """Draw recorded and simulated positions of each axis in the recording of the largest error."""
     return chart(_panel(found, axis) for axis in range(found.robot.n_joints))
 
 

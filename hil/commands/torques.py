@@ -1,4 +1,4 @@
-"""Torques of recordings beside those that a model predicts, as plots, with what a page plays."""
+"""Plots of measured and predicted torques, and the recordings for playback on a page."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from hil.view.along_motion import Shown
 
 EACH = 400
-"""Instants of a recording, on average: as many as a dialog has pixels for."""
+"""Mean number of drawn instants of a recording: one per pixel of a dialog."""
 
 
 def played(model: Model, runs: Sequence[Run], words: str = "") -> Played:
-    """Predict the torques of runs; empty where nothing of them can be predicted.
+    """Predict the torques of runs; empty if the model cannot predict any.
 
     Each axis is drawn in a recording with large torques; `words` describe the prediction.
     """
@@ -54,7 +54,7 @@ def played(model: Model, runs: Sequence[Run], words: str = "") -> Played:
     shown = tuple(beside((pairs[name] for name in names), found))
     plot = Plot(
         "torque",
-        lambda: over_time(chosen, model.robot),
+        lambda: torque_chart(chosen, model.robot),
         "Measured and predicted torque of every axis over time with its interval of 95 %, and"
         " their difference below.",
         f"Measured and predicted torque, after the low-pass; below it the residual. {words}Each"
@@ -65,8 +65,8 @@ def played(model: Model, runs: Sequence[Run], words: str = "") -> Played:
     return Played((plot,), packed_recordings(robot, shown), view_script(), picture)
 
 
-def over_time(shown: Sequence[PredictedTorque], robot: Robot) -> Chart:
-    """Measured and predicted torque with its interval, axis by axis, and the residual below."""
+def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Chart:
+    """Draw measured and predicted torque with interval for each axis, residuals below."""
     return chart(_torque(each, robot) for each in shown)
 
 
@@ -103,13 +103,13 @@ def packed_recordings(
     recordings: Sequence[Shown],
     parameters: Mapping[str, object] | None = None,
 ) -> str:
-    """Return recordings as `hil.view.packed` has them, compressed; empty where there are none."""
+    """Return recordings in the compressed form of `hil.view.packed`; empty without recordings."""
     if not recordings:
         return ""
     tracks = measured(robot, recordings, EACH * len(recordings))
     scene = Scene(
         title=robot.name,
-        robot=_with_limits(robot, recordings),
+        robot=_limited(robot, recordings),
         segments=tracks.segments,
         planned=tracks.set_point,
         measured=tracks,
@@ -119,13 +119,13 @@ def packed_recordings(
 
 
 def first_pose(robot: Robot, recording: Recording) -> Array:
-    """Configuration where a recording begins; all joints at 0 where that is not known."""
+    """Return the first configuration of a recording; zeros if unknown."""
     there = recording.q[np.isfinite(recording.q).all(axis=1)]
     return there[0] if len(there) else np.zeros(robot.n_joints)
 
 
-def _with_limits(robot: Robot, shown: Sequence[Shown]) -> Robot:
-    """The robot, with what it passed in place of limits that nobody stated."""
+def _limited(robot: Robot, shown: Sequence[Shown]) -> Robot:
+    """Return the robot with the recorded range in place of unknown joint limits."""
     q = np.concatenate([each.recording.q for each in shown])
     low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0) + 1e-6  # more than a point
     unknown = np.flatnonzero(~np.isfinite(robot.q_max - robot.q_min)).tolist()

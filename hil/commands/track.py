@@ -1,10 +1,10 @@
-"""`hil track`: how closely axes follow a trajectory, by what is fed forward; kept, and shown.
+"""`hil track`: following errors of a trajectory with and without feed-forward.
 
-The following error is what was planned less what was measured, at the same instant. A drive
-follows its set-points late by the time that its interpolation takes, whatever is fed forward
-(`hil.measuring.feeding`), and that is no error of following. So what was planned is taken by that
-delay earlier, by the same for every axis and every pass. What delay the pass with velocity and
-torque shows by itself is stated beside it: where the two differ the stated one is wrong.
+The following error is planned less measured position at the same instant. Every drive follows its
+set-points with the delay of its interpolation, with any feed-forward (`hil.measuring.feeding`).
+This delay is no following error, so planned positions are shifted by the stated delay, equally for
+all axes and passes. The delay estimated from the pass with velocity and torque is reported for
+comparison: a difference means a wrong stated delay.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 NAME, PAGE = "tracking.yaml", "tracking.html"
 PASSES = ("neither", "velocity", "both")
-"""What is fed forward, in the order of the table."""
+"""Feed-forward of the passes, in the order of the table."""
 PASS_LINES = {
     "neither": ("neither", MUTED),
     "velocity": ("velocity", MODEL),
@@ -49,15 +49,15 @@ PASS_LINES = {
 
 
 class AxisErrors(FileModel):
-    """Following errors of one axis, by pass.
+    """Following errors of an axis, by pass.
 
     Attributes
     ----------
     axis : int
-        From 1.
+        Axis, from 1.
     unit : {"rad", "m"}
     rms, peak : dict
-        By name of the pass [rad or m].
+        Errors by name of the pass [rad or m].
     """
 
     axis: int
@@ -72,11 +72,11 @@ class Tracking(FileModel):
     Attributes
     ----------
     robot_digest, plan_digest, model : str
-        Of what was tracked, and the path of the model's file.
+        Digests of robot and plan, and the path of the model file.
     delay : float
-        By which what was planned is taken earlier [SYNC periods].
+        Stated delay of the drives [SYNC periods].
     shown_delay : float
-        The one that fits the pass with velocity and torque best [SYNC periods].
+        Delay estimated from the pass with velocity and torque [SYNC periods].
     axes : tuple of AxisErrors
     """
 
@@ -88,21 +88,21 @@ class Tracking(FileModel):
     axes: tuple[AxisErrors, ...]
 
     def gain(self, before: str, after: str) -> float:
-        """By how much smaller the rms error is in one pass than in another, median over axes."""
+        """Return the ratio of rms errors of two passes, median over axes."""
         return float(np.median([axis.rms[before] / axis.rms[after] for axis in self.axes]))
 
 
 def tracked(runs: dict[str, Run], model: str, delay: float) -> Tracking:
-    """Find the following errors of the passes.
+    """Compute the following errors of the passes.
 
     Parameters
     ----------
     runs : dict
-        By name of the pass; all of the same plan, of trajectories.
+        Runs of one plan of trajectories, by name of the pass.
     model : str
-        Path of the model's file, to be kept.
+        Path of the model file.
     delay : float
-        [SYNC periods].
+        Delay of the drives [SYNC periods].
 
     Raises
     ------
@@ -145,14 +145,14 @@ def tracked(runs: dict[str, Run], model: str, delay: float) -> Tracking:
 def following_error(
     recording: Recording, trajectory: Trajectory, delay: float
 ) -> tuple[Array, Array, Array]:
-    """Following errors while the trajectory is in motion, but of periods that were slowed down.
+    """Compute following errors during motion, without periods of reduced speed.
 
     Returns
     -------
     time : ndarray, shape (n,)
-        Since the motion began, as it was planned [s].
+        Planned time since the beginning of the motion [s].
     error, qd : ndarray, shape (n, n_joints)
-        What was planned less what was measured [rad or m], and the planned velocity.
+        Planned less measured position [rad or m], and planned velocity.
     """
     t = path_time(recording, delay)
     q, qd, _ = trajectory.motion(trajectory.within(t))
@@ -162,7 +162,7 @@ def following_error(
 
 
 def trajectories(run: Run) -> list[tuple[Trajectory, Recording]]:
-    """Return the trajectories of a run and their recordings."""
+    """Return the trajectories of a run with recordings."""
     return [
         (each.measurement, each.recording)
         for each in run
@@ -171,7 +171,7 @@ def trajectories(run: Run) -> list[tuple[Trajectory, Recording]]:
 
 
 def errors(found: Tracking) -> Table:
-    """Following errors of all axes."""
+    """Return the table of following errors."""
     return table(
         "Following errors, by what is fed forward",
         ("axis", *figures(*PASSES, "factor"), "unit"),
@@ -187,9 +187,9 @@ def errors(found: Tracking) -> Table:
 
 
 def notes(found: Tracking, wrong: float = 0.25) -> tuple[str, ...]:
-    """What the passes show beside their figures, and what restricts these.
+    """Return remarks on the following errors.
 
-    The stated delay may differ by `wrong` SYNC periods from the one that the recording shows.
+    The stated delay may differ from the estimated delay by `wrong` SYNC periods.
     """
     lines = [
         f"median over the axes: velocity makes errors {found.gain('neither', 'velocity'):.3g} times"
@@ -216,21 +216,21 @@ def _row(axis: AxisErrors, errors: dict[str, float]) -> Row:
 
 
 def track(folder: Path, model: str, delay: float) -> Outcome:
-    """Compare the passes in a folder, and keep their following errors there.
+    """Compare the passes in a folder, and write the following errors there.
 
     Parameters
     ----------
     model : str
-        Path of the model's file.
+        Path of the model file.
     delay : float
-        Of the drives behind their set-points [SYNC periods].
+        Delay of the drives behind set-points [SYNC periods].
     """
     runs = {name: Run.open(folder / name) for name in PASSES}
     found = tracked(runs, model, delay)
     write_file(folder / NAME, found.encode_yaml())
     plot = Plot(
         "errors",
-        partial(over_time, runs, delay),
+        partial(error_chart, runs, delay),
         "Following error of every axis over time with neither, velocity and both fed forward.",
         "Following errors over the first period of the first trajectory, by what is fed forward;"
         " below, the smaller ones by themselves.",
@@ -245,15 +245,15 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
     )
 
 
-def over_time(runs: Mapping[str, Run], delay: float) -> Chart:
-    """Following errors over the first period of the first trajectory; below, the smaller ones.
+def error_chart(runs: Mapping[str, Run], delay: float) -> Chart:
+    """Draw following errors over the first period of the first trajectory; smaller errors below.
 
     Parameters
     ----------
     runs : mapping
-        By name of the pass.
+        Runs by name of the pass.
     delay : float
-        [SYNC periods].
+        Delay of the drives [SYNC periods].
     """
     robot = runs[PASSES[0]].robot
     lines: list[dict[str, Line]] = [{} for _ in range(robot.n_joints)]

@@ -1,6 +1,6 @@
-"""`hil validate`: a model judged by another run, kept as `validation.yaml`, and shown.
+"""`hil validate`: judgement of a model by another run, written to `validation.yaml`.
 
-The judgement is kept in the model's own file too: what it was worth where.
+The file of the model lists the judgement as well.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ NAME, PAGE = "validation.yaml", "validation.html"
 
 
 class ValidationRecord(FileModel):
-    """Content of `validation.yaml`: a validation and what it belongs to.
+    """Content of `validation.yaml`: a validation with its run and model.
 
     Attributes
     ----------
     run : RunStamp
     model : str
-        Path of the model's file, from the run's folder.
+        Path of the model file, relative to the folder of the run.
     method, identified : str
-        Of the model.
+        Method and time of the identification.
     validated : str
-        When.
+        Time of the validation.
     """
 
     run: RunStamp
@@ -57,9 +57,9 @@ class ValidationRecord(FileModel):
 
 
 def validate(model: Model, model_path: Path, run: Run, accuracy: float) -> Outcome:
-    """Judge a model by a run, and keep the validation beside the run and in the model's file.
+    """Judge a model by a run; write the validation to the run's folder and the model file.
 
-    Without tables where the run cannot judge the model.
+    The outcome has no tables if the run cannot judge the model.
     """
     found = judge(model, run, accuracy)
     write_validation(run, model, model_path, found)
@@ -75,16 +75,16 @@ def validate(model: Model, model_path: Path, run: Run, accuracy: float) -> Outco
 
 
 def remarks(model: Model, run: Run) -> tuple[str, ...]:
-    """Return what restricts a validation by this run: that the model was made from its plan."""
+    """Return remarks that restrict a validation: the same plan as that of the model."""
     if model.provenance.plan_digest != run.plan.digest:
         return ()
     return ("the model was made from this very plan: record another motion to judge it",)
 
 
 def write_validation(run: Run, model: Model, model_path: Path, found: Validation) -> Path:
-    """Keep a validation in the folder of the run that was predicted; return the file's path.
+    """Write a validation into the folder of the predicted run; return the path of the file.
 
-    The judgement is added to the model's file, in place of an earlier one on the same run.
+    The judgement is added to the model file and replaces an earlier one by the same run.
     """
     record = ValidationRecord(
         run=RunStamp.of(run),
@@ -107,7 +107,7 @@ def write_validation(run: Run, model: Model, model_path: Path, found: Validation
 
 
 def scores(found: Validation, notes: tuple[str, ...] = ()) -> Table:
-    """Scores of all axes that the recording moves."""
+    """Return the table of scores of all moved axes."""
     heads = ["torque", "residual", "residual, %", "mean, %", "inside, %", "gain"]
     explained, fitted = "", any(each.refitted is not None for each in found.axes)
     if fitted:

@@ -1,4 +1,4 @@
-"""`hil watch`: torques from outside during a plan, kept as `watch.yaml`, and shown."""
+"""`hil watch`: external torques during a plan, written to `watch.yaml`."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ NAME, PAGE = "watch.yaml", "watch.html"
 
 
 def watch(folder: Path, run: Run | None, found: Watched, trace: Trace) -> Outcome:
-    """Keep what was found in a folder, and return it as it is shown.
+    """Write the result of a watch into a folder; return the outcome.
 
     Parameters
     ----------
     run : Run or None
-        What was recorded meanwhile; None where nothing was.
+        Run recorded during the watch, if any.
     trace : Trace
         Torques around alarms.
     """
@@ -46,7 +46,7 @@ def watch(folder: Path, run: Run | None, found: Watched, trace: Trace) -> Outcom
     model, units = Model.load(found.model), tuple(axis.unit for axis in found.axes)
     plot = Plot(
         "watch",
-        partial(around_alarms, trace, units),
+        partial(alarm_chart, trace, units),
         "Measured and predicted torque of every axis around its first alarm, or at the end.",
         "Torques around each axis's first alarm, or at the end of the watch.",
     )
@@ -56,12 +56,14 @@ def watch(folder: Path, run: Run | None, found: Watched, trace: Trace) -> Outcom
         plots=(plot,),
         title=f"{model.robot.name}: watch",
         simulated=run is not None and run.journal.simulated,
-        played=Played if run is None else lambda: played(model, [_around(run, found.alarms)]),
+        played=Played
+        if run is None
+        else lambda: played(model, [_alarm_recordings(run, found.alarms)]),
     )
 
 
-def _around(run: Run, raised: Sequence[Alarm]) -> Run:
-    """The recordings with the first alarm of each axis; without one the last recording."""
+def _alarm_recordings(run: Run, raised: Sequence[Alarm]) -> Run:
+    """Return the recordings of each axis's first alarm; the last recording without alarms."""
     first = {each.axis: each.time for each in reversed(raised)}
     kept: list[str] = []
     for motion, recording in recorded(run) if first else ():
@@ -76,9 +78,9 @@ def _around(run: Run, raised: Sequence[Alarm]) -> Run:
 
 
 def watched(found: Watched) -> Table:
-    """How well each axis was seen."""
+    """Return the table of thresholds and detectable torques of the axes."""
     return table(
-        "Torque from outside that is seen",
+        "Detectable external torque",
         (
             "axis",
             *figures("within 20 ms", "% of limit", "within 0.1 s", "% of limit"),
@@ -96,7 +98,7 @@ def watched(found: Watched) -> Table:
 
 
 def alarms(found: Watched, most: int = 20) -> Table:
-    """The first alarms; no rows without any, and all of them are in the file."""
+    """Return the table of the first alarms; the file holds all alarms."""
     units = {axis.axis: axis.unit for axis in found.axes}
     left = len(found.alarms) - most
     return table(
@@ -132,8 +134,8 @@ def _row(axis: Sight) -> Row:
     return (str(axis.axis), *cells, *(f"{100 * x:.1f}" for x in (axis.still, axis.blind, axis.dim)))
 
 
-def around_alarms(trace: Trace, units: tuple[str, ...]) -> Chart:
-    """Torques around each axis's first alarm, or at the end of the watch."""
+def alarm_chart(trace: Trace, units: tuple[str, ...]) -> Chart:
+    """Draw torques around each axis's first alarm, or at the end of the watch."""
     return chart(
         Panel(
             tuple(_watched(stretch)),

@@ -33,7 +33,7 @@ import numpy as np
 from scipy import fft
 
 from hil.errors import NotEnoughData
-from hil.friction.equation import moving, base_rows, term_columns, usable
+from hil.friction.equation import base_rows, moving, term_columns, usable
 from hil.least_squares.differences import FIRST, SECOND
 from hil.least_squares.window import correlated, half_window, smooth, widened
 from hil.runs.recording import under_way

@@ -38,7 +38,7 @@ def sign_of_velocity(qd: Array, speed: float) -> Array:
     return np.where(np.abs(qd) < STILL * speed, 0.0, np.sign(qd))
 
 
-def at_once(qd: Array, speed: float) -> Direction:
+def sign_direction(qd: Array, speed: float) -> Direction:
     """Return the direction of friction without presliding, from velocities."""
     return Direction(sign_of_velocity(qd, speed), np.zeros(len(qd)))
 

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from hil.friction.direction import at_once
+from hil.friction.direction import sign_direction
 from hil.friction.ripple import RIPPLE_ORDERS, ripple_orders
 from hil.friction.terms import DIRECTED, DRIFT, LOAD_BY_DIRECTION, friction_columns
 from hil.least_squares.layout import axis_place
@@ -119,7 +119,7 @@ def term_columns(
                            for n in ripple_orders(robot, axis)))  # fmt: skip
     angle, common = robot.gear_ratio[axis] * motion.q[:, axis], np.zeros((len(v), N_COMMON))
     places = [COMMON.index(term) for term in seen]
-    common[:, places] = friction_columns(v, at_once(v, 0.0), angle=angle, terms=seen)
+    common[:, places] = friction_columns(v, sign_direction(v, 0.0), angle=angle, terms=seen)
     return rows, common, own_friction(motion, v)
 
 
@@ -134,7 +134,7 @@ def own_friction(motion: Motion, v: Array) -> Array:
     free_of_noise = motion.smoothed(v)
     distance = np.cumsum(np.abs(free_of_noise))
     gone = (distance - distance.mean()) / max(float(np.ptp(distance)), motion.period)
-    return friction_columns(v, at_once(free_of_noise, 0.0), gone=gone, terms=OWN)
+    return friction_columns(v, sign_direction(free_of_noise, 0.0), gone=gone, terms=OWN)
 
 
 def speed_scale(robot: Robot, motion: Motion, axis: int) -> float:

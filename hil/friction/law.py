@@ -19,7 +19,13 @@ import numpy as np
 from pydantic import model_validator
 
 from checked_files.yaml_file import FileModel
-from hil.friction.direction import Direction, are_successive, at_once, bent, friction_direction
+from hil.friction.direction import (
+    Direction,
+    are_successive,
+    bent,
+    friction_direction,
+    sign_direction,
+)
 from hil.friction.terms import DIRECTED, coupled_friction, friction_columns, motor_angle
 from hil.friction.warmth import Exposure, Warmth, states_at
 from hil.least_squares.uncertainty import TWICE
@@ -331,7 +337,7 @@ def friction_variance(
     found = np.zeros(q_rows.shape)
     for axis, each in enumerate(law.axes):
         if each is not None:
-            direction, own = at_once(qd_rows[:, axis], each.speed), _axis_warmth(warm, axis)
+            direction, own = sign_direction(qd_rows[:, axis], each.speed), _axis_warmth(warm, axis)
             columns = law_columns(robot, each, q_rows, qd_rows, loads, axis, direction)
             friction = columns[:, each.directed] @ each.values[each.directed]
             scale = np.reshape(each.factor(own), (-1, 1))
@@ -408,7 +414,9 @@ def level_at(law: AxisLaw, speed: float) -> tuple[float, float]:
     must be within the range of the samples of the fit.
     """
     qd = np.array([speed, -speed])
-    forward, back = friction_columns(qd / law.speed, at_once(qd, law.speed), terms=tuple(law.terms))
+    forward, back = friction_columns(
+        qd / law.speed, sign_direction(qd, law.speed), terms=tuple(law.terms)
+    )
     row = (forward - back) / 2
     return float(row @ law.values), float(np.sqrt(max(row @ law.uncertainty @ row, 0.0)))
 
@@ -421,7 +429,7 @@ def _directions(law: FrictionLaw, q: Array, qd: Array) -> list[Direction]:
         if successive and each is not None and each.presliding:
             found.append(bent(partial(friction_direction, positions), each.presliding))
         else:
-            found.append(at_once(velocities, 0.0 if each is None else each.speed))
+            found.append(sign_direction(velocities, 0.0 if each is None else each.speed))
     return found
 
 

@@ -80,7 +80,7 @@ def axis_law(
     plain, away, exposure = _fit(measured, CLASSICAL), deviations(own, values), None
     if past is not None and np.isfinite(past.speed[:, axis]).all():
         level = sum(term in DIRECTED for term in terms)
-        exposure = Exposure.of(states_at(past, axis, time), away, level)
+        exposure = Exposure.compute(states_at(past, axis, time), away, level)
     return AxisLaw(
         law=law,
         speed=speed,

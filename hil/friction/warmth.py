@@ -181,7 +181,7 @@ class Exposure(FileModel):
     slope: float
 
     @classmethod
-    def of(cls, states: Array, deviations: Array, n_terms: int) -> Self:
+    def compute(cls, states: Array, deviations: Array, n_terms: int) -> Self:
         """Compute the exposure of measurements.
 
         Parameters

@@ -1,1 +1,1 @@
-"""Models beside one another, and estimates beside the truth, which virtual plants alone have."""
+"""Comparison of models with each other, and of estimates with the truth of a virtual plant."""

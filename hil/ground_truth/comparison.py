@@ -1,9 +1,9 @@
-"""Models beside one another, and an estimate beside the truth, which virtual plants alone have.
+"""Comparison of models with each other, and of an estimate with the truth of a virtual plant.
 
-Parameters of size 0 have no relative error, so groups are judged by their norm, and the model as
-such by the torques that it predicts on a motion that has nothing to do with the measurements
-(`trajectory`): the rigid-body part, relative to its root mean square. How often intervals of
-95 % hold the truth shows whether the stated uncertainties are right.
+Parameters of size 0 have no relative error. Groups of parameters are therefore judged by the norm
+of the error, and the model by rigid-body torques on an independent motion (`trajectory`), relative
+to their root mean square. The share of 95 % intervals that hold the truth tests the stated
+uncertainties.
 """
 
 from __future__ import annotations
@@ -40,17 +40,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ModelComparison:
-    """Base parameters of two models, or of a model and the truth.
+    """Comparison of the base parameters of two models, or of a model and the truth.
 
     Attributes
     ----------
     robot : Robot
     values, others : ndarray, shape (n_base,)
     standard_errors : ndarray, shape (n_base,)
-        Of the difference, both models' errors taken as independent.
+        Standard errors of the difference, for independent errors of both models.
     torque : ndarray, shape (n_joints,)
-        Root mean square of the difference of predicted rigid-body torques on a free motion, as a
-        fraction of the other's torque; NaN for a joint without any.
+        Root mean square of the difference of predicted rigid-body torques on a free motion,
+        relative to the second torque; NaN for a joint without torque.
     """
 
     robot: Robot
@@ -61,16 +61,16 @@ class ModelComparison:
 
     @property
     def difference(self) -> Array:
-        """First less second, shape (n_base,)."""
+        """Differences, first less second, shape (n_base,)."""
         return self.values - self.others
 
     @property
     def z(self) -> Array:
-        """Differences over their standard errors, shape (n_base,)."""
+        """Differences over standard errors, shape (n_base,)."""
         return self.difference / self.standard_errors
 
     def summary(self) -> Outcome:
-        """Parameters side by side, and the torques that their differences are worth."""
+        """Return parameters side by side, with the torques of the differences."""
         base = base_parameters(self.robot)
         each = zip(
             base.names, base.meanings, self.values, self.others, self.standard_errors, self.z,
@@ -105,20 +105,20 @@ class ModelComparison:
 
 
 def compare(model: Model | Path | str, other: Model | Path | str) -> ModelComparison:
-    """Compare a model with another one of the same robot, or with the truth of a virtual plant.
+    """Compare a model with another model of the robot, or with the truth of a virtual plant.
 
     Parameters
     ----------
     model : Model or path
     other : Model, path or str
-        A model, its file or its run; or a plant file, or the name of a built-in plant.
+        Model, model file or run; plant file, or name of a built-in plant.
 
     Raises
     ------
     Mismatch
         Another robot or plant.
     FileError
-        A file that cannot be used.
+        An unusable file.
     """
     model = loaded(model)
     robot, variance = model.robot, np.diag(model.covariance)
@@ -139,16 +139,16 @@ def _is_model(place: Path | str) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Comparison(ModelComparison):
-    """How far an estimate is from the truth: `values` as found, `others` as they are.
+    """Errors of an estimate: `values` are estimated, `others` true.
 
     Attributes
     ----------
     half_width : ndarray, shape (n_base,)
-        Of the intervals of 95 % of the estimate.
+        Half-widths of the 95 % intervals of the estimate.
     group_error : dict
-        Norm of the error of each group of base parameters over the norm of the group.
+        Relative norm of the error of each group of base parameters.
     source : str
-        What was compared.
+        Source of the estimate.
     """
 
     half_width: Array
@@ -156,12 +156,12 @@ class Comparison(ModelComparison):
     source: str = ""
 
     def summary(self) -> Outcome:
-        """Parameters one by one, then groups, torques and coverage."""
+        """Return errors of parameters, groups and torques, and the coverage."""
         return Outcome((_parameters(self),), sentences=(*_sentences(self), self.source))
 
     @property
     def inside(self) -> Mask:
-        """Which intervals of 95 % hold the truth, shape (n_base,)."""
+        """Mask of 95 % intervals that hold the truth, shape (n_base,)."""
         return np.abs(self.difference) <= self.half_width
 
     @property
@@ -171,7 +171,7 @@ class Comparison(ModelComparison):
 
 
 def comparison(estimate: Estimate, robot: Robot, truth: Array) -> Comparison:
-    """Set an estimate against the true base parameters, shape (n_base,)."""
+    """Compare an estimate with the true base parameters, shape (n_base,)."""
     groups = base_parameters(robot).groups
     members = {group: list(k) for group, k in groups.items() if k and truth[list(k)].any()}
     error = estimate.p - truth
@@ -189,32 +189,31 @@ def comparison(estimate: Estimate, robot: Robot, truth: Array) -> Comparison:
     )
 
 
-def against_truth(
+def truth_comparison(
     run: Run,
     truth: Path | str,
     method: str = "improved",
     others: Sequence[Run] = (),
 ) -> Comparison:
-    """Compare what runs of the virtual plant gave with the truth.
+    """Compare the model of runs on the virtual plant with the truth.
 
-    What is kept of them is taken, else they are identified, as `hil identify` does.
+    A stored model is used if present; otherwise the runs are identified as by `hil identify`.
 
     Parameters
     ----------
     truth : path or str
-        Plant file, or the name of one that comes along.
+        Plant file, or name of a built-in plant.
     others : sequence of Run
-        Further runs of the same plant, taken together with the first.
+        Further runs of the plant, identified together with the first.
 
     Raises
     ------
     FileError
         An unusable plant file, a damaged recording, or a model in the folder that was edited.
     Mismatch
-        Not a run of the virtual plant, or of another one; a model in the folder that was made from
-        other runs.
+        Not a run of this virtual plant, or a stored model of other runs.
     NotIdentifiable, NotEnoughData
-        Measurements that do not suffice.
+        Too few measurements.
     """
     true = true_parameters(run.robot, truth)
     for each in (run, *others):
@@ -230,7 +229,7 @@ def against_truth(
 
 
 def _refuse_other_model(run: Run, others: Sequence[Run]) -> None:
-    """Refuse to judge other recordings than those of the model that lies in the run's folder."""
+    """Refuse recordings other than those of the model in the folder of the run."""
     path = run.path / NAME
     if not path.exists():
         return
@@ -244,7 +243,7 @@ def _refuse_other_model(run: Run, others: Sequence[Run]) -> None:
 
 
 def _sentences(result: Comparison) -> Iterator[str]:
-    """Groups, torques and coverage of a comparison."""
+    """State group errors, torque errors and coverage of a comparison."""
     for group, error in result.group_error.items():
         name = group.replace("_", "-")
         yield f"{name + ' group,':20} relative error in the norm   {_percent(error)}"
@@ -280,7 +279,7 @@ def _parameter(result: Comparison, base: BaseParameters, k: int) -> Row:
 
 
 def _torque_error(robot: Robot, error: Array, truth: Array) -> Array:
-    """Relative errors of the torques that p predicts; they are linear in p."""
+    """Return relative errors of the rigid-body torques, which are linear in p."""
     torques = FreeTorques(robot)
     true = torques.rms(truth)
     return torques.rms(error) / np.where(true > 0, true, np.nan)

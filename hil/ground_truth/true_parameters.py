@@ -1,11 +1,10 @@
-"""The truth about the virtual plant, for whoever sets an estimate against it afterwards.
+"""True base parameters of a virtual plant, for comparison with an estimate.
 
-Only `hil validate --truth` and benchmarks come here; nothing that measures or estimates does. A run
-must have been measured on the plant, as its journal names it. Of the plant file just the machine is
-read: frames, bodies, drives, payload. It must be the robot's: joint types, frames, gravity and gear
-ratios are compared, all of them, before a single parameter is, since where one differs base
-parameters are other combinations of other bodies. Then its standard parameters of eq. (5), links
-and payload together, give the base parameters that an identification should find.
+Only `hil validate --truth` and benchmarks use this module; no measurement or estimation does. The
+run must have been measured on the plant named in its journal. The plant file yields frames, bodies,
+drives and payload. Joint types, frames, gravity and gear ratios must be those of the robot, since
+base parameters would otherwise be combinations of other bodies. The standard parameters of eq. (5),
+links and payload together, then give the true base parameters.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ _PLANT, _PLANT_FILES = "sim_plant", "plants"
 
 
 class _Part(FileModel):
-    """Part of a plant file; what is of no concern here may be there."""
+    """Part of a plant file; other keys are ignored."""
 
     model_config = ConfigDict(frozen=True, extra="ignore", allow_inf_nan=False)
 
@@ -57,7 +56,7 @@ class _Body(_Part):
     Izz: float = 0.0
 
     def standard(self) -> Array:
-        """The ten parameters in the order of eq. (4)."""
+        """Ten standard parameters in the order of eq. (4)."""
         return np.array([getattr(self, name) for name in LINK_PARAMETERS])
 
 
@@ -69,7 +68,7 @@ class _Payload(_Part):
     Izz: float = 0.0
 
     def body(self) -> _Body:
-        """The load about the origin of the last link's frame (Huygens and Steiner)."""
+        """Inertia of the load about the origin of the last link's frame (Huygens and Steiner)."""
         m, (x, y, z) = self.mass, self.centre
         return _Body(
             m=m, sx=m * x, sy=m * y, sz=m * z,
@@ -92,7 +91,7 @@ class _Drive(_Part):
 
 
 class PlantAxis(_Part):
-    """A joint of the plant: where it is, what it carries and what drives it."""
+    """Joint of the plant: frame, body and drive."""
 
     joint: Literal["revolute", "prismatic"] = "revolute"
     frame: _Frame = _Frame()
@@ -101,33 +100,33 @@ class PlantAxis(_Part):
 
 
 class Plant(_Part):
-    """A plant file, as far as it is of concern here."""
+    """Machine of a plant file."""
 
     gravity: tuple[float, float, float] = EARTH
     axes: tuple[PlantAxis, ...] = Field(min_length=1)
     payload: _Payload | None = None
 
     def standard(self) -> Array:
-        """Standard parameters of all links, the payload part of the last."""
+        """Standard parameters of all links; the last link includes the payload."""
         found = np.concatenate([axis.link.standard() for axis in self.axes])
         if self.payload is not None:
             found[-len(LINK_PARAMETERS) :] += self.payload.body().standard()
         return found
 
     def drives(self, robot: Robot) -> Array:
-        """Motor inertias that the robot leaves unknown; there are no coupled motors and springs."""
+        """Return motor inertias unknown to the robot; plants have no coupled motors or springs."""
         inertias = [axis.drive.rotor_inertia * axis.drive.gear_ratio**2 for axis in self.axes]
         unknown = np.array(inertias)[robot.rotor_inertia_unknown]
         return np.append(unknown, np.zeros(len(robot.added_parameters) - len(unknown)))
 
 
 def find_plant(plant: Path | str) -> Path:
-    """Path of a plant file; the package of the plant is located, never imported."""
+    """Return the path of a plant file, without an import of the plant's package."""
     return next((path for path in packaged_plants() if path.stem == str(plant)), Path(plant))
 
 
 def packaged_plants() -> list[Path]:
-    """Paths of the plant files that come along."""
+    """Return the paths of the built-in plant files."""
     spec = find_spec(_PLANT)
     folders = [] if spec is None else list(spec.submodule_search_locations or [])
     return sorted(path for each in folders for path in Path(each, _PLANT_FILES).glob("*.yaml"))
@@ -137,14 +136,14 @@ _REMEDY = "parameters of another machine cannot be compared"
 
 
 def true_parameters(robot: Robot, plant: Path | str) -> Array:
-    """Base parameters of a virtual plant.
+    """Compute the true base parameters of a virtual plant.
 
     Parameters
     ----------
     robot : Robot
-        As identified: its base parameters are meant.
+        Identified robot.
     plant : path or str
-        Plant file, or the name of one that comes along.
+        Plant file, or name of a built-in plant.
 
     Returns
     -------
@@ -154,10 +153,9 @@ def true_parameters(robot: Robot, plant: Path | str) -> Array:
     Raises
     ------
     FileError
-        Another machine, or a plant whose torques no base parameters of `robot` can
-        give.
+        Another machine, or a plant with torques that no base parameters of `robot` describe.
     UnknownName
-        Neither a file nor a plant that comes along.
+        Neither a file nor a built-in plant.
     """
     path = find_plant(plant)
     if not path.exists():
@@ -175,7 +173,7 @@ def true_parameters(robot: Robot, plant: Path | str) -> Array:
 
 
 def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> None:
-    """Refuse links with parameters that matter and that the robot file calls absent or tied."""
+    """Refuse links with observable parameters that the robot file states as absent or tied."""
     mass, gravity = influences(robot)
     rows = np.vstack([mass.reshape(-1, standard.size), gravity.reshape(-1, standard.size)])
     true = rows @ standard
@@ -191,7 +189,7 @@ def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> 
 
 
 def refuse_other_machine(robot: Robot, plant: Plant, path: Path) -> None:
-    """Refuse a plant that is another machine than the robot.
+    """Refuse a plant of another machine.
 
     Raises
     ------
@@ -216,10 +214,10 @@ def _differences(robot: Robot, plant: Plant) -> Iterator[tuple[Place, str]]:
             f" file says; {_REMEDY}",
         )
     for k, axis in enumerate(plant.axes):
-        yield from _of_axis(robot, k, axis)
+        yield from _axis_differences(robot, k, axis)
 
 
-def _of_axis(robot: Robot, k: int, axis: PlantAxis) -> Iterator[tuple[Place, str]]:
+def _axis_differences(robot: Robot, k: int, axis: PlantAxis) -> Iterator[tuple[Place, str]]:
     joint = "revolute" if robot.revolute[k] else "prismatic"
     if axis.joint != joint:
         yield (
@@ -252,7 +250,7 @@ def _listed(values: Iterable[float]) -> str:
 def refuse_other_plant(run: Run, truth: Path | str) -> None:
     """Refuse a run that was not measured on the plant of `truth`.
 
-    A plant whose file is no longer where the journal names it is taken at the user's word.
+    If the plant file named in the journal is missing, `truth` is trusted.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.commands.torques import over_time
+from hil.commands.torques import torque_chart
 from hil.errors import FileError, NotEnoughData
 from hil.model.base_parameters import base_parameters
 from hil.report.sections.friction_plots import levels
@@ -88,7 +88,7 @@ def plot_torque(model: Model, run: Run | Path | str, measurement: str | None = N
     for each in [run[measurement]] if measurement else run:
         if found := stretches(model, [(each.measurement, each.recording)]):
             shown = [stretch.part(0.0, np.inf, MOST) for stretch in found.values()]
-            return Figure(over_time(shown, model.robot))
+            return Figure(torque_chart(shown, model.robot))
     raise NotEnoughData(f"{run.path}: no recording that a model predicts torques of")
 
 

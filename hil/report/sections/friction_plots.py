@@ -141,7 +141,7 @@ def _in_operation(result: FrictionResult, axis: int) -> Panel:
 def characteristics(result: FrictionResult, axis: int) -> list[list[FrictionPoint]]:
     """Points of an axis, a new list after every exercise; those of fewer than 4 speeds left out."""
     lists: list[list[FrictionPoint]] = [[]]
-    for point in sorted(result.of_axis(axis), key=lambda p: p.time):
+    for point in sorted(result.axis_points(axis), key=lambda p: p.time):
         if result.planned[point.id].exercise:
             lists.append([])
         lists[-1].append(point)

@@ -112,7 +112,7 @@ def load(run: ReportedRun) -> Section | None:
         " the load (this run). Parameters, load and friction follow from both runs at once by least"
         " squares."
     )
-    return _section("The load", payload.of_file(found, run.robot), intro)
+    return _section("The load", payload.file_outcome(found, run.robot), intro)
 
 
 def diagnosis(run: ReportedRun) -> Section | None:
@@ -125,4 +125,4 @@ def diagnosis(run: ReportedRun) -> Section | None:
         "Every link parameter that the robot file calls absent is tested beside all that it states,"
         " those that these measurements do not distinguish as one."
     )
-    return _section(heading, diagnose.of_file(found, run.robot), intro)
+    return _section(heading, diagnose.file_outcome(found, run.robot), intro)

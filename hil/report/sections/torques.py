@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.commands.torques import over_time
+from hil.commands.torques import torque_chart
 from hil.friction.equation import SLOW
 from hil.least_squares.uncertainty import TWICE
 from hil.report.sections.friction import models_plot
@@ -62,7 +62,7 @@ def _over_time(run: ReportedRun) -> Iterator[Plot]:
     )
     yield Plot(
         "torque",
-        lambda: over_time(most_demanding(found.stretches), run.robot),
+        lambda: torque_chart(most_demanding(found.stretches), run.robot),
         "Measured and predicted torque of every axis over time with its interval of 95 %, and their"
         " difference below.",
         f"Measured and predicted torque, after the low-pass; below it the residual. {found.words}"

@@ -51,7 +51,7 @@ LONG = [
     ("report RUN", "report.page.report", "identifying manutec-r15 and drawing the report"),
     ("diagnose RUN", "commands.diagnose.diagnose",
      "testing what the robot file of manutec-r15 leaves out"),
-    ("validate RUN --truth manutec-r15", "ground_truth.comparison.against_truth",
+    ("validate RUN --truth manutec-r15", "ground_truth.comparison.truth_comparison",
      "comparing the estimate of manutec-r15 with the truth"),
     ("friction RUN", "commands.friction.fit_friction", "fitting models of friction"),
     ("payload RUN RUN", "results.load.LoadProblem.fit", "estimating both runs and the load"),

@@ -111,10 +111,12 @@ def test_the_less_an_axis_has_gone_through_what_its_law_saw_the_wider_the_interv
 
 def test_measurements_that_showed_more_change_widen_intervals_more() -> None:
     states = np.linspace(0.0, 0.2, 6)[:, np.newaxis] * np.ones(len(COURSES))
-    calm, wild = (Exposure.of(states, size * np.linspace(1.0, -1.0, 6), 2) for size in (0.01, 0.07))
+    calm, wild = (
+        Exposure.compute(states, size * np.linspace(1.0, -1.0, 6), 2) for size in (0.01, 0.07)
+    )
     assert calm.slope == COLD_TO_WARM
     assert wild.slope == pytest.approx(0.7)
-    assert Exposure.of(states, np.linspace(1.0, -1.0, 6), 2).slope == 1.0
+    assert Exposure.compute(states, np.linspace(1.0, -1.0, 6), 2).slope == 1.0
     assert wild.deviation(0.1) > calm.deviation(0.1) > calm.deviation(0.0) == calm.scatter
 
 

@@ -14,7 +14,7 @@ from synthetic import TABLE_3_A
 from checked_files.yaml_file import FileError
 from hil.errors import Mismatch, NotIdentifiable, UnknownName
 from hil.estimation.identify import estimate
-from hil.ground_truth.comparison import against_truth, comparison
+from hil.ground_truth.comparison import comparison, truth_comparison
 from hil.ground_truth.true_parameters import refuse_other_plant, true_parameters
 from hil.model.base_parameters import base_parameters
 from hil.results.prediction import free_motion
@@ -160,7 +160,7 @@ class TestComparison:
 
 class TestCommand:
     def test_it_prints_every_parameter_and_what_it_took(self, run, manutec):
-        result = against_truth(Run.open(run), PLANT)
+        result = truth_comparison(Run.open(run), PLANT)
         text = str(result.summary())
         for name in base_parameters(manutec).names:
             assert re.search(rf"^ ?{name} ", text, re.MULTILINE)
@@ -173,12 +173,12 @@ class TestCommand:
         journal = tmp_path / "run" / "run.json"
         as_on_hardware(journal, "socketcan can0")
         with pytest.raises(Mismatch, match=r"measured on socketcan can0; only on the virtual"):
-            against_truth(Run.open(tmp_path / "run"), PLANT)
+            truth_comparison(Run.open(tmp_path / "run"), PLANT)
 
     def test_a_run_of_another_plant_than_its_journal_names_is_refused(self, run, tmp_path):
         other = plant_file(tmp_path, "sx: 48.491", "sx: 50.0")
         with pytest.raises(Mismatch, match=r"on the plant manutec-r15, .*--truth manutec-r15"):
-            against_truth(Run.open(run), other)
+            truth_comparison(Run.open(run), other)
 
     def test_a_copy_of_the_plant_file_is_the_same_plant(self, run, tmp_path):
         refuse_other_plant(Run.open(run), plant_file(tmp_path))
@@ -189,20 +189,20 @@ class TestCommand:
         of_two = model.provenance.model_copy(update={"together_with": ("second",)})
         replace(model, provenance=of_two).save(tmp_path / "run" / "model.yaml")
         with pytest.raises(Mismatch, match=r"made from 2 runs, .* --with second"):
-            against_truth(Run.open(tmp_path / "run"), PLANT)
+            truth_comparison(Run.open(tmp_path / "run"), PLANT)
 
     def test_a_model_that_was_cut_off_is_refused(self, run, tmp_path):
         shutil.copytree(run, tmp_path / "run")
         (tmp_path / "run" / "model.yaml").write_text("provenance:\n")
         with pytest.raises(FileError, match="write the file anew with: hil identify"):
-            against_truth(Run.open(tmp_path / "run"), PLANT)
+            truth_comparison(Run.open(tmp_path / "run"), PLANT)
 
     def test_a_run_that_cannot_be_identified_is_refused(self, run, tmp_path):
         shutil.copytree(run, tmp_path / "run")
         for path in (tmp_path / "run" / "recordings").glob("g*.h5"):
             path.unlink()
         with pytest.raises(NotIdentifiable, match="0 usable gravity measurements"):
-            against_truth(Run.open(tmp_path / "run"), PLANT)
+            truth_comparison(Run.open(tmp_path / "run"), PLANT)
 
 
 class TestFreeMotion:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hil.commands.diagnose import shifted_sinusoid
-from hil.commands.payload import ElementRecord, with_and_without_load
+from hil.commands.payload import ElementRecord, load_chart
 from hil.estimation.drive_train import compliance_units
 from hil.estimation.gravity_phase import Phase, Sinusoid
 from hil.model.robot import Robot
@@ -64,7 +64,7 @@ def test_plots_of_a_load_and_of_a_phase(scara: Robot) -> None:
     phase = Phase(
         axis, 0, np.zeros(scara.n_joints), wave, wave, np.zeros(1), np.zeros(1), np.zeros(1)
     )
-    (load,) = with_and_without_load([record], [record], ELEMENT_KINDS["gravity"], scara).panels
+    (load,) = load_chart([record], [record], ELEMENT_KINDS["gravity"], scara).panels
     (shift,) = shifted_sinusoid(phase, "sz1", scara).panels
     assert load.y_label == f"{ELEMENT_KINDS['gravity'].quantity} [N]"
     assert shift.y_label.endswith("[N]")
