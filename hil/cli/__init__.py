@@ -57,6 +57,7 @@ PANELS = {
     "Machines in series and over years": {
         "accept": "Judge an identified run by limits; writes a page to sign and JUnit XML.",
         "history": "Show how parameters and friction of one machine change over many runs.",
+        "fleet": "Index many machines' models, and find machines that departed.",
     },
     "This computer": {
         "doctor": "Check this computer: Python, CAN, rights, clock, disk.",
@@ -72,7 +73,7 @@ MODULES = {
     "identify": "results", "validate": "judging", "report": "results", "friction": "results",
     "payload": "payload", "diagnose": "results", "export": "exchanging", "track": "beside_model",
     "watch": "beside_model", "replay": "replaying", "accept": "judging", "history": "judging",
-    "doctor": "doctor", "try": "trying",
+    "doctor": "doctor", "try": "trying", "fleet": "fleet",
 }  # fmt: skip
 """Module of each command, or group of them, in this package."""
 COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}

@@ -98,5 +98,9 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "hil history runs/january runs/june",
         "hil history runs/january runs/june --html history.html --fail-on-change",
     ),
+    "fleet": (
+        "hil fleet index plant-a plant-b -o fleet.parquet",
+        "hil fleet page fleet.parquet -o fleet.html",
+    ),
     "doctor": ("hil doctor", "hil doctor --folder runs --json"),
 }

@@ -294,7 +294,7 @@ def outcome(found: History) -> Outcome:
     changed = [Verdict("doubtful", "changed", each) for each in found.sentences(newest)]
     unchanged = Verdict("good", "unchanged", f"{newest.label}: nothing changed significantly")
     return Outcome(
-        (runs_table(found), condition(found), changes(found)),
+        (runs_table(found), condition(found), changed_table(found.marked)),
         verdicts=tuple(changed) or (unchanged,),
         plots=tuple(_plots(found)),
         title=f"{found.robot.name}: condition over time",
@@ -438,20 +438,20 @@ def _cells(read: Reading | None) -> tuple[str, str]:
     return uncertain(read.value, read.half_width)
 
 
-def changes(found: History) -> Table:
-    """What changed significantly; empty where nothing did."""
+def changed_table(changes: Sequence[Change], title: str = "What changed", of: str = "run") -> Table:
+    """Return the table of significant changes; no rows without any."""
     return table(
-        "What changed",
+        title,
         (
-            *(Column(head, folds=True) for head in ("run", "since", "quantity")),
+            *(Column(head, folds=True) for head in (of, "since", "quantity")),
             *figures("change", "± 95 %"),
             "unit",
             *figures("change, %", "p"),
             Column("may come from", folds=True),
         ),
-        map(_change, found.marked),
+        map(_change, changes),
         "The interval holds by how much temperature may move friction; p is the probability of"
-        " such a change by chance, for all that was tested of the run together (Holm).",
+        " such a change by chance, for all tests of the run together (Holm).",
     )
 
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from hil.friction.law import AxisLaw
+    from hil.model.robot import Robot
     from hil.results.identified_robot import IdentifiedRobot
 
 Kind = Literal["gravity parameter", "inertia parameter", "friction level", "offset"]
@@ -161,6 +162,20 @@ def _friction(models: Sequence[IdentifiedRobot]) -> Iterator[Quantity]:
             yield Quantity(name, "friction level", unit, axis=axis + 1, speed=speed)
         if known:
             yield Quantity(f"offset of axis {axis + 1}", "offset", unit, axis=axis + 1)
+
+
+def friction_quantities(robot: Robot, shares: Sequence[float]) -> Iterator[Quantity]:
+    """Yield friction levels at shares of each joint's velocity limit, and offsets.
+
+    The same in every run of a robot, whatever its laws; offsets alone without a velocity limit.
+    """
+    for axis in range(robot.n_joints):
+        limit, unit = float(robot.velocity_limit[axis]), robot.torque_unit(axis)
+        for share in shares if np.isfinite(limit) else ():
+            speed = float(f"{share * limit:.2g}")
+            name = f"friction of axis {axis + 1} at {speed:g} {robot.position_unit(axis)}/s"
+            yield Quantity(name, "friction level", unit, axis=axis + 1, speed=speed)
+        yield Quantity(f"offset of axis {axis + 1}", "offset", unit, axis=axis + 1)
 
 
 def _speeds(laws: Sequence[AxisLaw]) -> Iterator[float]:

@@ -1,0 +1,81 @@
+"""`hil fleet`: many machines over years: index their models, ask which machines departed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from hil.cli.outputs import Status, file_to_write, show, write_page
+from hil.terminal.console import give, out, say, working
+
+commands = typer.Typer()
+fleet_commands = typer.Typer(no_args_is_help=True)
+commands.add_typer(
+    fleet_commands,
+    name="fleet",
+    help="Index many machines' models, and find machines that departed.",
+)
+
+Index = Annotated[Path, typer.Argument(metavar="INDEX", help="Index of a fleet.")]
+Rate = Annotated[
+    float, typer.Option(min=0.001, max=100.0, help="False alarms a machine in ten years, at most.")
+]
+
+
+@fleet_commands.command()
+def index(
+    folders: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FOLDER",
+            help="Folders MACHINE/RUN of identified runs; addresses of object storage, too.",
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="Index to write, or to add to; a folder.")
+    ] = Path("fleet.parquet"),
+    workers: Annotated[int, typer.Option(min=1, help="Processes that read models.")] = 1,
+) -> None:
+    """Add the models of all runs in folders to an index; known models are not read again."""
+    from hil import execution
+    from hil.commands.fleet import index as index_models
+
+    with execution.local(workers) as execute, out.status("looking for models") as status:
+        found = index_models(folders, output, execute, status.update)
+    for reason in found.left_out:
+        say(f"left out: {reason}", style="yellow")
+    say(f"{found.new} runs added to {output}, {found.known} known already")
+    give(added=found.new, known=found.known, left_out=list(found.left_out))
+    if found.left_out:
+        raise typer.Exit(Status.REFUSED)
+
+
+@fleet_commands.command()
+def query(path: Index, rate: Rate = 0.5) -> None:
+    """List machines that departed from their own past or from the fleet."""
+    with working("testing all machines"):
+        from hil.commands.fleet import ask, read_fleets
+
+        found = ask(read_fleets(path), rate)
+    show(found)
+
+
+@fleet_commands.command()
+def page(
+    path: Index,
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", callback=file_to_write, help="Page to write; one HTML file."
+        ),
+    ] = Path("fleet.html"),
+    rate: Rate = 0.5,
+) -> None:
+    """Write a page of the machines that departed, with their quantities over time."""
+    with working("testing all machines"):
+        from hil.commands.fleet import ask, read_fleets
+
+        found = ask(read_fleets(path), rate)
+    write_page(output, found)

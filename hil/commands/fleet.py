@@ -1,0 +1,328 @@
+"""`hil fleet`: an index of many machines' models as Parquet, and tests for departed machines.
+
+The index is a folder, ``robot=DIGEST/*.parquet``: one row for each run and quantity, a file for
+each call of `index` and robot. A model that is known by its address and state is not read again.
+DuckDB reads the index, `hil.results.departures` tests it. Addresses of object storage
+(``s3://...``) go through fsspec.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from checked_files.yaml_file import FileError, parse_yaml
+from hil.commands.history import changed_table
+from hil.least_squares.uncertainty import TWICE
+from hil.optional_packages import needed_for
+from hil.results.departures import FIRST, NEWEST, Departures, Fleet, departures
+from hil.results.model import Model
+from hil.results.model_file import NAME, ModelFile
+from hil.results.quantities import Quantity, friction_quantities, quantities, reading
+from hil.runs.atomic_file import write_file
+from hil.show.charts.chart import MEASURED, MUTED, Chart, Line, Panel, Points, chart
+from hil.show.outcome import Outcome, Verdict
+from hil.show.rounding import unit
+from hil.show.section import Plot
+from hil.show.table import Column, Table, figures, table
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from hil.execution import Execute
+    from hil.results.changes import Change
+
+EXTRA = "fleet"
+FIELDS = {
+    "robot": "string", "machine": "string", "run": "string", "key": "string", "digest": "string",
+    "time": "double", "method": "string", "word": "string", "findings": "string",
+    "quantity": "string", "kind": "string", "axis": "int32", "speed": "double", "unit": "string",
+    "meaning": "string", "value": "double", "standard_error": "double", "degrees": "double",
+    "allowance": "double", "warmth": "double", "indexed": "double",
+}  # fmt: skip
+"""Columns of the index. `key` is the state of the file, `time` in seconds since 1970."""
+SHARES = (0.1, 0.3, 0.7)
+"""Speeds of friction levels as shares of the joint's velocity limit: the same in all runs."""
+DRAWN = 12
+"""Departures with a panel on the page."""
+
+
+class ModelAddress(NamedTuple):
+    """Address of a model file, its machine and the key of its state."""
+
+    address: str
+    machine: str
+    key: str
+
+
+@dataclass(frozen=True)
+class Indexed:
+    """Result of `index`: numbers of runs, and the reasons of those left out."""
+
+    new: int
+    known: int
+    left_out: tuple[str, ...]
+
+
+def index(
+    folders: Sequence[str],
+    path: Path,
+    execute: Execute[Any, Any],
+    progress: Callable[[str], object],
+) -> Indexed:
+    """Add the models of all runs below some folders to an index.
+
+    A run in ``FOLDER/MACHINE/.../model.yaml`` belongs to MACHINE, a run directly below the folder
+    to the folder's name.
+
+    Parameters
+    ----------
+    folders : sequence of str
+        Folders, or addresses that fsspec knows.
+    path : Path
+        Folder of the index; made if missing.
+    execute : callable
+        See `hil.execution`.
+    progress : callable
+        Called with a sentence now and then.
+
+    Raises
+    ------
+    FileError
+        A folder without models, or an index that cannot be written.
+    """
+    parts = {each.parent for each in path.glob("robot=*/*.parquet")}
+    known = {key for part in parts for (key,) in _select(part, "DISTINCT key FROM rows").fetchall()}
+    found = [each for folder in folders for each in _models(folder)]
+    new = [each for each in found if each.key not in known]
+    rows: dict[str, list[tuple[Any, ...]]] = {}
+    left_out = []
+    for n, (_, result) in enumerate(execute(read_rows, new), start=1):
+        if isinstance(result, FileError):
+            left_out.append(str(result))
+        elif isinstance(result, Exception):
+            raise result
+        else:
+            digest, own = result
+            rows.setdefault(digest, []).extend(own)
+        progress(f"read {n} of {len(new)} models")
+    name = hashlib.sha256("".join(sorted(each.key for each in new)).encode()).hexdigest()[:16]
+    for digest, own in rows.items():
+        write_part(path, digest, name, dict(zip(FIELDS, zip(*own, strict=True), strict=True)))
+    return Indexed(len(new) - len(left_out), len(found) - len(new), tuple(left_out))
+
+
+def _models(folder: str) -> Iterator[ModelAddress]:
+    """Yield the addresses of all models below a folder."""
+    with needed_for(folder, EXTRA):
+        import fsspec  # type: ignore[import-untyped]  # noqa: PLC0415 - an extra
+    files, root = fsspec.core.url_to_fs(folder)
+    found = sorted(str(each) for each in files.find(root) if PurePosixPath(each).name == NAME)
+    if not found:
+        raise FileError(
+            f"{folder}: holds no {NAME}; identify its runs first with: hil identify RUN"
+        )
+    for each in found:
+        run = PurePosixPath(each).parent.relative_to(root).parts
+        machine = run[0] if len(run) > 1 else PurePosixPath(root).name
+        yield ModelAddress(files.unstrip_protocol(each), machine, files.ukey(each))
+
+
+def read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
+    """Return the digest of a model's robot, and the rows of the model.
+
+    Raises
+    ------
+    FileError
+        A damaged model.
+    """
+    import fsspec  # noqa: PLC0415 - an extra
+
+    with fsspec.open(model.address, "r", encoding="utf-8") as file:
+        text = file.read()
+    place = model.address.removeprefix("file://")
+    found = Model(**parse_yaml(text, ModelFile, place).identified(Path(place)))
+    about, law = found.provenance, found.friction_law
+    time = datetime.fromisoformat(about.measured or about.identified).timestamp()
+    verdict = found.verdict
+    head = (
+        about.robot, model.machine, str(PurePosixPath(place).parent), model.key,
+        hashlib.sha256(text.encode()).hexdigest(), time, found.method,
+        "" if verdict is None else verdict.word, "" if verdict is None else verdict.reason,
+    )  # fmt: skip
+    rows, indexed = [], datetime.now(UTC).timestamp()
+    parameters = [each for each in quantities([found]) if each.axis is None]
+    for each in (*parameters, *friction_quantities(found.robot, SHARES)):
+        axis = None if law is None or each.axis is None else law.axes[each.axis - 1]
+        slow, fast = (0.0, np.inf) if axis is None or axis.speeds is None else axis.speeds
+        if each.speed is not None and not slow <= each.speed <= fast:
+            continue
+        if (read := reading(found, each)) is None or read.stands_for:
+            continue
+        warmth = math.nan if axis is None or axis.warmth is None else axis.warmth.reference
+        rows.append((
+            *head, each.name, each.kind, each.axis, each.speed, each.unit, each.meaning,
+            read.value, read.standard_error, read.degrees, read.allowance, warmth, indexed,
+        ))  # fmt: skip
+    return about.robot_digest, rows
+
+
+def write_part(path: Path, digest: str, name: str, columns: dict[str, Any]) -> None:
+    """Write one file of the index, columns by the names of `FIELDS`."""
+    with needed_for(path, EXTRA):
+        import pyarrow as pa  # noqa: PLC0415 - an extra
+        from pyarrow import parquet  # noqa: PLC0415
+    schema = pa.schema([(key, getattr(pa, {"double": "float64"}.get(kind, kind))())
+                        for key, kind in FIELDS.items()])  # fmt: skip
+    folder, sink = path / f"robot={digest[:16]}", pa.BufferOutputStream()
+    folder.mkdir(parents=True, exist_ok=True)
+    parquet.write_table(pa.table(columns, schema=schema), sink, compression="zstd")
+    write_file(folder / f"{name}.parquet", sink.getvalue())
+
+
+def _select(path: Path, what: str) -> Any:
+    """Return the relation of a DuckDB query of an index, or of one robot's part of an index."""
+    with needed_for(path, EXTRA):
+        import duckdb  # noqa: PLC0415 - an extra
+    return duckdb.from_parquet(str(path / "*.parquet")).query("rows", f"SELECT {what}")
+
+
+def read_fleets(path: Path) -> dict[str, Fleet]:
+    """Read an index: fleets by the digest of the robot.
+
+    Raises
+    ------
+    FileError
+        No index.
+    """
+    parts = sorted({each.parent for each in path.glob("robot=*/*.parquet")})
+    if not parts:
+        raise FileError(f"{path}: holds no index; make one with: hil fleet index FOLDER -o {path}")
+    return {part.name.removeprefix("robot="): _fleet(part) for part in parts}
+
+
+def _fleet(part: Path) -> Fleet:
+    runs = _select(
+        part, "DISTINCT machine, time, run FROM rows ORDER BY machine, time, run"
+    ).fetchnumpy()
+    kinds = _select(
+        part,
+        "quantity, any_value(kind), any_value(unit), any_value(axis), any_value(speed),"
+        " any_value(meaning) FROM rows GROUP BY quantity ORDER BY quantity",
+    ).fetchall()
+    found = tuple(
+        Quantity(name, kind, unit, axis=axis, speed=speed, meaning=meaning)
+        for name, kind, unit, axis, speed, meaning in kinds
+    )
+    # a run that was identified anew comes last and takes the place of the earlier model
+    cells = _select(
+        part,
+        "dense_rank() OVER (ORDER BY machine, time, run) - 1 AS r,"
+        " dense_rank() OVER (ORDER BY quantity) - 1 AS q,"
+        " value, standard_error, allowance FROM rows ORDER BY indexed",
+    ).fetchnumpy()
+    machines, machine = np.unique(np.asarray(runs["machine"], dtype=str), return_inverse=True)
+    arrays = []
+    for column in ("value", "standard_error", "allowance"):
+        filled = np.full((len(machine), len(found)), np.nan)
+        filled[cells["r"], cells["q"]] = cells[column]
+        arrays.append(filled)
+    labels = np.asarray(runs["run"], dtype=str)
+    return Fleet(tuple(machines.tolist()), found, machine, runs["time"], labels, *arrays)
+
+
+def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
+    """Test every machine of an index, with `rate` false alarms a machine in ten years."""
+    tested = {name: departures(fleet, rate) for name, fleet in fleets.items()}
+    changes = [each for found in tested.values() for each in found.changes]
+    machines = sorted({each.run for each in changes})
+    n = sum(len(fleet.machines) for fleet in fleets.values())
+    text = (
+        f"{len(machines)} of {n} machines departed: {', '.join(machines[:5])}"
+        + (", ..." if len(machines) > 5 else "")
+        if changes
+        else f"none of {n} machines departed significantly"
+    )
+    word = "changed" if changes else "unchanged"
+    return Outcome(
+        (_fleets_table(fleets, tested, rate), changed_table(changes, "Departures", "machine")),
+        verdicts=(Verdict("doubtful" if changes else "good", word, text),),
+        plots=tuple(_plots(fleets, tested)),
+        title="Fleet",
+        note=f"An unchanged machine has at most {rate:g} false alarms in ten years.",
+    )
+
+
+def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Departures], rate: float) -> Table:
+    return table(
+        "Fleets",
+        (
+            Column("robot", folds=True),
+            *figures("machines", "runs", "compared", "departed"),
+            "first run",
+            "newest run",
+        ),
+        (
+            (
+                name, str(len(fleet.machines)), str(len(fleet.machine)),
+                str(tested[name].compared), str(len({each.run for each in tested[name].changes})),
+                *(_day(float(end(fleet.time))) for end in (np.min, np.max)),
+            )
+            for name, fleet in fleets.items()
+        ),
+        f"The mean of the newest {NEWEST} runs of a machine is compared with that of its first"
+        f" {FIRST}, as its peers changed meanwhile, and with the level of its peers. A machine"
+        f" that did not change has at most {rate:g} false alarms in ten years.",
+    )  # fmt: skip
+
+
+def _day(time: float) -> str:
+    return datetime.fromtimestamp(time, UTC).date().isoformat()
+
+
+def _plots(fleets: dict[str, Fleet], tested: dict[str, Departures]) -> Iterator[Plot]:
+    for name, fleet in fleets.items():
+        if shown := tested[name].changes[:DRAWN]:
+            yield Plot(
+                f"departures-{name}",
+                partial(over_months, fleet, shown),
+                "Departed quantities over time, a panel each",
+                "Departed quantities over time with 95 % intervals, and the median of the fleet.",
+            )
+
+
+def over_months(fleet: Fleet, changes: Sequence[Change]) -> Chart:
+    """Draw departed quantities of machines beside the median of the fleet."""
+    return chart(
+        Panel(
+            tuple(_history(fleet, each)),
+            title=f"{each.run}: {each.quantity.title}",
+            x_label="days since the first run",
+            y_label=unit(each.quantity.unit),
+            height=105.0,
+        )
+        for each in changes
+    )
+
+
+def _history(fleet: Fleet, each: Change) -> Iterator[Line | Points]:
+    q, machine = fleet.quantities.index(each.quantity), fleet.machines.index(each.run)
+    days = (fleet.time - fleet.time.min()) / 86400.0
+    month = np.floor(days / 30.0)
+    at, medians = [], []
+    for number in np.unique(month).tolist():
+        of_month = fleet.value[month == number, q]
+        if np.isfinite(of_month).any():
+            at.append(30.0 * number + 15.0)
+            medians.append(float(np.nanmedian(of_month)))
+    yield Line(at, medians, MUTED, "fleet, median", width=1.0)
+    own = (fleet.machine == machine) & np.isfinite(fleet.value[:, q])
+    half = TWICE * fleet.error[own, q]
+    yield Points(days[own], fleet.value[own, q], "o", MEASURED, "machine", error=half, size=2.4)

@@ -1,0 +1,254 @@
+"""Departures of a machine from its own past and from its fleet, with a stated rate of false alarms.
+
+A fleet is many machines of one robot, each identified again and again. For a quantity y
+(`hil.results.quantities`) of machine k, let
+
+    T_k = mean of the newest `NEWEST` runs - mean of the first `FIRST` runs.
+
+Friction is first divided by the median over the axes of its relative change (temperature,
+`hil.results.changes.common_friction`). An unchanged machine has a T_k that its peers have too: the
+null hypothesis is T_k = median of T over the machines, with the standard error
+
+    s = max(1.4826 median |T - median T|, r sqrt(1/NEWEST + 1/FIRST)),
+
+r^2 = median (y_(i+1) - y_i)^2 / (2 x 0.4549) over successive runs of all machines, since the median
+of a chi-squared variable with one degree of freedom is 0.4549. Medians, since a few machines of a
+fleet do change. Errors that are the same in every run (temperature of an axis, season, friction
+that wanders) are thus measured in place of assumed. Too few runs for r (`ENOUGH` differences) leave
+the stated errors and allowances of the models, as in `hil.results.changes`. The level of a machine
+is compared with the levels of its peers likewise, by their median absolute deviation.
+
+Holm's procedure holds the probability of any false alarm in one run of a machine at
+
+    alpha = rate / (runs of a machine in ten years),
+
+so that a machine has at most `rate` false alarms in ten years.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy import special
+
+from hil.results.changes import FEWEST, GREATEST, UNLIKE, Change, adjusted, change
+from hil.results.quantities import Reading
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hil.arrays import Array, Indices, Mask
+    from hil.results.quantities import Quantity
+
+NEWEST, FIRST = 3, 12
+"""Runs of the newest and of the first mean: with monthly runs a quarter and a year."""
+ENOUGH = 20
+"""Differences, or machines, from which on a median is known within a quarter (1.25 / sqrt(20))."""
+NORMAL = 1.4826
+"""Standard deviation over median absolute deviation, of a normal distribution."""
+MEDIAN_SQUARE = 0.4549
+"""Median of a chi-squared variable with one degree of freedom."""
+DECADE = 10 * 365.25 * 86400.0
+"""Seconds in ten years."""
+ALONE = 4.0
+"""Degrees of freedom of stated errors of few runs."""
+FLEET = "the fleet"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fleet:
+    """Readings of all machines of one robot, ordered by machine and time.
+
+    Attributes
+    ----------
+    machines : tuple of str
+    quantities : tuple of Quantity
+    machine : ndarray, shape (n_runs,)
+        Place in `machines`, ascending.
+    time : ndarray, shape (n_runs,)
+        Since 1970 [s], ascending within a machine.
+    runs : ndarray, shape (n_runs,)
+        Labels.
+    value, error, allowance : ndarray, shape (n_runs, n_quantities)
+        As of `Reading`; NaN where a run does not know the quantity.
+    """
+
+    machines: tuple[str, ...]
+    quantities: tuple[Quantity, ...]
+    machine: Indices
+    time: Array
+    runs: Array
+    value: Array
+    error: Array
+    allowance: Array
+
+
+class Departures(NamedTuple):
+    """Significant departures of the newest run of each machine.
+
+    Attributes
+    ----------
+    changes : tuple of Change
+        Marked ones, the least probable first; `run` is the machine, `against` its first run, or
+        the fleet.
+    level : float
+        Probability of any false alarm in a run of a machine.
+    compared : int
+        Machines with a run that has something to be compared with.
+    """
+
+    changes: tuple[Change, ...]
+    level: float
+    compared: int
+
+
+def departures(fleet: Fleet, rate: float) -> Departures:
+    """Test the newest run of each machine, with `rate` false alarms a machine in ten years."""
+    starts = np.searchsorted(fleet.machine, np.arange(len(fleet.machines)))
+    ends = np.append(starts[1:], len(fleet.machine))
+    level = min(rate / runs_in_ten_years(fleet), 1.0)
+    place = np.arange(len(fleet.machine)) - starts[fleet.machine]
+    left = ends[fleet.machine] - 1 - place - starts[fleet.machine]
+    newest = left < NEWEST
+    first = (place < FIRST) & ~newest
+    value, by_temperature = _without_temperature(fleet, first, newest)
+    new, new_error, allowance, n_new = _means(fleet, value, newest)
+    old, old_error, _, n_old = _means(fleet, value, first)
+    run, n_runs = _repeatability(value, fleet.machine)
+    with np.errstate(divide="ignore"):
+        of_runs = np.hypot(run * np.sqrt(1.0 / n_new + 1.0 / n_old), by_temperature)
+    stated = np.hypot(new_error, old_error)
+    own = _test(new - old, of_runs, n_runs, stated, allowance)
+    unknown = np.full(new.shape, np.nan)
+    peers = _test(new, unknown, np.zeros_like(n_runs), unknown, allowance)
+    rows = ((old, *own), (new - peers[0], *peers))
+    p = np.stack([row[-1] for row in rows])
+    known = np.isfinite(p)
+    number = known.sum(axis=(0, 2))
+    smallest = np.where(known, p, 1.0).min(axis=(0, 2))
+    found: list[Change] = []
+    for k in np.flatnonzero(smallest * number < level).tolist():
+        against = str(fleet.runs[starts[k]]), FLEET
+        tests = [
+            test
+            for name, row in zip(against, rows, strict=True)
+            for test in _changes(fleet, row, k, name)
+        ]
+        found += [each for each in adjusted(tests) if each.adjusted < level]
+    found.sort(key=lambda each: each.adjusted)
+    return Departures(tuple(found), level, int(np.count_nonzero(number)))
+
+
+def _changes(fleet: Fleet, row: tuple[Array, ...], k: int, against: str) -> Iterator[Change]:
+    """Yield the tests of machine `k`."""
+    before, size, error, degrees, allowed, p = (each[k].tolist() for each in row)
+    for q in np.flatnonzero(np.isfinite(p)).tolist():
+        now = Reading(before[q] + size[q], error[q], degrees[q], allowed[q])
+        then = Reading(before[q], 0.0, degrees[q])
+        yield change(fleet.quantities[q], (fleet.machines[k], now), (against, then))
+
+
+def runs_in_ten_years(fleet: Fleet) -> float:
+    """Return the number of runs of a machine in ten years, by the median interval of runs."""
+    apart = np.diff(fleet.time)[np.diff(fleet.machine) == 0]
+    return DECADE / float(np.median(apart)) if len(apart) else 1.0
+
+
+def _without_temperature(fleet: Fleet, first: Mask, newest: Mask) -> tuple[Array, Array]:
+    """Divide friction by its response to temperature.
+
+    Returns
+    -------
+    value : ndarray, shape (n_runs, n_quantities)
+    error : ndarray, shape (n_machines, n_quantities)
+        Standard error of the change of `value` by the uncertainty of the response.
+    """
+    value, machines = fleet.value.copy(), np.arange(len(fleet.machines))
+    error = np.zeros((len(machines), value.shape[1]))
+    friction = np.array([each.kind == "friction level" for each in fleet.quantities], dtype=bool)
+    axes = np.array([each.axis or 0 for each in fleet.quantities])
+    base = _means(fleet, value, first)[0][:, friction]
+    with np.errstate(invalid="ignore", divide="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of axes that no run knows
+        share = value[:, friction] / base[fleet.machine] - 1.0
+        by_axis = [
+            np.nanmean(share[:, axes[friction] == axis], axis=1)
+            for axis in np.unique(axes[friction]).tolist()
+        ]
+        if len(by_axis) < FEWEST:
+            return value, error
+        known = np.isfinite(by_axis).sum(axis=0) >= FEWEST
+        common = np.where(known, np.nanmedian(by_axis, axis=0), 0.0)
+    common = np.where(np.abs(common) <= GREATEST, common, 0.0)[:, np.newaxis]
+    # b by successive runs of a machine, which slow wear leaves alone, and 1 +- UNLIKE / 2 before
+    same = np.diff(fleet.machine, append=-1) == 0
+    steps = np.diff(share, axis=0, append=np.nan)
+    of_common = np.diff(common, axis=0, append=np.nan)
+    used = same[:, np.newaxis] & np.isfinite(steps)
+    noise = _median(np.where(used, steps - of_common, np.nan) ** 2) / MEDIAN_SQUARE
+    noise = np.fmax(noise, np.finfo(float).tiny)
+    prior = (UNLIKE / 2) ** -2
+    n = len(machines)
+    squares = _sums(np.where(used, of_common**2, 0.0), fleet.machine, n) / noise + prior
+    products = _sums(np.where(used, of_common * steps, 0.0), fleet.machine, n) / noise + prior
+    response = products / squares
+    value[:, friction] /= 1.0 + response[fleet.machine] * common
+    warm = np.repeat(common, value.shape[1], axis=1)
+    away = (_means(fleet, warm, newest)[0] - _means(fleet, warm, first)[0])[:, friction]
+    error[:, friction] = np.abs(away * base) / np.sqrt(squares)
+    return value, error
+
+
+def _sums(x: Array, machine: Indices, n: int) -> Array:
+    """Sum rows by machine, shape (n, n_columns)."""
+    return np.add.reduceat(
+        np.vstack([x, np.zeros((1, x.shape[1]))]), np.searchsorted(machine, np.arange(n)), axis=0
+    )
+
+
+def _repeatability(value: Array, machine: Indices) -> tuple[Array, Array]:
+    """Return the standard deviation of one run for each quantity, and the number of differences."""
+    apart = np.diff(value, axis=0)[np.diff(machine) == 0]
+    count = np.isfinite(apart).sum(axis=0)
+    return np.sqrt(_median(apart**2) / (2.0 * MEDIAN_SQUARE)), count
+
+
+def _median(x: Array) -> Array:
+    """Return the median of each column of known values; NaN for none."""
+    known = np.isfinite(x).any(axis=0)
+    found = np.full(x.shape[1], np.nan)
+    found[known] = np.nanmedian(x[:, known], axis=0)
+    return found
+
+
+def _means(fleet: Fleet, value: Array, which: Mask) -> tuple[Array, Array, Array, Array]:
+    """Return mean, error, allowance and number of some runs, shape (n_machines, n_quantities)."""
+    used = which[:, np.newaxis] & np.isfinite(value)
+    columns = np.ones_like(value), value, fleet.error**2, fleet.allowance
+    sums = [_sums(np.where(used, x, 0.0), fleet.machine, len(fleet.machines)) for x in columns]
+    count, total, squares, allowances = sums
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return total / count, np.sqrt(squares) / count, allowances / count, count
+
+
+def _test(
+    T: Array, of_runs: Array, n_runs: Array, stated: Array, allowance: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Return size, standard error, degrees of freedom, allowance and p-value of departures T."""
+    machines = np.isfinite(T).sum(axis=0)
+    many, repeated = machines >= ENOUGH, n_runs >= ENOUGH
+    size = T - np.where(many, _median(T), 0.0)
+    spread = np.where(many, NORMAL * _median(np.abs(size)), 0.0)
+    known = np.fmax(np.where(repeated, of_runs, 0.0), spread)
+    error = np.where(many | repeated, known, stated)
+    # of a median absolute deviation, which is 0.37 times as efficient as a standard deviation
+    draws = 0.37 * np.where(many, machines, n_runs)
+    degrees = np.where(many | repeated, draws, ALONE) + np.zeros_like(T)
+    allowed = np.where(many | repeated, 0.0, allowance)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        beyond = np.stack([np.abs(size) - allowed, np.abs(size) + allowed]) / error
+    p = special.stdtr(degrees, -beyond).sum(axis=0)
+    return size, error, degrees, allowed, np.where(error > 0.0, p, np.nan)
