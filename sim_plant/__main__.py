@@ -1,4 +1,4 @@
-"""``python -m sim_plant``: serve the plant on any python-can bus, or draft one of any robot."""
+"""``python -m sim_plant``: serve a plant on any python-can bus, or draft the plant of a robot."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SERVE, ETHERCAT = "serve", "ethercat"
 
 
 class _ServesByDefault(TyperGroup):
-    """Takes what begins with no command for options of `serve`."""
+    """Command group with `serve` as the default command."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Return the arguments, the command first."""
@@ -69,7 +69,7 @@ def main(
         str | None, typer.Option(help="Path of a socket that is made to take pushes of the arm.")
     ] = None,
 ) -> None:
-    """Serve the simulated plant's drives on a bus, until Ctrl-C; what happens by default."""
+    """Serve the simulated plant's drives on a bus until Ctrl-C (the default command)."""
     try:
         options, passing = _options(bus_option or []), _clock(clock)
         machine = load_machine(plant, seed, personality)
@@ -117,14 +117,14 @@ def esi(
 ) -> None:
     """Write the EtherCAT description (ESI) of a drive, for a master's configuration tool."""
     from sim_plant.ethercat.esi import write_esi  # noqa: PLC0415 - CAN needs none of it
-    from sim_plant.ethercat.objects import drive_objects, without_can  # noqa: PLC0415
+    from sim_plant.ethercat.objects import drive_objects, strip_can  # noqa: PLC0415
 
     try:
         drives = load_machine(plant, None, personality).drives
         if axis > len(drives):
             raise ValueError(f"--axis {axis}: must be at most {len(drives)}")  # noqa: TRY301
         drive = drives[axis - 1]
-        text = write_esi(drive_objects(without_can(drive.personality)), drive)
+        text = write_esi(drive_objects(strip_can(drive.personality)), drive)
         output.write_text(text, encoding="utf-8")
         typer.echo(f"{output}: drive of {drive.name}")
     except (FileError, ValueError, OSError) as error:

@@ -1,11 +1,11 @@
-"""Personalities: in what a drive deviates from the one that the EDS of the plant describes.
+"""Personalities: deviations of a drive from the plant's EDS.
 
-Real drives agree on the profile and differ in nearly all else: objects that are missing, read-only
-or narrower, another current readback, other units, bits that come late. A personality states such
-deviations as data. Those of the object dictionary become the drive's own EDS
-(`canopen.eds_variant`) and the drive serves nothing else; those of behaviour are read by the
-firmware (`drive`). Whatever the dictionary hides goes on inside with its value after power-on, as
-in a real drive.
+Real drives agree on the profile and differ in nearly everything else: missing, read-only or
+narrower objects, another current readback, other units, delayed bits. A personality states such
+deviations as data. Deviations of the object dictionary become the drive's own EDS
+(`canopen.eds_variant`), and the drive serves exactly this EDS; deviations of behaviour are read by
+the firmware (`drive`). A hidden object keeps its value after power-on inside the firmware, as in a
+real drive.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ FOLDER = Path(__file__).with_name("personalities")
 
 
 class ObjectChange(FileModel):
-    """One entry of the dictionary that is declared in another way; what is left out stays."""
+    """Changed declaration of an entry of the dictionary; omitted keys keep the EDS."""
 
     index: Index
     subindex: Subindex = 0
     access: Literal["ro", "rw", "rww", "const"] | None = None
     type: Literal["i8", "i16", "i32", "u8", "u16", "u32"] | None = None
     default: int | None = None
-    """Value after power-on, also where the plant file would set another."""
+    """Value after power-on, which overrides the plant file."""
     plus_node: bool = False
-    """The node number is added to `default`, as in identifiers."""
+    """Add the node number to `default`, as in identifiers."""
     low: int | None = None
     high: int | None = None
     step: Annotated[int, Field(ge=2)] | None = None
-    """The drive keeps the nearest multiple of this, and aborts no write for it."""
+    """Step of stored values: the drive rounds to the nearest multiple without an abort."""
     clip: bool = False
-    """A value outside `low` and `high` is written as the nearer of the two, instead of refused."""
+    """Clip values to `low` and `high` instead of refusing them."""
 
 
 class CurrentReadback(FileModel):
-    """Where the drive shows its motor current, and in what."""
+    """Object and unit of a drive's motor current."""
 
     index: Index = 0x6078
     subindex: Subindex = 0
@@ -56,12 +56,12 @@ class CurrentReadback(FileModel):
 
     @property
     def milliampere(self) -> int | None:
-        """What one count is [mA], None where the rated current decides; A are shown of counts."""
+        """Size of a count [mA], None for per mille of rated current; 1 for A, shown as a float."""
         return {"mA": 1, "0.01 A": 10, "A": 1}.get(self.unit)
 
 
 class Personality(FileModel):
-    """A drive's deviations.
+    """Deviations of a drive.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ PLAIN = Personality(name="plain", about="All that the plant's EDS declares, by t
 
 
 def packaged_personalities() -> Sequence[str]:
-    """Names of the personalities that come with the package."""
+    """Return the names of the packaged personalities."""
     return sorted(path.stem for path in FOLDER.glob("*.yaml"))
 
 

@@ -29,7 +29,7 @@ _CLIPPED = int(Status.INTERNAL_LIMIT | Status.WARNING)
 
 
 class CyclicPosition:
-    """The mode's state; commands and observations as in `ProfilePosition`."""
+    """State of the mode; methods as in `ProfilePosition`."""
 
     def __init__(self, dictionary: ObjectDictionary, motion: Motion) -> None:
         self._dictionary = dictionary
@@ -50,7 +50,7 @@ class CyclicPosition:
         return 0 if self._halted else _FOLLOWED
 
     def start(self, _demand: int, controlword: int) -> None:
-        """Begin without set-point."""
+        """Start without a set-point."""
         self.abandon()
         self._load()
         self._halted = bool(controlword & Control.HALT)
@@ -58,20 +58,20 @@ class CyclicPosition:
         self._feed_forward()
 
     def abandon(self) -> None:
-        """Forget what was followed and fed forward."""
+        """Forget set-points and feed-forward."""
         if self._active:
             self._motion.feed_forward(0, 0)
         self._active = self._halted = self._clipped = False
 
     def control(self, controlword: int) -> None:
-        """Take a new controlword while operation is enabled."""
+        """Process a new controlword while operation is enabled."""
         halted = bool(controlword & Control.HALT)
         if halted and not self._halted:
             self._motion.stop(Ramp(self._dictionary.get(0x605D)))
         self._halted = halted
 
     def follow(self, target: int) -> None:
-        """Take a set-point [increments]."""
+        """Follow a set-point [increments]."""
         if self._halted:
             return
         clipped = min(max(target, self._low), self._high)
@@ -81,10 +81,10 @@ class CyclicPosition:
         self._motion.follow(place, self._period)
 
     def observe(self, _reading: Reading) -> None:
-        """Take what was latched, which decides nothing here."""
+        """Ignore latched readings, unused in this mode."""
 
     def progress(self) -> None:
-        """Take note that the axis's events have changed, which decides nothing here."""
+        """Ignore changes of axis events, unused in this mode."""
 
     def _feed_forward(self) -> None:
         if self._active:

@@ -1,4 +1,4 @@
-"""A bit of the statusword that follows what it reports with a lag, as slow firmware has it."""
+"""Lagging bit of the statusword, as shown by slow firmware."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class LaggingBit:
-    """Shows a condition late.
+    """Delayed display of a condition.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class LaggingBit:
         self._wanted = False
 
     def set(self, condition: bool) -> None:
-        """Take the condition as it is now."""
+        """Update the condition."""
         if condition is self._wanted:
             return
         self._wanted = condition
@@ -56,7 +56,7 @@ class LaggingBit:
             self.shown = condition
 
     def clear(self) -> None:
-        """Forget everything: not shown, at once."""
+        """Clear bit and condition at once."""
         self._timers.stop(self._name)
         self._wanted = self.shown = False
 

@@ -1,4 +1,4 @@
-"""When a fault begins and ends, counted in what the drives see: time, frames, SYNCs, set-points."""
+"""Start and end of faults, counted in time, frames, SYNCs and set-points."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Progress:
-    """How far things have come.
+    """Progress of a session since power-on.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Progress:
 
 
 class Watch:
-    """Finds out whether a fault is present."""
+    """Detection of a fault's start and end."""
 
     def __init__(self, fault: Fault) -> None:
         self._fault = fault
@@ -42,7 +42,7 @@ class Watch:
         self.over = False
 
     def present(self, progress: Progress) -> bool:
-        """Take how far things have come; return whether the fault is there."""
+        """Update by the progress; return True if the fault is present."""
         if self.over:
             return False
         if self._begun is None:

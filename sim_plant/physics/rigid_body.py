@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 FRAME = 5
-"""Columns of a frame: cos(alpha), sin(alpha) and where its origin lies in the frame before (3)."""
+"""Columns of a frame: cos(alpha), sin(alpha) and its origin in the preceding frame (3)."""
 BODY = 10
 """Columns of a body: m, sx, sy, sz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz."""
 KIND = 2
-"""Columns of a kind of joint: 1 if it slides and 0 if it turns, theta at q = 0 [rad]."""
+"""Columns of a joint kind: 1 for prismatic, 0 for revolute; theta at q = 0 [rad]."""
 WORK = 8
 """Columns of the scratch array: cos(q), sin(q), force (3), moment (3)."""
 
@@ -52,7 +52,7 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
     mass: Array,
     work: Array,
 ) -> None:
-    """Torques at zero acceleration and the mass matrix.
+    """Compute torques at zero acceleration and the mass matrix.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def _row(
     nz: float,
     mass: Array,
 ) -> None:
-    """Row i of M: the wrench of unit acceleration of joint i, felt at the joints before it."""
+    """Write row i of M: reaction of the preceding joints to unit acceleration of joint i."""
     for k in range(i, 0, -1):
         ca, sa = frames[k, 0], frames[k, 1]
         px, py, pz = frames[k, 2], frames[k, 3], frames[k, 4]
@@ -223,7 +223,7 @@ def _row(
 
 @compiled
 def _slid(frames: Array, kinds: Array, q: Array) -> Array:
-    """Frames whose joints have slid to where they are."""
+    """Return the frames with prismatic joints moved to their positions."""
     slid = frames.copy()
     for i in range(frames.shape[0]):
         way = kinds[i, 0] * q[i]
@@ -280,7 +280,7 @@ def forward_dynamics(
     qd: Array,
     tau: Array,
 ) -> Array:
-    """Joint accelerations under joint torques.
+    """Return the joint accelerations under joint torques.
 
     Parameters
     ----------
