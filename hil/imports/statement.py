@@ -1,4 +1,4 @@
-"""What an import states of a recording: samples, rate, gaps, velocities, motions, findings."""
+"""Statement of an import: samples, rate, gaps, velocities, motions, findings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _INSTANTS = {
 
 @dataclass(frozen=True)
 class Statement:
-    """What was found of the recording of one map.
+    """Findings about the recording of a map.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Statement:
     explanation: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
-        """Sentences, the most general first."""
+        """Return sentences, general ones first."""
         return [
             *self._samples(),
             *self.notes,
@@ -68,13 +68,13 @@ class Statement:
 
     @property
     def doubts(self) -> tuple[Suspicion, ...]:
-        """Suspicions that the map does not accept."""
+        """Suspicions not accepted by the map."""
         accepted = self.the_map.content.accept
         return tuple(each for each in self.suspicions if each.check not in accepted)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Doubts, each with the line of the map and what resolves it."""
+        """Doubts with the line of the map and the remedy."""
         return tuple(
             f"{self.the_map.wrong(s.location, s.message)}; correct the map, or write accept:"
             f" [{s.check}] there if it is right as it is, and import again"
@@ -111,7 +111,7 @@ class Statement:
                 yield f"{number} {one if number == 1 else many}"
 
     def _repeating(self) -> tuple[str, str]:
-        """What rows are that hold all values of the row before, one and many."""
+        """Return words for repeated rows, singular and plural."""
         counts = self.timing.counts
         first = f"the row before in all columns, from row {counts.first_repeating} on"
         rest = f"{first}, and count as missing"
