@@ -116,7 +116,7 @@ def run_from_arrays(
         started=now(), ended=now(), reason="arrays", bus="arrays", simulated=False,
         notes=tuple(notes), warnings=tuple(warnings),
     )  # fmt: skip
-    journal = Journal(plan_digest=plan.digest, robot_digest=robot.digest).with_session(session)
+    journal = Journal(plan_digest=plan.digest, robot_digest=robot.digest).add_session(session)
     return MemoryRun(Path(f"arrays-{next(_numbers)}"), plan, robot, journal, measured)
 
 

@@ -175,7 +175,7 @@ def _write_about(
         warnings=tuple(each for statement in statements for each in statement.warnings),
     )
     journal = Journal(plan_digest=content.digest, robot_digest=robot.digest)
-    write_journal(folder / "run.json", journal.with_session(session))
+    write_journal(folder / "run.json", journal.add_session(session))
 
 
 def _refuse_differing(maps: Sequence[MapFile], robots: Sequence[Robot]) -> None:

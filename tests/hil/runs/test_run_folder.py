@@ -357,7 +357,7 @@ def test_a_journal_states_whether_its_bus_was_the_virtual_plant_s(
     folder: RunFolder, bus: str, stated: bool | None, simulated: bool
 ) -> None:
     """Files of earlier versions have the bus's name alone."""
-    journal = folder.journal.with_session(Session(started="x", bus=bus, simulated=stated))
+    journal = folder.journal.add_session(Session(started="x", bus=bus, simulated=stated))
     assert journal.simulated is simulated
 
 
