@@ -53,20 +53,26 @@ def main(
     interface: Annotated[
         str, typer.Option(help="python-can interface, e.g. socketcan; or ethercat.")
     ],
-    channel: Annotated[str, typer.Option(help="Its channel, e.g. vcan0; a network interface.")],
+    channel: Annotated[
+        str, typer.Option(help="Channel, e.g. vcan0; for ethercat a network interface.")
+    ],
     plant: Annotated[str, typer.Option(help="Packaged plant or plant file.")] = "manutec-r15",
-    seed: Annotated[int | None, typer.Option(min=0, help="Instead of the plant file's.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Random seed, in place of the file's.")
+    ] = None,
     clock: Annotated[str, typer.Option(help="sync: SYNC lets time pass; or wall.")] = "sync",
     bus_option: Annotated[
         list[str] | None, typer.Option(help="key=value for the interface; may be repeated.")
     ] = None,
-    personality: Annotated[str | None, typer.Option(help="Of all drives, by name or path.")] = None,
+    personality: Annotated[str | None, typer.Option(help="Name or path, for all drives.")] = None,
     cycle: Annotated[
         float, typer.Option(min=1e-4, max=10, help="SYNC period of drives without 1006h \\[s].")
     ] = CYCLE_DEFAULT,
-    faults: Annotated[str | None, typer.Option(help="Fault plan: what shall go wrong.")] = None,
+    faults: Annotated[
+        str | None, typer.Option(help="Fault plan with the faults to inject.")
+    ] = None,
     hand: Annotated[
-        str | None, typer.Option(help="Path of a socket that is made to take pushes of the arm.")
+        str | None, typer.Option(help="Path of a new socket for pushes of the arm.")
     ] = None,
 ) -> None:
     """Serve the simulated plant's drives on a bus until Ctrl-C (the default command)."""
@@ -94,9 +100,7 @@ def main(
 @app.command()
 def twin(
     robot: Annotated[Path, typer.Argument(help="Robot file.")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder that both files are written into.")
-    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for both files.")],
 ) -> None:
     """Write plant file and drives file of a robot's virtual twin."""
     from sim_plant.twin.write import write_twin  # noqa: PLC0415 - serving needs none of it
@@ -110,10 +114,10 @@ def twin(
 
 @app.command()
 def esi(
-    axis: Annotated[int, typer.Option(min=1, help="Whose drive, from 1.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="File that is written.")],
+    axis: Annotated[int, typer.Option(min=1, help="Number of the axis, from 1.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
     plant: Annotated[str, typer.Option(help="Packaged plant or plant file.")] = "manutec-r15",
-    personality: Annotated[str | None, typer.Option(help="By name or path.")] = None,
+    personality: Annotated[str | None, typer.Option(help="Name or path.")] = None,
 ) -> None:
     """Write the EtherCAT description (ESI) of a drive, for a master's configuration tool."""
     from sim_plant.ethercat.esi import write_esi  # noqa: PLC0415 - CAN needs none of it

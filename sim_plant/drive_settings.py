@@ -41,9 +41,9 @@ class DriveSettings:
     max_acceleration : int
         60C5h and 60C6h [counts/s^2].
     personality : Personality
-        In what the drive deviates from its kind.
+        Deviations of the drive.
     axis : int
-        Which axis of its node, from 1.
+        Number of the axis in the node, from 1.
     """
 
     name: str

@@ -136,7 +136,7 @@ class Machine(Protocol):
         Returns
         -------
         ndarray, shape (k, 7 n_axes)
-            What `read` would have returned after each; k is at most the number of durations.
+            Results of `read` after the durations; k is at most the number of durations.
         """
 
     def read(self) -> NDArray[np.int64]:

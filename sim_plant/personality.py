@@ -66,7 +66,7 @@ class Personality(FileModel):
     Attributes
     ----------
     name, about : str
-        What it is called and what it is modelled on.
+        Name, and description of the modelled drive.
     missing : tuple of int
         Indices that the drive does not have.
     objects : tuple of ObjectChange
@@ -80,26 +80,26 @@ class Personality(FileModel):
         607Bh: positions are shown within it and wrap around at its ends. A target is taken to lie
         in the same turn, as is usual, but in cyclic position, where it is the nearest such place.
     velocity_unit, acceleration_unit : str
-        Of 6081h, 607Fh and 606Ch; of 6083h to 6085h, 60C5h and 60C6h. There "inc" is one count.
+        Units of 6081h, 607Fh and 606Ch; of 6083h to 6085h, 60C5h and 60C6h; "inc" is a count.
     sdo_states_size : bool
         Expedited uploads say how many of their four bytes count; otherwise they begin with 42h.
     mapping_arrays : bool
         The EDS declares PDO mappings as ARRAY instead of RECORD.
     mapping_entries : int
-        How many objects one PDO takes.
+        Maximum number of objects in a PDO.
     start_lag : float
-        How long the node takes from NMT start to OPERATIONAL [s].
+        Time from NMT start to OPERATIONAL [s].
     mode_display_lag : float
-        How long 6061h shows -1 after 6060h was written [s].
+        Duration of -1 in 6061h after a write to 6060h [s].
     mode_locked_by_halt : bool
         6060h cannot be written while controlword bit 8 is set.
     acknowledge_lag : float
-        By how much statusword bit 12 follows behind [s].
+        Delay of statusword bit 12 [s].
     acknowledge_until_reached : bool
         Bit 12 stays set until the target is reached or halt breaks the motion off; meanwhile no
         set-point is taken.
     target_reached_lag : float
-        How long bit 10 stays set after a new set-point has been taken [s].
+        Duration of bit 10 after a new set-point has been accepted [s].
     rpdo_at_once : bool
         An RPDO of a synchronous type takes effect when it comes, not at the next SYNC.
     """

@@ -72,10 +72,10 @@ class Plant:
     Attributes
     ----------
     file : PlantFile
-        What it was built from.
+        Plant file.
     axes : tuple of ServoAxis
     drives : tuple of DriveSettings
-        What each axis's drive reports about itself.
+        Settings of the drives.
     const, state, profile : ndarray, shape (n, ...)
         See `sim_plant.physics.state`.
     flaws : ndarray, shape (n, ...), or None

@@ -28,7 +28,7 @@ class ServoAxis:
     Parameters
     ----------
     index : int
-        Which axis of the machine.
+        Index of the axis in the machine.
     const, state, profile : ndarray, shape (n, ...)
         See `sim_plant.physics.state`; this axis writes into its own rows.
     events : list of int

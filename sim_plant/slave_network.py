@@ -111,7 +111,7 @@ class SlaveNetwork(TimedNetwork):
     time : float
         Time since power-on [s].
     cycle : float
-        What a SYNC lets pass of it [s].
+        Simulated time per SYNC [s].
     """
 
     def __init__(
@@ -177,7 +177,7 @@ class SlaveNetwork(TimedNetwork):
         Returns
         -------
         int
-            For how many SYNCs; 0 where the next may have other consequences than TPDOs.
+            Number of simulated SYNCs; 0 if the next may have other effects than TPDOs.
         """
         if self._stale:
             self._wire()

@@ -36,7 +36,7 @@ class TimedNetwork:
     Attributes
     ----------
     nodes : sequence of Cia402Drive
-        In joint order; the bus sets them.
+        Drives in joint order, set by the bus.
     """
 
     nodes: Sequence[Cia402Drive] = ()

@@ -79,9 +79,9 @@ def draft_map(path: Path, name: str) -> str:
     Parameters
     ----------
     path : Path
-        Of a file of a recording.
+        Path of a recording.
     name : str
-        Of the file as the map is to state it.
+        Name of the file in the map.
 
     Raises
     ------

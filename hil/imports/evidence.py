@@ -31,13 +31,13 @@ class Suspicion:
     Attributes
     ----------
     check : Check
-        What found it.
+        Check that found the contradiction.
     location : tuple
-        The part of the map that it is about.
+        Place in the map.
     message : str
         Value, bound and remedy in a sentence that follows the place.
     certain : bool
-        Whether it refuses the import; the others are stated.
+        True if the import is refused; other suspicions are stated.
     """
 
     check: Check

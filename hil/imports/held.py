@@ -73,7 +73,7 @@ def fast_steps(positions: Sequence[Array]) -> Mask:
     Parameters
     ----------
     positions : sequence of array (n,)
-        Of excerpts; the steps of all of them follow each other.
+        Positions in successive excerpts.
     """
     ways = np.abs(np.concatenate([np.convolve(np.diff(q), _ABOUT, "same") for q in positions]))
     moves = ways > 0
@@ -86,7 +86,7 @@ def repeats(columns: Sequence[Array], moving: Mask) -> float:
     Parameters
     ----------
     columns : sequence of array (n,)
-        Of excerpts: a column of a joint.
+        Column of a joint in successive excerpts.
     moving : ndarray of bool
         `fast_steps` of the joint.
     """

@@ -49,9 +49,9 @@ def import_recordings(
     Parameters
     ----------
     maps : sequence of paths
-        Of maps, all of one robot.
+        Map files of a single robot.
     output : path
-        Of the folder, which must not be there.
+        Run folder to be made.
     state : callable
         Takes what was found of each map's recording.
     progress : callable

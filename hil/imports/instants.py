@@ -41,7 +41,7 @@ class Stretch:
     instants : array (n,)
         When they were sampled, rising [s].
     period : float
-        Of an even grid for them [s].
+        Period of an even grid [s].
     """
 
     rows: Integers

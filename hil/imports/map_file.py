@@ -157,13 +157,13 @@ class Format(FileModel):
     Attributes
     ----------
     header : bool, optional
-        Whether a text file names its columns.
+        True if a text file names its columns.
     delimiter, decimal, comment : str, optional
-        Of a text file; a delimiter of one space stands for any number of blanks.
+        Characters of a text file; a single space as delimiter means any number of blanks.
     skip : int
         Lines of a text file before its header, or before its numbers.
     topic : str, optional
-        Of the joint states in a file of messages.
+        Topic of the joint states in a file of messages.
     """
 
     header: bool | None = None

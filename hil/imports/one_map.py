@@ -53,14 +53,14 @@ class OneMap:
     Attributes
     ----------
     number : int
-        Among the maps of the run, from 0.
+        Number among the maps of the run, from 0.
     the_map : MapFile
     robot : Robot
-        Of the run.
+        Robot of the run.
     folder : Path
-        Of the run, with a folder `recordings`.
+        Folder of the run, with a folder `recordings`.
     stem : str
-        Begin of the ids of the motions.
+        Prefix of the motions' ids.
     """
 
     number: int

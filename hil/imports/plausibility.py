@@ -47,7 +47,7 @@ def suspicions(
     ----------
     excerpts : sequence of Excerpt
     evidence : Evidence
-        Of the excerpts together.
+        Evidence of all excerpts.
     robot : Robot
     alone : int, optional
         The joint, from 0, that is stated to move while all others stand still.

@@ -49,13 +49,13 @@ class Samples:
     begins : tuple of int
         First row of each file.
     from_date : bool
-        Whether stamps count from a date.
+        True if stamps count from a date.
     wraps : int
         Steps of positions by more than half a turn: angles that were kept within one turn.
     numbers : tuple of int
-        Of each column of the map, in the order of `columns_of`, how many numbers it holds.
+        Number of numbers in the columns of the map, in the order of `columns_of`.
     notes : tuple of str
-        What is to be known of files as a whole.
+        Notes on files as a whole.
     """
 
     time: Array
@@ -73,7 +73,7 @@ class Samples:
         return int(self.values.shape[1]) // 3
 
     def read(self, rows: Integers) -> Array:
-        """Return the values of consecutive rows, with angles unwrapped."""
+        """Return the values of rows in the order of time, with angles unwrapped."""
         contiguous = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
         chosen = slice(rows[0], rows[-1] + 1) if contiguous else rows
         values = np.array(self.values[chosen])

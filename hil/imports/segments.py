@@ -47,7 +47,7 @@ class Piece:
     Attributes
     ----------
     stretch : Stretch
-        What it is a part of.
+        Stretch with the motion.
     first, n : int
         First sample on the even grid of the stretch, and number of samples.
     """
@@ -187,7 +187,7 @@ def pieces_by_pairs(samples: Samples, stretch: Stretch, axis: int) -> list[tuple
     Parameters
     ----------
     axis : int
-        That moves, from 0.
+        Moving axis, from 0.
     """
     n = math.floor(stretch.duration / stretch.period + 1e-6) + 1
     grid = stretch.instants[0] + np.arange(n) * stretch.period

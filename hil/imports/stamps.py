@@ -48,7 +48,7 @@ class Counts:
     rows, missing, doubled, disordered : int
         Rows chosen; without a number; with the stamp of another one; sorted back into order.
     gaps : int
-        Where samples are missing for longer than is bridged.
+        Number of stretches of missing samples too long for interpolation.
     lost : float
         Time within gaps [s].
     bridged : int
@@ -100,7 +100,7 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
     segments : list of arrays of int
         Rows that were chosen, in parts that have nothing to do with each other.
     trusted : bool
-        Whether stamps come from a stated rate.
+        True if stamps come from a stated rate.
 
     Raises
     ------

@@ -32,14 +32,14 @@ class Statement:
     wraps : int
         Steps of positions by more than half a turn.
     recorded : tuple of bool
-        Of each joint, whether its velocity was recorded.
+        True for joints with a recorded velocity.
     motions : tuple of FreeMotion
     suspicions : tuple of Suspicion
-        That the map accepts, or that are not certain.
+        Suspicions accepted by the map, or not certain.
     notes : tuple of str
-        What is to be known of files as a whole.
+        Notes on files as a whole.
     explanation : tuple of str
-        What was understood of each joint, and the figures of the checks.
+        Interpretation of the joints, and the figures of the checks.
     """
 
     the_map: MapFile

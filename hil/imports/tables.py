@@ -70,13 +70,13 @@ class Table(Protocol):
     ----------
     path : Path
     names : tuple of str
-        Of all columns; empty where a column has none.
+        Names of all columns; empty for unnamed columns.
     time : tuple of int
         Columns whose sum is the time stamp, in `STAMP_UNITS`, where the format itself has stamps.
     left_out : mapping of str to str
-        What the file holds besides, by name: what it is, and how to save it as numbers.
+        Left-out contents of the file by name: description, and how to save it as numbers.
     notes : tuple of str
-        What is to be known of the file as a whole, as clauses.
+        Notes on the file as a whole, as clauses.
     """
 
     path: Path
@@ -147,7 +147,7 @@ class ArrayTable:
     ----------
     path : Path
     columns : mapping of str to (length, read)
-        Of each column its number of rows, and what reads a slice of them.
+        Number of rows, and reader of a slice, by column name.
     left_out : mapping of str to str, optional
         See `Table`.
     """
@@ -191,7 +191,7 @@ def position_factor(unit: str, per_unit: float | None) -> float:
     unit : str
         A `PositionUnit` or `VelocityUnit`.
     per_unit : float, optional
-        Of a count [rad or m].
+        Size of a count [rad or m].
     """
     if unit.startswith("counts"):
         assert per_unit is not None  # noqa: S101 - the map is refused without it

@@ -85,7 +85,7 @@ class Conversion:
         Parameters
         ----------
         block : array (n, n_columns)
-            As `hil.imports.samples` orders columns.
+            Columns in the order of `hil.imports.samples`.
         row : int
             Number of the first row within its file, from 0.
         """
@@ -191,7 +191,7 @@ class TimeColumns:
     Attributes
     ----------
     n : int
-        How many columns of time there are.
+        Number of time columns.
     """
 
     def __init__(self, the_map: MapFile) -> None:

@@ -58,16 +58,16 @@ def run_campaign(
     bus : DriveBus
         Not entered yet.
     bus_name : BusName
-        What the bus is, for the journal.
+        Name of the bus, for the journal.
     pause : callable
         See `hil.measuring.sequencer.measure`.
     real_time : sequence of str
-        What the system granted of real time, for the journal.
+        Real-time measures granted by the system, for the journal.
 
     Yields
     ------
     Event
-        Those of `hil.measuring.sequencer.measure`.
+        Events of `hil.measuring.sequencer.measure`.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def run_campaign(
 
 
 def _save(folder: RunFolder, measured: Measured) -> None:
-    """Write a recording, then the journal; an interruption in between loses nothing."""
+    """Write a recording, then the journal; a kill in between keeps the recording."""
     folder.write(measured)
     folder.save_journal()
 
@@ -152,9 +152,9 @@ class Background:
     Parameters
     ----------
     waiting_max : int
-        How many tasks may wait: recordings of a minute or two of measuring.
+        Maximum number of queued tasks: recordings of a minute or two of measuring.
     patience : float
-        How long `do` waits for a place among them before the campaign is given up [s].
+        Time that `do` waits for a free place before the campaign is given up [s].
     """
 
     def __init__(self, waiting_max: int = 8, patience: float = 30.0) -> None:

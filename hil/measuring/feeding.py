@@ -141,7 +141,7 @@ class FeedingBus(BusInFront):
         ``predict(q, qd, qdd)`` returns torques [N m or N]; all arrays of shape (n, n_axes). None
         feeds no torques forward.
     delay : float
-        By how much drives follow their set-points late [SYNC periods].
+        Delay of the drives behind their set-points [SYNC periods].
     loop : float
         Period of the drives' loops [s].
     """
@@ -198,7 +198,7 @@ def refuse_beyond_torque(trajectory: Trajectory, robot: Robot, predict: Predict)
     Raises
     ------
     drivers.drive_bus.LimitExceeded
-        With axis, instant, torque and limit.
+        Message with axis, instant, torque and limit.
     """
     t = np.linspace(0.0, trajectory.period, 2000)  # far more than harmonics have extremes
     q, qd, qdd = trajectory.motion(t)
@@ -225,9 +225,9 @@ def motion_of(path: Array, period: float, ahead: float) -> tuple[Array, Array, A
     path : ndarray, shape (n, n_axes)
         Set-points [rad or m], at rest before the first and after the last.
     period : float
-        From one to the next [s].
+        Time between set-points [s].
     ahead : float
-        By how much later [periods]; may be negative.
+        Time shift [periods]; may be negative.
 
     Returns
     -------

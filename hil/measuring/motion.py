@@ -73,7 +73,7 @@ def rest_and_exercise(bus: DriveBus, measurement: Friction) -> Iterator[tuple[fl
     Yields
     ------
     tuple of float
-        How long it has gone on, and the bus's time [s].
+        Duration so far, and the bus's time [s].
     """
     begin, rest = locate(bus).time, measurement.rest or 0.0
     while (now := locate(bus).time) - begin < rest:

@@ -59,7 +59,7 @@ def rehearse(
     Raises
     ------
     DriveError
-        What would have happened at speed as well.
+        Errors as in a measurement at full speed.
     """
     refuse_other_bus(plan, robot, bus)
     here = locate(bus)

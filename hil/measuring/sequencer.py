@@ -178,7 +178,7 @@ def refuse_other_bus(plan: Plan, robot: Robot, bus: DriveBus) -> None:
     Raises
     ------
     DriveRefused
-        What differs.
+        Message with the difference.
     """
     if len(bus.axes) != robot.n_joints:
         raise DriveRefused(

@@ -66,7 +66,7 @@ def travel(
     fraction : float
         Share of the velocity and acceleration limits.
     workspace : Workspace, optional
-        What the arm must keep clear of.
+        Workspace of the arm.
     slow : float
         Pace at which the same path is passed; 0.5 takes twice as long.
 
@@ -146,7 +146,7 @@ def until_reached(
     begin, expected : float
         When the motion began and how long it should take [s].
     what : str
-        What the motion is.
+        Description of the motion for messages.
 
     Raises
     ------

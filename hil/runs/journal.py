@@ -85,9 +85,9 @@ class RepeatedAttempt(FileModel):
     measurement : str
         Its id.
     attempt : int
-        Which one it was, from 1.
+        Number of the attempt, from 1.
     findings : tuple of str
-        What was wrong with it.
+        Findings of the attempt.
     """
 
     measurement: str

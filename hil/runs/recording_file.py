@@ -47,15 +47,15 @@ class Measured:
     Attributes
     ----------
     measurement : RecordedMotion
-        What was planned, or recorded elsewhere.
+        Planned or imported motion.
     recording : Recording
-        What was measured.
+        Recorded samples.
     attempts : int
-        How often it was tried.
+        Number of attempts.
     findings : tuple of Finding
-        What is wrong with it; empty if nothing.
+        Findings of the checks; empty if passed.
     session : int
-        In which session of the run, from 0; time begins anew in each.
+        Session of the run, from 0; time restarts in each.
     run : str, optional
         Id of the run that it belongs to; runs of earlier versions and imported ones have none.
     """
@@ -74,7 +74,7 @@ def write_measured(path: Path, measured: Measured, robot: Robot) -> None:
     Parameters
     ----------
     robot : Robot
-        Whose joints turn or slide, which units depend on.
+        Robot, for the units of its joints.
 
     Raises
     ------

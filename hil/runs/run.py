@@ -50,7 +50,7 @@ class Run:
     ----------
     path : Path
     plan : Plan or RecordedMotions
-        What was to be measured, or what was recorded elsewhere and imported.
+        Plan, or the imported motions.
     robot : Robot
     journal : Journal
     set_aside : frozenset of str

@@ -175,7 +175,7 @@ class RunFolder(Run):
         Returns
         -------
         list of str
-            What is wrong with each file set aside, and its new name.
+            Fault and new name of each file set aside.
 
         Raises
         ------

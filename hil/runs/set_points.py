@@ -43,7 +43,7 @@ def path_time(recording: Recording, delay: float = 0.0) -> Array:
     Parameters
     ----------
     delay : float
-        How much earlier [SYNC periods].
+        Time shift towards earlier set-points [SYNC periods].
     """
     if recording.along is not None:
         period = float(np.median(np.diff(recording.time)))

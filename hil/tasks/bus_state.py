@@ -32,14 +32,14 @@ class BusState:
     Parameters
     ----------
     interface, channel : str
-        As python-can has them.
+        Names of python-can.
 
     Attributes
     ----------
     settings : Path
-        Where commands without a folder of their own keep the settings found on it.
+        File of found settings for commands without a folder.
     word : Path
-        Where a run on it states in which file its drives' settings are.
+        File with the path of the settings kept by a run.
     """
 
     def __init__(self, interface: str, channel: str) -> None:
@@ -99,7 +99,7 @@ class BusState:
         Raises
         ------
         FileError
-            With the remedy.
+            Message with the remedy.
         """
         for path in filter(None, (self._named(), None if ours is None else self.settings)):
             same = ours is not None and path == ours.resolve()

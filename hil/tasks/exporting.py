@@ -63,7 +63,7 @@ def export(
     Returns
     -------
     tuple of Path
-        What was written.
+        Written files.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def exported_model(
     source : path
         Its file, or the folder of the run that gave it.
     bounds : BodyBounds, optional
-        Of its bodies, where they are to be found anew.
+        Bounds of the bodies, to find them anew.
     patch : path, optional
         File of the format whose values are to be changed.
 

@@ -57,11 +57,11 @@ def dry_run(
     ----------
     plan : Plan or path
     robot : Robot, path or str, optional
-        By default the one that the plan names.
+        Robot, by default the one named in the plan.
     drives : path, optional
         Drives file; the built-in one of the robot by default, if there is one.
     bitrate : int, optional
-        Of the bus, in place of that of the drives file [bit/s].
+        Bit rate in place of that of the drives file [bit/s].
     workspace : path, optional
         Workspace file in place of the plan's own.
 
@@ -110,7 +110,7 @@ def refuse_problems(result: DryRun, source: Path | None) -> None:
     Raises
     ------
     FileError
-        With the problems.
+        Message with the problems.
     """
     if result.problems:
         text = source.read_text(encoding="utf-8") if source and source.is_file() else ""
@@ -152,11 +152,11 @@ def measure(
     output : path
         Run folder to write.
     robot : Robot, path or str, optional
-        By default the one that the plan names.
+        Robot, by default the one named in the plan.
     drives : path, optional
         Drives file; the built-in one of the robot by default.
     interface, channel : str
-        Of python-can; by default the virtual plant of the robot.
+        Names of python-can; by default the virtual plant of the robot.
     options : mapping, optional
         Further arguments of the interface.
     resume : bool
@@ -216,7 +216,7 @@ def prepared_folder(
     Returns
     -------
     RunFolder, list of str
-        What was set aside for being damaged.
+        Folder, and messages about damaged files set aside.
 
     Raises
     ------

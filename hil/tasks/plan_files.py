@@ -25,9 +25,9 @@ def opened_plan(
     ----------
     plan : Plan or path
     robot : Robot, path or str, optional
-        By default the one that the plan names.
+        Robot, by default the one named in the plan.
     workspace : Workspace or path, optional
-        In place of the plan's own.
+        Workspace in place of the plan's own.
 
     Raises
     ------

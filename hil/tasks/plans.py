@@ -62,7 +62,7 @@ def designed(kind: str, now: Now = lambda _: None, **options: Any) -> Designed:
     now : callable
         Takes what is being computed.
     **options
-        Those of the kind; options left out, or None, have their defaults.
+        Options of the kind; left-out options, or None, have their defaults.
 
     Raises
     ------

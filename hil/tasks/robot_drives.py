@@ -168,7 +168,7 @@ def bus_cycle(
     plan : Plan
     n_axes : int
     drives : DrivesFile or None
-        None where none is known: one full TPDO an axis is assumed, of 8 bytes.
+        Drives, None if unknown: a TPDO of 8 bytes per axis is assumed.
     bitrate : int, optional
         Instead of the drives file's [bit/s].
     feeds : bool
@@ -190,7 +190,7 @@ def following_of(drives: DrivesFile | None, period: float | None = None) -> Foll
     ----------
     drives : DrivesFile or None
     period : float, optional
-        Of SYNC, by default that of the drives file [s].
+        SYNC period, by default that of the drives file [s].
     """
     if drives is None:
         return None

@@ -29,11 +29,11 @@ class Output(Console):
     Attributes
     ----------
     messages : bool
-        Whether messages are shown.
+        True to show messages.
     verbose : bool
-        Whether tracebacks of refusals are shown.
+        True to show tracebacks of refusals.
     given : dict or None
-        What JSON will hold; None without ``--json``.
+        Content of the JSON object; None without ``--json``.
     """
 
     def __init__(self) -> None:

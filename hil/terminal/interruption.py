@@ -46,12 +46,12 @@ def interruptible(ended: Callable[[], str]) -> Iterator[Callable[[], None]]:
     Parameters
     ----------
     ended : callable
-        Asked for the line to show when the block has been left.
+        Returns the line to show after an interruption.
 
     Raises
     ------
     typer.Exit
-        With status 130 when interrupted.
+        Exit status 130 after an interruption.
     """
     try:
         with _interrupts() as refuse_lost:

@@ -45,12 +45,12 @@ class Keys:
     Parameters
     ----------
     stream : text file, optional
-        Where keys come from; standard input unless given.
+        Source of keys; standard input by default.
 
     Attributes
     ----------
     listening : bool
-        Whether keys can come at all; what the operator is asked follows from it.
+        True if keys can be read; questions to the operator depend on it.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
@@ -127,12 +127,12 @@ class KeyboardStop:
     Parameters
     ----------
     keys : Keys, optional
-        Where keys come from; the terminal unless given.
+        Source of keys; the terminal by default.
 
     Attributes
     ----------
     listening : bool
-        Whether there is a keyboard at all.
+        True if there is a keyboard.
     """
 
     def __init__(self, keys: Keys | None = None) -> None:
@@ -197,11 +197,11 @@ class TerminalOperator:
     Parameters
     ----------
     console : Console
-        Where questions are shown.
+        Console for questions.
     keys : Keys
-        Entered; where answers come from.
+        Source of answers, entered already.
     agreed : bool
-        Nobody is to be asked anything: all is agreed to beforehand.
+        True if everything is agreed to beforehand, without questions.
     """
 
     def __init__(self, console: Console, keys: Keys, *, agreed: bool) -> None:

@@ -51,9 +51,9 @@ class CanopenNode:
         Called when any of `routes`, `remote_routes`, `sync_actions`, `sync_reports` and
         `event_actions` has changed.
     personality : Personality
-        Which objects the dictionary shows, and when RPDOs act.
+        Visible objects of the dictionary, and timing of RPDOs.
     axis : int
-        Which axis of the node, from 1: the first one is the voice of all (see `join`).
+        Number of the axis in the node, from 1; the first axis speaks for all (see `join`).
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class CanopenNode:
         self.dictionary.react(0x1017, lambda _subindex, _value: rewired())
         self.dictionary.react(0x1005, lambda _subindex, _value: rewired())
 
-    # What the bus asks of the node
+    # Services for the bus
 
     def boot(self) -> None:
         """Begin as after power-on or a reset: boot-up message, then pre-operational."""
@@ -181,7 +181,7 @@ class CanopenNode:
         tpdos = self._tpdos if self._operational else ()
         return [tpdo.event for tpdo in tpdos if tpdo.enabled and not tpdo.is_synchronous]
 
-    # What a profile adds
+    # Hooks for a profile
 
     def _abort_connection(self, code: ErrorCode) -> None:
         """React to a loss of communication (6007h) with the given cause."""
@@ -193,7 +193,7 @@ class CanopenNode:
     def _reset_profile(self) -> None:
         """Put the profile to its state after power-on."""
 
-    # Inside
+    # Internals
 
     @property
     def _operational(self) -> bool:

@@ -49,7 +49,7 @@ class NmtSlave:
     ----------
     node_id : int
     axis : int
-        Which axis of the node, from 1.
+        Number of the axis in the node, from 1.
     changed : callable
         Called with every new state that services must follow.
     reset : callable
@@ -57,7 +57,7 @@ class NmtSlave:
     timers : Timers
         Shared by all nodes of the bus.
     start_lag : float
-        How long it takes from NMT start to OPERATIONAL [s].
+        Time from NMT start to OPERATIONAL [s].
     """
 
     def __init__(

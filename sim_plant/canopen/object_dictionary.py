@@ -43,11 +43,11 @@ class ObjectDictionary:
     ----------
     node_id : int
     personality : Personality
-        What the bus can reach; to the node itself all objects exist.
+        Objects visible on the bus; inside the node all objects exist.
     visible : callable
-        Returns what its bus can reach of a drive with a personality, by `key`.
+        Returns the visible entries of a personality, by `key`.
     axis : int
-        Which axis of the node it belongs to, from 1.
+        Number of the axis in the node, from 1.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class ObjectDictionary:
         self._guards: defaultdict[int, list[Hook]] = defaultdict(list)
         self._reactions: defaultdict[int, list[Hook]] = defaultdict(list)
 
-    # What the node itself does with its dictionary
+    # Access by the firmware
 
     def get(self, index: int, subindex: int = 0) -> int:
         """Return the present value of an integer object."""
@@ -151,7 +151,7 @@ class ObjectDictionary:
             if first <= number >> 8 <= last:
                 self._values[number] = value
 
-    # What the bus does with it
+    # Access by the bus
 
     def entry(self, index: int, subindex: int) -> Entry:
         """Find a declared entry.

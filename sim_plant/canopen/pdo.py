@@ -154,7 +154,7 @@ class Report(NamedTuple):
     data : callable
         Returns the present data.
     imaged : tuple of (int, str), or None
-        Where in the image its values stand and their struct codes; None if some stand elsewhere.
+        Slots of the values in the image, with struct codes; None if a value has no slot.
     """
 
     identifier: int

@@ -34,7 +34,7 @@ class PdoMapping:
     receives : bool
         RPDO: objects are written, and dummies allowed.
     bytes_max : int
-        That the mapped objects may have together.
+        Maximum size of the mapped objects together.
     """
 
     def __init__(

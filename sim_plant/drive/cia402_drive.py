@@ -58,19 +58,19 @@ class Cia402Drive:
     settings : DriveSettings
     axis : Axis
     image : AxisImage
-        What the axis shows.
+        Process image of the axis.
     timers : Timers
     dictionary : ObjectDictionary
     emergencies : Emergencies
     is_supervised : callable
-        Whether the bus supervises the master and has it present, without which no fault is reset.
+        Returns True if the bus supervises a present master; required for resetting a fault.
 
     Attributes
     ----------
     node_id : int
     state : State
     disobedience : Disobedience
-        What the drive does not do although it is commanded.
+        Ignored commands.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class Cia402Drive:
         self._connect_objects()
         self.reset()
 
-    # What the axis reports
+    # Reports of the axis
 
     def attend(self) -> None:
         """Process the readings latched at a SYNC after a change."""
@@ -138,7 +138,7 @@ class Cia402Drive:
         if self._follows_set_points:
             self._follower.progress()
 
-    # What may happen to a drive
+    # External events
 
     def fail(self, code: int) -> None:
         """Enter FAULT with error `code`, after the fault reaction (605Eh)."""

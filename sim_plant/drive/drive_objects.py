@@ -51,9 +51,9 @@ def present(dictionary: ObjectDictionary, image: AxisImage, settings: DriveSetti
     ----------
     dictionary : ObjectDictionary
     image : AxisImage
-        Where they stand.
+        Present values of the axis.
     settings : DriveSettings
-        Which object shows the current, and the unit of velocities.
+        Object of the current, and unit of velocities.
     """
     slots = {key(index): image.slot(field) for index, field in _SHOWN.items()}
     current, unit = settings.personality.current, Units.derive(settings).velocity

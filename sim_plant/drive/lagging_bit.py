@@ -17,11 +17,11 @@ class LaggingBit:
     ----------
     timers : Timers
     name : hashable
-        Of its timer.
+        Name of the timer.
     rise, fall : float
-        How late it is set and cleared [s]; 0 is at once.
+        Lags of setting and clearing [s]; 0 for none.
     changed : callable
-        Called when `shown` has changed by itself.
+        Called when `shown` has changed after a lag.
 
     Attributes
     ----------

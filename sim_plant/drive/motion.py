@@ -41,7 +41,7 @@ class Motion:
     Attributes
     ----------
     turns : Turns
-        How its positions are shown.
+        Range of shown positions.
     """
 
     def __init__(

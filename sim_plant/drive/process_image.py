@@ -79,7 +79,7 @@ class FrameBlock:
     Parameters
     ----------
     image : ProcessImage
-        Where the values stand.
+        Source of the values.
     frames : sequence of (int, sequence of Field)
         Identifier and contents; they leave in the order of their identifiers.
     """

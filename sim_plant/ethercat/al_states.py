@@ -52,9 +52,9 @@ class AlStates:
     Parameters
     ----------
     controller : Controller
-        Whose registers show it.
+        Controller with the registers of the state.
     checks : mapping of AlState to callable
-        What must be right on the way up into a state: returns the code of a refusal, or NONE.
+        Conditions for entering a state: return the code of a refusal, or NONE.
     changed : callable
         Called with every new state, and the one before.
 
@@ -62,7 +62,7 @@ class AlStates:
     ----------
     state : AlState
     code : int
-        Why it is not the one that was asked for, NONE without error.
+        Reason for a refused state, NONE without error.
     """
 
     def __init__(

@@ -38,12 +38,12 @@ class Clock:
     Parameters
     ----------
     controller : Controller
-        Whose registers hold offset, delay and SYNC0.
+        Controller with the registers of offset, delay and SYNC0.
 
     Attributes
     ----------
     drift : float
-        By how much the crystal is too fast, as a share.
+        Relative speed error of the crystal.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -117,7 +117,7 @@ class Clock:
     def until_sync0(self, now: float, least: int) -> float:
         """Return the time from `now` to the next SYNC0 [s] further ahead than `least` [ns].
 
-        Where the start time is over, SYNC0 comes with its phase.
+        After the start time, SYNC0 keeps its phase.
         """
         system, start = self.system(now), self._register(reg.START_TIME, 8)
         ahead = (start - system + _WRAP // 2) % _WRAP - _WRAP // 2

@@ -58,7 +58,7 @@ class CoeServer:
     dictionary : ObjectDictionary
     objects : DriveObjects
     mailbox : Mailbox
-        Where its services wait.
+        Mailbox with the queued services.
     states_size : bool
         Expedited uploads say how many of their four bytes count.
     """

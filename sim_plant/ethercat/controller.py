@@ -63,11 +63,11 @@ class LogicalPart(NamedTuple):
     Attributes
     ----------
     place, first, size : int
-        Where it begins in memory and in the datagram's data, and its length [bytes].
+        Start in memory and in the datagram's data, and length [bytes].
     is_written, is_read : bool
-        By the master.
+        Access by the master.
     is_bytewise : bool
-        It is one of whole bytes.
+        True if the part consists of whole bytes.
     """
 
     place: int
@@ -113,7 +113,7 @@ class Controller:
         self._active: list[tuple[int, SyncManager, int]] = []
         self._fmmus: list[_Fmmu] = []
 
-    # What the slave's own side does
+    # Access by the firmware
 
     def word(self, place: int) -> int:
         """Return a register of 16 bits."""
@@ -189,7 +189,7 @@ class Controller:
         events, self._events = self._events, set()
         return events
 
-    # What a datagram does
+    # Access by datagrams
 
     def serve(self, datagram: Datagram, *, reads: bool, writes: bool) -> None:
         """Process a datagram for this slave and increment the working counter."""

@@ -66,7 +66,7 @@ class _Reference(NamedTuple):
     Attributes
     ----------
     slave, delay
-        Whose time it is, and how long the frame takes to it [ns].
+        Reference slave, and delay of the frame on its way there [ns].
     others : sequence of (EthercatSlave, int)
         The same of those behind it.
     """
@@ -85,12 +85,12 @@ class CyclicFrame:
     slaves : sequence of EthercatSlave
         All that a frame reaches.
     frame : bytes
-        As it comes.
+        Frame as received.
 
     Attributes
     ----------
     by_frames : list of EthercatSlave
-        Those whose outputs act as the frame comes, and not at SYNC0.
+        Slaves with outputs acting on frames, not at SYNC0.
     is_plain : bool
         The layout is one of process data for all slaves, of registers that are read, and of the
         first slave's time: whatever else is to be passed datagram by datagram.

@@ -105,7 +105,7 @@ def sii(objects: DriveObjects, identity: Sequence[int], name: str) -> bytes:
     identity : sequence of int
         Vendor, product code, revision, serial number.
     name : str
-        Of the drive.
+        Name of the drive.
     """
     head = bytearray(2 * 0x40)
     struct.pack_into("<HH", head, 0, *CONFIGURATION)

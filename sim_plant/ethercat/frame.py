@@ -72,12 +72,12 @@ class Datagram:
     Attributes
     ----------
     frame : bytearray
-        The frame that it is part of.
+        Complete frame.
     command : Command
     place : int
-        Of its header in the frame.
+        Place of the header in the frame.
     size : int
-        Of its data [bytes].
+        Size of the data [bytes].
     position, offset : int
         Slave address and place in its memory; together the logical address.
     """

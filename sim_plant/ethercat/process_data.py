@@ -40,7 +40,7 @@ class ProcessData:
     dictionary : ObjectDictionary
     emergencies : Emergencies
     is_fixed : callable
-        Whether assignment and mappings must not be changed now.
+        Returns True while assignment and mappings must not be changed.
 
     Attributes
     ----------

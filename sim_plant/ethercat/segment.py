@@ -58,7 +58,7 @@ class Segment(TimedNetwork):
     machine : Machine
     clock : {"sync", "wall"}
     cycle : float
-        What a cycle lets pass while no slave is set to one [s].
+        Cycle time while no slave has one [s].
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Segment(TimedNetwork):
     time : float
         Time since power-on [s].
     cuts : set of int
-        Cables that are cut: 0 in front of the first slave, 1 behind it.
+        Cut cables: 0 in front of the first slave, 1 after it.
     """
 
     def __init__(

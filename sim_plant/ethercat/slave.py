@@ -74,7 +74,7 @@ class EthercatSlave(Cia402Drive):
     coe : CoeServer
     eeprom : Eeprom
     is_connected : bool
-        Whether frames pass through it; False while it has no supply.
+        False while the slave has no supply and no frames pass.
     """
 
     def __init__(
@@ -241,9 +241,9 @@ class EthercatSlave(Cia402Drive):
         Parameters
         ----------
         image : sequence of int
-            Of all axes, as they were latched.
+            Process image of all axes, as latched.
         repeated : bool
-            Outputs are those of the frame before.
+            True if the outputs equal those of the previous frame.
         """
         controller = self.controller
         data, memory = self.process_data.latch(image), controller.memory

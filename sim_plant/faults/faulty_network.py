@@ -69,7 +69,7 @@ class FaultyNetwork(FaultSchedule[SlaveNetwork]):
     Parameters
     ----------
     plant : Plant
-        What the drives turn.
+        Machine of the drives.
     clock : {"sync", "wall"}
         See `sim_plant.slave_network`.
     plan : FaultPlan

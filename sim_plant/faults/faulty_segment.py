@@ -48,7 +48,7 @@ class FaultySegment(FaultSchedule[Segment]):
     Parameters
     ----------
     plant : Plant
-        What the drives turn.
+        Machine of the drives.
     clock : {"sync", "wall"}
         See `sim_plant.ethercat.segment`.
     plan : FaultPlan

@@ -23,7 +23,7 @@ class NotSent(can.CanOperationError):
     Attributes
     ----------
     frames : list of CanFrame
-        What reaches us from the drives meanwhile.
+        Frames received from the drives meanwhile.
     """
 
     def __init__(self, message: str) -> None:

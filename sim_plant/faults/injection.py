@@ -26,7 +26,7 @@ class Injection:
     fault : Fault
     network : TimedNetwork
     machine : FaultyMachine
-        Behind the network.
+        Machine of the network.
     """
 
     def __init__(self, fault: Fault, network: TimedNetwork, machine: FaultyMachine) -> None:

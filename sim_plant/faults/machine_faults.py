@@ -105,7 +105,7 @@ class FaultyMachine:
     Attributes
     ----------
     offsets, clips, frozen : dict
-        By axis from 0: current sensor's offset, its range, the values at which it is stuck.
+        Offset of the current sensor, its range, and its frozen values, by axis from 0.
     plant : Plant
         The machine as it truly is.
     """

@@ -18,11 +18,11 @@ class Progress:
     time : float
         Since power-on [s].
     frames, syncs : int
-        That we sent, with the one that is just coming, whether they reach the drives or not.
+        Numbers sent by the master, including the present frame, also if lost.
     set_points : dict of int to int
-        By axis, from 1.
+        Number of set-points by axis, from 1.
     between : bool
-        The frame that is just coming is no SYNC.
+        True if the present frame is no SYNC.
     """
 
     time: float = 0.0

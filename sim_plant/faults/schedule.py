@@ -28,7 +28,7 @@ class FaultSchedule(Generic[NetworkT]):
     ----------
     network : TimedNetwork
     machine : FaultyMachine
-        Behind it.
+        Machine of the network.
     kinds : mapping of What to callable
         Makes the injections that this bus knows.
     plan : FaultPlan
@@ -38,7 +38,7 @@ class FaultSchedule(Generic[NetworkT]):
     ----------
     machine : FaultyMachine
     progress : Progress
-        What has been counted.
+        Counts since power-on.
 
     Raises
     ------

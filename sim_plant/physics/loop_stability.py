@@ -102,7 +102,7 @@ def refuse_unstable(loops: Loops, inertia: ReflectedInertia) -> None:
     Raises
     ------
     Unstable
-        With the bounds within which the loops would be stable.
+        Message with the bounds of stable gains.
     """
     if is_stable(loops, inertia):
         return

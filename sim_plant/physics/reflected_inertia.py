@@ -64,9 +64,9 @@ class ReflectedInertia:
     Attributes
     ----------
     masses : ndarray, shape (m, n, n)
-        At configurations all over the workspace [kg m^2, kg m or kg].
+        Mass matrices at configurations all over the workspace [kg m^2, kg m or kg].
     least, greatest : ndarray, shape (n,)
-        With all other axes free, and with all others held [kg m^2 or kg].
+        Inertia with all other axes free, and with all others held [kg m^2 or kg].
     """
 
     masses: Array

@@ -61,9 +61,9 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
     frames : ndarray, shape (n, FRAME)
     bodies : ndarray, shape (n, BODY)
     gravity : ndarray, shape (3,)
-        In the base frame [m/s^2].
+        Gravity in the base frame [m/s^2].
     kinds : ndarray, shape (n, KIND), optional
-        None where all joints turn, from theta = 0.
+        None if all joints are revolute with theta = 0.
     q, qd : ndarray, shape (n,)
         [rad or m], [rad/s or m/s].
     bias : ndarray, shape (n,)

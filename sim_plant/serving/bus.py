@@ -38,9 +38,9 @@ class PlantBus(can.BusABC):
     channel : str
         Name of a packaged plant, or path of a plant file.
     can_filters : optional
-        As everywhere in python-can.
+        Filters of python-can.
     receive_own_messages : bool
-        Whether sent frames come back.
+        True to receive sent frames.
     **options
         seed, clock, cycle, personality, faults, hand, bitrate: see
         `sim_plant.serving.plant_options`.
@@ -48,7 +48,7 @@ class PlantBus(can.BusABC):
     Attributes
     ----------
     lock_step : bool
-        Whether the plant's time advances by SYNC alone.
+        True if the plant's time advances by SYNC alone.
 
     Raises
     ------

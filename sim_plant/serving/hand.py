@@ -41,7 +41,7 @@ class Hand:
     Parameters
     ----------
     path : str
-        Where the socket is made; one of this user that a plant left behind is replaced.
+        Path of the socket; a socket of this user left by another plant is replaced.
     plant : Plant
 
     Raises

@@ -190,7 +190,7 @@ def open_channel(name: str, inbox: Inbox, given: dict[str, object]) -> PlantChan
     ----------
     name : str
     inbox : SimpleQueue
-        Where frames for the bus that joins are put.
+        Queue of frames for the joining bus.
     given : dict
         See `PlantOptions`.
 

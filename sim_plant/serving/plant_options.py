@@ -24,13 +24,13 @@ class PlantOptions:
     Attributes
     ----------
     seed : int, optional
-        Of the plant's randomness, instead of the plant file's.
+        Seed in place of the plant file's.
     clock : {"sync", "wall"}
         See `sim_plant.slave_network`.
     cycle : float
         SYNC period while no drive is set to one (1006h) [s].
     personality : str, optional
-        Of all drives, by name or path, instead of those of the plant file.
+        Personality of all drives, by name or path, in place of those of the plant file.
     faults : str, optional
         Path of a fault plan.
     hand : str, optional

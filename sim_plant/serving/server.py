@@ -51,11 +51,11 @@ def serve(
         See `sim_plant.slave_network`.
     stop_event : threading.Event
     faults : FaultPlan, optional
-        What goes wrong. A frame that the master's adapter refuses is here one that is lost.
+        Injected faults. A frame refused by the master's adapter is lost here.
     cycle : float
         See `sim_plant.slave_network`.
     hand : Hand, optional
-        What pushes the plant.
+        Receiver of pushes.
 
     Raises
     ------

@@ -62,7 +62,7 @@ class Twin:
     ----------
     file : PlantFile
     inertia : ReflectedInertia
-        What its motors turn.
+        Inertias at the motors.
     """
 
     file: PlantFile

@@ -26,10 +26,10 @@ def plant_text(file: PlantFile, source: str) -> str:
     noise = f"{{torque: {_n(file.noise.torque)}, ripple: {_n(file.noise.ripple)}}}"
     head = [
         comment(
-            f"A virtual twin of {source}: frames, ranges, limits and drive trains are its, the rest"
+            f"A virtual twin of {source}: frames, ranges, limits and drive trains are those of the"
         ),
-        "# is assumed, scaled from its limits. Change it as you like; what the links weigh is the",
-        "# truth that an identification is to find. Joint side is rad and N m, or m and N.",
+        "# robot file, the rest is assumed, scaled from the limits. Change it freely; the link",
+        "# parameters are the truth for an identification. Joint side is rad and N m, or m and N.",
         f"name: {scalar(file.name)}",
         f"seed: {file.seed}",
         "drift: true",
@@ -84,7 +84,7 @@ def drives_text(twin: Twin, source: str) -> str:
         comment(
             f"Drives of the virtual twin of {source}, as its plant file has them. Joint side and SI"
         ),
-        "# unless said otherwise. Your own machine wants a drives file of its own: hil drives new.",
+        "# unless said otherwise. A real machine needs its own drives file: hil drives new.",
         "bitrate: 1000000 # bit/s",
         f"sync_period: {_n(SYNC_PERIOD)} # s",
         "master_node: 127",

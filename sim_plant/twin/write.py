@@ -28,7 +28,7 @@ def write_twin(robot: Path, folder: Path) -> str:
     Returns
     -------
     str
-        What was written, and what to do with it.
+        Written files, and the next commands.
 
     Raises
     ------

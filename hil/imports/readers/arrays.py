@@ -59,7 +59,7 @@ def table_of(
     path : Path
     arrays : dict of str to array
     left_out : dict of str to str, optional
-        What is no such array, and why.
+        Contents without columns, with the reason.
 
     Raises
     ------

@@ -132,9 +132,9 @@ class OpenBag:
     ----------
     path : Path
     readers : sequence of object
-        Of each file, of rosbags or `CutMcap`.
+        Readers of the files, by rosbags or `CutMcap`.
     compressed : bool
-        Whether each message is compressed by itself.
+        True if messages are compressed separately.
     """
 
     def __init__(self, path: Path, readers: Sequence[Any], *, compressed: bool) -> None:

@@ -38,7 +38,7 @@ class CutMcap:
     ----------
     path : Path
     typestore : object
-        Of rosbags, with the types that messages may have.
+        Type store of rosbags, with the types of messages.
     """
 
     is2 = True

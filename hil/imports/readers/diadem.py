@@ -110,12 +110,12 @@ def _column(
     Parameters
     ----------
     path : Path
-        Of the header.
+        Path of the header.
     channel : dict of str to str
     n_stored : int
-        Channels that are stored alike in the channel's file.
+        Number of channels stored alike in the channel's file.
     swapped : bool
-        Whether values have their high byte first.
+        True if values have their high byte first.
 
     Raises
     ------

@@ -40,13 +40,13 @@ class MessageLayout:
     Attributes
     ----------
     names : tuple of str
-        Of the joints.
+        Names of the joints.
     values : dtype
-        Of a message: ``sec``, ``nanosec`` and `PARTS` where they stand in it.
+        Type of a message: ``sec``, ``nanosec`` and `PARTS` at their places.
     fixed : array (n,) of int
-        Bytes that all messages have in common.
+        Indices of the bytes common to all messages.
     content : array (n,) of uint8
-        What these are.
+        Values of these bytes.
     """
 
     names: tuple[str, ...]
@@ -70,7 +70,7 @@ class MessageLayout:
             A message of this layout.
         seconds, nanoseconds : array (n,)
         parts : dict of str to array (n, n_values)
-            By their names in `PARTS`; those without values may be left out.
+            Values by names in `PARTS`; parts without values may be left out.
         """
         n = len(np.asarray(seconds))
         found = np.frombuffer(bytearray(like * n), self.values)

@@ -141,11 +141,11 @@ class Rows:
     Parameters
     ----------
     wanted : sequence of (str, str)
-        Of each column the part of a message, and the joint; no joint for times.
+        Part of a message and joint, for all columns; no joint for times.
     general : callable
-        Reads any message.
+        Reader of messages of any layout.
     cdr : bool
-        Whether messages are in CDR, whose layouts are known.
+        True if messages are in CDR, with known layouts.
     """
 
     def __init__(

@@ -45,13 +45,13 @@ class Layout:
     delimiter, decimal, comment : str
         A delimiter of one space stands for any number of blanks.
     names : tuple of str
-        Of the columns; empty where there is no header.
+        Names of the columns; empty without a header.
     skipped : int
         Lines before the first row.
     width : int
         Cells of the first row.
     clocks : tuple of int
-        Of each column that of its time stamps, where a scope states these; else empty.
+        Column of the time stamps for all columns of a scope; else empty.
     """
 
     delimiter: str

@@ -42,7 +42,7 @@ class Channels:
     ----------
     table : Table
     clocks : sequence of int
-        Of each column that of its time stamps.
+        Column of the time stamps, for all columns.
     """
 
     def __init__(self, table: Table, clocks: Sequence[int]) -> None:

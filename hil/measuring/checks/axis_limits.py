@@ -47,11 +47,11 @@ def refuse_beyond(plan: Plan, robot: Robot, axes: Sequence[AxisInfo]) -> None:
     Parameters
     ----------
     plan : Plan
-        What is to be measured.
+        Plan to be measured.
     robot : Robot
-        That the plan was made for.
+        Robot of the plan.
     axes : sequence of AxisInfo
-        In joint order.
+        Axes in joint order.
 
     Raises
     ------

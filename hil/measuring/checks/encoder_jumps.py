@@ -79,12 +79,12 @@ def refuse_jumps(
         Steps of the encoders: in a creep positions rest for many samples between two steps
         [rad or m].
     units : sequence of str
-        Of the axes' positions; rad where none are stated.
+        Units of the axes' positions; rad by default.
 
     Raises
     ------
     Tripped
-        With axis, size and instant of the first jump.
+        Message with axis, size and instant of the first jump.
     """
     advances = np.diff(recording.time, prepend=-np.inf) > 0.0  # a doubled sample has no interval
     intervals = np.diff(recording.time[advances])
@@ -117,7 +117,7 @@ class _Path:
     time, q : arrays (n,)
         Time stamps [s] and positions [rad or m].
     age : float
-        What to expect of the interval after the last sample [s]; 0 where all instants are exact.
+        Expected interval after the last sample [s]; 0 if all instants are exact.
     """
 
     def __init__(self, time: Array, q: Array, age: float) -> None:

@@ -54,7 +54,7 @@ def mark_old_values(
     acceleration : float
         Highest of the motion [rad/s^2 or m/s^2].
     axes : sequence of AxisInfo
-        For the steps of positions and torques.
+        Axes, for the steps of positions and torques.
 
     Raises
     ------

@@ -54,9 +54,9 @@ def check(recording: Recording, measurement: Measurement, robot: Robot) -> list[
     ----------
     recording : Recording
     measurement : Measurement
-        What was to be recorded.
+        Planned measurement.
     robot : Robot
-        For the units of its axes.
+        Robot, for the units of the axes.
 
     Returns
     -------
