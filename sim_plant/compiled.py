@@ -3,10 +3,10 @@
 Floating-point rules are relaxed as far as speed needs it (fused, reordered, reciprocal) and no
 further: infinities and NaN keep their meaning, since an infinite window means "off".
 
-Compiled code is kept on disk where Numba keeps it. Numba looks at the file of a function alone, but
-callees and constants of other files are compiled into it. So the names of the files on disk contain
-a digest of all sources that the function's module is made of: itself and what it imports of its own
-package, directly or not. Code of other sources is never found, and removed when newer is written.
+Compiled code is kept on disk in Numba's cache folder. Numba checks the file of a function alone,
+but callees and constants of other files are compiled into it. So the file names contain a digest of
+the sources of the function's module and of its direct and indirect imports within its package. Code
+of other sources is never found, and removed when newer code is written.
 """
 
 from __future__ import annotations

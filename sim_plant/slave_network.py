@@ -1,9 +1,9 @@
 """Network of the plant's drives on a bus segment: frames in, frames out, passage of time.
 
-Two clocks are possible. With ``"sync"`` time stands still between SYNCs; each SYNC advances the
-machine by the communication cycle period (1006h, the longest that any drive is set to), so a master
-that counts on its SYNC period is as fast as the processor and always gets the same answers. With
-``"wall"`` somebody calls `elapse`, and a SYNC only latches; masters that send no SYNC need it.
+There are two clocks. With ``"sync"`` time stands still between SYNCs; each SYNC advances the
+machine by the communication cycle period (1006h, the longest of all drives), so a master paced by
+SYNC runs as fast as the processor and always gets the same answers. With ``"wall"`` the caller
+advances time by `elapse`, and a SYNC only latches; masters without SYNC need this clock.
 
 Either way the machine stops at every due timer, all axes are latched at the same instant, and the
 frames of one instant leave in the order of their identifiers, as arbitration would have it.

@@ -4,11 +4,10 @@ Rows or times stated in a map, and files with restarted stamps, make segments; g
 stretches (`stamps`), and long stretches are cut into motions of at most a minute, since motions
 pass through memory one at a time. Motions have blocks of some seconds, for changing friction.
 
-An axis that moves back and forth by itself makes strokes, found in its positions. It is under way
-where it is faster than a twentieth of its full speed; ways in one direction without a turn between
-them are one stroke. A stroke that is shorter than a fifth of the longest one is none. Even strokes
-go forward, odd ones back; what is at rest, or is the way to the first stroke forward, has no
-number.
+For an axis moving back and forth alone, strokes are found in its positions. The axis moves where it
+is faster than a twentieth of its full speed; motions in one direction without a reversal are one
+stroke. Strokes shorter than a fifth of the longest are ignored. Even strokes go forward, odd ones
+back; rest, and the motion before the first stroke forward, have no number.
 """
 
 from __future__ import annotations

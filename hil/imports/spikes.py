@@ -8,11 +8,11 @@ several turns that is reversed at once was no turn either.
 A column that is rounded to increments flickers: noise takes a sample and its neighbour by half an
 increment each way across a bound, so two increments are ordinary.
 
-Recorders drop a sample now and then, and few small spikes spoil nothing. Least squares counts
-squares: spikes refuse the import where they outweigh all else, of torques and velocities as they
-are, of positions as second differences, since these are differentiated twice. Positions and
-velocities of a joint that rests have no motion to outweigh: what they add to the torques is weighed
-against the motion of the joints that move.
+Recorders drop a sample now and then, and a few small spikes do no harm. Least squares counts
+squares: spikes refuse the import if their squares outweigh all others, for torques and velocities
+in the values, for positions in the second differences, since positions are differentiated twice.
+Positions and velocities of a joint at rest have no motion to outweigh: their contribution to the
+torques is compared with the motion of the moving joints.
 """
 
 from __future__ import annotations

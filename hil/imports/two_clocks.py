@@ -6,10 +6,10 @@ recorded with a lag l that obeys y = X p without lag obeys
 
     y(t + l) = X(t) p,    so to first order    y(t + l0) = X(t) p - (l - l0) y'(t + l0).
 
-Least squares over p and a lag l of each part of the recording, which all joints share, by Newton's
-iteration. Of torques p are base parameters and friction of each axis, of velocities a scale of each
-joint. Lags that change are stated where they leave half of the mean squares that one lag for the
-whole recording leaves, or less, in the geometric mean over the joints.
+This is solved by least squares over p and a lag l per part of the recording, common to all joints,
+with Newton's iteration. For torques p holds base parameters and friction of the axes, for
+velocities a scale per joint. Varying lags are stated if they leave half of the mean squares left by
+a constant lag, or less, in the geometric mean over the joints.
 """
 
 from __future__ import annotations

@@ -3,12 +3,11 @@
 The bus is entered and left here, so that the axes stop and power off at any end of the campaign,
 and the folder's journal records the reason.
 
-Files are written beside the motion, so that a disk that stalls does not stop the robot: the drives
-stop by themselves when our heartbeat stays away for half a second, and whoever waits for a disk
-sends none. So what is to be written is handed to one worker thread, in order, while the sequencer
-travels on. What goes wrong there surfaces at the next event. When too much is waiting, or when all
-is done and the axes are off, the disk is waited for after all: nothing counts as finished before it
-has been written.
+Files are written in parallel to the motion, so that a stalling disk does not stop the robot: the
+drives stop half a second after the last heartbeat, and a process waiting for a disk sends none.
+Writing tasks go to a worker thread, in order, while the sequencer travels on. Its errors are raised
+at the next event. With a full queue, or at the end with the axes off, the campaign waits for the
+disk: a measurement is finished only when written.
 """
 
 from __future__ import annotations

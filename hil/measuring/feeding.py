@@ -11,8 +11,8 @@ its interpolation, so the feed-forward must have the same delay:
 with the SYNC period T, the period of the loops h and the delay d. Velocity and torque are held
 meanwhile, so they are those of the middle, planned for t - d + (T - h)/2.
 
-Torque is what the motion adds to that at the path's beginning: at rest the loops hold the axes by
-themselves, and go on to do so.
+The torque is that of the motion less the torque at the path's beginning: at rest the loops hold the
+axes without feed-forward, and continue to do so.
 """
 
 from __future__ import annotations

@@ -3,17 +3,17 @@
 Content is written beside its place as ``.part``, flushed to the disk, renamed, and the folder's
 entry flushed too: neither a kill nor a power cut leaves half a file under the real name.
 
-A folder may come from a stranger, with symbolic links in it that lead to files of the user's. So a
-part has a name that cannot be foreseen and is a file that was not there before, and a link under
-the real name is replaced, not followed. Folders within such a folder are those that `own_folder`
-made or found to be no link. What the user names on the command line is the user's to choose.
+A folder may come from a stranger, with symbolic links to files of the user. So a part has an
+unpredictable name and is always a new file, and a link under the final name is replaced, not
+followed. Folders within such a folder are made or checked by `own_folder`. Paths on the command
+line are the user's choice.
 
 A folder of many files that belong together is made in the same way, by `whole_folder`.
 
-One process measures into a run folder, and one commands the drives of a bus, at a time. Two that
-measure would take each other's files away; settings put back beside a session would take limits and
-watchdogs from axes with power. The lock is the kernel's, on the folder itself or on a file that
-stays. It goes with the process, however that ends. A system without such locks goes without.
+At most one process measures into a run folder, and at most one commands the drives of a bus. Two
+measuring processes would take each other's files away; settings restored during a session would
+remove limits and watchdogs from powered axes. The lock is the kernel's, on the folder itself or on
+a permanent file, and ends with the process. Systems without such locks work without.
 """
 
 from __future__ import annotations

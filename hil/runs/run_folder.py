@@ -1,15 +1,15 @@
-"""A run is a folder, and everything about it can be redone from there without hardware::
+"""Folder of a run, sufficient for all evaluations without hardware::
 
-    plan.yaml         what was to be measured
+    plan.yaml         planned measurements
     robot.yaml        the robot file, verbatim
-    drives.yaml       the drives file, verbatim, if there was one
-    run.json          sessions: versions, host, bus, axes, times, why each ended
-    found-settings.yaml  what the drives held before they were written to
-    recordings/ID.h5  one file for each measurement that is done
+    drives.yaml       the drives file, verbatim, if any
+    run.json          sessions: versions, host, bus, axes, times, reasons of the end
+    found-settings.yaml  values of the drives before the run
+    recordings/ID.h5  a file for each finished measurement
 
-A measurement is done when its file is there and whole. To resume is to measure what has no such
-file; a damaged one is set aside under another name first. `run.json` comes last when a run is
-begun: a folder without it holds nothing that was measured, and is begun anew.
+A measurement is done when its file exists and is complete. Resuming measures the missing files; a
+damaged file is set aside under another name before. `run.json` is written last at the start of a
+run: a folder without it holds no measurements, and is started anew.
 """  # noqa: D400 - the summary leads into the listing
 
 from __future__ import annotations

@@ -4,15 +4,14 @@
 Ctrl-C stays an interrupt. If standard input is no terminal (a pipe, a job in the background, a
 system without termios) no keys are read and nothing is changed.
 
-During a run s or space stops all axes and ends it, p pauses. A thread waits for keys and costs
-nothing while there are none. A stop is an interrupt like Ctrl-C, sent to the main thread: it counts
-between two steps of the interpreter, wherever that is in the sample loop, and its way through the
-drives' quick stop and off is the one that is tested most. A pause lasts from the end of the present
-measurement until any key is pressed; the axes stay powered and are sampled, since drives that hear
-nothing from us would switch off.
+During a run s or space stops all axes and ends it, p pauses. A thread waits for keys at no cost. A
+stop is an interrupt like Ctrl-C, sent to the main thread: it acts between two steps of the
+interpreter, anywhere in the sample loop, and continues by the most tested path, quick stop and
+power off of the drives. A pause lasts from the end of the present measurement until any key is
+pressed; the axes stay powered and sampled, since drives without telegrams would switch off.
 
-The operator in front of the robot agrees to motion, stops it, answers. Where there is no terminal,
-an answer may come down a pipe; where none comes, nothing is powered on.
+The operator in front of the robot agrees to motion, stops it, and answers. Without a terminal, an
+answer may come through a pipe; without an answer, nothing is powered on.
 """
 
 from __future__ import annotations

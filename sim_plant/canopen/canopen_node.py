@@ -1,8 +1,8 @@
 """CANopen slave without a profile: the services of CiA 301 around an object dictionary.
 
-The node never sees a bus. Frames come in through the handlers that `routes` names and go out
-through `emit`; who listens to which identifier changes with NMT state and configuration, so the
-node calls `rewired` and is asked again.
+The node is independent of the bus. Frames come in through the handlers of `routes` and go out
+through `emit`. The handlers change with NMT state and configuration; then the node calls `rewired`
+and the network reads `routes` again.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """EDS of a drive with a personality: the plant's EDS with the deviations applied.
 
-The text that comes out is what the drive is built from and what it hands out as 1021h, so a drive
-can never serve anything else than its EDS says.
+The drive is built from the resulting text and hands it out as 1021h, so a drive always agrees with
+its EDS.
 """
 
 from __future__ import annotations

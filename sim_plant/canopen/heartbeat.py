@@ -1,7 +1,7 @@
 """Heartbeats: sending the node's state (1017h) and watching other nodes (1016h).
 
-A consumer begins to watch with the first heartbeat that it receives. One that then stays away
-longer than its time is an error until it comes back.
+A consumer starts to watch a node with its first heartbeat. A heartbeat missing for longer than the
+consumer time is an error until the next heartbeat.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Object dictionary of a node: typed storage with access rights, ranges and hooks.
 
-Every service (SDO, PDO, NMT, the drive profile) meets here. A write from the bus passes access,
-length and range as the EDS states them, then the *guards* of its index, which may refuse it, is
-stored, and then passed to the *reactions* of its index. Some personalities round or clip a value
-before its range is looked at. A value that lives elsewhere, such as the actual position, has a
-*source* that is asked whenever it is read.
+All services (SDO, PDO, NMT, the drive profile) use the dictionary. A write from the bus is checked
+for access, length and range as stated in the EDS and by the *guards* of its index, which may refuse
+it, is stored, and then passed to the *reactions* of its index. Some personalities round or clip a
+value before the range check. A value stored elsewhere, such as the actual position, has a *source*
+called at every reading.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Requests and responses are eight bytes: a command specifier in bits 7-5 of the first, then index and
 sub-index (little endian), then data. One transfer runs at a time; a new initiate request abandons
-it. A request that fits nothing is answered with an abort, never with silence, and nothing that a
-client sends can raise. Block transfers stand in `sdo_block`.
+it. An invalid request is answered with an abort, and no request raises an exception. Block
+transfers are in `sdo_block`.
 """
 
 from __future__ import annotations

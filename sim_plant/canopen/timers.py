@@ -1,8 +1,8 @@
 """Timers in simulated time: heartbeats, inhibit times, event timers, time-outs.
 
-The machine advances from one due timer to the next, so that each acts at its own instant however
-long a SYNC period is, and the plant stays deterministic. A heap keeps the earliest in front; what
-was stopped or moved stays in it until it gets there.
+The machine advances from one due timer to the next, so that each timer acts at its own instant for
+any SYNC period, and the plant stays deterministic. A heap keeps the earliest timer first; stopped
+or moved timers stay in the heap until they become first.
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
 """Cyclic synchronous position mode (8): the master plans, the drive follows set-point by set-point.
 
 Each write of the target position (607Ah) is a set-point; the drive interpolates towards it over the
-interpolation time period (60C2h, value and power of ten of a second). No handshake. A set-point
-that stays out brings the demand to rest at the last one within a further period. Until the first
-one has come the axis holds where it is, whatever 607Ah said before. Where positions wrap around
-(607Bh) a set-point is the nearest place that is shown so. Targets outside 607Dh are clipped, and
-halt (bit 8) stops as 605Dh says. Statusword bit 12 reports that set-points are followed.
+interpolation time period (60C2h, value and power of ten of a second), without a handshake. If the
+next set-point is missing, the demand comes to rest at the last one within a further period. Before
+the first set-point the axis holds its position, for any value of 607Ah. Where positions wrap around
+(607Bh) a set-point means the nearest position with this shown value. Targets outside 607Dh are
+clipped, and halt (bit 8) stops as configured in 605Dh. Statusword bit 12 reports that the drive
+follows set-points.
 
 The velocity offset (60B1h) and the torque offset (60B2h) are added to the commands of the loops as
 long as the mode is followed, under halt too: each counts from when it is written until the next.

@@ -5,8 +5,8 @@ positive limit switch: towards it at 6099h:1, back at 6099h:2 until it opens; th
 position. The switches stand where the drive's software limits stood when it was switched on. The
 home position gets the value of 607Ch, and everything the encoder shows moves along.
 
-A rising edge of bit 4 starts it, bit 4 falling or halt stops it. Statusword bit 12 reports
-that home is attained, bit 10 that the axis rests.
+A rising edge of bit 4 starts homing; a falling edge of bit 4, or halt, stops it. Statusword bit 12
+reports the reference, bit 10 an axis at rest.
 """
 
 from __future__ import annotations

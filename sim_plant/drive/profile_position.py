@@ -1,12 +1,12 @@
 """Profile position mode (CiA 402, mode 1): set-points, their handshake, halt, target reached.
 
-A rising edge of controlword bit 4 sets target, velocity, acceleration and deceleration as they
-stand at that moment; statusword bit 12 acknowledges. With bit 5 (change immediately) the
+A rising edge of controlword bit 4 applies target, velocity, acceleration and deceleration as
+written at that moment; statusword bit 12 acknowledges. With bit 5 (change immediately) the
 set-point replaces the present one at once, otherwise it waits in a buffer of one until the present
-one is done; bit 12 falls when bit 4 has fallen and the buffer is free. A set-point that comes while
-the buffer is full is not taken. Some drives have no buffer and acknowledge until the target is
-reached (`Personality.acknowledge_until_reached`). Relative targets (bit 6) count from the preceding
-target. Halt (bit 8) interrupts; its release goes on towards the target.
+one is done; bit 12 falls when bit 4 has fallen and the buffer is free. A set-point is ignored while
+the buffer is full. Some drives have no buffer and acknowledge until the target is reached
+(`Personality.acknowledge_until_reached`). Relative targets (bit 6) count from the preceding target.
+Halt (bit 8) interrupts; its release continues the motion to the target.
 
 A target outside 607Dh is clipped to it, which shows as internal limit and warning in the statusword
 and as EMCY 8612h until the next set-point.

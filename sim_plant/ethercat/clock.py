@@ -1,10 +1,9 @@
 """Distributed clock of a slave (ETG.1000.4 clause 6.8 f.): local time, system time, SYNC0.
 
-Every slave has a crystal of its own, so its local time drifts. The system time is the local time
-plus the offset that the master writes (0920h). Each time that the reference clock's time comes by
-(a write to 0910h), a slave compares its own, less the delay of the cable (0928h), and lets a
-proportional and integral loop draw its clock towards it. The filter depths of hardware (0930h ff.)
-are kept and not modelled.
+Every slave has its own crystal, so its local time drifts. The system time is the local time plus an
+offset written by the master (0920h). When the reference time passes (a write to 0910h), a slave
+compares its own time, less the delay of the cable (0928h), and corrects its clock by a proportional
+and integral loop. The filter depths of hardware (0930h ff.) are stored and not modelled.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """EtherCAT segment: all drives of the plant on a line, processing frames in turn.
 
-Two clocks are possible. With ``"sync"`` time stands still between cycles: when every slave in
-SAFEOP or OP has got its outputs (or has been read, if it has none), they act, and one cycle
-passes. It is the longest SYNC0 cycle, else the longest 1C32h:2, else that of the option. So a
-master is as fast as the processor and always gets the same answers. A master that sends no outputs
+There are two clocks. With ``"sync"`` time stands still between cycles: when every slave in SAFEOP
+or OP has received its outputs (or, without outputs, has been read), the outputs act and one cycle
+passes. The cycle is the longest SYNC0 cycle, else the longest 1C32h:2, else the option `cycle`. So
+a master runs as fast as the processor and always gets the same answers. A master without outputs
 lets a cycle pass with each frame that reads the watchdog status of all (BRD of 0440h). With
-``"wall"`` somebody calls `elapse`.
+``"wall"`` the caller advances time by `elapse`.
 """
 
 from __future__ import annotations

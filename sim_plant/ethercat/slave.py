@@ -1,9 +1,9 @@
 """EtherCAT slave with a drive: controller, states, mailbox, process data, clock.
 
-The slave sees each frame twice: while it passes (`serve`), and when it has passed (`work`), where
-whatever the frame has set off happens. With SYNC0 activated, outputs act and inputs are latched at
-each SYNC0; otherwise when the frame with the outputs has passed. Either way a master reads inputs
-that were latched before its frame came.
+The slave processes each frame twice: while it passes (`serve`), and after it has passed (`work`),
+when its consequences are executed. With SYNC0 activated, outputs act and inputs are latched at each
+SYNC0; otherwise when the frame with the outputs has passed. In both cases a master reads inputs
+latched before its frame came.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Gear friction with drift by temperature, lubricant and chance.
 
-The characteristic is degressive: a Coulomb part with a Stribeck peak, a part that saturates with
-speed (an arc tangent) and a viscous part. Three slow states change it: the temperature rise of the
-gear, which friction power heats; the settled share of the lubricant, which grows at rest and is
-stirred up again by motion; and a random wander. Both effects of the paper's Fig. 2 follow. At
-reversal the direction is not a sign but the deflection of a bristle (LuGre), so that a held axis
-stays still. Friction may also grow with the torque that the gear transmits.
+The characteristic is degressive: a Coulomb part with a Stribeck peak, a part saturating with speed
+(an arc tangent) and a viscous part. Three slow states change it: the temperature rise of the gear,
+heated by friction power; the settled share of the lubricant, growing at rest and stirred up again
+by motion; and a random wander. They produce both effects of the paper's Fig. 2. At reversal the
+direction is not a sign but the deflection of a bristle (LuGre), so that a held axis stays still.
+Friction may also grow with the transmitted torque.
 
 The numbers of the model are assumptions; none of the paper's friction models (1)-(3) fits it
 exactly.

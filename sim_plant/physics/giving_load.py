@@ -1,9 +1,9 @@
 """Loose or soft load: its centre of mass yields to gravity.
 
-It hangs on something soft and damped, alike in all directions: a liquid, a cable, a loose screw.
-Its centre is off by `give` along gravity once it has settled, which takes the arm a while at every
-change of the pose. What it gives way to accelerations is left out. The load's share of the last
-body is written anew every time that the physics goes on, not at every step.
+The load hangs on a soft, damped and isotropic suspension: a liquid, a cable, a loose screw. After
+settling its centre is displaced by `give` along gravity; every change of the pose restarts the
+settling. The response to accelerations is neglected. The load's share of the last body is updated
+at every call of the physics, not at every step.
 """
 
 from __future__ import annotations

@@ -1,15 +1,15 @@
 """Stability of the drives' control loops all over the workspace.
 
-A velocity loop is tuned for one inertia and turns another: that of the present configuration, with
-the other axes moving or not. Tuned for far too much it oscillates from one step to the next, for
-far too little the position loop outruns it. Both look like an axis that is blocked or overloaded,
+A velocity loop is tuned for one inertia and drives another: that of the present configuration, with
+the other axes moving or not. Tuned for a far larger inertia it oscillates from step to step, for a
+far smaller one the position loop is too fast for it. Both look like a blocked or overloaded axis,
 so such gains are refused when the plant is built.
 
-Of small motions about a configuration, with the loops as `servo.command` computes them and the
-motion as `machine_step` integrates it, the state (q, qd, integral, torque before) of all axes goes
-over into the next by a matrix. The loops are stable where its eigenvalues are within a circle of
-radius 1 - SLOWEST h. Friction, which damps, is left out; that of a closed brake is the stiffest
-spring of all and has a bound of its own (see `gear_modes` for its derivation).
+For small motions about a configuration, with the loops of `servo.command` and the integration of
+`machine_step`, the state (q, qd, integral, previous torque) of all axes is mapped to the next state
+by a matrix. The loops are stable if its eigenvalues are within a circle of radius 1 - SLOWEST h.
+Friction, which damps, is neglected; a closed brake is the stiffest spring and has a separate bound
+(derived in `gear_modes`).
 """
 
 from __future__ import annotations

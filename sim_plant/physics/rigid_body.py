@@ -1,13 +1,13 @@
 """Rigid-body dynamics of a serial arm, compiled.
 
-Newton-Euler in link coordinates for the torques without acceleration, composite rigid bodies for
-the mass matrix, its factors L D L' for the accelerations (Featherstone, *Rigid Body Dynamics
-Algorithms*, 2008, chapters 5 and 6). Links are given by what their motion is linear in: mass, first
-moment and inertia about the frame's origin; so a set of base parameters without mass is as good a
-link as a real body. Frames are modified Denavit-Hartenberg: ``Rx(alpha) Tx(d) Rz(theta) Tz(r)``
-takes link i-1 to link i, and each link's vectors are expressed in its own frame; q adds to theta of
-a joint that turns, to r of one that slides. Where all joints turn from theta = 0, `kinds` is None
-and the compiler leaves out whatever looks at it.
+The torques without acceleration follow from Newton-Euler in link coordinates, the mass matrix from
+composite rigid bodies, the accelerations from its factors L D L' (Featherstone, *Rigid Body
+Dynamics Algorithms*, 2008, chapters 5 and 6). Links are given by the parameters in which the
+dynamics are linear: mass, first moment and inertia about the frame's origin; so a set of base
+parameters without mass is a valid link. Frames are modified Denavit-Hartenberg: ``Rx(alpha) Tx(d)
+Rz(theta) Tz(r)`` takes link i-1 to link i, and each link's vectors are expressed in its own frame;
+q adds to theta of a revolute joint, to r of a prismatic one. If all joints are revolute with theta
+= 0, `kinds` is None and the compiler omits the code for it.
 
 Joint indices are passed as a tuple because the length of a tuple is part of its type: the
 compiler then unrolls all loops for this very arm, and the dynamics take two thirds of the time.

@@ -1,12 +1,11 @@
 """Control loops, power stage and sensors of a servo, compiled.
 
-A cascade as in industrial drives: a position loop gives a velocity command, a velocity loop with
-integral part gives a torque, the torque saturates. The demand's velocity is fed forward, as far as
-the drive is set to do so, and so are the offsets of velocity and torque that the master sends. The
-current loop reaches its command within one control period, so the motor's torque is a polygon in
-time and has one value at every instant: what the current sensor reads at a SYNC belongs to that
-SYNC. The loops see the shaft's angle finer than the increments that the drive reports, as drives
-with interpolated encoders do.
+The control is a cascade as in industrial drives: a position loop gives a velocity command, a
+velocity loop with integral part gives a torque, the torque saturates. The demand's velocity is fed
+forward as configured, and so are the master's offsets of velocity and torque. The current loop
+reaches its command within one control period, so the motor torque is a polygon in time and unique
+at every instant: the current read at a SYNC belongs to that SYNC. The loops use an interpolated
+encoder, finer than the increments reported by the drive.
 
 `position` and `torque` readings are quantised as the object dictionary wants them: increments and
 per mille, the current with white noise before quantisation.

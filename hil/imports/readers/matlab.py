@@ -5,10 +5,10 @@ of a structure array, ``q{2}`` an element of a cell array, ``data.q/1`` the firs
 matrix. In structure arrays and cells with more elements than numbers per element, elements are
 samples, as written by loops that append: ``log.q/1`` is a column over all of them.
 
-Variables that are tables or timetables are read with mat-io: ``log.q1``, ``log.Time`` in s, or ns
-where it is a date. Other objects are left out, and tables within structures: their layout is not
-public. So are text, functions, and variables without values, in whose place version 7.3 writes
-their size.
+Tables and timetables are read with mat-io if they are variables: ``log.q1``, ``log.Time`` in s, or
+ns for a date. Other objects are left out, and tables within structures: their layout is not public.
+Also left out are text, functions, and variables without values, for which version 7.3 writes the
+size.
 """
 
 from __future__ import annotations

@@ -4,12 +4,12 @@ A jump shifts the position reference permanently, and the drive's loop moves the
 amount, so that all later measurements have wrong angles: a jump ends the campaign. Large jumps trip
 the driver at once; small ones are found here, in every motion as soon as it is over.
 
-On the wall clock a sample may be as old as its period: the driver takes what answers SYNC k until
+On the wall clock a sample may be as old as its period: the driver accepts answers to SYNC k until
 it sends SYNC k + 1, so the instant of sample k is off by at most the interval after its time stamp.
-At a speed v such a sample looks like a jump of v times that interval, and the next one is back on
-the path. An encoder that jumped stays off it, for as long as the loop takes to bring the axis back.
-So a bend counts as a jump only where neither two successive samples after the bend are within reach
-of the path before it, nor two before the bend within reach of the path after it.
+At a speed v such a sample looks like a jump of v times that interval, and the next sample is back
+on the path. After a jump, positions stay off the path until the loop has brought the axis back. So
+a bend counts as a jump only if none of the two samples after it is within reach of the path before,
+and none of the two samples before it within reach of the path after.
 """
 
 from __future__ import annotations
