@@ -83,7 +83,7 @@ def run_from_arrays(
     cut_off: float | None,
     accept: Sequence[str],
 ) -> MemoryRun:
-    """Make a run of arrays, in memory; see `hil.Run.from_arrays`."""
+    """Make a run of arrays, in memory; see `hil.Run.import_arrays`."""
     recordings = _recordings(robot, t, q, tau, qd)
     the_map = _map(robot, qd is not None, alone, cut_off, accept)
     measured: dict[str, Measured] = {}
@@ -153,7 +153,7 @@ def _map(
         raise InvalidValue("\n".join(problems(error))) from error
 
 
-Run.of_arrays = staticmethod(run_from_arrays)
+Run.array_importer = staticmethod(run_from_arrays)
 
 
 def _recordings(

@@ -126,9 +126,9 @@ class Recording:
         return self.stroke // 2
 
     @property
-    def under_way(self) -> Mask:
+    def active(self) -> Mask:
         """Mask of samples in a stroke or a group, shape (n,)."""
-        return under_way(self.stroke, self.group)
+        return active_samples(self.stroke, self.group)
 
     @property
     def n_samples(self) -> int:
@@ -145,7 +145,7 @@ class Recording:
         """Mean time between samples [s]."""
         return float(self.time[-1] - self.time[0]) / max(1, self.n_samples - 1)
 
-    def with_noise(self, torque: Array, position: Array, rng: np.random.Generator) -> Recording:
+    def add_noise(self, torque: Array, position: Array, rng: np.random.Generator) -> Recording:
         """Return the recording with added white noise, standard deviations of shape (n_joints,)."""
         drawn = rng.standard_normal((2, *self.q.shape))
         return replace(self, q=self.q + position * drawn[0], tau=self.tau + torque * drawn[1])
@@ -155,7 +155,7 @@ class Recording:
         """Units of the arrays by name."""
         return {name: UNITS[name] for name in self.arrays}
 
-    def to_dataframe(self) -> pd.DataFrame:
+    def dataframe(self) -> pd.DataFrame:
         """Return the samples as a table, a column per joint (``q1``, ``tau1``, ...); needs pandas.
 
         ``attrs["units"]`` has the unit of each column.
@@ -238,7 +238,7 @@ class Recorder:
         return layout.pack(*values)
 
 
-def under_way(stroke: Numbers, group: Numbers | None) -> Mask:
+def active_samples(stroke: Numbers, group: Numbers | None) -> Mask:
     """Return a mask of the samples in a stroke or a group, shape (n,)."""
     of_stroke: Mask = stroke != IDLE
     return of_stroke if group is None else of_stroke | (group != IDLE)

@@ -54,7 +54,7 @@ class Run:
     robot : Robot
     journal : Journal
     set_aside : frozenset of str
-        Ids of the measurements that are left out; see `without`.
+        Ids of the measurements that are left out; see `exclude`.
     """
 
     set_aside: frozenset[str] = frozenset()
@@ -92,11 +92,11 @@ class Run:
             raise _changed(file)
         return cls(path, plan, robot, journal)
 
-    of_arrays: ClassVar[Callable[..., Run]]
+    array_importer: ClassVar[Callable[..., Run]]
     """Importer of arrays, set by `hil.imports`, which this package does not import."""
 
     @staticmethod
-    def from_arrays(
+    def import_arrays(
         robot: Robot,
         t: ArrayLike | Sequence[ArrayLike],
         q: ArrayLike | Sequence[ArrayLike],
@@ -135,10 +135,10 @@ class Run:
 
         Examples
         --------
-        >>> run = hil.Run.from_arrays(robot, t, q, tau)  # doctest: +SKIP
+        >>> run = hil.Run.import_arrays(robot, t, q, tau)  # doctest: +SKIP
         >>> hil.identify(run).params  # doctest: +SKIP
         """
-        return Run.of_arrays(robot, t, q, tau, qd, alone, cut_off, accept)
+        return Run.array_importer(robot, t, q, tau, qd, alone, cut_off, accept)
 
     def __repr__(self) -> str:
         return (
@@ -172,7 +172,7 @@ class Run:
             )
         return self.plan
 
-    def without(self, ids: Iterable[str]) -> Self:
+    def exclude(self, ids: Iterable[str]) -> Self:
         """Return the run without some measurements.
 
         Raises
@@ -203,7 +203,7 @@ class Run:
             kinds = sorted({m.kind for m in self.motions})
             raise UnknownName(f"{self.path}: no measurement of kind {kind}; {', '.join(kinds)} are")
         known = {m.id for m in self.motions}
-        return self.without([*sorted(wanted - known), *(i for i in known if i not in wanted)])
+        return self.exclude([*sorted(wanted - known), *(i for i in known if i not in wanted)])
 
     def mapped(self, change: Callable[[Measured], Recording]) -> MemoryRun:
         """Return a run in memory with recordings changed by a function.
@@ -216,7 +216,7 @@ class Run:
         measured = {each.measurement.id: replace(each, recording=change(each)) for each in self}
         return MemoryRun(self.path, self.plan, self.robot, self.journal, measured)
 
-    def with_noise(
+    def add_noise(
         self, torque: ArrayLike = 0.0, position: ArrayLike = 0.0, *, seed: int = 0
     ) -> MemoryRun:
         """Return the run with white noise added, in memory: a replicate of a Monte-Carlo study.
@@ -229,7 +229,7 @@ class Run:
             The same seed gives the same noise.
         """
         rng, sizes = np.random.default_rng(seed), (np.asarray(torque), np.asarray(position))
-        return self.mapped(lambda each: each.recording.with_noise(*sizes, rng))
+        return self.mapped(lambda each: each.recording.add_noise(*sizes, rng))
 
     def save(self, path: Path | str) -> Run:
         """Write the run into a new folder, and open the folder.
@@ -297,10 +297,10 @@ class Run:
         taken = measurement.id not in self.set_aside
         return taken and self.recording_path(measurement).exists()
 
-    def to_dataframe(self) -> pd.DataFrame:
+    def dataframe(self) -> pd.DataFrame:
         """Return all samples as a table, indexed by measurement and sample; needs pandas.
 
-        Its columns are those of `hil.runs.recording.Recording.to_dataframe`.
+        Its columns are those of `hil.runs.recording.Recording.dataframe`.
 
         Raises
         ------
@@ -311,7 +311,7 @@ class Run:
         """
         import pandas as pd  # noqa: PLC0415 - needed for nothing else, and not installed along
 
-        tables = {each.measurement.id: each.recording.to_dataframe() for each in self}
+        tables = {each.measurement.id: each.recording.dataframe() for each in self}
         if not tables:
             raise NotEnoughData(f"{self.path}: no recordings; measure them with --resume")
         return pd.concat(tables, names=["measurement", "sample"])

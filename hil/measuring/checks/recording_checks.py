@@ -120,7 +120,7 @@ def _timing(recording: Recording, measurement: Measurement, robot: Robot) -> Ite
 def renewal(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
     """Yield a finding if drives renew position or current less often than SYNC comes."""
     del measurement, robot
-    moving = recording.under_way
+    moving = recording.active
     old = np.any(recording.flags[moving] & SampleFlag.OLD, axis=1)
     share = float(old.mean()) if moving.any() else 0.0
     if share > TOLERATED:
@@ -141,7 +141,7 @@ def renewal(recording: Recording, measurement: Measurement, robot: Robot) -> Ite
 
 def _saturation(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
     del measurement, robot
-    at = np.any(recording.flags & SampleFlag.LIMIT, axis=1) & recording.under_way
+    at = np.any(recording.flags & SampleFlag.LIMIT, axis=1) & recording.active
     saturated = int(at.sum())
     if not saturated:
         return
@@ -186,7 +186,7 @@ def _axes(recording: Recording, flag: int) -> str:
 
 def frozen(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
     """Yield findings of measured axes with a constant torque during motion."""
-    moving = recording.under_way
+    moving = recording.active
     for index in measurement.read:
         yield from _frozen(recording.tau[moving, index], index + 1, robot.torque_unit(index))
 

@@ -97,7 +97,7 @@ def test_a_file_of_the_first_format_is_read_with_strokes_and_groups_apart(
     write_measured(tmp_path / "new.h5", Measured(motion, found), manutec)
     again = read_measured(tmp_path / "new.h5").recording
     np.testing.assert_array_equal(again.stroke, found.stroke)
-    np.testing.assert_array_equal(again.under_way, found.under_way)
+    np.testing.assert_array_equal(again.active, found.active)
 
 
 def test_a_format_to_come_is_refused(
