@@ -58,7 +58,7 @@ def ordered(function: F) -> F:
 
 def _kept_on_disk(function: F, compiler: Callable[[F], Any]) -> F:
     dispatcher = compiler(function)
-    # what `cache=True` does, with a cache of our own
+    # as by `cache=True`, with a different cache
     dispatcher._cache = _Cache(function)  # type: ignore[no-untyped-call]
     return cast("F", dispatcher)
 

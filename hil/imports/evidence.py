@@ -91,7 +91,7 @@ def _resample(instants: Array, values: Array, grid: Array, period: float) -> Arr
     nearest = np.searchsorted(instants, grid - period / 2).clip(max=len(instants) - 1)
     if np.all(np.abs(instants[nearest] - grid) < _SAME * period):
         first, last = int(nearest[0]), int(nearest[-1]) + 1
-        # a slice where rows follow each other, which needs no copy
+        # consecutive rows are a slice, without a copy
         return np.asarray(values[first:last] if last - first == len(grid) else values[nearest])
     return resampled(instants, values, grid)
 
@@ -105,7 +105,7 @@ def excerpts_of(samples: Samples, pieces: Sequence[Piece]) -> list[Excerpt]:
     found = []
     for part in parts:
         q, tau, qd = even_samples(samples, part)
-        # points at which motion is fitted, of all excerpts together
+        # motion is fitted at 3000 points in all excerpts
         points = max(20, round(3000 * part.duration / whole))
         begin = float(part.grid[0] - pieces[0].grid[0])
         found.append(Excerpt(part.stretch.period, q, tau, qd, points, begin))

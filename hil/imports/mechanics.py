@@ -125,8 +125,8 @@ def mechanical_suspicions(
         return
     misread = _misread(robot, excerpts, prepared, solver, shown & (share > NOTHING))
     yield from misread or ()
-    # share of the variance of an axis's torque that is left from which on lags are looked for:
-    # twins of robots leave a third of it, and five times as much where torques are 50 ms late
+    # lags are searched from 0.3 % of residual variance on: twins of robots leave a third of that,
+    # and five times as much for torques delayed by 50 ms
     if not misread and (share > 0.003).any():
         another = list(clock_of_torques(excerpts, robot, shown))
         yield from another
@@ -169,11 +169,11 @@ def _misread(
         for cause, axes, words, reading in tried
         for of_torques in [axes if "torque" in cause else ()]
     )
-    # torques that follow no motion of their axes contradict the map as what is impossible does
+    # torques unrelated to the motion of their axes contradict the map, like impossible mechanics
     contradicted = not stated.possible or (len(axes) == 2 and astray.issuperset(axes))
-    # share of the mean squares that a reading leaves at most where the map's own is possible, too:
-    # a third of the residual. On recordings of an arm that no model of it explains others leave
-    # 0.22, right ones of the maps of `benchmarks/wrong_maps.py` 0.07 at most
+    # against a possible map, a reading must leave a ninth of the mean squares, a third of the
+    # residual: on recordings of an arm without a valid model other readings leave 0.22, the right
+    # readings of the maps in `benchmarks/wrong_maps.py` 0.07 at most
     if left <= (LEAVES if contradicted else 1.0 / 9.0):
         place = ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],)
         message = (

@@ -179,9 +179,9 @@ def misread_torques(
     for joint in np.flatnonzero(evidence.moves).tolist():
         tau, qd = evidence.tau[:, joint], evidence.qd[:, joint]
         for unit, factor in ({"in SI": 1.0} | other_units(robot, joint)).items():
-            # share of a torque by which it may differ from a velocity that it is: a parabola
-            # through 2 x `HALF_WIDTH` of positions takes (w T)^2 / 10 off a sinusoid's, which is
-            # that at 5.6 Hz. No robot has friction of just 1 N m s/rad and nothing else
+            # a velocity recorded as a torque differs by 5 % at most: a parabola through
+            # 2 x `HALF_WIDTH` of positions attenuates a sinusoid by (w T)^2 / 10, 5 % at 5.6 Hz. No
+            # robot has a torque of exactly 1 N m s/rad of viscous friction
             if np.linalg.norm(tau - factor * qd) < 0.05 * np.linalg.norm(tau):
                 yield Suspicion(
                     "still",
@@ -245,8 +245,8 @@ def small(
     """
     shares = most / of
     widest = int(np.argmax(shares))
-    # share of a limit or a range that no joint exceeds where all are in another unit, or on
-    # another side: between 1/57 of degrees or 1/50 of gears and what robots are moved for
+    # in another unit, or on another side, no joint exceeds this share of a limit or a range: it is
+    # between 1/57 of degrees or 1/50 of gears and the shares of useful motions
     if np.isfinite(shares).all() and evidence.moves.any() and 0 < shares[widest] < 0.03:
         unit = (robot.position_unit if key == "position" else robot.torque_unit)(widest)
         yield Suspicion(
@@ -269,8 +269,8 @@ def range_suspicions(
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
         excess = max(float(q.max()) - high, low - float(q.min()))
         if excess > _usual_zero(robot, joint):
-            # ranges beyond a joint's own from which on its positions are refused: an offset of a
-            # whole turn exceeds one of half a turn so far, degrees for radians 57 times
+            # refused beyond two ranges: an offset of a whole turn exceeds a range of half a turn by
+            # two, degrees for radians exceed it 57 times
             far = excess > 2.0 * (high - low)
             yield Suspicion(
                 "range",

@@ -178,7 +178,7 @@ def _refuse_without_numbers(the_map: MapFile, samples: Samples) -> None:
 def _numbers(the_map: MapFile, samples: Samples) -> Iterator[tuple[Location, str, int]]:
     """Yield place, name and count of numbers of all columns; none for samples from arrays."""
     columns = [(at, str(each.column)) for at, each in columns_of(the_map) if each is not None]
-    # a format's own stamps, which the map does not name, come before all others
+    # stamps of the format, absent in the map, come before all other columns
     own = max(0, len(samples.numbers) - len(columns))
     for (location, name), count in zip(columns, samples.numbers[own:], strict=False):
         yield location, name, count

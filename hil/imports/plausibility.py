@@ -63,7 +63,7 @@ def suspicions(
         found += low
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
         clock = list(clock_suspicions(excerpts, evidence, robot))
-        # what all velocities have in common is said once; it makes speeds and positions look wrong
+        # a factor common to all velocities is stated once, not for speeds and positions as well
         found = clock + found
         misread = [] if clock else list(misread_velocities(evidence, robot))
         if not clock and not misread:
@@ -102,7 +102,7 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
                 " right column, in the right unit?",
                 certain=alone is not None,
             )
-        # share of the way of a joint that moves alone by which others may move: servos give way
+        # other joints may move by 2 % of the moving joint's distance: servos yield
         if alone is not None and joint != alone and moves and way > 0.02 * ways[alone]:
             yield Suspicion(
                 "still",

@@ -83,7 +83,7 @@ def spike_suspicions(
             same = robot.revolute == robot.revolute[joint]
             all_else = max(each.of_all for each, fits in zip(alike, same, strict=True) if fits)
         share = min(spikes.of_spikes / all_else, 1.0) if spikes.count else 0.0
-        # joints at rest tremble by little besides what others move
+        # joints at rest tremble little compared with the motion of others
         if share < STATED or spikes.farthest < CARRIED * max(each.width for each in alike):
             continue
         unit = robot.position_unit(joint)

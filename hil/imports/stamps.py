@@ -227,7 +227,7 @@ def _drop_held(samples: Samples, rows: Integers, period: float, counts: Counts) 
     same = np.zeros(len(rows), dtype=bool)
     for begin in range(1, len(rows), ROWS):
         part = rows[begin - 1 : begin + ROWS]
-        # what the first column shows to be new needs no look at the others
+        # rows with a change in the first column are new without a look at the others
         alike = 1 + np.flatnonzero(np.diff(samples.values[part, 0]) == 0)
         before, after = (np.nan_to_num(samples.values[part[at]]) for at in (alike - 1, alike))
         same[begin - 1 + alike] = (before == after).all(axis=1)

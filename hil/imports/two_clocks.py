@@ -123,7 +123,7 @@ def _suspicion(
     one = _lags([each._replace(part=0 * each.part) for each in rows], shown)
     many = _lags(rows, shown)
     tiny = np.finfo(float).tiny
-    # the geometric mean, since a clock is that of all joints and what a model misses is of some
+    # the geometric mean: a clock affects all joints, a model error only some
     left = np.log(np.maximum(many.left, tiny)) - np.log(np.maximum(one.left, tiny))
     # a row is of an instant no better known than the period
     if left.mean() <= np.log(LEAVES) and np.ptp(many.lags) > excerpts[0].period:

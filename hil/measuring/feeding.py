@@ -116,7 +116,7 @@ class BusInFront:
         DriveRefused
             The drives follow no stream of set-points.
         """
-        # asked once: looking for what a bus can do reads all of its attributes
+        # checked once: the protocol check reads all attributes of a bus
         if not isinstance(self._bus, StreamingBus):
             raise DriveRefused("these drives follow no stream of set-points")
         self._bus.stream(path, velocity, torque, holding)

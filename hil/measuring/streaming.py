@@ -70,8 +70,7 @@ def pace(trajectory: Trajectory, robot: Robot, speed: float) -> float:
 
 def astray(recording: Recording, trajectory: Trajectory, robot: Robot) -> Iterator[Finding]:
     """Yield a finding of an axis that did not follow the path."""
-    # SYNC periods by which a drive without delay shows its set-points later than they act: it goes
-    # to each in the period after the SYNC from which it acts
+    # a drive without delay reaches a set-point one SYNC period after it starts to act
     t = path_time(recording, 1.0)
     away = np.abs(recording.q - trajectory.motion(trajectory.within(t))[0])
     worst = np.nan_to_num(away).max(axis=0)

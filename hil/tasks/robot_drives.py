@@ -122,7 +122,7 @@ def _contradictions(
 
     Limits contradict if wider than the robot's, or so narrow that a plan would reach them.
     """
-    # shares by which numbers may differ, and a drive's limits be narrower, never wider
+    # tolerances of numbers, and of limits narrower than the robot's; wider limits are refused
     same, narrower = 1e-3, 5e-3
     joint = "revolute" if robot.revolute[index] else "prismatic"
     both = f"as in the robot file of {robot.name}; correct whichever is wrong"

@@ -57,7 +57,7 @@ def interruptible(ended: Callable[[], str]) -> Iterator[Callable[[], None]]:
         with _interrupts() as refuse_lost:
             yield refuse_lost
     except KeyboardInterrupt:
-        # python-can warns that a bus which was just being opened has not been closed.
+        # python-can warns about a bus interrupted while opening
         logging.getLogger("can").setLevel(logging.ERROR)
         report(ended())
         raise typer.Exit(STATUS) from None

@@ -70,7 +70,7 @@ class Pace:
         """Return the remaining wall time [s]."""
         now, seen = time.monotonic(), self._seen
         seen.append((now, event.time))
-        # time over which it is seen how fast robot time passes [s]: a computer's load changes
+        # the speed of robot time is averaged over 10 s, since the computer's load changes
         while len(seen) > 2 and now - seen[1][0] > 10.0:
             seen.popleft()
         wall, robot = now - seen[0][0], event.time - seen[0][1]

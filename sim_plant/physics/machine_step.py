@@ -195,7 +195,7 @@ def run_and_latch(  # noqa: C901 - as `run`
             news |= image[i, 6] != watch[0, i]
             news |= image[i, 0] < watch[1, i] or image[i, 0] > watch[2, i]
         if news:
-            # whoever attends to the news lets the time of this latch pass again
+            # the caller repeats the time of this latch when processing the news
             _copy(before, state)
             _copy(profile_before, profile)
             if flaws is not None:

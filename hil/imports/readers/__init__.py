@@ -112,7 +112,7 @@ def sound(path: Path) -> Iterator[None]:
     except HilError as error:
         raise type(error)(whole_line(str(error))) from error
     except Exception as error:
-        # 120 characters are shown of what a library says
+        # a library's message is cut after 120 characters
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise FileError(
             f"{path}: cannot be read: {reason}; it seems damaged: copy or download it again"

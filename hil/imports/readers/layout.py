@@ -89,7 +89,7 @@ def layout_of(text: str, stated: Format) -> Layout:
     first = _first_row(rows, decimal, stated, whole=bool(scope))
     skipped, width = rows[first][0], len(rows[first][1])
     if scope:
-        # EOF is what a scope may write at the end
+        # a scope may end its file with EOF
         return Layout(delimiter, decimal, "EOF", *_channels(scope, width, skipped))
     above = [row for _, row in rows[max(0, first - _ABOVE) : first]]
     names = _names(above) if first else _find_comment_names(lines, rows[0][0], stated)
@@ -151,8 +151,7 @@ def _first_row(
         numbers = sum(_is_number(cell, decimal) for cell in row)
         if numbers and all(_is_number(c, decimal) or c.lower() in MISSING for c in row):
             return index
-        # text in one of its cells, which matters only where that is wanted; settings of a recorder
-        # have fewer cells than rows
+        # a row may hold text in unwanted cells; settings of a recorder have fewer cells than rows
         as_wide = index + 1 == len(rows) or len(row) >= len(rows[index + 1][1])
         if index and numbers >= 2 and as_wide and not whole:
             return index

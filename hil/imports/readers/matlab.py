@@ -104,7 +104,7 @@ def _read_apart(path: Path, tables: Sequence[str] = ()) -> tuple[dict[str, Any],
     with file_errors(path, "read"):
         with path.open("rb") as file:
             named = any(file.read(20))
-        # zeros are variables without a name, which older readers skip one by one for ever
+        # zeros are unnamed variables, skipped one by one without end by older readers
         if not named and not tables:
             raise FileError(f"{path}: is no file of MATLAB, or is damaged: it begins with zeros")
         refuse_inflated_variables(path)

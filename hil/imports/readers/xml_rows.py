@@ -49,7 +49,7 @@ def open_xml(path: Path, _: Format) -> ArrayTable:
         text = raw.decode("utf-16" if wide else "utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("latin-1")
-    # messages of a log have no common root; each may be declared anew, which XML has but once
+    # messages of a log have no common root, and repeat the XML declaration
     text = f"<log>{_DECLARATION.sub(lambda found: ' ' * len(found[0]), text)}</log>"
     counts: Counter[Place] = Counter()
     _walk(text, lambda place, _: counts.update([place]), lambda *_: None)
