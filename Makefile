@@ -126,6 +126,7 @@ lint: $(DEV)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
+	$(BIN)/python tools/english.py
 
 bench: $(DEV)
 	@failed=; for file in $$(grep -l '__main__' benchmarks/*.py); do \

@@ -243,7 +243,7 @@ def judge(
     for number, session in enumerate(run.journal.sessions):
         truth = SyncTiming()
         for each in run:
-            truth = truth.with_recording(each.recording) if each.session == number else truth
+            truth = truth.add_recording(each.recording) if each.session == number else truth
         found.differing_sums += session.sync != truth
     found.campaigns += 1
 

@@ -121,7 +121,7 @@ def seen(run: hil.Run, found: Watched, given: list[Push]) -> tuple[list[Seen], i
     recording, trajectory = each.recording, each.measurement
     lost = float(recording.time[np.flatnonzero(recording.flags[:, 0] & 1)[0]])
     offset = lost - PERIOD - (MARK + PERIOD / 2)  # the push begins a period before it is sampled
-    begins = float(recording.time[recording.under_way][0]) - offset
+    begins = float(recording.time[recording.active][0]) - offset
     alarms = [(alarm.time - offset, alarm.axis - 1) for alarm in found.alarms]
     pushes_seen, right = [], set()
     for when, axis, share in given:

@@ -1,1 +1,1 @@
-"""Files that users write, as validated models with line numbers in their errors."""
+"""Files written by users, as validated models with line numbers in errors."""

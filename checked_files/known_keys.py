@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def known_keys(model: type[BaseModel], place: Iterable[str | int]) -> list[str]:
-    """Return the keys that values at `place` may have.
+    """Return the known keys at `place`.
 
     Parameters
     ----------

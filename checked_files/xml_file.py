@@ -51,7 +51,7 @@ class XmlFile:
         return self._offsets[id(element)]
 
     def named(self, tag: str) -> dict[str, Element]:
-        """Return the children of the root with a tag, by their names.
+        """Return the named children of the root with a tag.
 
         Raises
         ------

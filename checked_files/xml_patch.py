@@ -49,7 +49,7 @@ class XmlPatch:
                 self._edits.append((*found.span(2), quote + value.encode() + quote))
 
     def insert(self, element: Element, child: str) -> None:
-        """Insert a first child, in a line of its own."""
+        """Insert a first child on a separate line."""
         begin, end = self._tag(element)
         line = self._content.rfind(b"\n", 0, begin) + 1
         indent = self._content[line:begin] if not self._content[line:begin].strip() else b""

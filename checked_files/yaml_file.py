@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 class FileError(HilError):
-    """Unusable file; the message has a line for each problem, with its place."""
+    """Unusable file; the message has a line for every problem, with file and line."""
 
 
 class FileModel(BaseModel):
@@ -153,7 +153,7 @@ def refuse_endless(path: Path) -> None:
 
 
 def parse_yaml(text: str, model: type[M], source: str) -> M:
-    """Parse YAML text into `model`; `source` names it in messages."""
+    """Parse YAML text into `model`; messages name `source`."""
     root, data = _parse(text, source)
     if not isinstance(data, dict):
         found = {type(None): "nothing", str: "text"}.get(type(data), type(data).__name__)
@@ -234,7 +234,7 @@ def problems(error: ValidationError) -> list[str]:
 def _wrong(
     error: ValidationError, model: type[BaseModel] | None = None
 ) -> list[tuple[tuple[str | int, ...], str]]:
-    """Places and messages of all problems; `model`, which names the keys that are known.
+    """Return place and message of all problems of `model`.
 
     That a sequence is too short, since one of its items was refused, is no problem of its own.
     """

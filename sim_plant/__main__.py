@@ -1,4 +1,4 @@
-"""``python -m sim_plant``: serve the plant on any python-can bus, or draft one of any robot."""
+"""``python -m sim_plant``: serve a plant on any python-can bus, or draft the plant of a robot."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SERVE, ETHERCAT = "serve", "ethercat"
 
 
 class _ServesByDefault(TyperGroup):
-    """Takes what begins with no command for options of `serve`."""
+    """Command group with `serve` as the default command."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Return the arguments, the command first."""
@@ -53,23 +53,29 @@ def main(
     interface: Annotated[
         str, typer.Option(help="python-can interface, e.g. socketcan; or ethercat.")
     ],
-    channel: Annotated[str, typer.Option(help="Its channel, e.g. vcan0; a network interface.")],
+    channel: Annotated[
+        str, typer.Option(help="Channel, e.g. vcan0; for ethercat a network interface.")
+    ],
     plant: Annotated[str, typer.Option(help="Packaged plant or plant file.")] = "manutec-r15",
-    seed: Annotated[int | None, typer.Option(min=0, help="Instead of the plant file's.")] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Random seed, in place of the file's.")
+    ] = None,
     clock: Annotated[str, typer.Option(help="sync: SYNC lets time pass; or wall.")] = "sync",
     bus_option: Annotated[
         list[str] | None, typer.Option(help="key=value for the interface; may be repeated.")
     ] = None,
-    personality: Annotated[str | None, typer.Option(help="Of all drives, by name or path.")] = None,
+    personality: Annotated[str | None, typer.Option(help="Name or path, for all drives.")] = None,
     cycle: Annotated[
         float, typer.Option(min=1e-4, max=10, help="SYNC period of drives without 1006h \\[s].")
     ] = CYCLE_DEFAULT,
-    faults: Annotated[str | None, typer.Option(help="Fault plan: what shall go wrong.")] = None,
+    faults: Annotated[
+        str | None, typer.Option(help="Fault plan with the faults to inject.")
+    ] = None,
     hand: Annotated[
-        str | None, typer.Option(help="Path of a socket that is made to take pushes of the arm.")
+        str | None, typer.Option(help="Path of a new socket for pushes of the arm.")
     ] = None,
 ) -> None:
-    """Serve the simulated plant's drives on a bus, until Ctrl-C; what happens by default."""
+    """Serve the simulated plant's drives on a bus until Ctrl-C (the default command)."""
     try:
         options, passing = _options(bus_option or []), _clock(clock)
         machine = load_machine(plant, seed, personality)
@@ -94,9 +100,7 @@ def main(
 @app.command()
 def twin(
     robot: Annotated[Path, typer.Argument(help="Robot file.")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="Folder that both files are written into.")
-    ],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for both files.")],
 ) -> None:
     """Write plant file and drives file of a robot's virtual twin."""
     from sim_plant.twin.write import write_twin  # noqa: PLC0415 - serving needs none of it
@@ -110,21 +114,21 @@ def twin(
 
 @app.command()
 def esi(
-    axis: Annotated[int, typer.Option(min=1, help="Whose drive, from 1.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="File that is written.")],
+    axis: Annotated[int, typer.Option(min=1, help="Number of the axis, from 1.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
     plant: Annotated[str, typer.Option(help="Packaged plant or plant file.")] = "manutec-r15",
-    personality: Annotated[str | None, typer.Option(help="By name or path.")] = None,
+    personality: Annotated[str | None, typer.Option(help="Name or path.")] = None,
 ) -> None:
     """Write the EtherCAT description (ESI) of a drive, for a master's configuration tool."""
     from sim_plant.ethercat.esi import write_esi  # noqa: PLC0415 - CAN needs none of it
-    from sim_plant.ethercat.objects import drive_objects, without_can  # noqa: PLC0415
+    from sim_plant.ethercat.objects import drive_objects, strip_can  # noqa: PLC0415
 
     try:
         drives = load_machine(plant, None, personality).drives
         if axis > len(drives):
             raise ValueError(f"--axis {axis}: must be at most {len(drives)}")  # noqa: TRY301
         drive = drives[axis - 1]
-        text = write_esi(drive_objects(without_can(drive.personality)), drive)
+        text = write_esi(drive_objects(strip_can(drive.personality)), drive)
         output.write_text(text, encoding="utf-8")
         typer.echo(f"{output}: drive of {drive.name}")
     except (FileError, ValueError, OSError) as error:

@@ -1,4 +1,4 @@
-"""From a plant file to the arrays that the physics works on, and to what the drives report."""
+"""Arrays of the physics and settings of the drives, built from a plant file."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ VENDOR_ID, PRODUCT_CODE, REVISION = 0x4D2, 0x402, 0x10000
 """Identity that the plant's drives report; they exist nowhere else."""
 BRAKE_OVER_PEAK = 1.2
 GEAR_DAMPING = 0.05
-"""Of a soft gear, share of critical damping."""
+"""Damping of a soft gear, as a share of critical damping."""
 
 
 def arm(file: PlantFile) -> Arm:
-    """Joints, frames, bodies, gravity and kinds, as the compiled dynamics takes them."""
+    """Return joints, frames, bodies, gravity and joint kinds for the compiled dynamics."""
     angle = np.radians([axis.frame.alpha_deg for axis in file.axes])
     d, r = np.array([(axis.frame.d, axis.frame.r) for axis in file.axes]).T
     cos, sin = np.cos(angle), np.sin(angle)
@@ -46,12 +46,12 @@ def _kinds(file: PlantFile) -> Array | None:
 
 
 def reach(file: PlantFile) -> Array:
-    """Between what the axes move, shape (n, 2) [rad or m]."""
+    """Return the range of travel of all axes, shape (n, 2) [rad or m]."""
     return np.array([axis.drive.reach for axis in file.axes])
 
 
 def loops(file: PlantFile) -> Loops:
-    """Gains of all axes, as their stability is judged by."""
+    """Return the gains and inertias of all axes for the stability analysis."""
     drives, stated = [axis.drive for axis in file.axes], file.loops
     return Loops(
         np.array([drive.motor_inertia for drive in drives]),
@@ -64,7 +64,7 @@ def loops(file: PlantFile) -> Loops:
 
 
 def constants(axis: PlantAxis, file: PlantFile) -> Array:
-    """What never changes of one axis; see `sim_plant.physics.state`."""
+    """Return the constants of one axis (see `sim_plant.physics.state`)."""
     drive, f = axis.drive, axis.friction
     c = np.zeros(st.N_CONST)
     motor_inertia = drive.rotor_inertia * drive.gear_ratio**2
@@ -106,7 +106,7 @@ def constants(axis: PlantAxis, file: PlantFile) -> Array:
 
 
 def flaws(file: PlantFile) -> Array | None:
-    """What the plant file says of soft gears and lagging currents; None where there are none."""
+    """Return soft gears and lags of the current sensors; None without either."""
     drives = [axis.drive for axis in file.axes]
     if not any(drive.stiffness or drive.current_lag for drive in drives):
         return None
@@ -126,7 +126,7 @@ def flaws(file: PlantFile) -> Array | None:
 
 
 def _heat_per_power(const: Array) -> float:
-    """Temperature rise per friction power, so that half speed leads to 25 K."""
+    """Return the temperature rise per friction power; half the maximum speed leads to 25 K."""
     state = np.zeros((1, st.N_STATE))
     state[0, st.TEMPERATURE] = friction.STEADY_TEMPERATURE
     friction.refresh(const[np.newaxis], state, 0)
@@ -136,14 +136,14 @@ def _heat_per_power(const: Array) -> float:
 
 
 def _ripple_phases(node: int, axis: int) -> Array:
-    """Fixed phases of the ripple's orders: a property of the motor, not of the seed."""
+    """Return phases of the torque ripple's orders: fixed for a motor, independent of the seed."""
     seed = node if axis == 1 else [node, axis]
     phases: Array = np.random.default_rng(seed).uniform(0.0, math.tau, 4)
     return phases
 
 
 def settings(index: int, axis: PlantAxis) -> DriveSettings:
-    """What the drive of an axis reports about itself."""
+    """Return the settings of the drive of an axis: identity, ratings, limits."""
     drive = axis.drive
     per_rad = drive.gear_ratio * drive.increments / math.tau
     limits = sorted(round(drive.direction * end * per_rad) + drive.zero for end in drive.reach)

@@ -1,12 +1,12 @@
-"""Numba's compiler as typed decorators for what runs at every step of the physics.
+"""Numba's compiler as typed decorators for the functions of every physics step.
 
 Floating-point rules are relaxed as far as speed needs it (fused, reordered, reciprocal) and no
 further: infinities and NaN keep their meaning, since an infinite window means "off".
 
-Compiled code is kept on disk where Numba keeps it. Numba looks at the file of a function alone, but
-callees and constants of other files are compiled into it. So the names of the files on disk contain
-a digest of all sources that the function's module is made of: itself and what it imports of its own
-package, directly or not. Code of other sources is never found, and removed when newer is written.
+Compiled code is kept on disk in Numba's cache folder. Numba checks the file of a function alone,
+but callees and constants of other files are compiled into it. So the file names contain a digest of
+the sources of the function's module and of its direct and indirect imports within its package. Code
+of other sources is never found, and removed when newer code is written.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ def compiled(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Compile `function` as a part of each function that calls it."""
+    """Compile `function` and inline it in the callers."""
     return _kept_on_disk(function, njit(fastmath=RELAXED, error_model="numpy", inline="always"))
 
 
-def in_order(function: F) -> F:
-    """Compile `function` so that every operation is done as it is written, whoever calls it.
+def ordered(function: F) -> F:
+    """Compile `function` with operations in the written order, for any caller.
 
     Numba would hand on the caller's rules where a function states none.
     """
@@ -58,13 +58,13 @@ def in_order(function: F) -> F:
 
 def _kept_on_disk(function: F, compiler: Callable[[F], Any]) -> F:
     dispatcher = compiler(function)
-    # what `cache=True` does, with a cache of our own
+    # as by `cache=True`, with a different cache
     dispatcher._cache = _Cache(function)  # type: ignore[no-untyped-call]
     return cast("F", dispatcher)
 
 
 class _Named(CompileResultCacheImpl):
-    """Numba's way to keep compiled code, in files that a digest of the sources names."""
+    """Numba's storage of compiled code, in files named after a digest of the sources."""
 
     def __init__(self, function: Callable[..., object]) -> None:
         self.digest = _digest(sys.modules[function.__module__])
@@ -76,7 +76,7 @@ class _Named(CompileResultCacheImpl):
 
 
 class _Cache(FunctionCache):
-    """Numba's cache of one function, without what was compiled of older sources."""
+    """Numba's cache of a function, without code compiled from older sources."""
 
     _impl_class = _Named
 
@@ -90,7 +90,7 @@ class _Cache(FunctionCache):
 
 @cache
 def _digest(module: ModuleType) -> str:
-    """Digest of the source of `module` and of all that it imports of its own package."""
+    """Return a digest of the sources of `module` and its imports within the package."""
     package = module.__name__.partition(".")[0]
     sources: dict[str, bytes] = {}
     names = [module.__name__]
@@ -106,7 +106,7 @@ def _digest(module: ModuleType) -> str:
 
 @cache
 def _imports(source: bytes, package: str) -> list[str]:
-    """Names within `package` that the top level of a module imports, modules among them."""
+    """Return the names within `package` imported at the top level of a module."""
     names: list[str] = []
     for node in ast.parse(source).body:
         if isinstance(node, ast.Import):

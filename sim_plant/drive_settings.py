@@ -1,7 +1,7 @@
-"""What makes one drive of the plant different from the next: identity, ratings, limits, character.
+"""Individual settings of a drive: identity, ratings, limits, personality.
 
-Everything else of a drive's object dictionary is the same for all and stands in the EDS. Units are
-the drive's own, as the objects state them; joint side and SI end before this point.
+The rest of the object dictionary is common to all drives and is given by the EDS. Units are those
+of the objects; joint side and SI end here.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from sim_plant.personality import PLAIN, Personality
 
 @dataclass(frozen=True, slots=True)
 class DriveSettings:
-    """Identity, ratings and limits of one drive.
+    """Identity, ratings and limits of a drive.
 
     Attributes
     ----------
@@ -41,9 +41,9 @@ class DriveSettings:
     max_acceleration : int
         60C5h and 60C6h [counts/s^2].
     personality : Personality
-        In what the drive deviates from its kind.
+        Deviations of the drive.
     axis : int
-        Which axis of its node, from 1.
+        Number of the axis in the node, from 1.
     """
 
     name: str
@@ -65,7 +65,7 @@ class DriveSettings:
 
     @property
     def feed(self) -> tuple[int, int]:
-        """6092h: counts of positions per so many revolutions of the shaft."""
+        """Counts of positions per revolutions of the shaft (6092h)."""
         own = self.personality.counts_per_turn
         motor, shaft = self.gear
         return (self.increments_per_revolution * motor, shaft) if own is None else (own, 1)

@@ -1,9 +1,9 @@
-"""The seam between a drive's firmware and the machine that it turns.
+"""Interface between a drive's firmware and its machine.
 
-`cia402_node` (communication, object dictionary, state machine) sees one `Axis` for each drive and
-the `Machine` that lets time pass; `plant` implements both with physics. Units are the drive's own:
+`cia402_node` (communication, object dictionary, state machine) sees an `Axis` for each drive and
+the `Machine`, which advances time; `plant` implements both with physics. Units are the drive's own:
 encoder increments of the motor shaft, per mille of rated torque and current. Joint side and SI
-begin behind this seam.
+begin behind this interface.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class AxisEvent(enum.IntFlag):
-    """Conditions of an axis that the firmware reacts to."""
+    """Conditions of an axis, reported to the firmware."""
 
     DONE = 1
     """The profile generator has reached its target or has come to rest after a stop."""
@@ -34,7 +34,7 @@ class AxisEvent(enum.IntFlag):
 
 
 class Reading(NamedTuple):
-    """What the power stage and the encoder of one axis show at one instant.
+    """Readings of power stage and encoder of an axis at an instant.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Reading(NamedTuple):
 
 
 class Axis(Protocol):
-    """One servo: what its firmware can ask of power stage, control loops and profile generator."""
+    """Servo as seen by its firmware: power stage, control loops and profile generator."""
 
     def enable(self) -> None:
         """Energise, release the brake and hold the present position."""
@@ -83,23 +83,23 @@ class Axis(Protocol):
         """Add to the commands of velocity [inc/s] and of torque [per mille of rated]."""
 
     def withhold(self, share: float) -> None:
-        """Feed forward this much less of the demand's velocity, 0 to 1."""
+        """Reduce the feed-forward of the demand's velocity by a share from 0 to 1."""
 
     def hold(self) -> None:
         """Freeze the demand at the present measured position (stop at the current limit)."""
 
     def set_torque_limit(self, per_mille: int) -> None:
-        """Limit the torque command to this much of rated torque."""
+        """Limit the torque command [per mille of rated torque]."""
 
     def set_following_window(self, window: float, timeout: float) -> None:
-        """Set the following error window [inc, inf = off] and the time that it may last [s]."""
+        """Set the following error window [inc, inf = off] and its maximum duration [s]."""
 
     def rebase(self, shift: int) -> None:
-        """Show positions that are by `shift` [increments] greater from now on."""
+        """Shift the shown positions by `shift` [increments]."""
 
 
 class Machine(Protocol):
-    """All axes, the arm that they share, and what the drives report about themselves."""
+    """Axes of an arm, and the settings of the drives."""
 
     @property
     def time(self) -> float:
@@ -107,23 +107,23 @@ class Machine(Protocol):
 
     @property
     def axes(self) -> Sequence[Axis]:
-        """What the drives command."""
+        """Axes commanded by the drives."""
 
     @property
     def drives(self) -> Sequence[DriveSettings]:
-        """One for each axis."""
+        """Settings of the drives, in joint order."""
 
     def advance(self, duration: float) -> None:
-        """Let the physics run for `duration` [s].
+        """Run the physics for `duration` [s].
 
-        Returns to the caller of `on_event` in the middle wherever an axis's events change, so
+        Returns to the caller of `handle_event` in the middle wherever an axis's events change, so
         that the firmware acts at the right instant, however long `duration` is.
         """
 
     def advance_quietly(
         self, durations: Sequence[float], watch: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """Let the physics run for each duration [s] in turn and latch after each.
+        """Run the physics for several durations [s] in turn and latch after every duration.
 
         Ends before the first latch that an axis has news at.
 
@@ -136,7 +136,7 @@ class Machine(Protocol):
         Returns
         -------
         ndarray, shape (k, 7 n_axes)
-            What `read` would have returned after each; k is at most the number of durations.
+            Results of `read` after the durations; k is at most the number of durations.
         """
 
     def read(self) -> NDArray[np.int64]:
@@ -148,5 +148,5 @@ class Machine(Protocol):
             The fields of a `Reading` of each axis in turn; the next call may overwrite them.
         """
 
-    on_event: Callable[[int, int], None]
-    """Called with axis index and `AxisEvent` bits when these change during `advance`."""
+    handle_event: Callable[[int, int], None]
+    """Handler of changed events during `advance`, called with axis index and `AxisEvent` bits."""

@@ -1,11 +1,11 @@
-"""Personalities: in what a drive deviates from the one that the EDS of the plant describes.
+"""Personalities: deviations of a drive from the plant's EDS.
 
-Real drives agree on the profile and differ in nearly all else: objects that are missing, read-only
-or narrower, another current readback, other units, bits that come late. A personality states such
-deviations as data. Those of the object dictionary become the drive's own EDS
-(`canopen.eds_variant`) and the drive serves nothing else; those of behaviour are read by the
-firmware (`drive`). Whatever the dictionary hides goes on inside with its value after power-on, as
-in a real drive.
+Real drives agree on the profile and differ in nearly everything else: missing, read-only or
+narrower objects, another current readback, other units, delayed bits. A personality states such
+deviations as data. Deviations of the object dictionary become the drive's own EDS
+(`canopen.eds_variant`), and the drive serves exactly this EDS; deviations of behaviour are read by
+the firmware (`drive`). A hidden object keeps its value after power-on inside the firmware, as in a
+real drive.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ FOLDER = Path(__file__).with_name("personalities")
 
 
 class ObjectChange(FileModel):
-    """One entry of the dictionary that is declared in another way; what is left out stays."""
+    """Changed declaration of an entry of the dictionary; omitted keys keep the EDS."""
 
     index: Index
     subindex: Subindex = 0
     access: Literal["ro", "rw", "rww", "const"] | None = None
     type: Literal["i8", "i16", "i32", "u8", "u16", "u32"] | None = None
     default: int | None = None
-    """Value after power-on, also where the plant file would set another."""
+    """Value after power-on, which overrides the plant file."""
     plus_node: bool = False
-    """The node number is added to `default`, as in identifiers."""
+    """Add the node number to `default`, as in identifiers."""
     low: int | None = None
     high: int | None = None
     step: Annotated[int, Field(ge=2)] | None = None
-    """The drive keeps the nearest multiple of this, and aborts no write for it."""
+    """Step of stored values: the drive rounds to the nearest multiple without an abort."""
     clip: bool = False
-    """A value outside `low` and `high` is written as the nearer of the two, instead of refused."""
+    """Clip values to `low` and `high` instead of refusing them."""
 
 
 class CurrentReadback(FileModel):
-    """Where the drive shows its motor current, and in what."""
+    """Object and unit of a drive's motor current."""
 
     index: Index = 0x6078
     subindex: Subindex = 0
@@ -56,17 +56,17 @@ class CurrentReadback(FileModel):
 
     @property
     def milliampere(self) -> int | None:
-        """What one count is [mA], None where the rated current decides; A are shown of counts."""
+        """Size of a count [mA], None for per mille of rated current; 1 for A, shown as a float."""
         return {"mA": 1, "0.01 A": 10, "A": 1}.get(self.unit)
 
 
 class Personality(FileModel):
-    """A drive's deviations.
+    """Deviations of a drive.
 
     Attributes
     ----------
     name, about : str
-        What it is called and what it is modelled on.
+        Name, and description of the modelled drive.
     missing : tuple of int
         Indices that the drive does not have.
     objects : tuple of ObjectChange
@@ -80,26 +80,26 @@ class Personality(FileModel):
         607Bh: positions are shown within it and wrap around at its ends. A target is taken to lie
         in the same turn, as is usual, but in cyclic position, where it is the nearest such place.
     velocity_unit, acceleration_unit : str
-        Of 6081h, 607Fh and 606Ch; of 6083h to 6085h, 60C5h and 60C6h. There "inc" is one count.
+        Units of 6081h, 607Fh and 606Ch; of 6083h to 6085h, 60C5h and 60C6h; "inc" is a count.
     sdo_states_size : bool
         Expedited uploads say how many of their four bytes count; otherwise they begin with 42h.
     mapping_arrays : bool
         The EDS declares PDO mappings as ARRAY instead of RECORD.
     mapping_entries : int
-        How many objects one PDO takes.
+        Maximum number of objects in a PDO.
     start_lag : float
-        How long the node takes from NMT start to OPERATIONAL [s].
+        Time from NMT start to OPERATIONAL [s].
     mode_display_lag : float
-        How long 6061h shows -1 after 6060h was written [s].
+        Duration of -1 in 6061h after a write to 6060h [s].
     mode_locked_by_halt : bool
         6060h cannot be written while controlword bit 8 is set.
     acknowledge_lag : float
-        By how much statusword bit 12 follows behind [s].
+        Delay of statusword bit 12 [s].
     acknowledge_until_reached : bool
         Bit 12 stays set until the target is reached or halt breaks the motion off; meanwhile no
         set-point is taken.
     target_reached_lag : float
-        How long bit 10 stays set after a new set-point has been taken [s].
+        Duration of bit 10 after a new set-point has been accepted [s].
     rpdo_at_once : bool
         An RPDO of a synchronous type takes effect when it comes, not at the next SYNC.
     """
@@ -135,7 +135,7 @@ PLAIN = Personality(name="plain", about="All that the plant's EDS declares, by t
 
 
 def packaged_personalities() -> Sequence[str]:
-    """Names of the personalities that come with the package."""
+    """Return the names of the packaged personalities."""
     return sorted(path.stem for path in FOLDER.glob("*.yaml"))
 
 

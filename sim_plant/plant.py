@@ -1,9 +1,9 @@
-"""The machine behind the drives: arm, friction and servos, put together and advanced in time.
+"""Machine of the drives: arm, friction and servos, assembled and advanced in time.
 
-`Plant` is what the drives' firmware sees (`sim_plant.machine_protocol.Machine`). All state stands
-in a few arrays that the compiled step works on (`sim_plant.build` makes them of a plant file);
-`ServoAxis` is the view of one axis of them. Randomness comes from one seeded generator, so that the
-same seed and the same frames give the same bytes.
+`Plant` implements the drives' interface to the machine (`sim_plant.machine_protocol.Machine`). All
+state is in a few arrays for the compiled step (`sim_plant.build` makes them from a plant file);
+`ServoAxis` is the view of a single axis. Randomness comes from one seeded generator, so that equal
+seeds and equal frames give equal bytes.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ if TYPE_CHECKING:
 STOCK = 4096
 """Rows of random numbers drawn at a time."""
 PERIOD = STOCK * machine_step.SLOW_STEPS
-"""Steps that a stock of random numbers lasts."""
+"""Number of steps until the random numbers are drawn anew."""
 _run = machine_step.run_and_latch
 
 
 WHOLE = 1e-3
-"""Share of a step by which a time may be off a whole number of steps, by rounding."""
+"""Tolerance for whole numbers of steps, as a share of a step: rounding errors."""
 
 
 def load_plant(name_or_path: str, seed: int | None = None) -> Plant:
-    """Build a packaged plant by name or the one of a plant file.
+    """Build a packaged plant by name, or the plant of a plant file.
 
     Parameters
     ----------
@@ -67,22 +67,22 @@ def load_plant(name_or_path: str, seed: int | None = None) -> Plant:
 
 
 class Plant:
-    """All axes and the arm that they share; implements `sim_plant.machine_protocol.Machine`.
+    """Axes of an arm with physics; implements `sim_plant.machine_protocol.Machine`.
 
     Attributes
     ----------
     file : PlantFile
-        What it was built from.
+        Plant file.
     axes : tuple of ServoAxis
     drives : tuple of DriveSettings
-        What each axis's drive reports about itself.
+        Settings of the drives.
     const, state, profile : ndarray, shape (n, ...)
         See `sim_plant.physics.state`.
     flaws : ndarray, shape (n, ...), or None
         See `sim_plant.physics.soft_gears`.
     events : list of int
         `AxisEvent` bits of each axis, as last reported.
-    on_event : callable
+    handle_event : callable
         Called with axis index and `AxisEvent` bits when these change.
 
     Raises
@@ -136,7 +136,7 @@ class Plant:
         for servo_axis in self.axes:
             servo_axis.hold()
         self.drives = tuple(build.settings(i, axis) for i, axis in enumerate(file.axes))
-        self.on_event: Callable[[int, int], None] = lambda _axis, _events: None
+        self.handle_event: Callable[[int, int], None] = lambda _axis, _events: None
         self._compile()
 
     def _axis(self, index: int) -> ServoAxis:
@@ -153,7 +153,7 @@ class Plant:
         refuse_hard_brakes(self.const, inertia, step)
 
     def _soft_gears(self) -> Array | None:
-        """What the plant file says of soft gears and lagging currents."""
+        """Return soft gears and current lags of the plant file, checked; None without either."""
         found = build.flaws(self.file)
         if found is not None and found[:, soft_gears.STIFFNESS].any():
             try:
@@ -165,7 +165,7 @@ class Plant:
         return found
 
     def _compile(self) -> None:
-        """Compile before the first SYNC, whose answer a master waits for only so long."""
+        """Compile before the first SYNC, since a master does not wait for the compiler."""
         _run(0, 0, self._step, 0, *self._single)
         servo.latch(self.const, self.state, self.profile, self._noise[0], self._image, self.flaws)
 
@@ -175,7 +175,7 @@ class Plant:
         return self._number * self.file.step
 
     def advance(self, duration: float) -> None:
-        """Let the physics run for `duration` [s]; what is no whole step is kept for next time."""
+        """Run the physics for `duration` [s]; a fraction of a step is kept for the next call."""
         if self._giving is not None:
             self._giving.settle(self.state[:, st.Q], duration)
         h = self._step
@@ -233,7 +233,7 @@ class Plant:
         before, self.events[:] = tuple(self.events), events
         for i, (old, new) in enumerate(zip(before, events, strict=True)):
             if new != old:
-                self.on_event(i, new)
+                self.handle_event(i, new)
 
     def read(self) -> NDArray[np.int64]:
         """Latch encoders and current sensors of all axes at the present instant."""

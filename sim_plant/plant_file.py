@@ -1,8 +1,8 @@
-"""The plant file: the truth about a virtual machine.
+"""Plant file: the true parameters of a virtual machine.
 
-Everything that the simulation needs and that an identification is to find out: link parameters,
-drives, friction, noise, seed. It is read by the plant and by whoever compares an estimate with the
-truth afterwards, never by what measures or estimates.
+The file holds everything that the simulation needs and an identification is to find: link
+parameters, drives, friction, noise, seed. It is read by the plant and by comparisons of an estimate
+with the truth, never for measuring or estimating.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 PLANTS = Path(__file__).with_name("plants")
-"""Folder of the plants that come with the package."""
+"""Folder of the packaged plants."""
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
 class Frame(FileModel):
-    """Modified Denavit-Hartenberg frame of a joint; q adds to theta, or to r where it slides."""
+    """Modified Denavit-Hartenberg frame of a joint; q adds to theta, or to r if prismatic."""
 
     alpha_deg: float = 0.0
     d: float = 0.0
@@ -53,14 +53,14 @@ class Body(FileModel):
     Iyz: float = 0.0
 
     def row(self) -> NDArray[np.float64]:
-        """As the compiled dynamics takes it, shape (10,)."""
+        """Return the body as a row of the compiled dynamics, shape (10,)."""
         return np.array([getattr(self, key) for key in type(self).model_fields])
 
 
 class Payload(FileModel):
-    """A body bolted to the last link: mass, centre of mass and inertia about that centre.
+    """Payload on the last link: mass, centre of mass and inertia about the centre of mass.
 
-    One that `gives` hangs loosely instead: its centre sags so far along gravity [m].
+    With `gives` the payload is loose: its centre sags by this distance along gravity [m].
     """
 
     mass: NotNegative
@@ -71,7 +71,7 @@ class Payload(FileModel):
     gives: NotNegative = 0.0
 
     def body(self) -> Body:
-        """The load as part of the last link, about that link's origin."""
+        """Return the load as a part of the last link, about the link's origin."""
         (x, y, z), m = self.centre, self.mass
         return Body(
             m=m,
@@ -90,22 +90,22 @@ class Payload(FileModel):
 class Drive(FileModel):
     """Motor, gear, encoder, power stage and loops of an axis.
 
-    Joint side is rad and N m, or m and N of an axis that slides.
+    Joint side is rad and N m, or m and N for a prismatic joint.
     """
 
     node: Annotated[int, Field(ge=1, le=127)]
     axis: Annotated[int, Field(ge=1, le=8)] = 1
-    """Of a node with several: which of them, objects 800h apart."""
+    """Number of the axis in its node; objects are 800h apart."""
     gear_ratio: Positive
     """Motor angle over joint coordinate [-, or rad/m]."""
     rotor_inertia: NotNegative
-    """Motor side [kg m^2]; 0 for a direct drive, whose rotor counts with its link."""
+    """Rotor inertia, motor side [kg m^2]; 0 for a direct drive with the rotor in the link."""
     torque_constant: Positive
     """[N m/A, peak amplitude]."""
     rated_torque_mNm: Annotated[int, Field(gt=0)]
     rated_current_mA: Annotated[int, Field(gt=0)]
     peak_torque: Positive
-    """At the joint [N m or N]."""
+    """Peak torque at the joint [N m or N]."""
     increments: Annotated[int, Field(gt=0)] = 4096
     direction: Literal[-1, 1] = 1
     zero: int = 0
@@ -113,19 +113,19 @@ class Drive(FileModel):
     velocity_max: Positive
     acceleration_max: Positive
     range_deg: Positive | None = None
-    """The axis moves within +- this [deg]; or `range` says where."""
+    """Range of travel, +- this angle [deg]; alternative to `range`."""
     range: tuple[float, float] | None = None
-    """The axis moves between these [rad or m]."""
+    """Range of travel [rad or m]."""
     load_inertia: Positive
-    """Arm inertia that the velocity loop was tuned for [kg m^2, or kg]."""
+    """Arm inertia used for tuning the velocity loop [kg m^2, or kg]."""
     stiffness: Positive | None = None
-    """Of the gear, motor held [N m/rad]; rigid unless stated."""
+    """Stiffness of the gear with the motor held [N m/rad]; rigid if left out."""
     backlash: NotNegative = 0.0
-    """Of a soft gear, at the joint [rad]."""
+    """Backlash of a soft gear, at the joint [rad]."""
     current_lag: Annotated[float, Field(ge=0, le=0.02)] = 0.0
-    """Age of the current when it is read [s]."""
+    """Age of the current reading [s]."""
     personality: str | None = None
-    """In what the drive deviates: a packaged personality, or the path of a file."""
+    """Personality of the drive: name of a packaged one, or path of a file."""
 
     @model_validator(mode="after")
     def _backlash_has_a_gear(self) -> Self:
@@ -148,7 +148,7 @@ class Drive(FileModel):
 
     @property
     def reach(self) -> tuple[float, float]:
-        """Ends of the axis's way [rad or m]."""
+        """Ends of the axis's range of travel [rad or m]."""
         if self.range is not None:
             return self.range
         end = math.radians(self.range_deg or 0.0)
@@ -175,9 +175,9 @@ class Friction(FileModel):
     """Friction of an axis; see `sim_plant.physics.friction`."""
 
     creep: NotNegative
-    """At creep speed [N m or N]."""
+    """Friction at creep speed [N m or N]."""
     full_speed: NotNegative
-    """At the speed limit [N m or N]."""
+    """Friction at the speed limit [N m or N]."""
     heat_time: Positive
     """[s]."""
     asymmetry: float = 0.0
@@ -185,15 +185,15 @@ class Friction(FileModel):
     load: NotNegative = 0.0
     """Friction per transmitted torque."""
     temperature: float = 5.0
-    """Temperature rise when the machine is switched on [K]."""
+    """Temperature rise at power-on of the machine [K]."""
     lubricant: Annotated[float, Field(ge=0, le=1)] = 1.0
-    """Settled share of the lubricant when the machine is switched on."""
+    """Settled share of the lubricant at power-on of the machine."""
     presliding: Positive = 3e-4
     """[rad or m]."""
 
 
 class PlantAxis(FileModel):
-    """One joint of the arm with the link behind it."""
+    """Joint of the arm with its link."""
 
     name: str
     joint: Literal["revolute", "prismatic"] = "revolute"
@@ -202,9 +202,9 @@ class PlantAxis(FileModel):
     drive: Drive
     friction: Friction
     position_deg: float = 0.0
-    """Where the axis stands when the machine is switched on [deg]; or `position` says it."""
+    """Position at power-on of the machine [deg]; alternative to `position`."""
     position: float | None = None
-    """The same [rad or m]."""
+    """Position at power-on of the machine [rad or m]."""
 
     @model_validator(mode="after")
     def _no_degrees_of_a_way(self) -> Self:
@@ -217,42 +217,42 @@ class PlantAxis(FileModel):
 
     @property
     def start(self) -> float:
-        """Where the axis stands when the machine is switched on [rad or m]."""
+        """Position at power-on of the machine [rad or m]."""
         return math.radians(self.position_deg) if self.position is None else self.position
 
 
 class OtherRipple(FileModel):
-    """Torque ripple of one more order than those that every motor here has."""
+    """Torque ripple of an order in addition to the usual orders of the motors."""
 
     order: Annotated[float, Field(gt=0, le=60)]
-    """Periods in a revolution of the motor."""
+    """Periods per revolution of the motor."""
     amplitude: NotNegative
     """Share of peak torque."""
 
 
 class Noise(FileModel):
-    """Of the current sensor and of the motor."""
+    """Noise of the current sensor and torque ripple of the motor."""
 
     torque: NotNegative = 0.0025
-    """White, per sample, share of peak torque."""
+    """White noise per sample, as a share of peak torque."""
     ripple: NotNegative = 0.003
-    """Of orders 1, 2 and 6, share of peak torque."""
+    """Ripple of orders 1, 2 and 6, as a share of peak torque."""
     other_ripple: OtherRipple | None = None
 
 
 class PlantFile(FileModel):
-    """A virtual machine."""
+    """Virtual machine."""
 
     name: str
     seed: int = 1
     step: Annotated[float, Field(gt=0, le=0.001)] = 0.001
     """Period of the control loops and step of the physics [s]."""
     drift: bool = True
-    """Whether friction drifts; if not it keeps the state that it starts with."""
+    """Enable friction drift; otherwise friction keeps its initial state."""
     drift_strength: Positive = 1.0
-    """Scale of what temperature, lubricant and chance do to friction."""
+    """Scale of the effects of temperature, lubricant and chance on friction."""
     symmetric: bool = False
-    """Whether to disregard every axis's friction asymmetry."""
+    """Disregard the friction asymmetry of all axes."""
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     loops: Loops = Loops()
     noise: Noise = Noise()
@@ -276,7 +276,7 @@ class PlantFile(FileModel):
         return axes
 
     def bodies(self) -> list[Body]:
-        """Links as the arm carries them, the payload included."""
+        """Return the links of the arm, including the payload."""
         bodies = [axis.link for axis in self.axes]
         if self.payload is not None:
             load = self.payload.body()
@@ -288,12 +288,12 @@ class PlantFile(FileModel):
 
 
 def packaged_plants() -> Sequence[str]:
-    """Names of the plants that come with the package."""
+    """Return the names of the packaged plants."""
     return sorted(path.stem for path in PLANTS.glob("*.yaml"))
 
 
 def plant_path(name_or_path: str) -> Path:
-    """Path of a packaged plant's file, or the one that is given."""
+    """Return the path of a packaged plant's file, or the given path."""
     packaged = PLANTS / f"{name_or_path}.yaml"
     return packaged if packaged.is_file() else Path(name_or_path)
 

@@ -1,7 +1,7 @@
-"""One axis of the plant as its drive's firmware commands it.
+"""Servo axis of the plant as commanded by its drive's firmware.
 
-Firmware counts in increments of the motor shaft and per mille of rated torque; the arrays that the
-compiled step works on are in joint angle and torque. Here one becomes the other.
+Firmware counts in increments of the motor shaft and per mille of rated torque; the arrays of the
+compiled step hold joint angles and torques. This module converts between the two.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 
 class ServoAxis:
-    """One axis as its firmware sees it; see `sim_plant.machine_protocol.Axis`.
+    """Axis as seen by its firmware (see `sim_plant.machine_protocol.Axis`).
 
     Parameters
     ----------
     index : int
-        Which axis of the machine.
+        Index of the axis in the machine.
     const, state, profile : ndarray, shape (n, ...)
         See `sim_plant.physics.state`; this axis writes into its own rows.
     events : list of int
@@ -98,7 +98,7 @@ class ServoAxis:
         self._profile[st.TORQUE_OFFSET] = torque * self._const[st.TORQUE_PER_MILLE]
 
     def withhold(self, share: float) -> None:
-        """Feed forward this much less of the demand's velocity, 0 to 1."""
+        """Reduce the feed-forward of the demand's velocity by a share from 0 to 1."""
         self._profile[st.WITHHELD] = share
 
     def hold(self) -> None:
@@ -107,21 +107,21 @@ class ServoAxis:
         profile_generator.load(self._profile, self._clock(), [], None)
 
     def set_torque_limit(self, per_mille: int) -> None:
-        """Limit the torque command to this much of rated torque."""
+        """Limit the torque command [per mille of rated torque]."""
         self._state[st.TORQUE_LIMIT] = per_mille * abs(self._const[st.TORQUE_PER_MILLE])
 
     def set_following_window(self, window: float, timeout: float) -> None:
-        """Set the following error window [inc, inf = off] and the time that it may last [s]."""
+        """Set the following error window [inc, inf = off] and its maximum duration [s]."""
         self._state[st.WINDOW] = window / abs(self._scale)
         self._state[st.WINDOW_TIME] = timeout
 
     def rebase(self, shift: int) -> None:
-        """Show positions that are by `shift` [increments] greater from now on."""
+        """Shift the shown positions by `shift` [increments]."""
         self._const[st.ZERO] += shift
         self._zero = self._const[st.ZERO]
 
     def recount(self, factor: float) -> None:
-        """Count positions in another unit, so many for one now."""
+        """Change the unit of positions, to `factor` new units per old unit."""
         self._const[st.COUNTS_PER_RAD] *= factor
         self._const[st.ZERO] = round(self._const[st.ZERO] * factor)
         self._scale, self._zero = self._const[st.COUNTS_PER_RAD], self._const[st.ZERO]

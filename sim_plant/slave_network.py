@@ -1,9 +1,9 @@
-"""All drives of the plant on one bus segment: frames in, frames out, and what lets time pass.
+"""Network of the plant's drives on a bus segment: frames in, frames out, passage of time.
 
-Two clocks are possible. With ``"sync"`` time stands still between SYNCs; each SYNC advances the
-machine by the communication cycle period (1006h, the longest that any drive is set to), so a master
-that counts on its SYNC period is as fast as the processor and always gets the same answers. With
-``"wall"`` somebody calls `elapse`, and a SYNC only latches; masters that send no SYNC need it.
+There are two clocks. With ``"sync"`` time stands still between SYNCs; each SYNC advances the
+machine by the communication cycle period (1006h, the longest of all drives), so a master paced by
+SYNC runs as fast as the processor and always gets the same answers. With ``"wall"`` the caller
+advances time by `elapse`, and a SYNC only latches; masters without SYNC need this clock.
 
 Either way the machine stops at every due timer, all axes are latched at the same instant, and the
 frames of one instant leave in the order of their identifiers, as arbitration would have it.
@@ -32,7 +32,7 @@ Clock: TypeAlias = Literal["sync", "wall"]
 CLOCKS: tuple[Clock, ...] = ("sync", "wall")
 
 CYCLE_DEFAULT = 0.004
-"""SYNC period while no drive is set to one [s]."""
+"""SYNC period while no drive is set to a period [s]."""
 
 FRAME = struct.Struct("=IB3x8s")
 """``struct can_frame``: identifier, length, data."""
@@ -41,7 +41,7 @@ _by_identifier = itemgetter(1)
 
 
 CanFrame: TypeAlias = tuple[float, int, bytes]
-"""A data frame that a drive sends: instant [s], 11-bit identifier, data."""
+"""Data frame sent by a drive: instant [s], 11-bit identifier, data."""
 
 
 class FramesOfSync(Sequence[CanFrame]):
@@ -61,8 +61,8 @@ class FramesOfSync(Sequence[CanFrame]):
         self.time, self.packed = time, packed
 
     @classmethod
-    def of(cls, frames: Sequence[CanFrame]) -> FramesOfSync:
-        """Pack frames of one instant that somebody in front of `SlaveNetwork.receive` unpacked."""
+    def pack(cls, frames: Sequence[CanFrame]) -> FramesOfSync:
+        """Pack frames of one instant, unless already packed."""
         if isinstance(frames, cls):
             return frames
         packed = b"".join(FRAME.pack(number, len(data), data) for _, number, data in frames)
@@ -84,7 +84,7 @@ class FramesOfSync(Sequence[CanFrame]):
 
 
 class _Synced(NamedTuple):
-    """What a SYNC sets off: actions first, RPDOs that wait among them, then reports.
+    """Consequences of a SYNC: actions, pending RPDOs, then reports.
 
     `block` packs all reports at once; None if some show what no axis's image holds.
     """
@@ -96,7 +96,7 @@ class _Synced(NamedTuple):
 
 
 class SlaveNetwork(TimedNetwork):
-    """Drives in front of a machine.
+    """Drives of a machine on a bus.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class SlaveNetwork(TimedNetwork):
     time : float
         Time since power-on [s].
     cycle : float
-        What a SYNC lets pass of it [s].
+        Simulated time per SYNC [s].
     """
 
     def __init__(
@@ -150,7 +150,7 @@ class SlaveNetwork(TimedNetwork):
         return self._take()
 
     def receive(self, identifier: int, data: bytes) -> Sequence[CanFrame]:
-        """Take a data frame with 11-bit identifier; return what the drives send.
+        """Process a data frame with 11-bit identifier; return the frames of the drives.
 
         Returns
         -------
@@ -169,7 +169,7 @@ class SlaveNetwork(TimedNetwork):
         return self._take()
 
     def foresee(self, identifier: int, times: int) -> int:
-        """Simulate at once what several SYNCs without data set off, up to any news or timer.
+        """Simulate several SYNCs without data in advance, up to any news or timer.
 
         The next frames must be those SYNCs: `receive` returns the answers to one after the other,
         until `forget` is called.
@@ -177,7 +177,7 @@ class SlaveNetwork(TimedNetwork):
         Returns
         -------
         int
-            For how many SYNCs; 0 where the next may have other consequences than TPDOs.
+            Number of simulated SYNCs; 0 if the next may have other effects than TPDOs.
         """
         if self._stale:
             self._wire()
@@ -195,11 +195,11 @@ class SlaveNetwork(TimedNetwork):
         return len(instants)
 
     def forget(self) -> None:
-        """Drop foreseen answers that nobody has received; their time has passed."""
+        """Discard simulated answers not yet received; their time has passed."""
         self._foreseen.clear()
 
     def receive_remote(self, identifier: int) -> list[CanFrame]:
-        """Take a remote frame; return what the drives send."""
+        """Process a remote frame; return the frames of the drives."""
         if self._stale:
             self._wire()
         for answer in self._remote.get(identifier, ()):
@@ -207,7 +207,7 @@ class SlaveNetwork(TimedNetwork):
         return self._take()
 
     def elapse(self, duration: float) -> list[CanFrame]:
-        """Let time pass without SYNC [s]; return what the drives send meanwhile."""
+        """Let time pass without SYNC [s]; return the frames of the drives."""
         if self._stale:
             self._wire()
         self._advance(duration)
@@ -247,7 +247,7 @@ class SlaveNetwork(TimedNetwork):
         self._present.append((self._timers.now, identifier, data))
 
     def _settle(self) -> None:
-        """Put the frames of the present instant into arbitration order behind earlier ones."""
+        """Append the frames of the present instant in arbitration order."""
         self._past += self._take_present()
 
     def _take(self) -> list[CanFrame]:
@@ -271,7 +271,7 @@ class SlaveNetwork(TimedNetwork):
         self._stale = True
 
     def _wire(self) -> None:
-        """Ask all drives again who listens to what."""
+        """Collect the handlers of all drives by identifier."""
         self._stale = False
         routes: defaultdict[int, list[Callable[[bytes], None]]] = defaultdict(list)
         remote: defaultdict[int, list[Callable[[], None]]] = defaultdict(list)
@@ -281,15 +281,15 @@ class SlaveNetwork(TimedNetwork):
             for identifier, answer in node.remote_routes():
                 remote[identifier].append(answer)
         self._routes, self._remote = dict(routes), dict(remote)
-        self._synced = self._counted = self._on_sync(counter=False)
+        self._synced = self._counted = self._collect_synced(counter=False)
         if any(node.sync_counter.expected for node in self.nodes):
-            self._counted = self._on_sync(counter=True)
+            self._counted = self._collect_synced(counter=True)
         self._event_actions = [act for node in self.nodes for act in node.event_actions()]
         longest = max(node.dictionary.get(0x1006) for node in self.nodes)
         self.cycle = longest * 1e-6 or self._default_cycle
 
-    def _on_sync(self, *, counter: bool) -> dict[int, _Synced]:
-        """What a SYNC with or without counter sets off, by its identifier."""
+    def _collect_synced(self, *, counter: bool) -> dict[int, _Synced]:
+        """Return the consequences of a SYNC with or without counter, by identifier."""
         actions: defaultdict[int, list[Callable[[], None]]] = defaultdict(list)
         rpdos: defaultdict[int, list[Rpdo]] = defaultdict(list)
         reports: defaultdict[int, list[Report]] = defaultdict(list)

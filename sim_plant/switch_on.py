@@ -1,7 +1,7 @@
-"""The plant as it is switched on: the machine of a plant file, its drives with their personalities.
+"""Switching on a plant: the machine of a plant file, and drives with personalities.
 
-A personality changes how a drive talks and in what it counts, never the machine behind it, so the
-same seed gives the same motion and the same noise whatever the drives are like.
+A personality changes communication and units of a drive, never the machine, so that equal seeds
+give equal motion and noise for all personalities.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def load_machine(
     name_or_path: str, seed: int | None = None, personality: str | None = None
 ) -> Plant:
-    """Build a packaged plant by name or the one of a plant file.
+    """Build a packaged plant by name, or the plant of a plant file.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def _found(folder: Path, stated: str | None) -> str | None:
 
 
 def give_personality(plant: Plant, axis: int, personality: Personality) -> None:
-    """Give the drive of one axis (from 0) a personality, before the plant is switched on.
+    """Set the personality of the drive of an axis (from 0), before the plant is switched on.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def give_personality(plant: Plant, axis: int, personality: Personality) -> None:
 
 
 def _recounted(drive: DriveSettings, servo: ServoAxis) -> DriveSettings:
-    """Let a servo count positions in the unit of its drive, and the drive's limits with it."""
+    """Convert a servo and the limits of its drive to the drive's unit of position."""
     factor = float(drive.counts_per_revolution / drive.increments_per_revolution)
     servo.recount(factor)
     low, high = (round(factor * limit) for limit in drive.software_limits)

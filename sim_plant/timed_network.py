@@ -1,7 +1,7 @@
-"""Drives in front of a machine, as time passes: what a bus of whichever kind stands on.
+"""Base of both buses: drives in front of a machine, and the passage of time.
 
 The machine stops at every due timer, all axes are latched at the same instant, and each drive is
-handed what happens on its axis.
+informed of the events of its axis.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class TimedNetwork:
-    """Lets time pass for drives that a bus gives a voice.
+    """Drives of a machine with their timers, on any bus.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class TimedNetwork:
     Attributes
     ----------
     nodes : sequence of Cia402Drive
-        In joint order; the bus sets them.
+        Drives in joint order, set by the bus.
     """
 
     nodes: Sequence[Cia402Drive] = ()
@@ -45,7 +45,7 @@ class TimedNetwork:
         self._machine = machine
         self._timers = Timers()
         self._image = ProcessImage(len(machine.axes))
-        machine.on_event = self._on_event
+        machine.handle_event = self._handle_event
 
     @property
     def time(self) -> float:
@@ -64,7 +64,7 @@ class TimedNetwork:
         timers.now = end
 
     def _advance_quietly(self, times: int, duration: float) -> tuple[list[float], Integers]:
-        """Let a duration pass several times, before the next timer and before any drive has news.
+        """Let a duration pass several times, up to the next timer or news of a drive.
 
         Returns
         -------
@@ -84,16 +84,16 @@ class TimedNetwork:
         return passed, readings
 
     def _settle(self) -> None:
-        """Take note that all timers of an instant have run."""
+        """Handle the end of all timers of an instant."""
 
     def _latch(self) -> None:
         self._attend(self._image.latch(self._machine.read()))
 
     def _attend(self, news: int) -> None:
-        """Let the drives of the axes whose bit is set look at them."""
+        """Let the drives of the given axes (a bit mask) process their readings."""
         for axis, node in enumerate(self.nodes):
             if news >> axis & 1:
                 node.attend()
 
-    def _on_event(self, axis: int, events: int) -> None:
+    def _handle_event(self, axis: int, events: int) -> None:
         self.nodes[axis].handle_events(events)

@@ -216,9 +216,9 @@ def _axis(
 
 def _commanded(trajectory: Trajectory, s: Signals) -> tuple[Array, Array, Array]:
     """Motion that was commanded, at the samples' times less the drives' delay."""
-    t = s.time - s.time[int(np.argmax(s.under_way))]
+    t = s.time - s.time[int(np.argmax(s.active))]
     end = trajectory.cycles * trajectory.period
-    moving = np.flatnonzero(s.under_way)[::THINNED]
+    moving = np.flatnonzero(s.active)[::THINNED]
     apart = [
         float(np.sum((trajectory.motion(t[moving] - delay)[0] - s.q[moving]) ** 2))
         for delay in DELAYS

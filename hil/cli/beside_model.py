@@ -199,7 +199,7 @@ def _show_causes(folder: Path, model_path: Path, since: float, most: int) -> Non
 
     run = Run.open(folder)
     ended = [each.measurement.id for each in run if each.recording.time[-1] < since]
-    show_causes(model_path, run.without([*ended, *run.ids[len(ended) + most :]]))
+    show_causes(model_path, run.exclude([*ended, *run.ids[len(ended) + most :]]))
 
 
 def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, learn: float) -> int:

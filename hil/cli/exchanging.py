@@ -242,5 +242,5 @@ def _recordings_written(
                 f"{source}: is a file, and {to} holds the recordings of a run; name the folder of"
                 " the run"
             )
-        run = Run.open(source).without(without or ())
+        run = Run.open(source).exclude(without or ())
         return exported_recordings(run, to, output, urdf, lambda name: now(f"writing {name}"))

@@ -136,7 +136,7 @@ def _against_truth(
 
         refuse_unknown(method)
         run, *more = open_runs([folder, *(others or ())])
-        run = run.without(without or ())
+        run = run.exclude(without or ())
         now(f"comparing the estimate of {run.robot.name} with the truth")
         found = truth_comparison(run, truth, method or method_for(run, more)[0], more)
     show(found.summary())

@@ -68,7 +68,7 @@ def replay(
 
         refuse_unwritable(folder / command.PAGE)
         limits = simulated.limits(max_error or ())
-        run = Run.open(folder).without(without or ())
+        run = Run.open(folder).exclude(without or ())
         model = loaded(model_path, run.robot)
         found = simulated.replay(
             run,

@@ -100,7 +100,7 @@ def identify(
         path = folders[0] / model_file.NAME
         refuse_unwritable(path)
         run, *more = open_runs([*folders, *(others or ())])
-        run = run.without(without or ())
+        run = run.exclude(without or ())
         options = replace(options_of(prior, urdf, run), accuracy=accuracy / 100)
         bounds.refuse_other_links(run.robot)
         if method is None:
@@ -177,7 +177,7 @@ def report(
         from hil.runs.run import Run
 
         refuse_unwritable(folder / module.NAME)
-        run = Run.open(folder).without(without or ())
+        run = Run.open(folder).exclude(without or ())
         now(f"identifying {run.robot.name} and drawing the report")
         path = module.report(run, figures)
     _show_unusable_model(run)
@@ -197,7 +197,7 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
         from hil.runs.run import Run
 
         refuse_unwritable(folder / command.NAME)
-        run = Run.open(folder).without(without or ())
+        run = Run.open(folder).exclude(without or ())
         now(f"testing what the robot file of {run.robot.name} leaves out")
         diagnosis = command.diagnose(run)
         now("drawing")

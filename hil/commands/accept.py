@@ -203,9 +203,9 @@ def _checks(run: Run, model: Model, limits: Limits) -> Iterator[Check]:
     yield _check("identification", "", word, least=limits.outcome)
     timing = SyncTiming()  # of the recordings: a session that was killed keeps no count for sure
     for measured in run:
-        timing = timing.with_recording(measured.recording)
+        timing = timing.add_recording(measured.recording)
     flagged = timing.flagged / max(1, timing.samples)
-    kept = sum(bool(each.findings) for each in run.without(model.provenance.without))
+    kept = sum(bool(each.findings) for each in run.exclude(model.provenance.without))
     yield _check("measurements missing", "", len(run.missing), limits.missing)
     yield _check("measurements left out", "", len(model.provenance.without), limits.missing)
     yield _check("recordings with findings", "", kept, limits.with_findings)

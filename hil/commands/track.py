@@ -157,7 +157,7 @@ def following_error(
     t = path_time(recording, delay)
     q, qd, _ = trajectory.motion(trajectory.within(t))
     error = q - recording.q
-    shown = recording.under_way & np.isfinite(error).all(axis=1) & ~recording.slowed_groups
+    shown = recording.active & np.isfinite(error).all(axis=1) & ~recording.slowed_groups
     return t[shown], error[shown], qd[shown]
 
 

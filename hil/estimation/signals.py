@@ -36,7 +36,7 @@ from hil.errors import NotEnoughData
 from hil.friction.equation import base_rows, moving, term_columns, usable
 from hil.least_squares.differences import FIRST, SECOND
 from hil.least_squares.window import correlated, half_window, smooth, widened
-from hil.runs.recording import under_way
+from hil.runs.recording import active_samples
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable, Sequence
@@ -100,9 +100,9 @@ class Signals:
     kept: dict[Hashable, tuple[tuple[Any, ...], object]] = field(default_factory=dict, repr=False)
 
     @property
-    def under_way(self) -> Mask:
+    def active(self) -> Mask:
         """Samples of a stroke or a group, shape (n,)."""
-        return under_way(self.stroke, self.group)
+        return active_samples(self.stroke, self.group)
 
     @property
     def link(self) -> tuple[Array, Array, Array]:

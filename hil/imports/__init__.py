@@ -1,7 +1,7 @@
-"""Recordings that somebody else made, turned into run folders: whatever file they come in.
+"""Import of foreign recordings, in any file format, into run folders.
 
-A map (`map_file`) states which column is what; readers give columns of numbers (`readers`,
-`tables`), `to_si` turns them into SI on the joint side, `stamps` and `instants` into even
-samples, `segments` into motions without a gap, and `plausibility` finds what contradicts itself
-before anything is estimated. `importing` is the whole.
+A map (`map_file`) states the meaning of columns; readers give columns of numbers (`readers`,
+`tables`), `to_si` converts to SI on the joint side, `stamps` and `instants` find even samples,
+`segments` finds motions without a gap, and `plausibility` finds contradictions before the
+estimation. `importing` combines all steps.
 """

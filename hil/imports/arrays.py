@@ -1,4 +1,4 @@
-"""Arrays that somebody recorded, as a run in memory: imported like the columns of a file."""
+"""Import of recorded arrays as a run in memory, with the same checks as a file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from checked_files.yaml_file import FileError, place, problems
 from hil.errors import InvalidArray, InvalidValue
 from hil.imports.map_file import MapFile, RecordingMap
-from hil.imports.one_map import measured_motions, understood
+from hil.imports.one_map import interpret, measured_motions
 from hil.imports.samples import Samples
 from hil.imports.statement import Statement
 from hil.planning.free_motion import FreeMotion
@@ -41,11 +41,11 @@ _OF_MAPS = {
     "are unit, per_unit and position_side right?": "are they in SI, on the joint side?",
     "are unit, gain and torque_side right?": "are they in SI, on the joint side?",
 }
-"""Words that messages have for maps, and those for arrays."""
+"""Words of messages about maps, and their replacements for arrays."""
 
 
 class _Arrays(MapFile):
-    """The map that a file with these columns would have; messages name arguments."""
+    """Map of a file with the columns of the arrays; messages name arguments."""
 
     accepting = "pass accept=['{}']"
 
@@ -63,13 +63,13 @@ class _Arrays(MapFile):
         return place(location)
 
     def worded(self, message: str) -> str:
-        """Return a message in the words of arrays."""
+        """Return a message with the words for arrays."""
         for word, other in _OF_MAPS.items():
             message = message.replace(word, other)
         return message
 
     def wrong(self, location: tuple[str | int, ...], message: str) -> FileError:
-        """Return the error that something in the arrays is wrong."""
+        """Return the error for a part of the arrays."""
         return FileError(f"{self.named(location)}: {self.worded(message)}")
 
 
@@ -83,7 +83,7 @@ def run_from_arrays(
     cut_off: float | None,
     accept: Sequence[str],
 ) -> MemoryRun:
-    """Make a run of arrays, in memory; see `hil.Run.from_arrays`."""
+    """Make a run of arrays, in memory; see `hil.Run.import_arrays`."""
     recordings = _recordings(robot, t, q, tau, qd)
     the_map = _map(robot, qd is not None, alone, cut_off, accept)
     measured: dict[str, Measured] = {}
@@ -92,7 +92,7 @@ def run_from_arrays(
     for number, samples in enumerate(recordings, start=1):
         stem = f"r{number}"
         try:
-            timing, numbered, found, _ = understood(the_map, robot, samples)
+            timing, numbered, found, _ = interpret(the_map, robot, samples)
         except FileError as error:
             lines = [f"recording {number}: {line}" for line in str(error).splitlines()]
             raise InvalidArray("\n".join(lines)) from error
@@ -116,7 +116,7 @@ def run_from_arrays(
         started=now(), ended=now(), reason="arrays", bus="arrays", simulated=False,
         notes=tuple(notes), warnings=tuple(warnings),
     )  # fmt: skip
-    journal = Journal(plan_digest=plan.digest, robot_digest=robot.digest).with_session(session)
+    journal = Journal(plan_digest=plan.digest, robot_digest=robot.digest).add_session(session)
     return MemoryRun(Path(f"arrays-{next(_numbers)}"), plan, robot, journal, measured)
 
 
@@ -153,7 +153,7 @@ def _map(
         raise InvalidValue("\n".join(problems(error))) from error
 
 
-Run.of_arrays = staticmethod(run_from_arrays)
+Run.array_importer = staticmethod(run_from_arrays)
 
 
 def _recordings(

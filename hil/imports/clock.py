@@ -1,8 +1,9 @@
-"""What recorded velocities say of the time between samples.
+"""Sample times checked by recorded velocities.
 
-A velocity is what its position changes by in a time, so each joint whose velocity was recorded is a
-clock. Joints differ in unit and gain, never in time: a factor that all of them share is the rate's,
-and a time between two samples that the velocities of all other joints foretell is the recorder's.
+Integrals of a recorded velocity over differences of its position measure time, so each joint with a
+recorded velocity is a clock. Joints differ in unit and gain, never in time: a factor common to all
+joints belongs to the rate, and a time between two samples that is foretold by the velocities of all
+other joints belongs to the recorder.
 """
 
 from __future__ import annotations
@@ -23,19 +24,23 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 LEAST = 0.01
-"""Share of a rate from which on its error is stated: accelerations are off by twice as much, which
-is what inertias of a good identification are known to."""
+"""Minimum relative error of a rate that is stated.
+
+Accelerations are off by twice as much, the usual error of inertias in a good identification.
+"""
 CHANCE = 5.0
-"""Standard errors that no error of a rate is by chance: one in two million."""
+"""Standard errors beyond chance: one in two million."""
 FORETOLD = 0.5
-"""Share that instants by the other joints' velocities leave of the scatter of a joint's steps at
-most where the recorder is uneven; instants that say nothing leave 1 or more."""
+"""Maximum share of the scatter of a joint's steps left by the other joints' velocities.
+
+Where the recorder is uneven. Velocities without information leave 1 or more.
+"""
 
 
 def clock_suspicions(
     excerpts: Sequence[Excerpt], evidence: Evidence, robot: Robot
 ) -> Iterator[Suspicion]:
-    """A rate or a unit of time that all recorded velocities contradict; samples that are uneven."""
+    """Yield suspicions of a wrong rate or unit of time, or of uneven samples, by velocities."""
     shown = clocks(evidence)
     if not shown.any():
         return
@@ -78,7 +83,7 @@ def clock_suspicions(
 
 
 def clocks(evidence: Evidence) -> Mask:
-    """Joints whose recorded velocity follows their position, and so shows time."""
+    """Return the joints with a recorded velocity that follows the position, and so shows time."""
     product = np.sum(evidence.qd * evidence.recorded_qd, axis=0)
     size = np.linalg.norm(evidence.qd, axis=0) * np.linalg.norm(evidence.recorded_qd, axis=0)
     follows = np.nan_to_num(product) >= FITS * np.nan_to_num(size)
@@ -94,11 +99,11 @@ def common_ratio(
 
 
 def _ratios(excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask) -> tuple[Array, Array]:
-    """Recorded velocities over derivatives of the positions, and by how much they may be off.
+    """Return the ratios of recorded velocities to derivatives of the positions, and their errors.
 
-    Ways over `SPAN` are compared with integrals of the velocity over the same. Root mean squares
-    have no part of a delay; a filter of first order that delays by an angle takes its cosine off
-    the amplitude, and as much off the correlation.
+    Distances over `SPAN` are compared with integrals of the velocity. Root mean squares do not
+    depend on a delay; a first-order filter with a phase lag reduces amplitude and correlation by
+    the cosine of the lag.
     """
     sums, n = np.zeros((3, int(shown.sum()))), 0
     noise = np.zeros((2, int(shown.sum())))
@@ -127,10 +132,10 @@ def _ratios(excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask) -> tup
 
 
 def _uneven(excerpts: Sequence[Excerpt], shown: Mask, common: float) -> Array | None:
-    """Times between samples by the velocities, in periods; None where these do not agree on them.
+    """Return the times between samples by velocities, in periods; None if the joints disagree.
 
-    Each joint's steps are foretold by what the others say of the time that passed. A factor that
-    all velocities have in `common` makes no step differ from another.
+    The steps of each joint are predicted by the time from the velocities of the others. The factor
+    `common` to all velocities changes no step relative to another.
     """
     every = []
     left, whole = np.zeros(int(shown.sum())), np.zeros(int(shown.sum()))

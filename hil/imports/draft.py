@@ -1,8 +1,8 @@
-"""A first map for a file: what can be seen in it, and marks where only the user knows more.
+"""Draft of a map from a file, with marks for values known only to the user.
 
-Columns are matched to joints by their names; a unit stands in the draft only where the format
-itself has one, as joint states of ROS do. Elsewhere it is marked, and names and magnitudes give
-the guess that the mark's text states, so that nothing guessed goes unread.
+Columns are matched to joints by their names. A unit is written only where the format has one, as in
+joint states of ROS. Elsewhere the unit is marked, with a guess from names and magnitudes in the
+mark's text, so that no guess goes unread.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from hil.imports.tables import Table
 
     Named = tuple["SeenColumn", set[str], list[str]]
-    """A column, the words of its name, and the numbers among them."""
+    """Column, words of its name, and the numbers in the name."""
 
 _UNIT_IN_NAME = re.compile(
     r"[\[(]\s*([^\])\d\s][^\])]*?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I
@@ -45,13 +45,13 @@ _WORDS = {
         *("force", "i", "u", "f", "tq", "voltage", "moment"),
     },
 }
-"""What columns of a kind are called."""
+"""Words in the names of columns, by kind."""
 _OF_UNIT = {
     "position": {"rad", "deg", "turns", "turn", "rev", "m", "mm"},
     "velocity": {"rad/s", "deg/s", "turns/s", "rev/s", "rpm", "m/s", "mm/s"},
     "torque": {"nm", "n", "a", "v"},
 }
-"""What a column holds by its unit, where no word says more."""
+"""Units of columns, by kind, for names without a known word."""
 _JOINTS = {"joint", "axis", "motor", "j"}
 _TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "seconds", "ipoc"}
 _TIMES |= {"tout", "duration", "zeit"}
@@ -60,7 +60,7 @@ _NANOSECONDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nse
 _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
 _SET_POINTS |= {"action", "actions", "setpoint", "setpoints", "sp", "soll", "input", "d"}
 _OTHER = "other"
-"""Kind of columns that are no measurement of a joint."""
+"""Kind of columns without a measurement of a joint."""
 _FILLERS = {"actual", "measured", "meas", "act"}
 _UNITS = {
     "position": "rad, deg, m, mm, turns or counts",
@@ -70,18 +70,18 @@ _UNITS = {
 
 
 LOOKED_AT = 100_000
-"""Rows that are looked at, about."""
+"""Number of rows inspected, about."""
 
 
 def draft_map(path: Path, name: str) -> str:
-    """Text of a first map.
+    """Return the text of a first map.
 
     Parameters
     ----------
     path : Path
-        Of a file of a recording.
+        Path of a recording.
     name : str
-        Of the file as the map is to state it.
+        Name of the file in the map.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def _left_out_lines(left_out: Mapping[str, str]) -> Iterator[str]:
 
 
 def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
-    """The column of time, or two whose sum it is; none where none is seen."""
+    """Return the time column, or two columns to be added; none if no time is found."""
     if table.time:
         return tuple(column for column in columns if column.number - 1 in table.time)
     if pair := _stamp_in_two(columns):
@@ -141,7 +141,7 @@ def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, .
 
 
 def _stamp_in_two(columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
-    """Columns of seconds and nanoseconds whose names differ in nothing else."""
+    """Return columns of seconds and nanoseconds with otherwise equal names."""
     seconds = {}
     for column in columns:
         words = words_of(column.name)
@@ -179,7 +179,7 @@ def _time_lines(time: Sequence[SeenColumn], *, from_format: bool) -> Iterator[st
 
 
 def _segment_lines(time: Sequence[SeenColumn], looked_at: int) -> Iterator[str]:
-    """Rows of each segment, where stamps begin anew."""
+    """Yield the rows of each segment, where stamps restart."""
     if len(time) != 1 or not time[0].begins:
         return
     if looked_at >= LOOKED_AT:
@@ -192,11 +192,11 @@ def _segment_lines(time: Sequence[SeenColumn], looked_at: int) -> Iterator[str]:
 
 
 def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
-    """Columns of each joint, as far as their names say; one joint without any otherwise.
+    """Match columns to joints by names; return a joint without columns if none match.
 
-    Velocities and torques go to the position whose name has the same numbers, and the most of their
-    words. Where torques are found, positions without one are joints if they are named alike but for
-    a number that no other has. Where none are, they are the only other columns with the numbers of
+    Velocities and torques go to the position whose name has the same numbers and the most common
+    words. Where torques are found, positions without a torque are joints if their names are equal
+    except for an unused number. Otherwise torques are the only other columns with the numbers of
     all positions.
     """
     kinds: dict[str, list[Named]] = {}
@@ -231,7 +231,7 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
 
 
 def _numbered_alike(others: Sequence[Named], positions: Sequence[Named]) -> list[Named]:
-    """Columns named alike whose numbers are those of the positions, if only one name has these."""
+    """Return columns with equal names and the numbers of the positions, if the name is unique."""
     families: dict[frozenset[str], list[Named]] = {}
     for each in others:
         families.setdefault(frozenset(each[1].difference(each[2])), []).append(each)
@@ -243,7 +243,7 @@ def _numbered_alike(others: Sequence[Named], positions: Sequence[Named]) -> list
 def _not_placed(
     columns: Sequence[SeenColumn], joints: Sequence[Mapping[str, SeenColumn]]
 ) -> dict[str, str]:
-    """Columns that are of no joint, and why."""
+    """Return the columns without a joint, with the reason."""
     placed = {column.number for joint in joints for column in joint.values()}
     found: dict[str, list[str]] = {}
     for column in columns:
@@ -260,7 +260,7 @@ def _not_placed(
 
 
 def _meaning(column: SeenColumn) -> tuple[str, list[str]]:
-    """What a column holds, empty where nothing says it, and the rest of its name's words."""
+    """Return the kind of a column (empty if unknown) and the remaining words of its name."""
     words = words_of(_UNIT_IN_NAME.sub("", column.name))
     kind, word = _kind(column, words)
     kind = _OTHER if (_SET_POINTS | _TIMES).intersection(words) else kind
@@ -268,7 +268,7 @@ def _meaning(column: SeenColumn) -> tuple[str, list[str]]:
 
 
 def _kind(column: SeenColumn, words: Sequence[str]) -> tuple[str, str]:
-    """What a column holds, by a word of its name, by the unit there, or by being a mere joint's."""
+    """Return the kind of a column by a word of the name, the unit, or a plain joint name."""
     for key, known in _WORDS.items():
         for word in words:
             if word in known:
@@ -306,7 +306,7 @@ def _unit(key: str, column: SeenColumn | None, *, from_ros: bool) -> str:
 
 
 def _guess(key: str, column: SeenColumn | None) -> str:
-    """What name and magnitude suggest, in words."""
+    """Return a guess of the unit from name and magnitude, in words."""
     if column is None:
         return ""
     most = max(abs(column.low), abs(column.high))
@@ -321,9 +321,10 @@ def _guess(key: str, column: SeenColumn | None) -> str:
 
 @dataclass(frozen=True)
 class SeenColumn:
-    """A column as it looks: its number from 1, name, and the extremes of its values.
+    """Inspected column: number from 1, name, and extremes of the values.
 
-    `begins` are the rows, from 0, in which it falls, where it rises in nearly all others.
+    `begins` are the rows, from 0, with a falling value, if the column rises in nearly all other
+    rows.
     """
 
     number: int
@@ -336,12 +337,12 @@ class SeenColumn:
 
     @property
     def key(self) -> str:
-        """Name or number as a map states it."""
+        """Name or number for the map."""
         return quoted(self.name) if self.name else str(self.number)
 
 
 def look(table: Table) -> tuple[list[SeenColumn], int, dict[str, str]]:
-    """Columns of numbers, how many rows of them were read, and why the others are none."""
+    """Inspect the columns of numbers; return columns, number of rows read, and left-out columns."""
     every, empty = list(range(len(table.names))), {}
     try:
         values = _first_rows(table, every)
@@ -367,7 +368,7 @@ def look(table: Table) -> tuple[list[SeenColumn], int, dict[str, str]]:
 
 
 def _reason(error: FileError, path: Path) -> str:
-    """What is wrong with a column, without the file, its line and the remedy for a map."""
+    """Return the fault of a column without file, line and remedy for a map."""
     return re.sub(r"^:(\d+:)? ", "", str(error).removeprefix(str(path))).split(";")[0]
 
 
@@ -396,12 +397,12 @@ def _seen(index: int, name: str, values: Array) -> SeenColumn:
 
 
 def described(column: SeenColumn) -> str:
-    """What a comment says of a column."""
+    """Describe a column for a comment."""
     name = f" {one_line(column.name)}" if column.name else ""
     rising = ", rising" if column.rises else ""
     return f"{column.number}{name}: {column.low:.6g} to {column.high:.6g}{rising}"
 
 
 def words_of(name: str) -> list[str]:
-    """Words and numbers of a name, in small letters; a capital begins another word."""
+    """Split a name into lower-case words and numbers; a capital begins a word."""
     return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)]

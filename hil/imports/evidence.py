@@ -1,7 +1,6 @@
-"""What a recording shows of itself, and what in it contradicts its map.
+"""Motion and torques in excerpts of a recording, and contradictions to the map.
 
-Plausibility is judged on excerpts, some seconds here and there; all of them together are the
-evidence.
+Plausibility is judged on excerpts of some seconds; all excerpts together are the evidence.
 """
 
 from __future__ import annotations
@@ -27,18 +26,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Suspicion:
-    """A contradiction.
+    """Contradiction between a recording and its map.
 
     Attributes
     ----------
     check : Check
-        What found it.
+        Check that found the contradiction.
     location : tuple
-        The part of the map that it is about.
+        Place in the map.
     message : str
         Value, bound and remedy in a sentence that follows the place.
     certain : bool
-        Whether it refuses the import; the others are stated.
+        True if the import is refused; other suspicions are stated.
     """
 
     check: Check
@@ -48,18 +47,19 @@ class Suspicion:
 
 
 HALF_WIDTH = 0.02
-"""Of the samples that a fit takes, on either side [s]."""
+"""Half width of the window of a local fit [s]."""
 _MARGIN = 3
-"""Samples that are read beyond a grid: two for the slopes of its cubics, and one for rounding."""
+"""Samples read beyond a grid: two for the slopes of its cubics, and one for rounding."""
 _SAME = 1e-3
-"""Distance from a grid, in periods, that counts as none: a tenth of `instants.EVEN`."""
+"""Distance from a grid counted as zero, in periods: a tenth of `instants.EVEN`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Excerpt:
     """Even samples of a part of a recording: arrays (n, n_joints), SI, joint side.
 
-    Motion is fitted at some `points`; the first sample is `begin` after the recording's [s].
+    Motion is fitted at `points` samples; `begin` is the time of the first sample in the recording
+    [s].
     """
 
     period: float
@@ -76,28 +76,28 @@ class Excerpt:
 
 
 def even_samples(samples: Samples, piece: Piece) -> tuple[Array, Array, Array]:
-    """Positions, torques and velocities of a piece on its even grid, each (n, n_joints)."""
+    """Return positions, torques and velocities of a piece on an even grid, (n, n_joints) each."""
     instants, grid, rows = piece.stretch.instants, piece.grid, piece.stretch.rows
     begin = max(0, int(np.searchsorted(instants, grid[0])) - _MARGIN)
     end = int(np.searchsorted(instants, grid[-1])) + _MARGIN
     instants, rows = instants[begin:end], rows[begin:end]
-    values = _on_grid(instants, samples.read(rows), grid, piece.stretch.period)
+    values = _resample(instants, samples.read(rows), grid, piece.stretch.period)
     n = samples.n_joints
     return values[:, :n], values[:, n : 2 * n], values[:, 2 * n :]
 
 
-def _on_grid(instants: Array, values: Array, grid: Array, period: float) -> Array:
-    """Values on a grid; as they are where all of it was sampled."""
+def _resample(instants: Array, values: Array, grid: Array, period: float) -> Array:
+    """Resample values on a grid; recorded values on the grid are returned unchanged."""
     nearest = np.searchsorted(instants, grid - period / 2).clip(max=len(instants) - 1)
     if np.all(np.abs(instants[nearest] - grid) < _SAME * period):
         first, last = int(nearest[0]), int(nearest[-1]) + 1
-        # a slice where rows follow each other, which needs no copy
+        # consecutive rows are a slice, without a copy
         return np.asarray(values[first:last] if last - first == len(grid) else values[nearest])
     return resampled(instants, values, grid)
 
 
 def excerpts_of(samples: Samples, pieces: Sequence[Piece]) -> list[Excerpt]:
-    """Excerpts from the middle of some of the pieces, evenly chosen."""
+    """Return excerpts from the middle of evenly chosen pieces."""
     # 24 excerpts at most
     chosen = sorted({round(k) for k in np.linspace(0, len(pieces) - 1, min(24, len(pieces)))})
     parts = [_middle(pieces[k]) for k in chosen]
@@ -105,7 +105,7 @@ def excerpts_of(samples: Samples, pieces: Sequence[Piece]) -> list[Excerpt]:
     found = []
     for part in parts:
         q, tau, qd = even_samples(samples, part)
-        # points at which motion is fitted, of all excerpts together
+        # motion is fitted at 3000 points in all excerpts
         points = max(20, round(3000 * part.duration / whole))
         begin = float(part.grid[0] - pieces[0].grid[0])
         found.append(Excerpt(part.stretch.period, q, tau, qd, points, begin))
@@ -120,11 +120,11 @@ def _middle(piece: Piece) -> Piece:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Motion and torques of all excerpts together: arrays (n, n_joints), SI, joint side.
+    """Motion and torques of all excerpts: arrays (n, n_joints), SI, joint side.
 
-    Of each joint besides, shape (n_joints,): the standard deviations that noise of positions gives
-    `qd` and `qdd`, the noise of a sample of the recorded velocity, and whether the joint moves by
-    more than the noise of its position.
+    Of shape (n_joints,): standard deviations of `qd` and `qdd` from the noise of positions, noise
+    of a sample of the recorded velocity, and whether the joint moves by more than the noise of its
+    position.
     """
 
     q: Array
@@ -139,8 +139,8 @@ class Evidence:
     duration: float
 
     @classmethod
-    def of(cls, excerpts: Sequence[Excerpt]) -> Evidence:
-        """Join what the excerpts show."""
+    def join(cls, excerpts: Sequence[Excerpt]) -> Evidence:
+        """Join the samples of excerpts."""
         _, samples, noises = zip(*map(fitted, excerpts), strict=True)
         noise_qd, noise_qdd = np.max(noises, axis=0)
         moves = moving([excerpt.extent for excerpt in excerpts])
@@ -152,12 +152,12 @@ class Evidence:
 
 
 def half_width(period: float) -> int:
-    """Return how many samples a fit takes on either side."""
+    """Return the number of samples on either side of a local fit."""
     return max(2, round(HALF_WIDTH / period))
 
 
 def fitted(excerpt: Excerpt) -> tuple[Integers, tuple[Array, ...], Array]:
-    """Fit parabolas through the positions about some samples, and average all else there.
+    """Fit parabolas through the positions around some samples, and average torques and velocities.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What was understood of a recording, joint by joint, and the figures of all checks."""
+"""Interpretation of a recording by joint, and the figures of all checks."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 def explanation(
     the_map: MapFile, robot: Robot, excerpts: Sequence[Excerpt], evidence: Evidence
 ) -> tuple[str, ...]:
-    """Return a line for each joint as it was understood, then one for each check."""
+    """Return lines with the interpretation of the joints, then lines for the checks."""
     joints = (_joint(the_map, robot, evidence, joint) for joint in range(robot.n_joints))
     return (*joints, *_checks(robot, excerpts, evidence))
 
 
 def _joint(the_map: MapFile, robot: Robot, evidence: Evidence, joint: int) -> str:
-    """Columns, units and signs of a joint, and what it does."""
+    """Describe columns, units, signs and motion of a joint."""
     mapped, unit = the_map.content.joints[joint], robot.position_unit(joint)
     parts = []
     for key in ("position", "velocity", "torque"):

@@ -1,10 +1,10 @@
-"""Held samples: values published several times each.
+"""Held samples: values published several times.
 
-Between two measurements a held value repeats exactly, and its stamps go on. A coarse column repeats
-its value by chance as well: about once in as many rows as a usual step has increments. A held one
-repeats oftener than that while it is under way. Where all positions are held alike, the rows in
-which they change are samples, and all others repeat one; a column that is held beside others is the
-subject of `hil.imports.plausibility`.
+Between two measurements a held value repeats exactly while its stamps advance. A coarse column
+repeats its value by chance as well: about once in as many rows as a usual step has increments. A
+held column repeats more often than that while the joint moves. Where all positions are held alike,
+the rows with a change are samples and all others repetitions; a single held column is detected in
+`hil.imports.plausibility`.
 """
 
 from __future__ import annotations
@@ -23,21 +23,25 @@ if TYPE_CHECKING:
     from hil.imports.samples import Samples
 
 EXCERPT = 20_000
-"""Rows that are looked at: shares are known to 1 %."""
+"""Rows inspected: shares are known to 1 %."""
 OFTENER = 5.0
-"""Times that a column repeats oftener than by chance where it is held: three rows more than the one
-in which noise may bring the same value again, and one to spare."""
+"""Ratio of repetitions to those by chance for held values.
+
+Three rows more than the one in which noise may bring the same value again, and one to spare.
+"""
 SHARE = 0.2
-"""Share of rows from which on values count as held: fewer delay a column by a tenth of a sample on
-average."""
+"""Minimum share of repeating rows for held values.
+
+Fewer delay a column by a tenth of a sample on average.
+"""
 _HELD = 0.9
-"""Share of the steps that stand alone where values are held; a recorder is late now and then."""
+"""Minimum share of isolated steps for held values; a recorder is sometimes late."""
 _ABOUT = np.ones(9)
-"""Rows over which a held position has changed."""
+"""Window in rows for the motion of a held position."""
 
 
 def held_of(samples: Samples, parts: Sequence[Integers]) -> int:
-    """Return over how many rows positions are held; 1 where they are not."""
+    """Return the number of rows over which positions are held; 1 if none are held."""
     longest = max(parts, key=len)
     middle = longest[max(0, len(longest) // 2 - EXCERPT // 2) :][:EXCERPT]
     positions = np.asarray(samples.values[middle])[:, : samples.n_joints]
@@ -47,7 +51,7 @@ def held_of(samples: Samples, parts: Sequence[Integers]) -> int:
 
 
 def rows_held(x: Array) -> int:
-    """Count the rows over which a position holds its values; 1 where nothing is held.
+    """Return the number of rows over which a position is held; 1 without holding.
 
     Parameters
     ----------
@@ -59,17 +63,17 @@ def rows_held(x: Array) -> int:
     few = len(x) <= len(_ABOUT) or not alone.any()
     if few or np.count_nonzero(alone) < _HELD * np.count_nonzero(steps[1:-1]):
         return 1
-    held = repeats([x], under_way([x]))
+    held = repeats([x], fast_steps([x]))
     return round(float(np.median(np.diff(np.flatnonzero(steps))))) if held else 1
 
 
-def under_way(positions: Sequence[Array]) -> Mask:
-    """Return the steps of a joint that is faster than in half of the steps in which it moves.
+def fast_steps(positions: Sequence[Array]) -> Mask:
+    """Return a mask of steps with a speed above the median of all moving steps of a joint.
 
     Parameters
     ----------
     positions : sequence of array (n,)
-        Of excerpts; the steps of all of them follow each other.
+        Positions in successive excerpts.
     """
     ways = np.abs(np.concatenate([np.convolve(np.diff(q), _ABOUT, "same") for q in positions]))
     moves = ways > 0
@@ -77,14 +81,14 @@ def under_way(positions: Sequence[Array]) -> Mask:
 
 
 def repeats(columns: Sequence[Array], moving: Mask) -> float:
-    """Return the share of steps without a change while the joint is under way; 0 for chance.
+    """Return the share of repetitions in fast motion of a joint; 0 if compatible with chance.
 
     Parameters
     ----------
     columns : sequence of array (n,)
-        Of excerpts: a column of a joint.
+        Column of a joint in successive excerpts.
     moving : ndarray of bool
-        `under_way` of the joint.
+        `fast_steps` of the joint.
     """
     steps = np.abs(np.concatenate([np.diff(x) for x in columns]))[moving]
     changes = steps[steps > 0]
@@ -98,8 +102,8 @@ def repeats(columns: Sequence[Array], moving: Mask) -> float:
 def measured(samples: Samples, rows: Integers, held: int) -> Integers:
     """Return the rows of new measurements, each held over `held` rows.
 
-    Positions change in them, or would by their number if they moved: what stands still for long is
-    measured as often as what moves.
+    Positions change in these rows, or would change by their number: a joint at rest is measured as
+    often as a moving one.
     """
     changes = np.concatenate([*_changes(samples, rows)])
     starts = np.flatnonzero(changes)

@@ -1,4 +1,4 @@
-"""Maps and the recordings that they name, into a run folder: all of it, or nothing."""
+"""Import of maps and recordings into a run folder, completely or not at all."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from hil.imports.statement import Statement
 
 MAPS = "maps"
-"""Folder of a run folder, with the maps verbatim."""
+"""Subfolder of a run with the unchanged maps."""
 _UNKNOWN_DRIVE = dict.fromkeys(("gear_ratio", "rotor_inertia", "torque_constant"), UNKNOWN)
 
 
@@ -44,14 +44,14 @@ def import_recordings(
     execute: Execute[OneMap, Statement] | None = None,
     files: Sequence[Path | str] = (),
 ) -> Run:
-    """Make a run folder of recordings, the same whether maps are imported at once or in turn.
+    """Make a run folder of recordings, with equal results for serial and parallel import.
 
     Parameters
     ----------
     maps : sequence of paths
-        Of maps, all of one robot.
+        Map files of a single robot.
     output : path
-        Of the folder, which must not be there.
+        Run folder to be made.
     state : callable
         Takes what was found of each map's recording.
     progress : callable
@@ -85,9 +85,9 @@ def import_recordings(
             for number, (the_map, stem) in enumerate(zip(loaded, stems, strict=True))
         ]
         if execute is None:
-            statements = list(_in_turn(jobs, state, progress))
+            statements = list(_import_serially(jobs, state, progress))
         else:
-            statements = _at_once(jobs, state, execute)
+            statements = _import_parallel(jobs, state, execute)
         _write_about(folder, jobs, statements, started)
     return Run.open(output)
 
@@ -101,7 +101,7 @@ def _loaded(path: Path | str, files: Sequence[Path | str]) -> MapFile:
     return load_map(path, files)
 
 
-def _in_turn(
+def _import_serially(
     jobs: Sequence[OneMap],
     state: Callable[[Statement], None],
     progress: Callable[[Path, int], None],
@@ -115,14 +115,14 @@ def _in_turn(
         yield statement
 
 
-def _at_once(
+def _import_parallel(
     jobs: Sequence[OneMap],
     state: Callable[[Statement], None],
     execute: Execute[OneMap, Statement],
 ) -> list[Statement]:
-    """Statements in the order of the jobs, whichever is done first.
+    """Import in parallel; return the statements in the order of the jobs.
 
-    All jobs are waited for, so that none writes any more once this fails.
+    All jobs are awaited, so that none writes after a failure.
     """
     done: dict[int, Statement] = {}
     failed: dict[int, FileError] = {}
@@ -145,7 +145,7 @@ def _at_once(
 
 
 def _named(job: OneMap, error: FileError) -> FileError:
-    """The same error, which names the map."""
+    """Return an error that names the map."""
     path = str(job.the_map.path)
     return error if str(error).startswith(path) else FileError(f"{path}: {error}")
 
@@ -153,7 +153,7 @@ def _named(job: OneMap, error: FileError) -> FileError:
 def _write_about(
     folder: Path, jobs: Sequence[OneMap], statements: Sequence[Statement], started: str
 ) -> None:
-    """Write all but the recordings; `run.json` comes last, as in every run."""
+    """Write all files except the recordings; `run.json` comes last, as in every run."""
     maps, robot = [job.the_map for job in jobs], jobs[0].robot
     digest = hashlib.sha256("".join(the_map.text for the_map in maps).encode()).hexdigest()
     content = RecordedMotions(
@@ -175,7 +175,7 @@ def _write_about(
         warnings=tuple(each for statement in statements for each in statement.warnings),
     )
     journal = Journal(plan_digest=content.digest, robot_digest=robot.digest)
-    write_journal(folder / "run.json", journal.with_session(session))
+    write_journal(folder / "run.json", journal.add_session(session))
 
 
 def _refuse_differing(maps: Sequence[MapFile], robots: Sequence[Robot]) -> None:
@@ -195,7 +195,7 @@ def _refuse_differing(maps: Sequence[MapFile], robots: Sequence[Robot]) -> None:
 
 
 def _stems(maps: Sequence[MapFile]) -> list[str]:
-    """Begins of the ids of each map's motions: its file's name, and its number where shared."""
+    """Return the prefixes of the motions' ids: file names of the maps, numbered where equal."""
     plain = [re.sub(r"[^A-Za-z0-9_.-]+", "-", m.path.stem).strip("-._")[:40] for m in maps]
     stems: list[str] = []
     for number, name in enumerate(plain, start=1):
@@ -218,7 +218,7 @@ def robot_of(the_map: MapFile) -> Robot:
     name = str(stated.name)
     is_file = Path(name).suffix or len(Path(name).parts) > 1
     known = stated.urdf is None and (name in available_robots() or not is_file)
-    path = None if known else the_map.beside(stated.urdf or name, ("robot",))
+    path = None if known else the_map.resolve(stated.urdf or name, ("robot",))
     try:
         if path is None or stated.urdf is None:
             robot = Robot.load(path or name)
@@ -226,15 +226,15 @@ def robot_of(the_map: MapFile) -> Robot:
             robot = robot_from_urdf(path, stated.base, stated.tip, stated.gravity)
     except (FileError, UnknownName) as error:
         raise the_map.wrong(("robot",), str(error)) from error
-    return _with_uncertainties(the_map, robot)
+    return _add_uncertainties(the_map, robot)
 
 
-def _with_uncertainties(the_map: MapFile, robot: Robot) -> Robot:
-    """Carry each stated uncertainty of a gain as that of the joint's torque constant.
+def _add_uncertainties(the_map: MapFile, robot: Robot) -> Robot:
+    """Convert stated uncertainties of gains to uncertainties of torque constants.
 
-    Both scale all torques of the joint, and estimates know the latter.
+    Both scale all torques of the joint, and only the latter is known to estimates.
     """
-    relative = [j.torque.gain_uncertainty / j.torque.worth for j in the_map.content.joints]
+    relative = [j.torque.gain_uncertainty / j.torque.gain_value for j in the_map.content.joints]
     if not any(relative) or len(relative) != robot.n_joints:
         return robot
     content = robot.file.model_dump(mode="json", exclude_none=True)

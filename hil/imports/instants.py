@@ -1,9 +1,9 @@
-"""When samples were taken: at their stamps, or evenly.
+"""Sampling instants: from time stamps, or evenly spaced.
 
-Instants are the stamps themselves, or even ones by counting the samples: whichever makes the
-positions smoother. A recorder that polls is late at sampling, and its stamps are right; one that
-stamps what arrives is late at stamping, and the count is right. Where more than a twentieth of the
-rows bear the stamp of another one, the clock is coarse, and the count is right as well.
+Instants are the stamps, or even instants from counting samples: the choice with smoother positions
+is taken. A polling recorder is late at sampling, and its stamps are right; a recorder that stamps
+on arrival is late at stamping, and the count is right. With equal stamps in more than a twentieth
+of the rows the clock is coarse, and the count is right as well.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 
 EVEN = 0.01
-"""Deviation from the period that counts as none, as share of it."""
+"""Maximum deviation of even samples from the period, as a share."""
 SAME_STAMP = 1e-6
-"""Time between rows up to which their stamps count as the same, in periods."""
+"""Maximum time between rows with equal stamps, in periods."""
 WINDOW = 50
-"""Samples over which periods are averaged, and among which the least late one is looked for."""
+"""Samples over which periods are averaged and the least delayed sample is found."""
 
 Instants = Literal["even", "counted", "stamped"]
 
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """A part of a recording without a gap.
+    """Part of a recording without a gap.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Stretch:
     instants : array (n,)
         When they were sampled, rising [s].
     period : float
-        Of an even grid for them [s].
+        Period of an even grid [s].
     """
 
     rows: Integers
@@ -50,20 +50,20 @@ class Stretch:
 
     @property
     def duration(self) -> float:
-        """From the first to the last sample [s]."""
+        """Duration from the first to the last sample [s]."""
         return float(self.instants[-1] - self.instants[0])
 
     @property
     def bridged(self) -> int:
-        """Samples of the grid beyond those that were recorded."""
+        """Number of interpolated samples on the grid."""
         return max(0, round(self.duration / self.period) + 1 - len(self.rows))
 
 
 def lost(time: Array, at: Integers, period: float) -> Array:
-    """Time that is missing after each of some samples: later ones do not make up for it [s].
+    """Return the time missing after some samples, not compensated by later samples [s].
 
-    Stamps may be late, never early: the least late ones before and after state the time that passed
-    for the samples in between.
+    Stamps may be late, never early: the least late stamps before and after give the time that
+    passed for the samples in between.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def lost(time: Array, at: Integers, period: float) -> Array:
 
 
 def instants_of(samples: Samples, parts: list[Integers], period: float) -> Instants:
-    """Whether instants are even anyway, or better counted than taken from the stamps."""
+    """Return the kind of instants: even already, or the smoother of counted and stamped."""
     steps = [np.diff(samples.time[rows]) for rows in parts]
     if all(np.all(np.abs(s - period) < EVEN * period) for s in steps):
         return "even"
@@ -112,7 +112,7 @@ def _some_of(parts: list[Integers]) -> Iterator[Integers]:
 
 
 def roughness(q: Array, h: Array, period: float) -> Array:
-    """Sums of squared second differences: of evenly counted samples, and by their stamps."""
+    """Return sums of squared second differences: of samples counted evenly, and by stamps."""
     counted = np.diff(q, n=2, axis=0)
     step = np.maximum(h, 1e-3 * period)[:, None]
     slope = np.diff(q, axis=0) / step
@@ -121,7 +121,7 @@ def roughness(q: Array, h: Array, period: float) -> Array:
 
 
 def distinct(time: Array, rows: Integers, period: float) -> Integers:
-    """Rows without those that bear the stamp of the row before."""
+    """Return the rows without repetitions of the previous stamp."""
     apart = np.diff(time[rows]) > SAME_STAMP * period
     return np.asarray(rows[np.concatenate([[True], apart])])
 
@@ -129,7 +129,7 @@ def distinct(time: Array, rows: Integers, period: float) -> Integers:
 def stretch_of(
     time: Array, rows: Integers, period: float, instants: Instants, *, trusted: bool = False
 ) -> Stretch:
-    """Find the instants of rows without a gap between them."""
+    """Find the instants of rows without a gap."""
     if instants == "stamped":
         return Stretch(rows, time, period)
     slots = _slots(time, period)
@@ -142,7 +142,7 @@ def stretch_of(
 
 
 def _line(slots: Integers, time: Array, period: float) -> tuple[float, float]:
-    """Slope and begin of even instants, by the least late stamps here and there [s]."""
+    """Fit slope and start of even instants to the least late stamps [s]."""
     if len(slots) < 3 * WINDOW:
         return float((time[-1] - time[0]) / slots[-1]), float(time[0])
     late = time - period * slots
@@ -154,9 +154,9 @@ def _line(slots: Integers, time: Array, period: float) -> tuple[float, float]:
 
 
 def _slots(time: Array, period: float) -> Integers:
-    """Number of each sample in an even count that goes on where samples are missing.
+    """Return the numbers of the samples in an even count, including missing samples.
 
-    What is lost within a tick of a coarse clock cannot be seen.
+    Losses within a tick of a coarse clock cannot be detected.
     """
     steps, passed = np.ones(len(time) - 1, dtype=np.int64), np.diff(time)
     tick = float(np.median(passed[passed > SAME_STAMP * period]))
@@ -168,11 +168,11 @@ def _slots(time: Array, period: float) -> Integers:
 
 
 def resampled(instants: Array, values: Array, grid: Array) -> Array:
-    """Values at the instants of a grid.
+    """Interpolate values at the instants of a grid.
 
-    Between two samples a cubic takes the values and slopes at both; the slope at a sample is that
-    of the parabola through it and its neighbours. So parabolas come through unchanged, samples on
-    the grid stay as they are, and nothing depends on samples further away than two.
+    Cubics between samples take values and slopes from both sides; the slope at a sample is that of
+    the parabola through three neighbouring samples. So parabolas are reproduced, samples on the
+    grid are unchanged, and the influence of a sample ends at the second neighbour.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""What a map may say: which column of which file is what, and in which unit.
+"""Map file: columns, units and files of a recording.
 
-Every message about a recording that its map causes stands at a line of the map (`MapFile.wrong`).
+Messages about a recording caused by its map state the line of the map (`MapFile.wrong`).
 """
 
 from __future__ import annotations
@@ -20,14 +20,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 Check = Literal["range", "velocity", "friction", "shape", "still", "spikes"]
-"""Checks of plausibility whose refusal a map may overrule; nothing is checked as `friction` any
-more."""
+"""Checks of plausibility whose refusal a map may overrule; `friction` is no longer used."""
 _MOST_PER_COUNT = 1.001 * math.tau
-"""Greatest worth of a count [rad or m]: a turn of a direct drive, in the three digits of 6.28."""
+"""Maximum size of a count [rad or m]: a turn of a direct drive, in the three digits of 6.28."""
 
 
 class ColumnName(FileModel):
-    """A column by its number, from 1, or its name; of `file` where that is not one of `files`."""
+    """Column by number, from 1, or name; `file` names a file outside of `files`."""
 
     file: str | None = None
     column: int | str
@@ -50,7 +49,7 @@ Column = Annotated[ColumnName, BeforeValidator(_column)]
 
 
 class _Moved(FileModel):
-    """A column of what a joint does; a count is worth `per_unit` [rad or m]."""
+    """Column of a joint's motion; a count is `per_unit` [rad or m]."""
 
     column: Column
     unit: str
@@ -100,7 +99,7 @@ def _gain(value: object) -> object:
 class Torque(FileModel):
     """Torques or forces of a joint: ``sign`` times ``gain`` times the column [N m or N].
 
-    An unknown gain is identified with the parameters; until then its torques are in the column's
+    An unknown gain is identified together with the parameters; before, torques are in the column's
     unit.
     """
 
@@ -121,31 +120,31 @@ class Torque(FileModel):
                 f"gain_uncertainty {self.gain_uncertainty:g} belongs to a gain that is stated;"
                 " remove it where the gain is unknown"
             )
-        if not self.gain_uncertainty < 0.5 * self.worth:
+        if not self.gain_uncertainty < 0.5 * self.gain_value:
             raise ValueError(
                 f"gain_uncertainty {self.gain_uncertainty:g} must be below half the gain of"
-                f" {self.worth:g}; it is one standard deviation, in the gain's unit"
+                f" {self.gain_value:g}; it is one standard deviation, in the gain's unit"
             )
         return self
 
     @property
     def unknown(self) -> bool:
-        """Whether the gain is to be identified."""
+        """True if the gain is to be identified."""
         return self.gain == UNKNOWN
 
     @property
-    def worth(self) -> float:
-        """The gain; 1 where it is unknown, or not needed."""
+    def gain_value(self) -> float:
+        """Gain; 1 if unknown or not needed."""
         return self.gain if isinstance(self.gain, float) else 1.0
 
     @property
     def factor(self) -> float:
-        """SI units for one unit of the column [N m or N]."""
-        return self.sign * self.worth
+        """SI units per unit of the column [N m or N]."""
+        return self.sign * self.gain_value
 
 
 class MappedJoint(FileModel):
-    """Columns of one joint."""
+    """Columns of a joint."""
 
     position: Position
     velocity: Velocity | None = None
@@ -153,18 +152,18 @@ class MappedJoint(FileModel):
 
 
 class Format(FileModel):
-    """How a file is laid out, where that cannot be seen in it.
+    """Layout of a file, where it cannot be detected.
 
     Attributes
     ----------
     header : bool, optional
-        Whether a text file names its columns.
+        True if a text file names its columns.
     delimiter, decimal, comment : str, optional
-        Of a text file; a delimiter of one space stands for any number of blanks.
+        Characters of a text file; a single space as delimiter means any number of blanks.
     skip : int
         Lines of a text file before its header, or before its numbers.
     topic : str, optional
-        Of the joint states in a file of messages.
+        Topic of the joint states in a file of messages.
     """
 
     header: bool | None = None
@@ -176,14 +175,14 @@ class Format(FileModel):
 
 
 class TimeColumn(FileModel):
-    """A column of time stamps, or of one part of them."""
+    """Column of time stamps, or of a part of the stamps."""
 
     column: Column
     unit: TimeUnit = "s"
 
 
 class Time(FileModel):
-    """Time stamps as a column, or as the sum of two, or an even rate [Hz] where there are none."""
+    """Time stamps as a column or the sum of two columns, or an even rate [Hz] without stamps."""
 
     column: Column | None = None
     unit: TimeUnit = "s"
@@ -205,7 +204,7 @@ class Time(FileModel):
 
 
 class MappedRobot(FileModel):
-    """A robot by name or file, or the chain between two links of a URDF."""
+    """Robot by name or file, or the chain between two links of a URDF."""
 
     name: str | None = None
     urdf: str | None = None
@@ -221,7 +220,7 @@ class MappedRobot(FileModel):
 
 
 def _pairs(value: object) -> object:
-    """A pair alone is a list of one."""
+    """Return a list of pairs, also for a single pair."""
     if not isinstance(value, list | tuple) or len(value) != 2:
         return value
     return value if any(isinstance(v, list | tuple) for v in value) else [value]
@@ -239,7 +238,7 @@ def _alone(value: object) -> object:
 
 
 class RecordingMap(FileModel):
-    """A map as a whole; docs/reference/recordings.md states its keys."""
+    """Map of a recording; docs/reference/recordings.md describes the keys."""
 
     robot: Annotated[
         MappedRobot, BeforeValidator(lambda v: v if isinstance(v, dict) else {"name": v})
@@ -258,7 +257,7 @@ class RecordingMap(FileModel):
 
     @field_validator("rows", "time_range")
     @classmethod
-    def _in_order(
+    def _check_order(
         cls, value: tuple[tuple[float, float], ...] | None
     ) -> tuple[tuple[float, float], ...] | None:
         for first, last in value or ():
@@ -271,7 +270,7 @@ class RecordingMap(FileModel):
 
     @field_validator("rows")
     @classmethod
-    def _from_one(cls, value: tuple[tuple[int, int], ...] | None) -> object:
+    def _check_first(cls, value: tuple[tuple[int, int], ...] | None) -> object:
         if value and value[0][0] < 1:
             raise ValueError(f"{value[0][0]} must be at least 1: rows are numbered from 1")
         return value
@@ -289,7 +288,7 @@ class RecordingMap(FileModel):
 
 @dataclass(frozen=True)
 class MapFile:
-    """A map, and the text that it was read from.
+    """Map with its text.
 
     Attributes
     ----------
@@ -305,23 +304,23 @@ class MapFile:
     content: RecordingMap
     allowed: tuple[Path, ...] = ()
     accepting: ClassVar[str] = "write accept: [{}]"
-    """How whoever wrote the map accepts what a check objects to."""
+    """Words for accepting a suspicion in the map."""
 
     def named(self, location: tuple[str | int, ...]) -> str:
         """Return the name of a place in the map."""
         return place(location)
 
     def worded(self, message: str) -> str:
-        """Return a message in the words of maps."""
+        """Return a message with the words for maps."""
         return message
 
     def wrong(self, location: tuple[str | int, ...], message: str) -> FileError:
-        """Return the error that something in the map, at this place, is wrong."""
+        """Return the error for a place in the map."""
         line = line_of(self.text, location)
         return FileError(f"{self.path}:{line}: {self.named(location)}: {self.worded(message)}")
 
-    def beside(self, name: str, at: tuple[str | int, ...]) -> Path:
-        """Return the path of a file that the map names at a place.
+    def resolve(self, name: str, at: tuple[str | int, ...]) -> Path:
+        """Return the path of a file named in the map.
 
         Raises
         ------
@@ -343,13 +342,13 @@ class MapFile:
 
     @property
     def unknown_gains(self) -> tuple[int, ...]:
-        """Joints, from 0, whose gain is to be identified."""
+        """Joints, from 0, with a gain to be identified."""
         joints = enumerate(self.content.joints)
         return tuple(number for number, joint in joints if joint.torque.unknown)
 
 
 def load_map(path: Path | str, allowed: Sequence[Path | str] = ()) -> MapFile:
-    """Read a map; `allowed` are files and folders outside of its own that it may name.
+    """Read a map; `allowed` are permitted files and folders outside of the map's folder.
 
     Raises
     ------

@@ -1,15 +1,15 @@
-"""What mechanics says against a map before anything is estimated: signs, exchanges, units.
+"""Mechanical checks of a map before the estimation: signs, exchanged columns, units.
 
-They make everything else meaningless, so they refuse the import. Excerpts of the recording are
-read otherwise, in turn (`hil.estimation.excluded.alternatives`), and all base parameters are fitted
-anew under each reading: a sign, two columns exchanged, degrees for radians, a zero off by quarters
-of a turn, gravity along another axis. The one that explains most of those that mechanics allows is
-then taken at its word, friction and all, and so are exchanges of axes whose torques do not follow
-their motion at all. It refuses the map's own where that is contradicted, since friction would drive
-an axis, some motion would have a negative energy or torques of the axes exchanged follow no motion,
-and it leaves half of the mean squares at most; or a ninth of them at most. Where most of what is
-left would be friction that drives, any reading refuses the map's own that explains as much. All
-other causes are for the estimate to state, which sees the whole recording.
+Such errors make all results meaningless, so the import is refused. Excerpts of the recording are
+read in alternative ways (`hil.estimation.excluded.alternatives`), and all base parameters are
+fitted under each reading: a sign, two columns exchanged, degrees for radians, an offset by quarters
+of a turn, gravity along another axis. The best reading that is mechanically possible is then fitted
+with friction, and so are exchanges of axes with torques unrelated to their motion. It refuses the
+map's own reading if that is contradicted (friction would drive an axis, some motion would have a
+negative energy, or the torques of the exchanged axes follow no motion) and half of the mean squares
+are left at most; or if a ninth is left at most. Where most of the residual would be driving
+friction, any reading with an equal fit refuses the map's own. All other causes are left to the
+estimate, which uses the whole recording.
 """
 
 from __future__ import annotations
@@ -57,34 +57,46 @@ PLACES = {
     "position scale": ("position", "unit"),
     "zero": ("position", "offset"),
 }
-"""Keys of a joint in the map that causes are about; others are about the whole joint."""
+"""Keys of a joint in the map, by cause; other causes concern the whole joint."""
 
 
 MAP_KEYS = {"position scale": "joints", "gravity": "robot"}
-"""Keys of the map that causes of no joint in particular are about."""
+"""Keys of the map for causes that concern no single joint."""
 NOTHING = 0.8
-"""Share of the variance of all axes' torques that is left where they are not of this motion: public
-recordings of five machines have a twentieth at most, noise in place of torques leaves 0.89."""
+"""Share of the variance of all axes' torques left for torques of another motion.
+
+Public recordings of five machines have a twentieth at most, noise in place of torques leaves 0.89.
+"""
 LAGS = (0.05, 0.1)
-"""By which torques may be late [s], beyond the lags that estimates fit by themselves: a filter, a
-stack of software, another computer's clock."""
+"""Lags of torques to try [s], beyond the lags fitted by estimates.
+
+Causes are a filter, a stack of software, or another computer's clock.
+"""
 DEGREE = np.pi / 180.0
-"""Factor of positions that are in degrees and stated as radians."""
+"""Factor of positions in degrees stated as radians."""
 SLOW = 0.004
-"""Time between the samples that are compared [s]: motion of a robot up to 20 Hz has twelve in a
-period. Faster recordings are replaced by means, alike of positions and of torques."""
+"""Time between the compared samples [s].
+
+Motion of a robot up to 20 Hz has twelve in a period. Faster recordings are replaced by means, of
+positions and torques alike.
+"""
 SPREAD = 4
-"""Excerpts that are compared besides those in which a joint moves most: of ten seconds each, of
-which the readings' rows are a small part anyway."""
+"""Excerpts compared in addition to those with the most motion of a joint.
+
+They last ten seconds each; the rows of the readings are a small part of the effort.
+"""
 ORDINARY = (4 * np.pi * DEGREE, 4 * np.pi)
-"""Ranges of a joint that make nobody doubt the unit of its position [rad]: two turns are the widest
-of robots, and what moves less would not exceed them in the other unit either."""
+"""Ranges of a joint without doubt about the unit of its position [rad].
+
+Two turns are the widest of robots, and a smaller motion would not exceed them in the other unit
+either.
+"""
 
 
 def mechanical_suspicions(
     excerpts: Sequence[Excerpt], robot: Robot, shown: Mask
 ) -> Iterator[Suspicion]:
-    """Another reading of the map that explains the torques where its own does not, if any.
+    """Yield suspicions where another reading of the map explains torques unexplained by its own.
 
     Parameters
     ----------
@@ -113,8 +125,8 @@ def mechanical_suspicions(
         return
     misread = _misread(robot, excerpts, prepared, solver, shown & (share > NOTHING))
     yield from misread or ()
-    # share of the variance of an axis's torque that is left from which on lags are looked for:
-    # twins of robots leave a third of it, and five times as much where torques are 50 ms late
+    # lags are searched from 0.3 % of residual variance on: twins of robots leave a third of that,
+    # and five times as much for torques delayed by 50 ms
     if not misread and (share > 0.003).any():
         another = list(clock_of_torques(excerpts, robot, shown))
         yield from another
@@ -129,10 +141,10 @@ def _misread(
     solver: SimultaneousFit,
     strangers: Mask,
 ) -> list[Suspicion] | None:
-    """Return a suspicion where another reading of the map explains the torques.
+    """Return suspicions if another reading of the map explains the torques.
 
-    None where no other reading came into question. Torques of `strangers`, shape (n_joints,), do
-    not follow the motion of their axes.
+    None if no other reading was tried. Torques of `strangers`, shape (n_joints,), do not follow the
+    motion of their axes.
     """
     thin = measured(robot, solver, prepared).thinned(ROWS)[0].without_own()
     stated = explained(robot, thin, Reading.stated(robot))
@@ -157,11 +169,11 @@ def _misread(
         for cause, axes, words, reading in tried
         for of_torques in [axes if "torque" in cause else ()]
     )
-    # torques that follow no motion of their axes contradict the map as what is impossible does
+    # torques unrelated to the motion of their axes contradict the map, like impossible mechanics
     contradicted = not stated.possible or (len(axes) == 2 and astray.issuperset(axes))
-    # share of the mean squares that a reading leaves at most where the map's own is possible, too:
-    # a third of the residual. On recordings of an arm that no model of it explains others leave
-    # 0.22, right ones of the maps of `benchmarks/wrong_maps.py` 0.07 at most
+    # against a possible map, a reading must leave a ninth of the mean squares, a third of the
+    # residual: on recordings of an arm without a valid model other readings leave 0.22, the right
+    # readings of the maps in `benchmarks/wrong_maps.py` 0.07 at most
     if left <= (LEAVES if contradicted else 1.0 / 9.0):
         place = ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],)
         message = (
@@ -180,7 +192,7 @@ def _misread(
 
 
 def _signed(reading: Reading, axes: Sequence[int]) -> Iterator[Reading]:
-    """A reading with either sign of each axis's torque: an exchange is of columns, not of signs."""
+    """Yield a reading with both signs of the torque of each axis: an exchange keeps no signs."""
     for signs in product((1.0, -1.0), repeat=len(axes)):
         found = reading
         for axis, sign in zip(axes, signs, strict=True):
@@ -195,10 +207,10 @@ def _left(
     solver: SimultaneousFit,
     axes: tuple[int, ...] = (),
 ) -> float:
-    """Share of the mean squares that a reading leaves if it is taken at its word.
+    """Return the share of the mean squares left by a reading after a full fit.
 
-    In the geometric mean over `axes`, if given: a reading of their torques alone leaves the
-    equations of all other axes as they are, however many these are.
+    With `axes`, the geometric mean over these: a reading of the torques of some axes does not
+    change the equations of the others.
     """
     turned = robot.changed(gravity=tuple(reading.gravity.tolist()))
     read = [_motion(number, _read(each, reading)) for number, each in enumerate(excerpts)]
@@ -207,7 +219,7 @@ def _left(
 
 
 def _read(excerpt: Excerpt, reading: Reading) -> Excerpt:
-    """The excerpt as a reading has it, but for the direction of gravity."""
+    """Return the excerpt under a reading, without the direction of gravity."""
     q = reading.sign_q * reading.scale * excerpt.q[:, reading.order] + reading.zero
     return replace(excerpt, q=q, tau=reading.sign_tau * excerpt.tau[:, reading.torques])
 
@@ -215,11 +227,11 @@ def _read(excerpt: Excerpt, reading: Reading) -> Excerpt:
 def _late(
     robot: Robot, prepared: Prepared, solver: SimultaneousFit, shown: Mask
 ) -> Iterator[Suspicion]:
-    """State torques that are late or early by more than an estimate looks for.
+    """Yield a suspicion for torques delayed or early beyond the lags fitted by estimates.
 
-    A lag that all joints share leaves less of all of them: half of the mean squares or less in the
-    median over those that are `shown`, shape (n_joints,). What it leaves of one joint may be little
-    because a few seconds of motion fit many parameters.
+    A lag common to all joints leaves half of the mean squares or less, in the median over the
+    joints `shown`, shape (n_joints,). In a single joint the gain may be small because a few seconds
+    of motion fit many parameters.
     """
     every: list[tuple[float, float]] = []
     for lag in [*LAGS, *np.negative(LAGS)] if shown.any() else ():
@@ -238,7 +250,7 @@ def _late(
 
 
 def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ...], str, Reading]]:
-    """Cause, axes from 0, words, and how recordings are to be read."""
+    """Yield cause, axes from 0, words, and reading of alternative interpretations."""
     for cause, axes, reading in discrete(robot, thin):
         yield cause, axes, CAUSES[cause].words, reading
     stated, turning = Reading.stated(robot), np.flatnonzero(robot.revolute).tolist()
@@ -266,14 +278,14 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
 
 
 def _telling(excerpts: Sequence[Excerpt]) -> list[Excerpt]:
-    """Return some excerpts from begin to end, and of each joint the one in which it moves most."""
+    """Return excerpts from start to end, and those with the most motion of a joint."""
     ranges = np.array([each.extent.high - each.extent.low for each in excerpts])
     spread = np.linspace(0, len(excerpts) - 1, min(SPREAD, len(excerpts))).round().astype(int)
     return [excerpts[k] for k in np.union1d(spread, ranges.argmax(axis=0))]
 
 
 def _thinned(excerpt: Excerpt) -> Excerpt:
-    """Return the means of as many successive samples as come in `SLOW`."""
+    """Average successive samples within `SLOW`."""
     n = max(1, round(SLOW / excerpt.period))
     q, tau, qd = (
         x[: len(x) // n * n].reshape(-1, n, x.shape[1]).mean(axis=1)

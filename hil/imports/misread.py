@@ -1,8 +1,8 @@
-"""Columns that are not what a map calls them.
+"""Columns with another meaning than stated in the map.
 
-Positions, speeds and torques beyond the ranges and limits of the robot file, or next to nothing of
-them; velocities that are not those of the positions; torques that are something else, and one thing
-twice. What mechanics alone shows, `mechanics` finds.
+Positions, speeds and torques beyond the ranges and limits of the robot file, or far below;
+velocities unrelated to the positions; torques that are another quantity; repeated columns. Errors
+visible by mechanics alone are found in `mechanics`.
 """
 
 from __future__ import annotations
@@ -28,32 +28,45 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 TOUCHES = math.ceil(-math.log2(CHANCE))
-"""Samples just beside zero, all on one side of it, that are no chance: each is on either side as
-likely."""
+"""Minimum number of samples close to zero on one side beyond chance.
+
+Each is on either side with equal probability.
+"""
 OFTEN, CLOSE = 0.95, 0.05
-"""Share of the ordinary steps from sample to sample, and share of such a step that is just beside
-zero: so close that either side of it is as likely."""
+"""Quantile of ordinary steps from sample to sample, and distance close to zero in such steps.
+
+At this distance both signs are equally likely.
+"""
 EXCEEDED, ABSURD = 1.0 + USUAL_BOUND, 10.0
-"""Shares of a limit of speed or torque from which on that is stated, as far as a torque constant is
-usually off, and refused: the geometric mean of 2, which is the peak of a rated torque that a robot
-file states, and 50 of gears or 57 of degrees."""
+"""Shares of a limit of speed or torque: stated above the first, refused above the second.
+
+The first is the usual error of a torque constant. The second is the geometric mean of 2, peak over
+rated torque, and of 50 for gears or 57 for degrees.
+"""
 FITS = 0.9
-"""Correlation from which on two velocities count as of one joint. That of a sinusoid that a drive's
-filter delays is the cosine of its angle: 36 ms at 2 Hz, as fast as robots turn to and fro."""
+"""Minimum correlation of two velocities of the same joint.
+
+A sinusoid delayed by a drive's filter has the cosine of the phase lag: 36 ms at 2 Hz, the fastest
+oscillation of robots.
+"""
 _NOISE = 1.0 - FITS
-"""Share of noise in the power of both velocities that takes their correlation below `FITS`, and
-their ratio by as much below 1."""
+"""Share of noise in the power of both velocities that reduces their correlation to `FITS`.
+
+It reduces their ratio equally.
+"""
 INDEPENDENT = 1.0 / 6.0
-"""Time after which motion of a robot up to 3 Hz has another independent sample [s]: half a
-period."""
+"""Time between independent samples of motion up to 3 Hz [s]: half a period."""
 OTHER = (2.0 / (1.0 - _NOISE)) ** 0.5
-"""Ratio of velocities that is refused: the geometric mean of what noise makes and of 2, the least
-that a wrong unit or instants of every other sample make."""
+"""Ratio of velocities that is refused.
+
+Geometric mean of the effect of noise and of 2, the least effect of a wrong unit or of every other
+sample.
+"""
 _OTHERWISE = "correct unit, offset or column, or the range in the robot file"
 
 
 def other_units(robot: Robot, joint: int) -> dict[str, float]:
-    """Factors of positions or velocities in other units, or on the motor's side, than in SI."""
+    """Return factors from SI to other units, or to the motor's side, of positions or velocities."""
     gear = float(robot.gear_ratio[joint])
     turning = {"in mm": 1e3}
     if robot.revolute[joint]:
@@ -66,7 +79,7 @@ def other_units(robot: Robot, joint: int) -> dict[str, float]:
 
 
 def misread_velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
-    """Recorded velocities against the derivatives of the positions, where noise hides neither."""
+    """Yield suspicions of recorded velocities that contradict the derivatives of the positions."""
     for joint in np.flatnonzero(compared(evidence)).tolist():
         own, other = evidence.recorded_qd[:, joint], evidence.qd[:, joint]
         at = ("joints", joint, "velocity")
@@ -92,12 +105,12 @@ def misread_velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
 
 
 def compared(evidence: Evidence) -> Mask:
-    """Joints whose recorded velocity the derivative of their position can confirm or contradict.
+    """Return joints whose recorded velocity can be checked by the derivative of the position.
 
-    The noise of either takes the correlation of the two below `FITS` where it has more than
-    `_NOISE` of the power. That of a recorded velocity counts as of a single sample, since rounding
-    and dead bands are not averaged over neighbours; a column that never changes shows no rounding
-    of its own, but is no finer than the others.
+    Noise of either reduces the correlation below `FITS` if it has more than `_NOISE` of the power.
+    The noise of a recorded velocity counts as that of a single sample, since rounding and dead
+    bands are not averaged over neighbours. A constant column shows no rounding, but is no finer
+    than the others.
     """
     recorded = np.isfinite(evidence.recorded_qd).all(axis=0)
     rounding = np.where(recorded, evidence.noise_recorded, 0.0)
@@ -110,10 +123,10 @@ def compared(evidence: Evidence) -> Mask:
 
 
 def _astray(evidence: Evidence) -> Mask:
-    """Joints whose recorded velocity is noise, for certain, where their position shows motion.
+    """Return joints whose recorded velocity is certainly noise while the position shows motion.
 
-    Of a noisy velocity the covariance with the true one is that one's power still, within its
-    standard error for as many samples as motion has independent ones: one in `INDEPENDENT`.
+    The covariance of a noisy velocity with the true one equals the power of the true one, within
+    the standard error for the number of independent samples: one in `INDEPENDENT`.
     """
     power = np.mean(evidence.qd**2, axis=0)
     shown = np.isfinite(evidence.recorded_qd).all(axis=0) & evidence.moves & ~compared(evidence)
@@ -147,7 +160,7 @@ def _correlation(a: Array, b: Array) -> float:
 
 
 def _why_scaled(scale: float, robot: Robot, joint: int) -> str:
-    """State what makes velocities this factor too great against positions."""
+    """Return the cause of a scale factor between velocities and positions, in words."""
     if scale < 0:
         return "one of the two has the wrong sign: correct sign"
     for unit, factor in other_units(robot, joint).items():
@@ -160,15 +173,15 @@ def _why_scaled(scale: float, robot: Robot, joint: int) -> str:
 def misread_torques(
     excerpts: Sequence[Excerpt], evidence: Evidence, robot: Robot
 ) -> Iterator[Suspicion]:
-    """Torques without sign, torques that are velocities, columns that hold the same."""
+    """Yield suspicions of torques without sign, velocities as torques, and repeated columns."""
     yield from _twice(excerpts, evidence)
-    yield from _without_sign(excerpts)
+    yield from _unsigned_torques(excerpts)
     for joint in np.flatnonzero(evidence.moves).tolist():
         tau, qd = evidence.tau[:, joint], evidence.qd[:, joint]
         for unit, factor in ({"in SI": 1.0} | other_units(robot, joint)).items():
-            # share of a torque by which it may differ from a velocity that it is: a parabola
-            # through 2 x `HALF_WIDTH` of positions takes (w T)^2 / 10 off a sinusoid's, which is
-            # that at 5.6 Hz. No robot has friction of just 1 N m s/rad and nothing else
+            # a velocity recorded as a torque differs by 5 % at most: a parabola through
+            # 2 x `HALF_WIDTH` of positions attenuates a sinusoid by (w T)^2 / 10, 5 % at 5.6 Hz. No
+            # robot has a torque of exactly 1 N m s/rad of viscous friction
             if np.linalg.norm(tau - factor * qd) < 0.05 * np.linalg.norm(tau):
                 yield Suspicion(
                     "still",
@@ -195,8 +208,8 @@ def _twice(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicio
                 )
 
 
-def _without_sign(excerpts: Sequence[Excerpt]) -> Iterator[Suspicion]:
-    """Torques that come to zero often and turn back each time."""
+def _unsigned_torques(excerpts: Sequence[Excerpt]) -> Iterator[Suspicion]:
+    """Yield a suspicion of torques that often reach zero and never cross it."""
     found: dict[int, int] = {}
     for joint in range(excerpts[0].tau.shape[1]):
         parts = [excerpt.tau[:, joint] for excerpt in excerpts]
@@ -214,14 +227,14 @@ def _without_sign(excerpts: Sequence[Excerpt]) -> Iterator[Suspicion]:
 
 
 def _touches(x: Array) -> int:
-    """Samples as close to zero as they would be by chance where they cross it."""
+    """Count samples as close to zero as at a zero crossing by chance."""
     return int(np.count_nonzero((x > 0) & (x < CLOSE * np.quantile(np.abs(np.diff(x)), OFTEN))))
 
 
 def small(
     evidence: Evidence, robot: Robot, key: str, most: Array, of: Array
 ) -> Iterator[Suspicion]:
-    """All joints use a small share of what they have, as in another unit or on the motor's side.
+    """Yield a suspicion if all joints use a small share of range or limit, as in another unit.
 
     Parameters
     ----------
@@ -232,8 +245,8 @@ def small(
     """
     shares = most / of
     widest = int(np.argmax(shares))
-    # share of a limit or a range that no joint exceeds where all are in another unit, or on
-    # another side: between 1/57 of degrees or 1/50 of gears and what robots are moved for
+    # in another unit, or on another side, no joint exceeds this share of a limit or a range: it is
+    # between 1/57 of degrees or 1/50 of gears and the shares of useful motions
     if np.isfinite(shares).all() and evidence.moves.any() and 0 < shares[widest] < 0.03:
         unit = (robot.position_unit if key == "position" else robot.torque_unit)(widest)
         yield Suspicion(
@@ -250,14 +263,14 @@ def small(
 def range_suspicions(
     evidence: Evidence, robot: Robot, unknown_gains: Sequence[int]
 ) -> Iterator[Suspicion]:
-    """Positions beyond the joint's range; speeds and torques beyond its limits."""
+    """Yield suspicions of positions beyond the range, and of speeds and torques beyond limits."""
     for joint in range(robot.n_joints):
         unit, q = robot.position_unit(joint), evidence.q[:, joint]
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
         excess = max(float(q.max()) - high, low - float(q.min()))
         if excess > _usual_zero(robot, joint):
-            # ranges beyond a joint's own from which on its positions are refused: an offset of a
-            # whole turn exceeds one of half a turn so far, degrees for radians 57 times
+            # refused beyond two ranges: an offset of a whole turn exceeds a range of half a turn by
+            # two, degrees for radians exceed it 57 times
             far = excess > 2.0 * (high - low)
             yield Suspicion(
                 "range",
@@ -289,12 +302,12 @@ def range_suspicions(
 
 
 def _usual_zero(robot: Robot, joint: int) -> float:
-    """By how much zeros are usually off [rad or m]."""
+    """Return the usual error of joint offsets [rad or m]."""
     return CAUSES["zero"].usual * (pi / 180 if robot.revolute[joint] else 1e-3)
 
 
 def _other_unit(q: Array, joint: int, robot: Robot) -> str:
-    """State in which unit, or on which side, the positions would be within the range."""
+    """Return the unit or side in which the positions are within the range, in words."""
     low, high = robot.q_min[joint], robot.q_max[joint]
     slack = _usual_zero(robot, joint)
     fitting = [

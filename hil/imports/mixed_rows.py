@@ -1,9 +1,9 @@
 """Detection of two sources in one recording: two publishers on a topic, or merged files.
 
-Each source is smooth, and both together are not. Where their rows alternate, second differences of
-every second row are small, those of all rows are twice the distance of the two. Where one comes
-less often, its rows leave those around it by far, and what comes before and after them is as near
-as if they were not there; they are near to one another, as spikes are not.
+Each source is smooth, and the mixture is not. For alternating rows the second differences of every
+second row are small, and those of all rows are twice the distance of the sources. A rarer source
+has rows far from the neighbouring rows, which are as close to one another as if the rows were
+absent; unlike spikes, these rows are close to one another.
 """
 
 from __future__ import annotations
@@ -24,18 +24,20 @@ if TYPE_CHECKING:
     from hil.imports.samples import Samples
 
 ALTERNATING = 3.0
-"""Second differences of all rows over those of every second one from which on rows alternate: of
-white noise they are 1, of all that is smoother less."""
+"""Minimum ratio of second differences, all rows over every second row, for alternating rows.
+
+White noise has 1, smoother signals less.
+"""
 RETURNED = 0.2
-"""Part of its distance from the rows around it within which these are near to each other."""
+"""Maximum distance of the rows around a row, as a part of their distance from the row."""
 FAR = 0.05
-"""Part of a joint's range that a row of another source is away, in half of the joints at least."""
+"""Minimum distance of a row of another source, as a part of the range of half of the joints."""
 OFTEN = 0.02
-"""Share of the rows from which on another source is in them: 1 in 50, as 2 Hz among 100 Hz."""
+"""Minimum share of rows of another source: 1 in 50, as 2 Hz among 100 Hz."""
 _ENOUGH = 50
-"""Rows that can be judged."""
+"""Minimum number of rows."""
 GREATEST = 1e100
-"""Value up to which squares can be added up."""
+"""Maximum value with a finite sum of squares."""
 
 
 class _Mixed(NamedTuple):

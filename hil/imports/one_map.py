@@ -1,4 +1,4 @@
-"""One map and its recording into the motions of a run folder, here or in another process."""
+"""Import of a map with its recording into a run folder, in this or another process."""
 
 from __future__ import annotations
 
@@ -43,24 +43,24 @@ if TYPE_CHECKING:
     Numbered = tuple[Piece, Numbers]
 
 SLOWEST = 0.1
-"""Longest time between samples in which a robot's motion shows [s]."""
+"""Maximum time between samples for the motion of a robot [s]."""
 
 
 @dataclass(frozen=True)
 class OneMap:
-    """What is to be done for one map; all of it can be sent to another process.
+    """Import job of a map, which can be sent to another process.
 
     Attributes
     ----------
     number : int
-        Among the maps of the run, from 0.
+        Number among the maps of the run, from 0.
     the_map : MapFile
     robot : Robot
-        Of the run.
+        Robot of the run.
     folder : Path
-        Of the run, with a folder `recordings`.
+        Folder of the run, with a folder `recordings`.
     stem : str
-        Begin of the ids of the motions.
+        Prefix of the motions' ids.
     """
 
     number: int
@@ -70,7 +70,7 @@ class OneMap:
     stem: str
 
     def anywhere(self) -> OneMap:
-        """The same, with paths that hold in whatever folder a process works."""
+        """Return a copy with absolute paths, valid in the folder of any process."""
         the_map = self.the_map
         allowed = tuple(path.absolute() for path in the_map.allowed)
         the_map = replace(the_map, path=the_map.path.absolute(), allowed=allowed)
@@ -80,7 +80,7 @@ class OneMap:
 def import_one(
     job: OneMap, progress: Callable[[Path, int], None] = lambda _, __: None
 ) -> Statement:
-    """Write the motions of one map into a run folder.
+    """Write the motions of a map into a run folder.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def import_one(
     scratch = job.folder / f"{job.stem}.samples"
     samples = read_samples(the_map, robot, scratch, progress)
     scratch.unlink()  # what is mapped stays until it is no longer used
-    timing, numbered, found, explained = understood(the_map, robot, samples)
+    timing, numbered, found, explained = interpret(the_map, robot, samples)
     recorded = tuple(joint.velocity is not None for joint in the_map.content.joints)
     measured = measured_motions(the_map, samples, numbered, job.stem)
     motions = tuple(_written(each, job.folder, job.robot) for each in measured)
@@ -108,10 +108,10 @@ def import_one(
     )
 
 
-def understood(
+def interpret(
     the_map: MapFile, robot: Robot, samples: Samples
 ) -> tuple[Timing, list[Numbered], tuple[Suspicion, ...], tuple[str, ...]]:
-    """Times, motions and doubts of a map's samples, and what was understood of each joint.
+    """Return times, motions and doubts of a map's samples, and the interpretation of its joints.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def understood(
     numbered = numbered_pieces(the_map, samples, timing)
     excerpts = excerpts_of(samples, [piece for piece, _ in numbered])
     alone = the_map.content.kind
-    evidence = Evidence.of(excerpts)
+    evidence = Evidence.join(excerpts)
     moving = None if alone is None else alone - 1
     found = suspicions(excerpts, evidence, robot, moving, the_map.unknown_gains)
     if (held := timing.counts.held) > 1:  # what shows in the rate then is of the rows that are left
@@ -142,7 +142,7 @@ def understood(
 
 
 def _refuse(the_map: MapFile, found: Sequence[Suspicion]) -> None:
-    """Refuse what contradicts itself for certain, unless the map accepts it."""
+    """Refuse certain contradictions unless accepted by the map."""
     refusing = [s for s in found if s.certain and s.check not in the_map.content.accept]
     if refusing:
         remedy = f"; if it is right as it is, {the_map.accepting}"
@@ -161,7 +161,7 @@ def _timing(the_map: MapFile, samples: Samples, segments: list[Integers]) -> Tim
 
 
 def _refuse_without_numbers(the_map: MapFile, samples: Samples) -> None:
-    """Refuse columns without any number, each by its name."""
+    """Refuse columns without any number, by name."""
     lines = [
         the_map.wrong(
             location,
@@ -176,16 +176,16 @@ def _refuse_without_numbers(the_map: MapFile, samples: Samples) -> None:
 
 
 def _numbers(the_map: MapFile, samples: Samples) -> Iterator[tuple[Location, str, int]]:
-    """Place, name and number of numbers of each column; of none where samples are arrays."""
+    """Yield place, name and count of numbers of all columns; none for samples from arrays."""
     columns = [(at, str(each.column)) for at, each in columns_of(the_map) if each is not None]
-    # a format's own stamps, which the map does not name, come before all others
+    # stamps of the format, absent in the map, come before all other columns
     own = max(0, len(samples.numbers) - len(columns))
     for (location, name), count in zip(columns, samples.numbers[own:], strict=False):
         yield location, name, count
 
 
 def _lacking(the_map: MapFile, samples: Samples) -> Iterator[str]:
-    """State the columns that lack numbers in some rows."""
+    """Yield statements of the columns with missing numbers."""
     n, by_count = len(samples.time), dict[int, list[str]]()
     for _, name, count in _numbers(the_map, samples):
         by_count.setdefault(n - count, []).append(name)
@@ -202,7 +202,7 @@ def _written(measured: Measured, folder: Path, robot: Robot) -> FreeMotion:
 
 
 def numbered_pieces(the_map: MapFile, samples: Samples, timing: Timing) -> list[Numbered]:
-    """Motions of a recording, each with the numbers of its samples' blocks or strokes.
+    """Return the motions of a recording, with the block or stroke number of every sample.
 
     Raises
     ------
@@ -267,7 +267,7 @@ def measured_motions(
     numbered: Sequence[Numbered],
     stem: str,
 ) -> Iterator[Measured]:
-    """Motions with their recordings, one at a time; ids are `stem` and a number."""
+    """Yield motions with their recordings; ids are `stem` and a number."""
     begin = numbered[0][0].grid[0]
     digits = max(2, len(str(len(numbered))))
     for number, (piece, numbers) in enumerate(numbered, start=1):
@@ -304,7 +304,7 @@ def _recording(
 
 
 def _source(the_map: MapFile, samples: Samples, piece: Piece) -> str:
-    """File and rows, from 1, that a motion comes from."""
+    """Return file and rows, from 1, of a motion."""
     instants, rows, grid = piece.stretch.instants, piece.stretch.rows, piece.grid
     first, last = (
         int(rows[min(int(np.searchsorted(instants, t)), len(rows) - 1)]) for t in grid[[0, -1]]

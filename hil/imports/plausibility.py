@@ -1,9 +1,9 @@
-"""What contradicts itself in a recording, found before anything is estimated from it.
+"""Contradictions in a recording, found before the estimation.
 
 Signs, the order of joints, degrees for radians and the motor's side for the joint's leave traces:
-in the derivative of the position against the recorded velocity, in ranges and limits, and in what
-mechanics allows (`mechanics`). What is certain refuses the import, unless the map accepts it; the
-rest is stated.
+in the derivative of the position against the recorded velocity, in ranges and limits, and in
+mechanics (`mechanics`). Certain contradictions refuse the import, unless the map accepts them;
+others are stated.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from hil.imports.clock import clock_suspicions
 from hil.imports.evidence import Suspicion
-from hil.imports.held import repeats, under_way
+from hil.imports.held import fast_steps, repeats
 from hil.imports.mechanics import mechanical_suspicions
 from hil.imports.misread import (
     compared,
@@ -41,13 +41,13 @@ def suspicions(
     alone: int | None = None,
     unknown_gains: Sequence[int] = (),
 ) -> list[Suspicion]:
-    """All that is found, what is certain first.
+    """Return all suspicions, certain ones first.
 
     Parameters
     ----------
     excerpts : sequence of Excerpt
     evidence : Evidence
-        Of the excerpts together.
+        Evidence of all excerpts.
     robot : Robot
     alone : int, optional
         The joint, from 0, that is stated to move while all others stand still.
@@ -63,7 +63,7 @@ def suspicions(
         found += low
     if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
         clock = list(clock_suspicions(excerpts, evidence, robot))
-        # what all velocities have in common is said once; it makes speeds and positions look wrong
+        # a factor common to all velocities is stated once, not for speeds and positions as well
         found = clock + found
         misread = [] if clock else list(misread_velocities(evidence, robot))
         if not clock and not misread:
@@ -102,7 +102,7 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
                 " right column, in the right unit?",
                 certain=alone is not None,
             )
-        # share of the way of a joint that moves alone by which others may move: servos give way
+        # other joints may move by 2 % of the moving joint's distance: servos yield
         if alone is not None and joint != alone and moves and way > 0.02 * ways[alone]:
             yield Suspicion(
                 "still",
@@ -113,9 +113,9 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
 
 
 def _held(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion]:
-    """Columns that repeat the value of the row before, where their joint moves."""
+    """Yield suspicions of columns that repeat the previous row while the joint moves."""
     for joint in np.flatnonzero(evidence.moves).tolist():
-        moving = under_way([each.q[:, joint] for each in excerpts])
+        moving = fast_steps([each.q[:, joint] for each in excerpts])
         for key, name in (("position", "q"), ("velocity", "qd"), ("torque", "tau")):
             if share := repeats([getattr(each, name)[:, joint] for each in excerpts], moving):
                 yield Suspicion(
@@ -130,13 +130,13 @@ def _held(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion
 
 
 def coarse(evidence: Evidence) -> Mask:
-    """Joints of whose accelerations noise of the position makes more than half of the power."""
+    """Return joints with more than half of the acceleration's power from noise of the position."""
     power = np.mean(evidence.qdd**2, axis=0)
     return np.asarray(evidence.noise_qdd**2 > power / 2)
 
 
 def _coarse(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
-    """Positions whose noise makes more of the accelerations than the motion does."""
+    """Yield suspicions of positions whose noise dominates the accelerations."""
     for joint in np.flatnonzero(evidence.moves & coarse(evidence)).tolist():
         unit = robot.position_unit(joint)
         yield Suspicion(

@@ -1,7 +1,7 @@
-"""All samples of a recording that a map chooses, in SI and on the joint side, in rows on the disk.
+"""Samples of a recording chosen by a map, in SI and on the joint side, on the disk.
 
-However long a recording is, a block of it at a time passes through memory; what comes out is a file
-that is mapped, and goes when the import ends.
+A recording of any length passes through memory block by block; the result is a mapped file, deleted
+at the end of the import.
 """
 
 from __future__ import annotations
@@ -30,13 +30,12 @@ if TYPE_CHECKING:
 
 
 IN_CACHE = 1 << 12
-"""Rows that are converted at a time: 0.7 MB of some twenty columns, so that they are written before
-they leave a cache of the second level."""
+"""Rows converted at a time: 0.7 MB for twenty columns, which fit a second-level cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples as they were recorded, row by row.
+    """Samples as recorded, row by row.
 
     Attributes
     ----------
@@ -50,13 +49,13 @@ class Samples:
     begins : tuple of int
         First row of each file.
     from_date : bool
-        Whether stamps count from a date.
+        True if stamps count from a date.
     wraps : int
         Steps of positions by more than half a turn: angles that were kept within one turn.
     numbers : tuple of int
-        Of each column of the map, in the order of `columns_of`, how many numbers it holds.
+        Number of numbers in the columns of the map, in the order of `columns_of`.
     notes : tuple of str
-        What is to be known of files as a whole.
+        Notes on files as a whole.
     """
 
     time: Array
@@ -74,7 +73,7 @@ class Samples:
         return int(self.values.shape[1]) // 3
 
     def read(self, rows: Integers) -> Array:
-        """Values at these rows, which follow each other; angles go on beyond a turn."""
+        """Return the values of rows in the order of time, with angles unwrapped."""
         contiguous = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
         chosen = slice(rows[0], rows[-1] + 1) if contiguous else rows
         values = np.array(self.values[chosen])
@@ -111,13 +110,13 @@ def read_samples(
         for number, name in enumerate(the_map.content.files):
             begins.append(n)
             last = np.empty((0, robot.n_joints))
-            path = the_map.beside(name, ("files", number))
+            path = the_map.resolve(name, ("files", number))
             for block in _file_blocks(the_map, number, name, notes):
                 numbers.append(np.isfinite(block).sum(axis=0))
                 torques = conversion.torques(block)
                 unsigned[unsigned] = [could_lack_signs(x) for x in torques[:, unsigned].T]
                 for part in np.split(block, range(IN_CACHE, len(block), IN_CACHE)):
-                    time, values = conversion.of(part, n - begins[-1])
+                    time, values = conversion.convert(part, n - begins[-1])
                     file.write(values.data)
                     times.append(time)
                     complete.append(np.isfinite(time) & conversion.complete(values))
@@ -131,7 +130,7 @@ def read_samples(
                 raise FileError(f"{path}: has no rows; name a file with some")
     time = np.concatenate(times)
     values = np.memmap(scratch, np.float64, "r+", shape=(n, 3 * robot.n_joints))
-    notes |= dict.fromkeys(_with_signs(values, conversion.efforts, unsigned))
+    notes |= dict.fromkeys(_restore_signs(values, conversion.efforts, unsigned))
     from_date = bool(np.nanmax(np.abs(conversion.origin + time), initial=0.0) > EPOCH)
     if from_date:
         time -= np.nanmin(time)
@@ -140,8 +139,8 @@ def read_samples(
     return Samples(time, values, whole, tuple(begins), from_date, wraps, present, tuple(notes))
 
 
-def _with_signs(values: Array, efforts: Array, unsigned: Mask) -> Iterator[str]:
-    """Give torques their signs that were recorded without, and yield what was done."""
+def _restore_signs(values: Array, efforts: Array, unsigned: Mask) -> Iterator[str]:
+    """Restore the signs of torques recorded without sign; yield statements of the changes."""
     torques = values[:, (n := len(unsigned)) : 2 * n]
     for joint in np.flatnonzero(unsigned).tolist():
         recorded = torques @ np.linalg.inv(efforts)[:, joint]
@@ -154,7 +153,7 @@ def _with_signs(values: Array, efforts: Array, unsigned: Mask) -> Iterator[str]:
 def _file_blocks(
     the_map: MapFile, number: int, name: str, notes: dict[str, None]
 ) -> Iterator[Array]:
-    """Blocks of all columns that the map names, from one file and those beside it; adds notes."""
+    """Yield blocks of the map's columns, from a file and companion files; adds notes."""
     tables: dict[str, tuple[Table, list[int], list[int]]] = {}
     wanted = list(columns_of(the_map))
     for position, (location, column) in enumerate(wanted):
@@ -178,7 +177,7 @@ def _file_blocks(
 
 
 def columns_of(the_map: MapFile) -> Iterator[tuple[Location, ColumnName | None]]:
-    """Every column: times (None: the format's own), positions, torques, then velocities."""
+    """Yield all columns: times (None: the format's own), positions, torques, then velocities."""
     content = the_map.content
     if content.time is None:
         yield (), None
@@ -211,7 +210,7 @@ def _opened(
             location, "a column of another file needs files to be one alone: rows must fit"
         )
     at = location if beside else ("files", number)
-    path = the_map.beside(source, at)
+    path = the_map.resolve(source, at)
     try:
         return open_table(path, the_map.content.format)
     except FileError as error:
@@ -221,7 +220,7 @@ def _opened(
 def _indices(
     the_map: MapFile, table: Table, column: ColumnName | None, at: Location
 ) -> tuple[int, ...]:
-    """Where a column is in a table, from 0; the two of its own stamps where none is named."""
+    """Return the indices of a column in a table, from 0; two for the format's own stamps."""
     if column is None:
         if not table.time:
             raise the_map.wrong(
@@ -239,7 +238,7 @@ def _indices(
 def _side_by_side(
     streams: Sequence[Iterator[Array]], paths: Sequence[Path]
 ) -> Iterator[list[Array]]:
-    """Blocks of equal rows of all streams.
+    """Yield blocks of equal rows of all streams.
 
     Raises
     ------

@@ -1,14 +1,13 @@
-"""Which rows of a recording make which motions.
+"""Segments of a recording, and the motions within.
 
-Rows or times that a map states, and files whose stamps begin anew, make segments; gaps split these
-into stretches (`stamps`), and long stretches are cut into motions of at most a minute, since one
-motion at a time passes through memory. Each has blocks of some seconds, for friction that changes.
+Rows or times stated in a map, and files with restarted stamps, make segments; gaps split these into
+stretches (`stamps`), and long stretches are cut into motions of at most a minute, since motions
+pass through memory one at a time. Motions have blocks of some seconds, for changing friction.
 
-An axis that moves back and forth by itself makes strokes, found in its positions. It is under way
-where it is faster than a twentieth of its full speed; ways in one direction without a turn between
-them are one stroke. A stroke that is shorter than a fifth of the longest one is none. Even strokes
-go forward, odd ones back; what is at rest, or is the way to the first stroke forward, has no
-number.
+For an axis moving back and forth alone, strokes are found in its positions. The axis moves where it
+is faster than a twentieth of its full speed; motions in one direction without a reversal are one
+stroke. Strokes shorter than a fifth of the longest are ignored. Even strokes go forward, odd ones
+back; rest, and the motion before the first stroke forward, have no number.
 """
 
 from __future__ import annotations
@@ -32,22 +31,22 @@ if TYPE_CHECKING:
     from hil.imports.samples import Samples
 
     Pair = tuple[tuple[int, int], tuple[int, int]]
-    """First sample and sample after the last of a stroke forward, and of the one back."""
+    """First sample and sample after the last of a stroke forward, and of the stroke back."""
 
 LONGEST = 60.0
-"""Of a motion [s]."""
+"""Maximum duration of a motion [s]."""
 SHORTEST = 1.0
-"""Of a motion, and of a block [s]."""
+"""Minimum duration of a motion, and of a block [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A motion without a gap.
+    """Motion without a gap.
 
     Attributes
     ----------
     stretch : Stretch
-        What it is a part of.
+        Stretch with the motion.
     first, n : int
         First sample on the even grid of the stretch, and number of samples.
     """
@@ -58,7 +57,7 @@ class Piece:
 
     @property
     def duration(self) -> float:
-        """From the first to the last sample [s]."""
+        """Duration from the first to the last sample [s]."""
         return (self.n - 1) * self.stretch.period
 
     @property
@@ -70,7 +69,7 @@ class Piece:
 
 
 def chosen_rows(the_map: MapFile, samples: Samples) -> list[Integers]:
-    """Rows of each segment, from 0.
+    """Return the rows of all segments, from 0.
 
     Raises
     ------
@@ -88,7 +87,7 @@ def chosen_rows(the_map: MapFile, samples: Samples) -> list[Integers]:
     elif the_map.content.time_range is not None:
         parts = list(_within_times(the_map, samples))
     stamped = the_map.content.time is None or the_map.content.time.rate is None
-    return [part for rows in parts for part in _of_one_file(samples, rows, stamped=stamped)]
+    return [part for rows in parts for part in _split_files(samples, rows, stamped=stamped)]
 
 
 def _within_times(the_map: MapFile, samples: Samples) -> Iterator[Integers]:
@@ -105,8 +104,8 @@ def _within_times(the_map: MapFile, samples: Samples) -> Iterator[Integers]:
         yield rows
 
 
-def _of_one_file(samples: Samples, rows: Integers, *, stamped: bool) -> list[Integers]:
-    """Split where a file begins whose stamps do not go on from the file before."""
+def _split_files(samples: Samples, rows: Integers, *, stamped: bool) -> list[Integers]:
+    """Split rows at files with restarted stamps."""
     cuts = []
     for begin in samples.begins[1:]:
         at = int(np.searchsorted(rows, begin))
@@ -117,7 +116,7 @@ def _of_one_file(samples: Samples, rows: Integers, *, stamped: bool) -> list[Int
 
 
 def pieces_of(stretch: Stretch) -> list[Piece]:
-    """Cut a stretch into motions of about equal length; none where it is too short."""
+    """Cut a stretch into motions of about equal length; return none for a short stretch."""
     n = math.floor(stretch.duration / stretch.period + 1e-6) + 1
     if (n - 1) * stretch.period < SHORTEST * (1 - 1e-6):
         return []
@@ -127,7 +126,7 @@ def pieces_of(stretch: Stretch) -> list[Piece]:
 
 
 def block_counts(durations: Sequence[float]) -> list[int]:
-    """Number of blocks of each motion of a recording, from their durations [s]."""
+    """Return the number of blocks of all motions of a recording, from durations [s]."""
     # blocks last 30 s at most; of a whole recording 8 at least, where blocks of `SHORTEST` allow it
     longest = min(30.0, max(SHORTEST, sum(durations) / 8))
     return [
@@ -137,12 +136,12 @@ def block_counts(durations: Sequence[float]) -> list[int]:
 
 
 def blocks(n: int, count: int) -> Numbers:
-    """Number of the block that each of `n` samples is in."""
+    """Return the block number of `n` samples."""
     return np.asarray(np.arange(n) * count // n, dtype=np.int16)
 
 
 def strokes_of(q: Array, period: float) -> list[tuple[int, int, bool]]:
-    """Strokes as first sample, sample after the last, and whether they go forward.
+    """Return strokes as first sample, sample after the last, and True for forward.
 
     Parameters
     ----------
@@ -176,18 +175,18 @@ def strokes_of(q: Array, period: float) -> list[tuple[int, int, bool]]:
 
 
 def pairs_of(q: Array, period: float) -> list[Pair]:
-    """Strokes forward, each with the stroke back that follows it."""
+    """Return pairs of a stroke forward and the following stroke back."""
     strokes = strokes_of(q, period)
     return [(forth[:2], back[:2]) for forth, back in pairwise(strokes) if forth[2] and not back[2]]
 
 
 def pieces_by_pairs(samples: Samples, stretch: Stretch, axis: int) -> list[tuple[Piece, Numbers]]:
-    """Cut a stretch into motions of whole pairs, with the stroke of each sample.
+    """Cut a stretch into motions of whole pairs, with the stroke number of all samples.
 
     Parameters
     ----------
     axis : int
-        That moves, from 0.
+        Moving axis, from 0.
     """
     n = math.floor(stretch.duration / stretch.period + 1e-6) + 1
     grid = stretch.instants[0] + np.arange(n) * stretch.period
@@ -207,7 +206,7 @@ def pieces_by_pairs(samples: Samples, stretch: Stretch, axis: int) -> list[tuple
 
 
 def _grouped(pairs: list[Pair], longest: int) -> list[list[Pair]]:
-    """Groups of pairs that follow each other and last no longer than `longest` samples."""
+    """Group consecutive pairs that last no longer than `longest` samples."""
     groups: list[list[Pair]] = []
     for pair in pairs:
         if groups and pair[1][1] - groups[-1][0][0][0] <= longest:

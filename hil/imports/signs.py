@@ -1,8 +1,8 @@
-"""Torques that a drive states as numbers without sign: sign and magnitude, or two's complement.
+"""Torques recorded as numbers without sign: sign and magnitude, or two's complement.
 
-Of numbers up to 2 S a negative one, -x, is S + x as sign and magnitude, and 2 S - x in two's
-complement. Either makes a torque that passes zero jump by S or more; read as it was meant, it does
-not. So the reading decides that leaves the least of the squared steps, if it leaves far less.
+In numbers up to 2 S a negative value, -x, is S + x as sign and magnitude, and 2 S - x in two's
+complement. Either makes a torque jump by S or more at a zero crossing; the right reading does not.
+So the reading with the least squared steps is taken, if far smaller.
 """
 
 from __future__ import annotations
@@ -15,20 +15,22 @@ if TYPE_CHECKING:
     from hil.arrays import Array
 
 LEAVES = 0.5
-"""Share of the squared steps that the right reading leaves at most, of the plain one's and of the
-other's: a step through zero is of S or 2 S in these, and of as much as friction in the right."""
+"""Maximum share of the squared steps left by the right reading, of those of the other readings.
+
+A zero crossing has a step of S or 2 S in these, and of the size of friction in the right one.
+"""
 LEAST, JUMPS = 64.0, 3
-"""Numbers above which a bit can be a sign, and jumps that are no chance."""
+"""Minimum number for a sign bit, and minimum count of jumps beyond chance."""
 
 
 def could_lack_signs(x: Array) -> bool:
-    """Return True for whole numbers of which none is negative."""
+    """Return True for whole numbers without a negative number."""
     x = x[np.isfinite(x)]
     return bool(np.all(x >= 0) and np.all(x == np.floor(x)))
 
 
 def signed(x: Array) -> tuple[Array, str] | None:
-    """Return the numbers with their signs, and words for what they were; None where they have them.
+    """Return the numbers with signs and the coding in words; None if signs are not missing.
 
     Parameters
     ----------

@@ -1,19 +1,18 @@
-"""Samples that stand out: values that no joint can have had between those before and after them.
+"""Spikes: outliers that no motion of a joint can produce.
 
-A spike is over within a few samples, as nothing is that a robot does. It stands out against the
-samples `REACH` before and after it by far more than values ordinarily change within as many, and by
-a part of the whole range that the column has. Noise does not, nor does a step, which stays. Angles
-are looked at once whole turns are undone; a step of several turns that is undone at once was no
-turn either.
+A spike is over within a few samples, unlike any motion of a robot. It exceeds the samples `REACH`
+before and after by far more than the ordinary change of values, and by a part of the whole range of
+the column. Noise does not, nor does a step. Angles are inspected after unwrapping; a jump by
+several turns that is reversed at once was no turn either.
 
 A column that is rounded to increments flickers: noise takes a sample and its neighbour by half an
 increment each way across a bound, so two increments are ordinary.
 
-Recorders drop a sample now and then, and few small spikes spoil nothing. Least squares counts
-squares: spikes refuse the import where they outweigh all else, of torques and velocities as they
-are, of positions as second differences, since these are differentiated twice. Positions and
-velocities of a joint that rests have no motion to outweigh: what they add to the torques is weighed
-against the motion of the joints that move.
+Recorders drop a sample now and then, and a few small spikes do no harm. Least squares counts
+squares: spikes refuse the import if their squares outweigh all others, for torques and velocities
+in the values, for positions in the second differences, since positions are differentiated twice.
+Positions and velocities of a joint at rest have no motion to outweigh: their contribution to the
+torques is compared with the motion of the moving joints.
 """
 
 from __future__ import annotations
@@ -39,22 +38,22 @@ if TYPE_CHECKING:
 REACH = 3
 """Samples after which a spike is over."""
 OFTEN = 0.95
-"""Share of the samples that are ordinary."""
+"""Share of ordinary samples."""
 MIDDLE = (0.5 - OFTEN / 2, 0.5 + OFTEN / 2)
-"""Quantiles between which they are."""
+"""Quantiles of ordinary samples."""
 TURNS = 3 * np.pi
-"""Excursion that no angle makes: at the end of its turn it jumps by one turn, to and fro."""
+"""Minimum excursion that is no wrap-around of an angle, which jumps by a turn."""
 STATED, REFUSED = 0.01, 0.5
-"""Shares of the sum of squares: a tenth of the column, as rms, and more than all else."""
+"""Shares of the sum of squares: stated from a tenth in rms, refused if more than all else."""
 GREATEST = 1e100
-"""Value up to which squares can be added up."""
+"""Maximum value with a finite sum of squares."""
 
 
 @dataclass
 class _Spikes:
-    """Of one column: samples that stand out, the first of them, and the sums of squares.
+    """Spikes of a column: count, first row, and sums of squares.
 
-    Also the farthest that one stands out, and the width of the range of what is ordinary.
+    Also the largest excursion, and the width of the ordinary range.
     """
 
     count: int = 0
@@ -68,7 +67,7 @@ class _Spikes:
 def spike_suspicions(
     samples: Samples, stretches: Sequence[Stretch], robot: Robot
 ) -> Iterator[Suspicion]:
-    """Columns with spikes, each with how many samples stand out, and where the first one is."""
+    """Yield suspicions of columns with spikes, with their count and first row."""
     n = robot.n_joints
     if not any(out.any() for *_, (_, out) in _columns(samples, stretches)):
         return
@@ -84,7 +83,7 @@ def spike_suspicions(
             same = robot.revolute == robot.revolute[joint]
             all_else = max(each.of_all for each, fits in zip(alike, same, strict=True) if fits)
         share = min(spikes.of_spikes / all_else, 1.0) if spikes.count else 0.0
-        # joints at rest tremble by little besides what others move
+        # joints at rest tremble little compared with the motion of others
         if share < STATED or spikes.farthest < CARRIED * max(each.width for each in alike):
             continue
         unit = robot.position_unit(joint)
@@ -104,7 +103,7 @@ def spike_suspicions(
 
 
 def _parts(stretches: Sequence[Stretch]) -> Iterator[tuple[Integers, float]]:
-    """Rows of parts of the stretches that are long enough to be looked at, and their period [s]."""
+    """Yield rows and period [s] of sufficiently long parts of the stretches."""
     for stretch in stretches:
         for begin in range(0, len(stretch.rows), ROWS):
             rows = stretch.rows[begin : begin + ROWS]
@@ -115,7 +114,7 @@ def _parts(stretches: Sequence[Stretch]) -> Iterator[tuple[Integers, float]]:
 def _columns(
     samples: Samples, stretches: Sequence[Stretch]
 ) -> Iterator[tuple[Integers, int, Array, tuple[Array, Mask]]]:
-    """Yield rows, columns without missing values, whole turns undone, and what stands out there."""
+    """Yield rows, complete columns with angles unwrapped, and outliers."""
     turning = samples.n_joints if samples.wraps else 0
     for rows, _ in _parts(stretches):
         values = np.ascontiguousarray(samples.read(rows).T)
@@ -128,7 +127,7 @@ def _columns(
 
 
 def _moving(samples: Samples, stretches: Sequence[Stretch]) -> Mask:
-    """Joints that move, shape (n_joints,)."""
+    """Return the joints that move, shape (n_joints,)."""
     positions = slice(0, samples.n_joints)
     return moving([
         extent(samples.read(rows)[:, positions].clip(-GREATEST, GREATEST), period)
@@ -139,7 +138,7 @@ def _moving(samples: Samples, stretches: Sequence[Stretch]) -> Mask:
 def _add(
     spikes: _Spikes, rows: Integers, x: Array, excursion: Array, out: Mask, *, position: bool
 ) -> None:
-    """Add what a part `x` of a column, whole turns undone, has of spikes."""
+    """Add the spikes in a part `x` of a column, with angles unwrapped."""
     if out.any() and not spikes.count:
         spikes.first = int(rows[REACH + np.argmax(out)])
     spikes.count += int(out.sum())
@@ -151,7 +150,7 @@ def _add(
 
 
 def _outstanding(x: Array, recorded: Array | None) -> tuple[Array, Mask]:
-    """Return how far samples stand out, and which stand out; `recorded` has its whole turns."""
+    """Return excursions and a mask of outliers; `recorded` is the column before unwrapping."""
     excursion, out = _beyond_ordinary(x)
     # and a hundredth of the ordinary range: where a joint hardly ever moves, its turns are as quick
     if out.any():
@@ -166,7 +165,7 @@ def _outstanding(x: Array, recorded: Array | None) -> tuple[Array, Mask]:
 
 
 def _beyond_ordinary(x: Array) -> tuple[Array, Mask]:
-    """Return how far samples stand out at most, and which by more than samples ordinarily change.
+    """Return excursions, and a mask of those beyond the ordinary change of samples.
 
     Both are of shape (n - 2 REACH,).
     """

@@ -1,11 +1,10 @@
-"""Time stamps: in which order and at which period samples came, and where some are missing.
+"""Time stamps: order and period of samples, and gaps.
 
-The period is the middle one of the mean periods of fifty samples each, so that neither stamps in
-bursts nor gaps nor a coarse clock decide it. Rows without a number, rows that repeat the row
-before, and rows that hold its values, are left out and counted. Where more than 20 ms, or 2.5
-periods where these are longer, pass between two rows, and later rows do not make up for it, samples
-are missing and the recording is split; a stall of the recorder after which rows come in a burst is
-none.
+The period is the median of mean periods over fifty samples, independent of bursts of stamps, gaps
+and a coarse clock. Rows without a number, repetitions of the row before, and rows with held values
+are left out and counted. Where more than 20 ms, or 2.5 periods if longer, pass between two rows
+without compensation by later rows, samples are missing and the recording is split; a stall of the
+recorder followed by a burst of rows is no gap.
 """
 
 from __future__ import annotations
@@ -37,19 +36,19 @@ if TYPE_CHECKING:
 
 
 class WrongStamps(Exception):
-    """Stamps that no recording can have; the message states the row."""
+    """Impossible time stamps; the message states the row."""
 
 
 @dataclass
 class Counts:
-    """What was found of time stamps.
+    """Counts of faults in time stamps.
 
     Attributes
     ----------
     rows, missing, doubled, disordered : int
         Rows chosen; without a number; with the stamp of another one; sorted back into order.
     gaps : int
-        Where samples are missing for longer than is bridged.
+        Number of stretches of missing samples too long for interpolation.
     lost : float
         Time within gaps [s].
     bridged : int
@@ -84,7 +83,7 @@ class Counts:
 
 @dataclass
 class Timing:
-    """Stretches of a recording, the longest one's period [s], whence instants are, and counts."""
+    """Stretches of a recording, period of the longest [s], kind of instants, and counts."""
 
     stretches: list[Stretch]
     period: float
@@ -101,7 +100,7 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
     segments : list of arrays of int
         Rows that were chosen, in parts that have nothing to do with each other.
     trusted : bool
-        Whether stamps come from a stated rate.
+        True if stamps come from a stated rate.
 
     Raises
     ------
@@ -120,14 +119,14 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
     if not period > 0:
         raise WrongStamps("time does not pass; choose another column of time, or state its rate")
     ordered = [_ordered(samples, rows, period, counts) for rows in usable]
-    ordered = [_without_repeats(samples, rows, counts) for rows in ordered]
+    ordered = [_drop_repeats(samples, rows, counts) for rows in ordered]
     counts.held = held_of(samples, ordered)
     if counts.held > 1:
         published = sum(map(len, ordered))
         ordered = [measured(samples, rows, counts.held) for rows in ordered]
         counts.repeated = published - sum(map(len, ordered))
         period = _period([samples.time[rows] for rows in ordered])
-    ordered = [_without_repeating(samples, rows, period, counts) for rows in ordered]
+    ordered = [_drop_held(samples, rows, period, counts) for rows in ordered]
     parts = [
         part
         for rows in ordered
@@ -150,7 +149,7 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
 
 
 def _period(times: list[Array]) -> float:
-    """Middle of the mean periods of some samples each; the middle period itself where near it."""
+    """Return the median of mean periods; the median period itself if close to it."""
     means = np.concatenate(
         [(t[WINDOW::25] - t[:-WINDOW:25]) / WINDOW for t in times if len(t) > WINDOW]
         or [np.diff(t) for t in times]
@@ -161,7 +160,7 @@ def _period(times: list[Array]) -> float:
 
 
 def _refined(times: list[Array], period: float) -> float:
-    """Mean of all steps of about a period, if most are; of all steps otherwise."""
+    """Return the mean of all steps close to the period, if most are; else of all steps."""
     steps = np.concatenate([np.diff(t) for t in times])
     about = np.abs(steps - period) < period / 2
     # the period is the mean of steps about it where nine in ten are
@@ -170,7 +169,7 @@ def _refined(times: list[Array], period: float) -> float:
 
 
 def _ordered(samples: Samples, rows: Integers, period: float, counts: Counts) -> Integers:
-    """Rows in the order of time.
+    """Return the rows in the order of time.
 
     Raises
     ------
@@ -196,7 +195,7 @@ def _ordered(samples: Samples, rows: Integers, period: float, counts: Counts) ->
 
 
 def _wrapped(fall: float, period: float) -> str:
-    """Return words for a fall of stamps that is the range of a counter; none for another one."""
+    """Return words for a fall of stamps by the range of a counter; empty for other falls."""
     for bits in (16, 32):
         for unit, seconds in SECONDS.items():
             if abs(fall - 2.0**bits * seconds) < 2.5 * period:
@@ -206,8 +205,8 @@ def _wrapped(fall: float, period: float) -> str:
     return ""
 
 
-def _without_repeats(samples: Samples, rows: Integers, counts: Counts) -> Integers:
-    """Rows without those that repeat the row before, stamp and values."""
+def _drop_repeats(samples: Samples, rows: Integers, counts: Counts) -> Integers:
+    """Return the rows without repetitions of the previous row, stamp and values."""
     second = np.flatnonzero(np.diff(samples.time[rows]) == 0) + 1
     repeats = [np.zeros(0, dtype=np.int64)]
     for begin in range(0, len(second), ROWS):
@@ -219,16 +218,16 @@ def _without_repeats(samples: Samples, rows: Integers, counts: Counts) -> Intege
     return np.delete(rows, found)
 
 
-def _without_repeating(samples: Samples, rows: Integers, period: float, counts: Counts) -> Integers:
-    """Rows without those that repeat all values of the row before: held, not sampled anew.
+def _drop_held(samples: Samples, rows: Integers, period: float, counts: Counts) -> Integers:
+    """Return the rows without held rows, which repeat all values of the previous row.
 
-    What is held for as long as a gap is bridged, or 2.5 times as long as usually, is left out, and
-    interpolated like a missing sample. Where nothing moves, that makes no difference.
+    Values held for less than a bridged gap, or 2.5 times the usual hold, are left out and
+    interpolated like missing samples. At rest this makes no difference.
     """
     same = np.zeros(len(rows), dtype=bool)
     for begin in range(1, len(rows), ROWS):
         part = rows[begin - 1 : begin + ROWS]
-        # what the first column shows to be new needs no look at the others
+        # rows with a change in the first column are new without a look at the others
         alike = 1 + np.flatnonzero(np.diff(samples.values[part, 0]) == 0)
         before, after = (np.nan_to_num(samples.values[part[at]]) for at in (alike - 1, alike))
         same[begin - 1 + alike] = (before == after).all(axis=1)
@@ -250,7 +249,7 @@ def _without_repeating(samples: Samples, rows: Integers, period: float, counts: 
 def _split(
     time: Array, rows: Integers, period: float, counts: Counts, *, trusted: bool
 ) -> Iterator[Integers]:
-    """Split rows where samples are missing for longer than is bridged."""
+    """Split rows at gaps too long for interpolation."""
     longest = max(0.02, 2.5 * period) * (1 + SAME_STAMP)
     wide = np.flatnonzero(np.diff(time) > longest)
     # stamps of a stated rate are never late

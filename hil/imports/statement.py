@@ -1,4 +1,4 @@
-"""What an import states of a recording: samples, rate, gaps, velocities, motions, findings."""
+"""Statement of an import: samples, rate, gaps, velocities, motions, findings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _INSTANTS = {
 
 @dataclass(frozen=True)
 class Statement:
-    """What was found of the recording of one map.
+    """Findings about the recording of a map.
 
     Attributes
     ----------
@@ -32,14 +32,14 @@ class Statement:
     wraps : int
         Steps of positions by more than half a turn.
     recorded : tuple of bool
-        Of each joint, whether its velocity was recorded.
+        True for joints with a recorded velocity.
     motions : tuple of FreeMotion
     suspicions : tuple of Suspicion
-        That the map accepts, or that are not certain.
+        Suspicions accepted by the map, or not certain.
     notes : tuple of str
-        What is to be known of files as a whole.
+        Notes on files as a whole.
     explanation : tuple of str
-        What was understood of each joint, and the figures of the checks.
+        Interpretation of the joints, and the figures of the checks.
     """
 
     the_map: MapFile
@@ -52,7 +52,7 @@ class Statement:
     explanation: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
-        """Sentences, the most general first."""
+        """Return sentences, general ones first."""
         return [
             *self._samples(),
             *self.notes,
@@ -68,13 +68,13 @@ class Statement:
 
     @property
     def doubts(self) -> tuple[Suspicion, ...]:
-        """Suspicions that the map does not accept."""
+        """Suspicions not accepted by the map."""
         accepted = self.the_map.content.accept
         return tuple(each for each in self.suspicions if each.check not in accepted)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Doubts, each with the line of the map and what resolves it."""
+        """Doubts with the line of the map and the remedy."""
         return tuple(
             f"{self.the_map.wrong(s.location, s.message)}; correct the map, or write accept:"
             f" [{s.check}] there if it is right as it is, and import again"
@@ -111,7 +111,7 @@ class Statement:
                 yield f"{number} {one if number == 1 else many}"
 
     def _repeating(self) -> tuple[str, str]:
-        """What rows are that hold all values of the row before, one and many."""
+        """Return words for repeated rows, singular and plural."""
         counts = self.timing.counts
         first = f"the row before in all columns, from row {counts.first_repeating} on"
         rest = f"{first}, and count as missing"

@@ -1,6 +1,9 @@
-"""A file of a recording, as columns of numbers that are read in blocks of rows.
+"""Tables: files of recordings as columns of numbers, read in blocks of rows.
 
-Readers (`hil.imports.readers`) make these; nothing else knows in which format a recording came.
+Readers (`hil.imports.readers`) make tables; no other module knows the format of a recording. Units
+are those of times, positions, velocities and torques in recordings; all are converted to SI. A unit
+is angular or linear, so that millimetres of a revolute joint are refused. Counts and currents have
+neither: the map states their size.
 
 Units are those in which recordings state times, positions, velocities and torques; all become SI. A
 unit is angular or linear, so that millimetres of a joint that turns are refused. Counts and
@@ -28,16 +31,16 @@ if TYPE_CHECKING:
 ROWS = 1 << 16
 """Rows of a block, about."""
 _SHOWN, _LISTED = 12, 4
-"""Names of columns, and parts of a file that are not read, that a message has."""
+"""Maximum numbers of column names, and of left-out parts of a file, in a message."""
 TimeUnit = Literal["s", "ms", "us", "ns", "min"]
 PositionUnit = Literal["rad", "deg", "turns", "rev", "m", "mm", "counts"]
 VelocityUnit = Literal["rad/s", "deg/s", "turns/s", "rev/s", "rpm", "m/s", "mm/s", "counts/s"]
 TorqueUnit = Literal["N m", "N", "A", "V", "per mille"]
 
 SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
-"""Of each unit of time [s]."""
+"""Seconds per unit of time [s]."""
 STAMP_UNITS: tuple[TimeUnit, TimeUnit] = ("s", "ns")
-"""Of the two columns of stamps that a format itself has."""
+"""Units of the two stamp columns of a format."""
 LENGTHS: dict[str, float] = {
     "rad": 1.0,
     "deg": math.pi / 180,
@@ -45,35 +48,35 @@ LENGTHS: dict[str, float] = {
     "m": 1.0,
     "mm": 1e-3,
 }
-"""Of each unit of position, and with /s of velocity [rad or m]; counts have none of their own."""
+"""Size of units of position, and with /s of velocity [rad or m]; not defined for counts."""
 JOINT_TYPES: dict[str, str] = {
     **dict.fromkeys(("rad", "deg", "turns", "rev"), "revolute"),
     **dict.fromkeys(("rad/s", "deg/s", "turns/s", "rev/s", "rpm", "N m"), "revolute"),
     **dict.fromkeys(("m", "mm", "m/s", "mm/s", "N"), "prismatic"),
 }
-"""Type of the joints that a unit suits, on the joint side; units that are not here suit both."""
+"""Joint types of units on the joint side; other units suit both."""
 NEEDS_GAIN = ("A", "V", "per mille")
-"""Units of torque that are worth nothing without a gain."""
+"""Units of torque that need a gain."""
 
 
 class NoColumn(Exception):
-    """No column of a table has this name or number; the message states which there are."""
+    """Missing column; the message states the available columns."""
 
 
 class Table(Protocol):
-    """A file of a recording.
+    """File of a recording.
 
     Attributes
     ----------
     path : Path
     names : tuple of str
-        Of all columns; empty where a column has none.
+        Names of all columns; empty for unnamed columns.
     time : tuple of int
         Columns whose sum is the time stamp, in `STAMP_UNITS`, where the format itself has stamps.
     left_out : mapping of str to str
-        What the file holds besides, by name: what it is, and how to save it as numbers.
+        Left-out contents of the file by name: description, and how to save it as numbers.
     notes : tuple of str
-        What is to be known of the file as a whole, as clauses.
+        Notes on the file as a whole, as clauses.
     """
 
     path: Path
@@ -83,7 +86,7 @@ class Table(Protocol):
     notes: tuple[str, ...]
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
-        """Read these columns (from 0), block by block: arrays (n, len(columns)); NaN is missing.
+        """Yield blocks of columns (from 0): arrays (n, len(columns)), NaN for missing values.
 
         Raises
         ------
@@ -94,7 +97,7 @@ class Table(Protocol):
 
 
 def column_of(table: Table, column: int | str) -> int:
-    """Index, from 0, of a column stated by its number from 1 or by its name.
+    """Return the index, from 0, of a column given by number from 1 or by name.
 
     Raises
     ------
@@ -131,20 +134,20 @@ def _offered(names: Sequence[str], wanted: str) -> str:
 
 
 def listed(left_out: Mapping[str, str]) -> str:
-    """What a file holds that is not read, behind a sentence; the first of many."""
+    """Return the left-out contents of a file as the end of a sentence, shortened."""
     some = [f"; {name}: {what}" for name, what in left_out.items()][:_LISTED]
     more = len(left_out) - len(some)
     return "".join(some) + (f"; and {more} more" if more else "")
 
 
 class ArrayTable:
-    """Columns of arrays that lie in one file: in memory, mapped, or sliced from the disk.
+    """Columns of arrays in a file: in memory, mapped, or sliced from the disk.
 
     Parameters
     ----------
     path : Path
     columns : mapping of str to (length, read)
-        Of each column its number of rows, and what reads a slice of them.
+        Number of rows, and reader of a slice, by column name.
     left_out : mapping of str to str, optional
         See `Table`.
     """
@@ -164,7 +167,7 @@ class ArrayTable:
         self._columns = tuple(columns.values())
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
-        """Read columns block by block; they must be of one length."""
+        """Read columns of equal length block by block."""
         lengths = {self.names[index]: self._columns[index][0] for index in columns}
         if len(set(lengths.values())) > 1:
             each = ", ".join(f"{name} {length}" for name, length in lengths.items())
@@ -181,14 +184,14 @@ class ArrayTable:
 
 
 def position_factor(unit: str, per_unit: float | None) -> float:
-    """SI units [rad or m, also per second] that one unit of a position or velocity is worth.
+    """Return the SI value [rad or m, also per second] of a unit of position or velocity.
 
     Parameters
     ----------
     unit : str
         A `PositionUnit` or `VelocityUnit`.
     per_unit : float, optional
-        Of a count [rad or m].
+        Size of a count [rad or m].
     """
     if unit.startswith("counts"):
         assert per_unit is not None  # noqa: S101 - the map is refused without it

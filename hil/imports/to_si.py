@@ -1,7 +1,10 @@
-"""Columns as they were recorded into SI on the joint side: units, signs, gears, coupled motors.
+"""Conversion of recorded columns to SI on the joint side: units, signs, gears, coupled motors.
 
-What is on the motor side comes to the joint side by the motor matrix R of the robot, motor angles
-for joint angles: q = R^-1 q_motor + offset, and tau = R^T tau_motor since power is the same.
+Motor-side values are converted by the motor matrix R of the robot, motor angles for joint angles: q
+= R^-1 q_motor + offset, and tau = R^T tau_motor by equal power. Times come from a column, from the
+sum of two, or from a rate. A double resolves only 0.2 us of a date in seconds and 0.1 us in
+nanoseconds. So the first row is subtracted from the columns before adding, and the sum is exact to
+1 ns.
 
 Times come from one column, from the sum of two, or from a rate. A double has but 0.2 us of a date
 in seconds and 0.1 us of one in nanoseconds. So what the first row states is subtracted from each
@@ -26,11 +29,11 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 EPOCH = 1e8
-"""Stamps beyond count from a date, not from the recording's begin [s]."""
+"""Minimum stamp that counts from a date, not from the start of the recording [s]."""
 
 
 class Conversion:
-    """What turns rows of a map's columns into SI.
+    """Conversion of rows of a map's columns to SI.
 
     Parameters
     ----------
@@ -76,18 +79,18 @@ class Conversion:
         self._matrices, self.efforts = (to_joints, speeds), efforts
         self._offset = np.array([position.offset for position in positions])
 
-    def of(self, block: Array, row: int) -> tuple[Array, Array]:
-        """Times from `origin` on [s] (n,), and positions, torques and velocities (n, 3 n_joints).
+    def convert(self, block: Array, row: int) -> tuple[Array, Array]:
+        """Return times since `origin` [s] (n,), and positions, torques, velocities (n, 3 n_joints).
 
         Parameters
         ----------
         block : array (n, n_columns)
-            As `hil.imports.samples` orders columns.
+            Columns in the order of `hil.imports.samples`.
         row : int
             Number of the first row within its file, from 0.
         """
         n = self._n
-        time, rest = self._times.of(block[:, : self._times.n], row), block[:, self._times.n :]
+        time, rest = self._times.convert(block[:, : self._times.n], row), block[:, self._times.n :]
         if np.isinf(rest).any():
             rest = np.where(np.isinf(rest), np.nan, rest)
         to_joints, speeds = self._matrices
@@ -99,16 +102,16 @@ class Conversion:
         return time, values
 
     def torques(self, block: Array) -> Array:
-        """Torques of a block as they were recorded, shape (n, n_joints)."""
+        """Return the recorded torques of a block, shape (n, n_joints)."""
         return block[:, self._times.n + self._n :][:, : self._n]
 
     @property
     def origin(self) -> float:
-        """Stamp that times count from, once rows were converted [s]; 0 but for those of a date."""
+        """Origin of the times, known after the first conversion [s]; 0 except for dates."""
         return self._times.origin
 
     def complete(self, values: Array) -> Mask:
-        """Rows of converted values in which nothing that was recorded is missing."""
+        """Return a mask of rows without missing values."""
         recorded = np.concatenate([np.ones(2 * self._n, dtype=bool), self._moving])
         return np.asarray((np.isfinite(values) | ~recorded).all(axis=1))
 
@@ -126,7 +129,7 @@ def _motor_matrix(the_map: MapFile, robot: Robot) -> Array:
 
 
 def _refuse_mixed(the_map: MapFile, robot: Robot) -> None:
-    """Refuse unknown gains of motors whose torques two joints share: each would have both."""
+    """Refuse unknown gains of motors acting on two joints: a joint torque would have two gains."""
     for motor, joint, _ in robot.couplings:
         for number in (motor, joint):
             if number in the_map.unknown_gains:
@@ -160,7 +163,8 @@ def _refuse_unfit(the_map: MapFile, robot: Robot) -> None:
                     the_map.wrong(
                         ("joints", number, key, "unit"),
                         f"{part.unit} does not suit joint {number + 1} of {robot.name}, which is"
-                        f" {kind}; correct the unit, or the order of the joints{_of_motor(part)}",
+                        f" {kind}; correct the unit, or the order of the joints"
+                        f"{_motor_remedy(part)}",
                     )
                 )
     moving = [joint.velocity is not None for joint in content.joints]
@@ -173,8 +177,8 @@ def _refuse_unfit(the_map: MapFile, robot: Robot) -> None:
         raise FileError("\n".join(map(str, problems)))
 
 
-def _of_motor(part: Position | Velocity | Torque) -> str:
-    """What to state where turns are a motor's that moves a joint that slides."""
+def _motor_remedy(part: Position | Velocity | Torque) -> str:
+    """Return the remedy for turns of a motor that moves a prismatic joint."""
     if not part.unit.startswith(("turns", "rev")):
         return ""
     counts = "counts/s" if part.unit.endswith("/s") else "counts"
@@ -182,12 +186,12 @@ def _of_motor(part: Position | Velocity | Torque) -> str:
 
 
 class TimeColumns:
-    """What makes times of the columns that a map names, or of a format's own.
+    """Conversion of the time columns of a map or a format.
 
     Attributes
     ----------
     n : int
-        How many columns of time there are.
+        Number of time columns.
     """
 
     def __init__(self, the_map: MapFile) -> None:
@@ -202,11 +206,11 @@ class TimeColumns:
 
     @property
     def origin(self) -> float:
-        """Stamp that times count from, once some were read [s]; 0 but for those of a date."""
+        """Origin of the times, known after the first rows [s]; 0 except for dates."""
         return 0.0 if self._begin is None else float(self._begin @ self._units)
 
-    def of(self, columns: Array, row: int) -> Array:
-        """Times from `origin` on [s], shape (n_rows,).
+    def convert(self, columns: Array, row: int) -> Array:
+        """Return times since `origin` [s], shape (n_rows,).
 
         Parameters
         ----------
@@ -232,7 +236,7 @@ class TimeColumns:
         return np.asarray((columns - begin) @ self._units)
 
     def _refuse_too_great(self, column: Array) -> None:
-        """Refuse a second column with more in it than one unit of the first."""
+        """Refuse a second column beyond a unit of the first."""
         column = column[np.isfinite(column)]
         if not len(column):
             return

@@ -1,15 +1,15 @@
-"""Torques or velocities by another clock than the positions, as in files merged from two sources.
+"""Torques or velocities with another clock than the positions, as in merged files.
 
-Rows of a merged file are of one instant only if both sources count time alike. Where one counts
-faster, or lost some samples, its columns lag by a time that changes along the recording, which no
-shift of a column corrects. What is recorded with a lag l and is y = X p without one obeys
+Rows of a merged file are simultaneous only if both sources measure time equally. A faster clock, or
+lost samples, make the columns lag by a varying time, which no constant shift corrects. A quantity
+recorded with a lag l that obeys y = X p without lag obeys
 
     y(t + l) = X(t) p,    so to first order    y(t + l0) = X(t) p - (l - l0) y'(t + l0).
 
-Least squares over p and a lag l of each part of the recording, which all joints share, by Newton's
-iteration. Of torques p are base parameters and friction of each axis, of velocities a scale of each
-joint. Lags that change are stated where they leave half of the mean squares that one lag for the
-whole recording leaves, or less, in the geometric mean over the joints.
+This is solved by least squares over p and a lag l per part of the recording, common to all joints,
+with Newton's iteration. For torques p holds base parameters and friction of the axes, for
+velocities a scale per joint. Varying lags are stated if they leave half of the mean squares left by
+a constant lag, or less, in the geometric mean over the joints.
 """
 
 from __future__ import annotations
@@ -31,16 +31,18 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 PARTS, SHORTEST = 12, 2.0
-"""Parts of a recording at most, and the duration of one at least [s]: half a period of a slow
-motion tells a lag from other friction."""
+"""Maximum number of parts of a recording, and minimum duration of a part [s].
+
+Half a period of a slow motion distinguishes a lag from friction.
+"""
 ROUNDS = 20
-"""Rounds of Newton's iteration at most; a lag of a tenth of a second takes some six."""
+"""Maximum number of Newton iterations; a lag of a tenth of a second takes some six."""
 REACH = 0.1
-"""Change of a lag in a round at most [s]: a sixth of a period of the fastest that arms move."""
+"""Maximum change of a lag per iteration [s]: a sixth of a period of the fastest motion of arms."""
 
 
 class _Rows(NamedTuple):
-    """Rows of one excerpt: samples, columns (n, n_joints, k), what is known, parts of each row."""
+    """Rows of an excerpt: samples, columns (n, n_joints, k), known torques, part numbers."""
 
     excerpt: Excerpt
     key: str
@@ -51,7 +53,7 @@ class _Rows(NamedTuple):
 
 
 class _Lags(NamedTuple):
-    """Lag and middle of each part [s], and mean squares left of each joint's column."""
+    """Lag and mean time of the parts [s], and residual mean squares of the joints."""
 
     lags: Array
     middles: Array
@@ -71,7 +73,7 @@ def clock_of_torques(excerpts: Sequence[Excerpt], robot: Robot, shown: Mask) -> 
 
     def rows(q: Array, qd: Array, qdd: Array) -> tuple[Array, Array]:
         own = np.stack([np.ones_like(qd), np.sign(qd), qd], axis=2)
-        columns = [regressor(robot, q, qd, qdd), _of_each(own)]
+        columns = [regressor(robot, q, qd, qdd), _block_diagonal(own)]
         return np.concatenate(columns, axis=2), motor_torque(robot, q, qd, qdd)
 
     yield from _suspicion(excerpts, shown, "tau", rows)
@@ -87,12 +89,12 @@ def clock_of_velocities(excerpts: Sequence[Excerpt], shown: Mask) -> Iterator[Su
         Joints whose recorded velocity can be compared with the derivative of the position.
     """
     yield from _suspicion(
-        excerpts, shown, "qd", lambda _q, qd, _qdd: (_of_each(qd[:, :, None]), 0.0 * qd)
+        excerpts, shown, "qd", lambda _q, qd, _qdd: (_block_diagonal(qd[:, :, None]), 0.0 * qd)
     )
 
 
-def _of_each(own: Array) -> Array:
-    """Columns of each joint alone, shape (n, n_joints, n_joints k), of values (n, n_joints, k)."""
+def _block_diagonal(own: Array) -> Array:
+    """Return block-diagonal columns (n, n_joints, n_joints k) of values (n, n_joints, k)."""
     n, joints, k = own.shape
     found = np.zeros((n, joints, joints, k))
     found[:, range(joints), range(joints)] = own
@@ -121,7 +123,7 @@ def _suspicion(
     one = _lags([each._replace(part=0 * each.part) for each in rows], shown)
     many = _lags(rows, shown)
     tiny = np.finfo(float).tiny
-    # the geometric mean, since a clock is that of all joints and what a model misses is of some
+    # the geometric mean: a clock affects all joints, a model error only some
     left = np.log(np.maximum(many.left, tiny)) - np.log(np.maximum(one.left, tiny))
     # a row is of an instant no better known than the period
     if left.mean() <= np.log(LEAVES) and np.ptp(many.lags) > excerpts[0].period:
@@ -154,7 +156,7 @@ def _words(name: str, found: _Lags) -> str:
 
 
 def _lags(rows: Sequence[_Rows], shown: Mask) -> _Lags:
-    """Find the lag of each part of the recording."""
+    """Find the lags of all parts of the recording."""
     part = np.unique(np.concatenate([each.part for each in rows]), return_inverse=True)[1]
     X, known = (np.concatenate([getattr(r, name) for r in rows]) for name in ("X", "known"))
     time = np.concatenate([r.excerpt.begin + r.samples * r.excerpt.period for r in rows])
@@ -184,7 +186,7 @@ def _lags(rows: Sequence[_Rows], shown: Mask) -> _Lags:
 
 
 def _columns(rows: _Rows, lag: Array) -> tuple[Array, Array]:
-    """Means about `lag` [s] after each sample of what was recorded, and their derivatives."""
+    """Return means of the recorded column around `lag` [s] after the samples, and derivatives."""
     excerpt, recorded = rows.excerpt, getattr(rows.excerpt, rows.key)
     half = half_width(excerpt.period)
     sums = np.vstack([np.zeros(recorded.shape[1]), np.cumsum(recorded, axis=0)])

@@ -1,4 +1,4 @@
-"""Carrying out a plan on a `drivers.drive_bus.DriveBus`, and keeping what was recorded."""
+"""Execution of a plan on a `drivers.drive_bus.DriveBus`, and storage of the recordings."""
 
 REHEARSAL_SPEED = 0.2
-"""Share of the velocity limits that a rehearsal does not exceed, unless asked for."""
+"""Default speed of a rehearsal, as a share of the velocity limits."""

@@ -1,14 +1,13 @@
-"""A plan carried out on a bus into a run folder: the sequencer with its surroundings.
+"""Campaign: a plan carried out on a bus into a run folder.
 
-The bus is entered and left here, so that the axes stop and power off however the campaign ends,
-and the folder's journal says how.
+The bus is entered and left here, so that the axes stop and power off at any end of the campaign,
+and the folder's journal records the reason.
 
-Files are written beside the motion, so that a disk that stalls does not stop the robot: the drives
-stop by themselves when our heartbeat stays away for half a second, and whoever waits for a disk
-sends none. So what is to be written is handed to one worker thread, in order, while the sequencer
-travels on. What goes wrong there surfaces at the next event. When too much is waiting, or when all
-is done and the axes are off, the disk is waited for after all: nothing counts as finished before it
-has been written.
+Files are written in parallel to the motion, so that a stalling disk does not stop the robot: the
+drives stop half a second after the last heartbeat, and a process waiting for a disk sends none.
+Writing tasks go to a worker thread, in order, while the sequencer travels on. Its errors are raised
+at the next event. With a full queue, or at the end with the axes off, the campaign waits for the
+disk: a measurement is finished only when written.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ def run_campaign(
     pause: Callable[[], bool] = never,
     real_time: Sequence[str] = (),
 ) -> Generator[Event]:
-    """Measure what `folder` has no recording of.
+    """Measure the measurements of `folder` without a recording.
 
     Parameters
     ----------
@@ -58,16 +57,16 @@ def run_campaign(
     bus : DriveBus
         Not entered yet.
     bus_name : BusName
-        What the bus is, for the journal.
+        Name of the bus, for the journal.
     pause : callable
         See `hil.measuring.sequencer.measure`.
     real_time : sequence of str
-        What the system granted of real time, for the journal.
+        Real-time measures granted by the system, for the journal.
 
     Yields
     ------
     Event
-        Those of `hil.measuring.sequencer.measure`.
+        Events of `hil.measuring.sequencer.measure`.
 
     Raises
     ------
@@ -85,7 +84,7 @@ def run_campaign(
                 measured = Measured(
                     event.measurement, event.recording, event.attempts, event.findings, session
                 )
-                timing = timing.with_recording(event.recording)
+                timing = timing.add_recording(event.recording)
                 folder.keep(sync=timing)
                 background.do(partial(_save, folder, measured))
             elif isinstance(event, Repeated):
@@ -97,7 +96,7 @@ def run_campaign(
 
 
 def _save(folder: RunFolder, measured: Measured) -> None:
-    """Write a recording, then the journal that counts it: what a kill leaves is counted too."""
+    """Write a recording, then the journal; a kill in between keeps the recording."""
     folder.write(measured)
     folder.save_journal()
 
@@ -110,7 +109,7 @@ def rehearse_campaign(
     pause: Callable[[], bool] = never,
     real_time: Sequence[str] = (),
 ) -> Generator[Event]:
-    """Pass all ways of the folder's plan at `speed`, and note in the folder that it was done.
+    """Rehearse the motions of the folder's plan at `speed`, and note the rehearsal in the folder.
 
     Parameters, events and errors are those of `run_campaign` and `hil.measuring.rehearsal`.
     """
@@ -124,10 +123,10 @@ def rehearse_campaign(
 def _session(
     folder: RunFolder, bus: DriveBus, bus_name: BusName, real_time: Sequence[str]
 ) -> Iterator[tuple[int, Background]]:
-    """What goes on about the bus: a session of the folder, and a worker that writes into it.
+    """Open a session of the folder and a worker that writes into the folder.
 
-    What is loaded by now is kept out of the garbage collector's rounds, which last many SYNCs. The
-    session gets what the bus has noted, also while it was left.
+    Objects loaded so far are excluded from garbage collection, which lasts many SYNCs. The session
+    receives the notes of the bus, also those made while leaving it.
     """
     with folder.session(bus_name, real_time) as session, ExitStack() as left:
         left.callback(lambda: folder.keep(notes=tuple(bus.notes)))
@@ -138,7 +137,7 @@ def _session(
 
 
 def _note_axes(folder: RunFolder, bus: DriveBus, background: Background) -> Robot:
-    """Take what the drives are; return the robot within the limits that hold on them."""
+    """Note the drives in the journal; return the robot within the limits of the drives."""
     folder.refuse_other_drives(bus.axes)
     folder.keep(axes=axis_records(bus.axes))
     background.do(folder.save_journal)
@@ -147,14 +146,14 @@ def _note_axes(folder: RunFolder, bus: DriveBus, background: Background) -> Robo
 
 
 class Background:
-    """Carries out tasks one after the other in a thread; leaving waits for all of them.
+    """Worker thread that carries out tasks in order; leaving waits for all tasks.
 
     Parameters
     ----------
     waiting_max : int
-        How many tasks may wait: recordings of a minute or two of measuring.
+        Maximum number of queued tasks: recordings of a minute or two of measuring.
     patience : float
-        How long `do` waits for a place among them before the campaign is given up [s].
+        Time that `do` waits for a free place before the campaign is given up [s].
     """
 
     def __init__(self, waiting_max: int = 8, patience: float = 30.0) -> None:
@@ -171,7 +170,7 @@ class Background:
         return self
 
     def __exit__(self, *raised: object) -> None:
-        """Wait until everything is written.
+        """Wait until all files are written.
 
         Raises
         ------
@@ -187,7 +186,7 @@ class Background:
             self.check()
 
     def do(self, task: Callable[[], None]) -> None:
-        """Have `task` carried out after those before it.
+        """Queue `task` for the worker.
 
         Raises
         ------
@@ -206,7 +205,7 @@ class Background:
         self._tasks.put(task)
 
     def check(self) -> None:
-        """Raise what went wrong since last asked.
+        """Raise the first error of the worker since the last call.
 
         Raises
         ------

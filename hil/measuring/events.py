@@ -1,7 +1,7 @@
-"""What the sequencer reports while it works.
+"""Events reported by the sequencer.
 
-`time` is the bus's time, `remaining` the robot time that is expected to be left; both in s. In
-lock-step robot time runs faster than the clock on the wall.
+`time` is the bus's time, `remaining` the expected remaining robot time, both in s. In lock-step
+robot time runs faster than wall time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something happened."""
+    """Event of a campaign."""
 
     time: float
     remaining: float
@@ -25,7 +25,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Started(Event):
-    """The sequencer knows where the robot stands; nothing has moved yet."""
+    """Start of the campaign: the robot's position is known, nothing has moved yet."""
 
     pending: int
     planned: int
@@ -33,7 +33,7 @@ class Started(Event):
 
 @dataclass(frozen=True, slots=True)
 class WarmingUp(Event):
-    """The warm-up goes on."""
+    """Progress of the warm-up."""
 
     done: float
     duration: float
@@ -41,19 +41,19 @@ class WarmingUp(Event):
 
 @dataclass(frozen=True, slots=True)
 class AboutMeasurement(Event):
-    """Something happened in the course of one measurement."""
+    """Event of a single measurement."""
 
     measurement: Measurement
 
 
 @dataclass(frozen=True, slots=True)
 class Travelled(AboutMeasurement):
-    """All axes stand at the start of a measurement."""
+    """Arrival of all axes at the start of a measurement."""
 
 
 @dataclass(frozen=True, slots=True)
 class Preparing(AboutMeasurement):
-    """The axes rest or exercise before a friction measurement, `done` of `duration` [s]."""
+    """Rest or exercise of the axes before a friction measurement, `done` of `duration` [s]."""
 
     done: float
     duration: float
@@ -61,17 +61,17 @@ class Preparing(AboutMeasurement):
 
 @dataclass(frozen=True, slots=True)
 class Rehearsed(AboutMeasurement):
-    """The ways of a measurement were passed slowly, without a recording."""
+    """Rehearsal of a measurement's motions, without a recording."""
 
 
 @dataclass(frozen=True, slots=True)
 class Paused(Event):
-    """The operator wanted a pause; the axes stand still under power."""
+    """Pause requested by the operator; the axes stand still under power."""
 
 
 @dataclass(frozen=True, slots=True)
 class Repeated(AboutMeasurement):
-    """A recording failed its checks; the measurement is tried once more."""
+    """Repetition of a measurement after a recording failed its checks."""
 
     attempt: int
     findings: tuple[Finding, ...]
@@ -79,7 +79,7 @@ class Repeated(AboutMeasurement):
 
 @dataclass(frozen=True, slots=True)
 class GaveUp(AboutMeasurement):
-    """No attempt passed the checks; the best recording follows as `Recorded`."""
+    """Failure of all attempts; the best recording follows as `Recorded`."""
 
     attempts: int
     findings: tuple[Finding, ...]
@@ -87,7 +87,7 @@ class GaveUp(AboutMeasurement):
 
 @dataclass(frozen=True, slots=True)
 class Recorded(AboutMeasurement):
-    """A measurement is done; `findings` is empty unless every attempt failed."""
+    """Completion of a measurement; `findings` is empty unless every attempt failed."""
 
     recording: Recording
     attempts: int
@@ -96,10 +96,10 @@ class Recorded(AboutMeasurement):
 
 @dataclass(frozen=True, slots=True)
 class Finished(Event):
-    """All measurements of the plan are done.
+    """Completion of all measurements of the plan.
 
-    `before_first` is the time of motion before the first recording that was kept, warm-up and
-    attempts that were repeated included [s]; NaN where nothing was recorded.
+    `before_first` is the time of motion before the first recording kept, including warm-up and
+    repeated attempts [s]; NaN without recordings.
     """
 
     recorded: int

@@ -1,10 +1,9 @@
-"""A bus that stands in front of another one and passes everything on.
+"""Buses in front of another bus, which pass everything on.
 
-What adds something to a bus derives from it and states no more than what it adds. `FeedingBus`
-feeds forward velocity and torque with every path that is streamed on it; whatever streams
-set-points works on it as on the bus itself. Velocities and accelerations are differences of the
-set-points. A drive follows its set-points late, by the time that its interpolation takes, so what
-is fed forward must be as late:
+A bus with additional functions derives from `BusInFront` and defines only these. `FeedingBus` feeds
+forward velocity and torque with every streamed path, without a change of its callers. Velocities
+and accelerations are differences of the set-points. A drive follows its set-points with a delay, by
+its interpolation, so the feed-forward must have the same delay:
 
     a set-point goes out at time t; the drive's loops act at t, t + h ... t + T - h before the next
     one, while the demand goes through what was planned for t - d ... t - d + T - h,
@@ -12,8 +11,8 @@ is fed forward must be as late:
 with the SYNC period T, the period of the loops h and the delay d. Velocity and torque are held
 meanwhile, so they are those of the middle, planned for t - d + (T - h)/2.
 
-Torque is what the motion adds to that at the path's beginning: at rest the loops hold the axes by
-themselves, and go on to do so.
+The torque is that of the motion less the torque at the path's beginning: at rest the loops hold the
+axes without feed-forward, and continue to do so.
 """
 
 from __future__ import annotations
@@ -36,14 +35,17 @@ if TYPE_CHECKING:
     Predict = Callable[[Array, Array, Array], Array]
 
 DELAY = 1.5
-"""SYNC periods by which drives follow their set-points: one until the next has come, and half of
-one where their interpolation has a continuous velocity."""
+"""Delay of drives behind their set-points in SYNC periods.
+
+One until the next set-point has come, and half of one if the interpolation has a continuous
+velocity.
+"""
 LOOP = 0.001
-"""Period of the loops of many drives [s]."""
+"""Period of the control loops of many drives [s]."""
 
 
 class BusInFront:
-    """A `drivers.drive_bus.StreamingBus` in front of another bus.
+    """`drivers.drive_bus.StreamingBus` in front of another bus.
 
     Parameters
     ----------
@@ -62,12 +64,12 @@ class BusInFront:
 
     @property
     def axes(self) -> tuple[AxisInfo, ...]:
-        """The axes in joint order; known once entered."""
+        """Axes in joint order; known once entered."""
         return self._bus.axes
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the operator should know though it stops nothing; grows."""
+        """Notes for the operator about harmless irregularities; grows."""
         return self._bus.notes
 
     def __enter__(self) -> Self:
@@ -80,7 +82,7 @@ class BusInFront:
         self._bus.__exit__(*raised)
 
     def move(self, moves: Mapping[int, Move]) -> None:
-        """Give set-points to axes."""
+        """Send set-points to axes."""
         self._bus.move(moves)
 
     def sample(self) -> Sample:
@@ -88,7 +90,7 @@ class BusInFront:
         return self._bus.sample()
 
     def samples(self, limit: int) -> Sequence[Sample]:
-        """Return the next sample, as `sample` does: what stands in front sees each by itself."""
+        """Return only the next sample, so that derived buses see every sample."""
         del limit
         return (self.sample(),)
 
@@ -97,7 +99,7 @@ class BusInFront:
         self._bus.halt()
 
     def reset(self) -> None:
-        """Power the axes on again after something has stopped them."""
+        """Power the axes on again after a stop."""
         self._bus.reset()
 
     def stream(
@@ -107,14 +109,14 @@ class BusInFront:
         torque: Sequence[Sequence[float]] | None = None,
         holding: Sequence[Sequence[float]] | None = None,
     ) -> None:
-        """Begin to send a path.
+        """Start to send a path.
 
         Raises
         ------
         DriveRefused
             The drives follow no stream of set-points.
         """
-        # asked once: looking for what a bus can do reads all of its attributes
+        # checked once: the protocol check reads all attributes of a bus
         if not isinstance(self._bus, StreamingBus):
             raise DriveRefused("these drives follow no stream of set-points")
         self._bus.stream(path, velocity, torque, holding)
@@ -122,12 +124,12 @@ class BusInFront:
 
     @property
     def path_index(self) -> float:
-        """Where on the path that is streamed the last sample was."""
+        """Index of the last sample on the streamed path."""
         return self._streaming.path_index if self._streaming else 0.0
 
 
 class FeedingBus(BusInFront):
-    """A `drivers.drive_bus.StreamingBus` in front of another one.
+    """Bus with feed-forward in front of another bus.
 
     Parameters
     ----------
@@ -139,7 +141,7 @@ class FeedingBus(BusInFront):
         ``predict(q, qd, qdd)`` returns torques [N m or N]; all arrays of shape (n, n_axes). None
         feeds no torques forward.
     delay : float
-        By how much drives follow their set-points late [SYNC periods].
+        Delay of the drives behind their set-points [SYNC periods].
     loop : float
         Period of the drives' loops [s].
     """
@@ -166,7 +168,7 @@ class FeedingBus(BusInFront):
         torque: Sequence[Sequence[float]] | None = None,
         holding: Sequence[Sequence[float]] | None = None,
     ) -> None:
-        """Begin to send a path, with what is fed forward for it where the caller states nothing."""
+        """Start to send a path, with computed feed-forward unless the caller states some."""
         if velocity is None and torque is None:
             fed = self._fed(np.asarray(path, dtype=float))
             velocity, torque, holding = (values.tolist() for values in fed)
@@ -182,7 +184,7 @@ class FeedingBus(BusInFront):
 
 
 def added_torque(predict: Predict | None, q: Array, qd: Array, qdd: Array) -> Array:
-    """Torques that a motion adds to those at its beginning, shape of `q`; zero without a model."""
+    """Return the torques of a motion relative to its start, shape of `q`; zero without a model."""
     if predict is None:
         return np.zeros_like(q)
     tau = predict(q, qd, qdd)
@@ -191,12 +193,12 @@ def added_torque(predict: Predict | None, q: Array, qd: Array, qdd: Array) -> Ar
 
 
 def refuse_beyond_torque(trajectory: Trajectory, robot: Robot, predict: Predict) -> None:
-    """Refuse a trajectory that needs more torque than an axis has.
+    """Refuse a trajectory beyond the torque limit of an axis.
 
     Raises
     ------
     drivers.drive_bus.LimitExceeded
-        With axis, instant, torque and limit.
+        Message with axis, instant, torque and limit.
     """
     t = np.linspace(0.0, trajectory.period, 2000)  # far more than harmonics have extremes
     q, qd, qdd = trajectory.motion(t)
@@ -216,16 +218,16 @@ def refuse_beyond_torque(trajectory: Trajectory, robot: Robot, predict: Predict)
 
 
 def motion_of(path: Array, period: float, ahead: float) -> tuple[Array, Array, Array]:
-    """Positions, velocities and accelerations somewhat later than each set-point of a path.
+    """Return positions, velocities and accelerations at a constant shift after the set-points.
 
     Parameters
     ----------
     path : ndarray, shape (n, n_axes)
         Set-points [rad or m], at rest before the first and after the last.
     period : float
-        From one to the next [s].
+        Time between set-points [s].
     ahead : float
-        By how much later [periods]; may be negative.
+        Time shift [periods]; may be negative.
 
     Returns
     -------
@@ -235,9 +237,9 @@ def motion_of(path: Array, period: float, ahead: float) -> tuple[Array, Array, A
     qd = (still[2:] - still[:-2]) / (2 * period)
     qdd = np.diff(still, n=2, axis=0) / period**2
     at = np.clip(np.arange(len(path)) + ahead, 0, len(path) - 1)
-    return _at(path, at), _at(qd, at), _at(qdd, at)
+    return _interpolate(path, at), _interpolate(qd, at), _interpolate(qdd, at)
 
 
-def _at(values: Array, at: Array) -> Array:
+def _interpolate(values: Array, at: Array) -> Array:
     numbers = np.arange(len(values))
     return np.column_stack([np.interp(at, numbers, column) for column in values.T])

@@ -1,7 +1,7 @@
-"""How each kind of measurement moves, and what is recorded meanwhile.
+"""Motions and recordings of all kinds of measurement.
 
-Strokes follow each other as soon as the bus says that the axis stands still at its target. Time
-passes only in `bus.sample()`, and every time-out counts in the bus's time.
+Strokes follow one another as soon as the bus reports that the axis rests at its target. Time passes
+only in `bus.sample()`, and every time-out is in the bus's time.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def record(bus: DriveBus, measurement: Strokes) -> Recording:
 
 
 def record_creep(bus: DriveBus, measurement: Coupling) -> Recording:
-    """As `record`, while the partner goes back and forth in every stroke."""
+    """Record strokes like `record`, with a partner going back and forth in every stroke."""
     recorder = Recorder()
     partner = _PartnerStrokes(bus, recorder, measurement.q, measurement.partner)
     return _record(bus, recorder, measurement, partner)
@@ -68,12 +68,12 @@ def _record(
 
 
 def rest_and_exercise(bus: DriveBus, measurement: Friction) -> Iterator[tuple[float, float]]:
-    """Give friction the history that is asked for: rest, then motion up to the recording.
+    """Prepare friction by the planned history: rest, then motion up to the recording.
 
     Yields
     ------
     tuple of float
-        How long it has gone on, and the bus's time [s].
+        Duration so far, and the bus's time [s].
     """
     begin, rest = locate(bus).time, measurement.rest or 0.0
     while (now := locate(bus).time) - begin < rest:
@@ -94,18 +94,18 @@ MANNERS: dict[str, Callable[[DriveBus, Any], Recording]] = {
     "friction": record,
     "trajectory": stream,
 }
-"""By kind of measurement what moves the axes from where it starts and returns the recording."""
+"""Functions that carry out a kind of measurement and return the recording."""
 PREPARATIONS: dict[str, Callable[[DriveBus, Any], Iterator[tuple[float, float]]]] = {
     "friction": rest_and_exercise,
 }
-"""What goes before the first attempt; yields how long it has gone on, and the bus's time [s]."""
+"""Preparations before the first attempt; yield their duration so far, and the bus's time [s]."""
 
 
 class _PartnerStrokes:
-    """Sends the partner back and forth while the other axis creeps.
+    """Strokes of the partner while the other axis creeps.
 
-    The bus reports only that all axes have arrived, so the partner's turns go by its profile's
-    duration. No stroke begins that would not end before the creeping axis brakes.
+    The bus reports only the arrival of all axes, so the partner's turns follow the duration of its
+    profile. No stroke starts that would end after the creeping axis brakes.
     """
 
     def __init__(
@@ -119,13 +119,13 @@ class _PartnerStrokes:
         self._due = self._last = 0.0
 
     def begin(self, earliest: float, latest: float) -> None:
-        """Allow strokes that lie between two instants [s]."""
+        """Allow strokes between two instants [s]."""
         self._recorder.mark("partner_stroke", IDLE)
         self._due = earliest + SETTLED
         self._last = latest - self._partner.profile(self._q, 0).duration - PARTNER_TURN
 
     def take(self, samples: Sequence[Sample]) -> float:
-        """Take samples and start a stroke when one is due; return when the next is due [s]."""
+        """Process samples and start a due stroke; return when the next is due [s]."""
         self._recorder.extend(samples)
         now = samples[-1].time
         if now >= self._due:

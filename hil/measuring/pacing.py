@@ -1,7 +1,7 @@
-"""A bus whose time runs no faster than so many times the clock on the wall.
+"""Bus with a limited speed of time relative to the wall clock.
 
-Where SYNC is the plant's clock a campaign is as fast as the processor, too fast for the eye. Each
-sample is held back until it is due; nothing is sent meanwhile, and the plant stands still.
+Where SYNC is the plant's clock a campaign is as fast as the processor, too fast for the eye.
+Samples are held back until they are due; nothing is sent meanwhile, and the plant stands still.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveBus, Sample
 
 REAL_TIME = 4.0
-"""Time of motion at its own speed before it becomes faster [s]: as long as a look takes."""
+"""Time of motion at its own speed before it is accelerated [s]: as long as a look takes."""
 DOUBLED = 1.5
-"""Time after which it is twice as fast, again and again [s]."""
+"""Time between doublings of the speed [s]."""
 
 
 class PacedBus(BusInFront):
-    """A `drivers.drive_bus.StreamingBus` in front of another one.
+    """Bus with limited speed in front of another bus.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class PacedBus(BusInFront):
     def sample(self) -> Sample:
         """Wait for the next SYNC, and until it is due.
 
-        Where samples come later than that the pace begins anew with them: nothing is made up for.
+        After late samples the pace starts anew, without catching up.
         """
         sample = self._bus.sample()
         now = time.monotonic()

@@ -1,11 +1,11 @@
-"""Carrying out a plan's motions slowly, recording nothing: the first run on a robot.
+"""Slow rehearsal of a plan's motions without recordings: the first run on a robot.
 
-A measurement needs its own speed, so a slow campaign would measure nothing of use. A rehearsal
-passes every way that the plan will take, once and no faster than a share of each axis's limit: all
-travels, one stroke there and back of each measurement, and of a coupling those of both axes, one
-after the other. A motion slowed by a factor s has its velocity times s and its acceleration times
-s^2, so that several axes at once take the very path that they will take at speed. Supervision and
-trips are those of a measuring run; the operator's hand is on the stop.
+A measurement needs its own speed, so a slow campaign would measure nothing useful. A rehearsal
+passes every path of the plan once, below a share of each axis's limit: all travels, a stroke there
+and back of each measurement, and for a coupling the strokes of both axes in turn. A motion slowed
+by a factor s has its velocity times s and its acceleration times s^2, so that several axes follow
+exactly their path at full speed. Supervision and trips are those of a measuring run; the operator's
+hand is on the stop.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def rehearse(
     speed: float = REHEARSAL_SPEED,
     pause: Callable[[], bool] = never,
 ) -> Iterator[Event]:
-    """Pass all ways of `plan`.
+    """Rehearse all motions of `plan`.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def rehearse(
     Raises
     ------
     DriveError
-        What would have happened at speed as well.
+        Errors as in a measurement at full speed.
     """
     refuse_other_bus(plan, robot, bus)
     here = locate(bus)
@@ -84,7 +84,7 @@ def rehearse(
 
 
 def _slowed(measurement: Strokes, robot: Robot, speed: float) -> Iterator[tuple[int, Trapezoid]]:
-    """Strokes there and back, each of one axis and no faster than `speed` allows."""
+    """Yield strokes there and back of single axes, no faster than `speed` allows."""
     ways = [(measurement.index, measurement.profile(k)) for k in (0, 1)]
     for partner in measurement.partners:
         ways[1:1] = [(partner.index, partner.profile(measurement.q, k)) for k in (0, 1)]
@@ -101,7 +101,7 @@ def _slowed(measurement: Strokes, robot: Robot, speed: float) -> Iterator[tuple[
 
 
 def _durations(plan: Plan, robot: Robot, start: Sequence[float], speed: float) -> list[float]:
-    """Expected time of each measurement with the travel that leads to it [s]."""
+    """Return the expected durations of the measurements, including travel [s]."""
     slow = min(1.0, speed / plan.travel)
     durations, here = [], start
     for measurement in plan.measurements:
@@ -112,7 +112,7 @@ def _durations(plan: Plan, robot: Robot, start: Sequence[float], speed: float) -
 
 
 def _duration(measurement: Measurement, robot: Robot, speed: float) -> float:
-    """Expected time that a measurement's own ways take [s]."""
+    """Return the expected duration of a measurement's own motions [s]."""
     if measurement.streamed:
         return measurement.period / pace(measurement, robot, speed)
     strokes = [profile.duration for _, profile in _slowed(measurement, robot, speed)]

@@ -1,9 +1,8 @@
-"""Carries out a plan on a `DriveBus` and reports what happens, event by event.
+"""Sequencer: carries out a plan on a `DriveBus` and reports events.
 
-The sequencer runs inside ``with bus:``, whose end stops the axes whatever happened. It never
-sleeps and never asks what is behind the bus. Each measurement is checked as soon as it is
-recorded and repeated while it fails, up to ``plan.attempts`` times; then the best recording is
-kept together with what is wrong with it.
+The sequencer runs inside ``with bus:``, whose end always stops the axes. It never sleeps and does
+not depend on the kind of bus. Each measurement is checked after its recording and repeated while it
+fails, up to ``plan.attempts`` times; then the best recording is kept together with its findings.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def never() -> bool:
-    """Nobody wants a pause."""
+    """Request no pause."""
     return False
 
 
@@ -44,7 +43,7 @@ def measure(
     done: Collection[str] = (),
     pause: Callable[[], bool] = never,
 ) -> Iterator[Event]:
-    """Measure what is not `done` yet.
+    """Carry out all measurements except those in `done`.
 
     Parameters
     ----------
@@ -102,9 +101,10 @@ def measure(
 
 @dataclass
 class _Clock:
-    """How much robot time is left, scaled by how the timetable held so far.
+    """Clock of the remaining robot time, scaled by the timetable's accuracy so far.
 
-    `start` is when its first entry began, pauses left out of the account [s]; `done`: entries.
+    `start` is the begin of the first entry, excluding pauses [s]; `done` the number of entries
+    done.
     """
 
     entries: Sequence[Entry]
@@ -112,7 +112,7 @@ class _Clock:
     done: int = 0
 
     def remaining(self, now: float) -> float:
-        """Estimate the robot time until the end [s]."""
+        """Estimate the remaining robot time [s]."""
         expected = [entry.travel + entry.duration for entry in self.entries]
         past = sum(expected[: self.done])
         scale = (now - self.start) / past if past else 1.0
@@ -152,7 +152,7 @@ def _attempts(
 def _warm_up(
     plan: Plan, warm_up: WarmUp, robot: Robot, bus: DriveBus, clock: _Clock
 ) -> Iterator[Event]:
-    """Go round the plan's own configurations, whose paths are checked, until time is up."""
+    """Travel between the plan's configurations, on checked paths, until the time is up."""
     begin = locate(bus).time
     for measurement in cycle(plan.measurements):
         for target in (measurement.start, measurement.end):
@@ -165,7 +165,7 @@ def _warm_up(
 
 
 def hold(bus: DriveBus, pause: Callable[[], bool]) -> float:
-    """Let time pass while `pause` says so; return the bus's time then [s]."""
+    """Let time pass while `pause` requests it; return the bus's time at the end [s]."""
     now = locate(bus).time
     while pause():
         now = bus.sample().time
@@ -173,12 +173,12 @@ def hold(bus: DriveBus, pause: Callable[[], bool]) -> float:
 
 
 def refuse_other_bus(plan: Plan, robot: Robot, bus: DriveBus) -> None:
-    """Refuse a bus of other axes, or of another sample period, than the plan was made for.
+    """Refuse a bus with other axes or another sample period than the plan's.
 
     Raises
     ------
     DriveRefused
-        What differs.
+        Message with the difference.
     """
     if len(bus.axes) != robot.n_joints:
         raise DriveRefused(

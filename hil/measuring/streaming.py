@@ -1,4 +1,4 @@
-"""Streaming a trajectory on a `StreamingBus`, recording it, or passing it slowly in a rehearsal."""
+"""Streaming of a trajectory on a `StreamingBus`, with a recording or slowly in a rehearsal."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 ASTRAY = 0.05
-"""How far an axis may be from its set-point at the same SYNC [rad or m]."""
+"""Maximum distance of an axis from its set-point at the same SYNC [rad or m]."""
 
 
 def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
-    """Carry out all periods of a trajectory from where it starts, and record every sample.
+    """Carry out and record all periods of a trajectory, including the start.
 
-    Samples of period k are group k. What is recorded beside them is how far along the trajectory
-    its set-points are, which the drives may have passed more slowly.
+    Samples of period k are group k. The recorded position along the trajectory is that of the
+    set-points, since drives may have passed the trajectory more slowly.
 
     Raises
     ------
@@ -55,23 +55,22 @@ def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
 
 
 def pass_slowly(bus: DriveBus, trajectory: Trajectory, slow: float) -> Sample:
-    """Pass one period at `slow` times its speed, recording nothing; return the last sample."""
+    """Pass a period at `slow` times its speed without a recording; return the last sample."""
     for sample, _ in _followed(bus, trajectory.once, slow):
         last = sample
     return last
 
 
 def pace(trajectory: Trajectory, robot: Robot, speed: float) -> float:
-    """Share of its own speed at which a trajectory keeps below `speed` of the limits."""
+    """Return the speed factor that keeps a trajectory below `speed` of the limits."""
     t = np.linspace(0.0, trajectory.period, 1000)
     highest = float(np.max(np.abs(trajectory.motion(t)[1]) / robot.velocity_limit))
     return min(1.0, speed / highest) if highest > 0 else 1.0
 
 
 def astray(recording: Recording, trajectory: Trajectory, robot: Robot) -> Iterator[Finding]:
-    """Find where an axis did not follow the path."""
-    # SYNC periods by which a drive without delay shows its set-points later than they act: it goes
-    # to each in the period after the SYNC from which it acts
+    """Yield a finding of an axis that did not follow the path."""
+    # a drive without delay reaches a set-point one SYNC period after it starts to act
     t = path_time(recording, 1.0)
     away = np.abs(recording.q - trajectory.motion(trajectory.within(t))[0])
     worst = np.nan_to_num(away).max(axis=0)
@@ -88,7 +87,7 @@ def astray(recording: Recording, trajectory: Trajectory, robot: Robot) -> Iterat
 
 
 def _followed(bus: DriveBus, trajectory: Trajectory, slow: float) -> Iterator[tuple[Sample, float]]:
-    """Samples, and the number of the set-points that act from each one's SYNC on."""
+    """Yield samples with the index of the set-points active from their SYNC on."""
     if not isinstance(bus, StreamingBus):
         raise DriveRefused(
             f"{trajectory.id}: these drives follow no stream of set-points; plan measurements of"

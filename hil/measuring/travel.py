@@ -1,8 +1,8 @@
-"""Motions on a `DriveBus` that record nothing: travels between configurations, passing a stroke.
+"""Motions on a `DriveBus` without recordings: travels between configurations, single strokes.
 
-Time passes only in `bus.sample()`, and every time-out counts in the bus's time. A travel moves all
-axes at once, each with its own trapezoid, so the robot stays inside the box in joint space that
-start and target span; a box inside the limits is all that has to be checked, and in a guarded
+Time passes only in `bus.sample()`, and every time-out is in the bus's time. A travel moves all axes
+simultaneously with separate trapezoids, so the robot stays inside the box in joint space spanned by
+start and target; it is sufficient to check that the box is within the limits, and in a guarded
 workspace the path within it.
 """
 
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 GRACE = 5.0
 """Time for handshake and settling before a move counts as failed [s]."""
 SLACK = 2e-3
-"""A robot may stand this far outside its limits and still travel back inside [rad or m]."""
+"""Maximum distance of a robot outside its limits for a travel back inside [rad or m]."""
 
 
 def locate(bus: DriveBus) -> Sample:
-    """Find out where the axes stand.
+    """Return a sample with the positions of all axes.
 
     Raises
     ------
@@ -59,14 +59,14 @@ def travel(
     workspace: Workspace | None = None,
     slow: float = 1.0,
 ) -> Sample:
-    """Move all axes at once to `target` [rad or m] and wait until they stand still.
+    """Move all axes simultaneously to `target` [rad or m] and wait for rest.
 
     Parameters
     ----------
     fraction : float
         Share of the velocity and acceleration limits.
     workspace : Workspace, optional
-        What the arm must keep clear of.
+        Workspace of the arm.
     slow : float
         Pace at which the same path is passed; 0.5 takes twice as long.
 
@@ -105,7 +105,7 @@ def travel(
 
 
 def pass_along(bus: DriveBus, index: int, profile: Trapezoid, what: str) -> Sample:
-    """Move one axis along `profile`, recording nothing; return the first sample at rest.
+    """Move an axis along `profile` without a recording; return the first sample at rest.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def until_reached(
     expected: float,
     what: str,
 ) -> Sample:
-    """Pass samples to `take` until all axes are at rest at their targets; return the last one.
+    """Pass samples to `take` until all axes rest at the targets; return the last sample.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def until_reached(
     begin, expected : float
         When the motion began and how long it should take [s].
     what : str
-        What the motion is.
+        Description of the motion for messages.
 
     Raises
     ------

@@ -78,7 +78,7 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
             continue
         # an import is judged as a whole, whatever parts of it are strokes
         whole = isinstance(motion, FreeMotion)
-        used = np.ones(recording.n_samples, dtype=bool) if whole else recording.under_way
+        used = np.ones(recording.n_samples, dtype=bool) if whole else recording.active
         axes = [axis for axis in motion.moved if axis not in unknown]
         for each in _motions(model, recording, used, axes) if axes else ():
             every = each.counts

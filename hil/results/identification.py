@@ -147,12 +147,12 @@ def identify(
     qd : array_like, shape (n_samples, n_joints), or a list of these, optional
         Velocities [rad/s or m/s]. Accelerations are found from positions and velocities.
     alone, cut_off, accept : optional
-        As of `hil.Run.from_arrays`.
+        As of `hil.Run.import_arrays`.
 
     Raises
     ------
     InvalidArray, InvalidValue
-        As of `hil.Run.from_arrays`.
+        As of `hil.Run.import_arrays`.
     FileError, Mismatch, UnknownName, NotIdentifiable, NotEnoughData
         As of `hil.results.identification.identified`.
 

@@ -197,7 +197,7 @@ class IdentifiedRobot(ByName):
         half = (self.interval(level)[:, 1] - self.values).tolist()
         return dict(zip(self.names, half, strict=True))
 
-    def to_dataframe(self, level: float = 0.95) -> pd.DataFrame:
+    def dataframe(self, level: float = 0.95) -> pd.DataFrame:
         """Parameters as a table, indexed by name; needs pandas.
 
         Columns are ``value``, ``standard_error``, ``low``, ``high``, ``unit`` and ``expression``.

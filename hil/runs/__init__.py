@@ -1,4 +1,4 @@
-"""Data on disk: recordings, run folders, their journals. Nothing moves here."""
+"""Data on disk: recordings, run folders, journals; without any motion."""
 
 SIMULATED = "sim_plant"
-"""python-can's interface of the virtual plant, whose channels are named like their robots."""
+"""Interface of the virtual plant in python-can, with channels named like their robots."""

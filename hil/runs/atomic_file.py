@@ -1,19 +1,19 @@
-"""Files that are either there and whole, or not there.
+"""Atomic writing of files and folders, and locks.
 
 Content is written beside its place as ``.part``, flushed to the disk, renamed, and the folder's
 entry flushed too: neither a kill nor a power cut leaves half a file under the real name.
 
-A folder may come from a stranger, with symbolic links in it that lead to files of the user's. So a
-part has a name that cannot be foreseen and is a file that was not there before, and a link under
-the real name is replaced, not followed. Folders within such a folder are those that `own_folder`
-made or found to be no link. What the user names on the command line is the user's to choose.
+A folder may come from a stranger, with symbolic links to files of the user. So a part has an
+unpredictable name and is always a new file, and a link under the final name is replaced, not
+followed. Folders within such a folder are made or checked by `own_folder`. Paths on the command
+line are the user's choice.
 
 A folder of many files that belong together is made in the same way, by `whole_folder`.
 
-One process measures into a run folder, and one commands the drives of a bus, at a time. Two that
-measure would take each other's files away; settings put back beside a session would take limits and
-watchdogs from axes with power. The lock is the kernel's, on the folder itself or on a file that
-stays. It goes with the process, however that ends. A system without such locks goes without.
+At most one process measures into a run folder, and at most one commands the drives of a bus. Two
+measuring processes would take each other's files away; settings restored during a session would
+remove limits and watchdogs from powered axes. The lock is the kernel's, on the folder itself or on
+a permanent file, and ends with the process. Systems without such locks work without.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ if TYPE_CHECKING:
 
 PART = ".part"
 ABANDONED = 60.0
-"""Time for which a part of another folder is left alone, locked or not [s]."""
+"""Minimum age of another folder's part before removal, locked or not [s]."""
 _FRESH = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0)
 _ENDING = re.compile(rf"(\.[0-9a-f]{{8}})?{re.escape(PART)}$")
 
 
 def write_file(path: Path, content: bytes | memoryview) -> None:
-    """Write `content` to `path`, whole or not at all.
+    """Write `content` to `path`, completely or not at all.
 
     Raises
     ------
@@ -70,11 +70,11 @@ def write_file(path: Path, content: bytes | memoryview) -> None:
 
 @contextmanager
 def whole_folder(output: Path) -> Iterator[Path]:
-    """Yield a new folder beside `output` that gets its name at the end, or goes.
+    """Yield a new folder beside `output`, renamed at the end or removed.
 
-    Folders about it that had to be made go with it. An empty folder at `output` is replaced. Parts
-    of this folder, and of others beside it, are removed that a killed process left; one that is
-    still at work holds a lock.
+    Missing parent folders are made, and removed on failure. An empty folder at `output` is
+    replaced. Parts left by a killed process, of this folder or of others beside it, are removed;
+    active processes hold a lock on their part.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def whole_folder(output: Path) -> Iterator[Path]:
 
 
 def new_folder(path: Path) -> None:
-    """Make a folder that may be there, with those above it, and flush their entries to the disk.
+    """Make a folder and missing parents, and flush the entries to the disk.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def new_folder(path: Path) -> None:
 
 
 def _remove_abandoned(output: Path, own: Path) -> None:
-    """Remove parts of folders that no living process works on; none where there are no locks.
+    """Remove parts of folders without a living process; none on systems without locks.
 
     A part of another folder may have been made just now, and wait for its lock.
     """
@@ -138,7 +138,7 @@ def _remove_abandoned(output: Path, own: Path) -> None:
 
 @contextmanager
 def new_file(path: Path) -> Iterator[IO[bytes]]:
-    """Yield a file of a `whole_folder` to write into; it is flushed to the disk at the end.
+    """Yield a new file of a `whole_folder` for writing, flushed to the disk at the end.
 
     Raises
     ------
@@ -155,12 +155,12 @@ def new_file(path: Path) -> Iterator[IO[bytes]]:
 
 
 def whole_name(name: str) -> str:
-    """Return what the file with this name is or was to become: a part's name without its ending."""
+    """Return the final name of a file from the name of a part."""
     return _ENDING.sub("", name)
 
 
 def own_folder(path: Path) -> None:
-    """Make a folder within another one, or take the one that is there.
+    """Make a folder within another one, if missing.
 
     Raises
     ------
@@ -173,7 +173,7 @@ def own_folder(path: Path) -> None:
 
 
 def refuse_link(path: Path) -> None:
-    """Refuse to write into a folder within another one that leads elsewhere.
+    """Refuse a folder that is a symbolic link, since writing would lead elsewhere.
 
     Raises
     ------
@@ -222,7 +222,7 @@ def locked(path: Path) -> AbstractContextManager[None]:
 
 
 def locked_bus(path: Path, bus: str) -> AbstractContextManager[None]:
-    """Hold the lock of a bus, a file that is made where it is missing.
+    """Hold the lock of a bus: a file, made if missing.
 
     Raises
     ------

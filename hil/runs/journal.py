@@ -1,7 +1,7 @@
-"""`run.json`: who measured when, on what, and why it ended.
+"""Journal `run.json`: person, time, machine and end of the sessions of a run.
 
-A run may take several sessions: each `hil run` with ``--resume`` adds one. Digests of plan, robot
-file and drives file say whether a later session still measures the same thing.
+A run may have several sessions: each `hil run` with ``--resume`` adds one. Digests of plan, robot
+file and drives file reveal whether a later session measures the same robot and plan.
 
 How well SYNC kept its period while it was recorded, and what got lost, is stated with every run.
 In lock-step nothing can be off; on the wall clock it says whether computer and bus were up to the
@@ -36,13 +36,13 @@ if TYPE_CHECKING:
 NO_REAL_MACHINE = "SIMULATED: measured on the virtual plant, no real machine"
 PACKAGES = (DISTRIBUTION, "canopen", "python-can", "numpy", "h5py")
 EXACT = 1e-6
-"""Jitter below this is that of adding floats [s]."""
+"""Maximum jitter caused by rounding [s]."""
 
 _GAPS = ~SampleFlag.LIMIT & ~SampleFlag.SKIPPED & 0xFF
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that measure."""
+    """Return the versions of Python and of the packages used for measuring."""
     found = {"python": sys.version.split()[0]}
     for name in PACKAGES:
         try:
@@ -53,7 +53,7 @@ def versions() -> dict[str, str]:
 
 
 class BusName(NamedTuple):
-    """What a bus is: python-can's interface and channel."""
+    """Name of a bus: python-can's interface and channel."""
 
     interface: str = ""
     channel: str = ""
@@ -63,13 +63,13 @@ class BusName(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> BusName:
-        """Return the bus that a journal names; no interface's name has a space."""
+        """Parse the name of a bus in a journal; names of interfaces have no spaces."""
         interface, _, channel = text.partition(" ")
         return cls(interface, channel)
 
 
 class Axis(FileModel):
-    """What a drive reports of itself."""
+    """Drive as reported in a session."""
 
     name: str
     identity: str
@@ -78,16 +78,16 @@ class Axis(FileModel):
 
 
 class RepeatedAttempt(FileModel):
-    """An attempt at a measurement that failed its checks and was followed by another one.
+    """Failed attempt at a measurement, followed by a repetition.
 
     Attributes
     ----------
     measurement : str
         Its id.
     attempt : int
-        Which one it was, from 1.
+        Number of the attempt, from 1.
     findings : tuple of str
-        What was wrong with it.
+        Findings of the attempt.
     """
 
     measurement: str
@@ -96,7 +96,7 @@ class RepeatedAttempt(FileModel):
 
 
 class SyncTiming(FileModel):
-    """SYNC in the recordings of a session.
+    """Timing of SYNC in the recordings of a session.
 
     Attributes
     ----------
@@ -113,8 +113,8 @@ class SyncTiming(FileModel):
     jitter: float = 0.0
     worst: float = 0.0
 
-    def with_recording(self, recording: Recording) -> SyncTiming:
-        """Return the timing with one more recording."""
+    def add_recording(self, recording: Recording) -> SyncTiming:
+        """Return the timing including another recording."""
         times = np.diff(recording.time)
         period = float(np.median(times))
         passed = np.maximum(1, np.rint(times / period))
@@ -140,23 +140,23 @@ class SyncTiming(FileModel):
 
 
 class Session(FileModel):
-    """One stretch of measuring, from entering the bus to leaving it."""
+    """Session of measuring, from entering to leaving the bus."""
 
     started: str
     ended: str | None = None
     reason: str = "was killed"
     bus: str
     simulated: bool | None = None
-    """Whether it was the virtual plant's bus; None in files of earlier versions."""
+    """True for the virtual plant; None in files of earlier versions."""
     axes: tuple[Axis, ...] = ()
     sync: SyncTiming = SyncTiming()
     real_time: tuple[str, ...] = ()
-    """What the system granted of real time; empty where it was not asked."""
+    """Real-time measures granted by the system; empty if not requested."""
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    """What an import doubts, and nobody has accepted."""
+    """Doubts of an import that nobody has accepted."""
     repeated: tuple[RepeatedAttempt, ...] = ()
-    """Attempts that another one followed, in the order in which they were made."""
+    """Failed attempts that were repeated, in order."""
     host: str = Field(default_factory=lambda: f"{platform.node()}, {platform.platform()}")
     versions: dict[str, str] = Field(default_factory=versions)
 
@@ -166,44 +166,44 @@ class Journal(FileModel):
 
     format: Literal[1] = 1
     run_id: str | None = None
-    """Stands in each of its recordings too; None in files of earlier versions and of imports."""
+    """Identifier stored in each recording too; None in files of earlier versions and of imports."""
     plan_digest: str
     robot_digest: str
     drives_digest: str | None = None
     rehearsed: float | None = None
-    """Share of the speed limits at which all ways of the plan were passed before."""
+    """Share of the speed limits in an earlier rehearsal of the plan."""
     sessions: tuple[Session, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What imports doubt, and nobody has accepted."""
+        """Doubts of imports that nobody has accepted."""
         return tuple(each for session in self.sessions for each in session.warnings)
 
     @property
     def simulated(self) -> bool:
-        """Whether all of it was measured on the virtual plant."""
+        """True if all sessions used the virtual plant."""
         return bool(self.sessions) and all(was_simulated(s.simulated, s.bus) for s in self.sessions)
 
-    def with_session(self, session: Session) -> Journal:
-        """Return the journal with one more session."""
+    def add_session(self, session: Session) -> Journal:
+        """Return the journal with another session."""
         return self.model_copy(update={"sessions": (*self.sessions, session)})
 
-    def with_last(self, **changes: object) -> Journal:
+    def change_last(self, **changes: object) -> Journal:
         """Return the journal with the last session changed."""
         last = self.sessions[-1].model_copy(update=changes)
         return self.model_copy(update={"sessions": (*self.sessions[:-1], last)})
 
 
 def was_simulated(stated: bool | None, bus: str) -> bool:
-    """Whether it was the virtual plant: as stated, or by the bus where an earlier version did not.
+    """Return True for the virtual plant: as stated, or by the bus in files of earlier versions.
 
-    Whatever is made from a run says so, by `NO_REAL_MACHINE`.
+    All results of such a run state `NO_REAL_MACHINE`.
     """
     return BusName.read(bus).interface == SIMULATED if stated is None else stated
 
 
 def axis_records(axes: Sequence[AxisInfo]) -> tuple[Axis, ...]:
-    """Keep what identifies the axes and how finely they measure."""
+    """Return identity and resolution of the axes."""
     return tuple(Axis.model_validate(axis, from_attributes=True) for axis in axes)
 
 
@@ -227,5 +227,5 @@ def read_journal(path: Path) -> Journal:
 
 
 def write_journal(path: Path, journal: Journal) -> None:
-    """Write `run.json`, whole or not at all."""
+    """Write `run.json`, completely or not at all."""
     write_file(path, journal.model_dump_json(indent=2).encode() + b"\n")

@@ -1,9 +1,9 @@
-"""Several runs of one robot as one campaign.
+"""Pooling of several runs of a robot as one campaign.
 
-Friction is fitted measurement by measurement, so runs of different days can be identified together;
-what is common to all measurements of an axis (offset, ripple over the motor's angle, the lag of the
-current) must have stayed as it was. Time goes on from one run to the next, `APART` later: each
-begins with rested gears.
+Friction is fitted for each measurement, so runs of different days can be identified together;
+properties common to all measurements of an axis (offset, ripple over the motor angle, lag of the
+current) must have stayed constant. Time continues from run to run, `APART` later: each run starts
+with rested gears.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 
 APART = 86400.0
-"""Between runs [s]."""
+"""Time between runs [s]."""
 
 
 def recorded(campaign: Iterable[Measured]) -> Iterator[tuple[RecordedMotion, Recording]]:
-    """All recordings of a run folder; bus time goes on from one session to the next."""
+    """Yield the recordings of a run folder, with time continued across sessions."""
     session, offset, last = 0, 0.0, 0.0
     for measured in campaign:
         if measured.session != session:
@@ -40,7 +40,7 @@ def recorded(campaign: Iterable[Measured]) -> Iterator[tuple[RecordedMotion, Rec
 
 
 def open_runs(paths: Sequence[Path | str]) -> list[Run]:
-    """Open run folders of one robot.
+    """Open run folders of a robot.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def open_runs(paths: Sequence[Path | str]) -> list[Run]:
 
 
 def refuse_mixed(folders: Sequence[Run]) -> None:
-    """Refuse runs that cannot be taken together.
+    """Refuse runs of different robots, or repeated runs.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def refuse_mixed(folders: Sequence[Run]) -> None:
 
 
 def pooled(folders: Sequence[Run]) -> Iterator[tuple[RecordedMotion, Recording]]:
-    """Recordings of all runs; ids that an earlier run has get the number of theirs.
+    """Yield the recordings of all runs; repeated ids get the number of the run.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def pooled(folders: Sequence[Run]) -> Iterator[tuple[RecordedMotion, Recording]]
 
 
 class Pooled:
-    """Recordings of all runs, read anew each time that they are iterated; see `pooled`."""
+    """Recordings of all runs, read anew in every iteration; see `pooled`."""
 
     def __init__(self, folders: Sequence[Run]) -> None:
         self._folders = folders

@@ -1,8 +1,8 @@
-"""One measurement as arrays, and how it comes to be.
+"""Recording of a measurement as arrays, and its recorder.
 
-A `Recorder` packs the samples of a bus into one buffer and notes where strokes begin and end; that
-is all that happens between two SYNCs. Only when the measurement is over does it become a
-`Recording` of numpy arrays. A sample that is missing stays missing (NaN and a flag).
+A `Recorder` packs the samples of a bus into a buffer and notes where strokes begin and end; nothing
+else happens between two SYNCs. At the end of the measurement the buffer becomes a `Recording` of
+numpy arrays. A missing sample stays missing (NaN and a flag).
 """
 
 from __future__ import annotations
@@ -28,15 +28,17 @@ if TYPE_CHECKING:
     from hil.planning.measurement import RecordedMotion
 
     Recorded = Iterable[tuple[RecordedMotion, "Recording"]]
-    """Motions with their recordings, as estimators take them."""
+    """Motions with their recordings, as processed by estimators."""
 
 CHANCE = 1e-6
-"""Of a sound recording to show what counts as wrong by chance alone."""
+"""Probability of a false alarm in a sound recording."""
 SLOWED, LEFT_OUT = 0.999, 1.5
-"""Share of a period along the trajectory below which it was passed more slowly; periods between two
-SYNCs from which on one was left out."""
+"""Minimum progress along the trajectory per period, and minimum periods of a left-out SYNC.
+
+Below the first, the trajectory was passed more slowly; from the second on, a SYNC was left out.
+"""
 IDLE = -1
-"""Number of samples that belong to no stroke or group."""
+"""Number of samples outside of strokes and groups."""
 UNITS = {
     "time": "s",
     "q": "rad",
@@ -48,12 +50,12 @@ UNITS = {
     "group": "number of the period, block or pair of strokes, -1 at rest",
     "along": "s",
 }
-"""Of each array of a recording."""
+"""Units of the arrays of a recording."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Recording:
-    """All samples of one measurement.
+    """Samples of a measurement.
 
     Attributes
     ----------
@@ -91,12 +93,12 @@ class Recording:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """Arrays that there are, by name."""
+        """Present arrays, by name."""
         return {name: each for name in UNITS if (each := getattr(self, name)) is not None}
 
     @property
     def slowed(self) -> Mask:
-        """Samples after which a trajectory was not passed at its own pace, shape (n,)."""
+        """Mask of samples followed by a slowed passage of the trajectory, shape (n,)."""
         if self.along is None:
             return np.zeros(self.n_samples, dtype=bool)
         step, passed = np.diff(self.time), np.diff(self.along)
@@ -105,7 +107,7 @@ class Recording:
 
     @property
     def slowed_groups(self) -> Mask:
-        """Samples of groups with such samples, which are not like the others, shape (n,)."""
+        """Mask of samples in groups with slowed samples, shape (n,)."""
         if self.group is None:
             return self.slowed
         groups: Mask = np.isin(self.group, self.group[self.slowed]) & (self.group != IDLE)
@@ -113,20 +115,20 @@ class Recording:
 
     @property
     def fresh(self) -> Mask:
-        """Samples with all values, none older than their SYNC, at a certain instant, shape (n,)."""
+        """Mask of complete samples, none stale or with an uncertain instant, shape (n,)."""
         there = np.isfinite(self.q).all(axis=1) & np.isfinite(self.tau).all(axis=1)
         fresh: Mask = there & ~np.any(self.flags & (SampleFlag.OLD | SampleFlag.UNTIMED), axis=1)
         return fresh
 
     @property
     def pair(self) -> Numbers:
-        """Number of the pair of strokes, one forward and the one back after it; -1 at rest."""
+        """Number of the pair of strokes, forward and back; -1 at rest."""
         return self.stroke // 2
 
     @property
-    def under_way(self) -> Mask:
-        """Samples of a stroke or a group, shape (n,)."""
-        return under_way(self.stroke, self.group)
+    def active(self) -> Mask:
+        """Mask of samples in a stroke or a group, shape (n,)."""
+        return active_samples(self.stroke, self.group)
 
     @property
     def n_samples(self) -> int:
@@ -143,18 +145,18 @@ class Recording:
         """Mean time between samples [s]."""
         return float(self.time[-1] - self.time[0]) / max(1, self.n_samples - 1)
 
-    def with_noise(self, torque: Array, position: Array, rng: np.random.Generator) -> Recording:
-        """Return the recording with white noise of these standard deviations, shape (n_joints,)."""
+    def add_noise(self, torque: Array, position: Array, rng: np.random.Generator) -> Recording:
+        """Return the recording with added white noise, standard deviations of shape (n_joints,)."""
         drawn = rng.standard_normal((2, *self.q.shape))
         return replace(self, q=self.q + position * drawn[0], tau=self.tau + torque * drawn[1])
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each array by its name."""
+        """Units of the arrays by name."""
         return {name: UNITS[name] for name in self.arrays}
 
-    def to_dataframe(self) -> pd.DataFrame:
-        """Samples as a table with a column a joint (``q1``, ``tau1``, ...); needs pandas.
+    def dataframe(self) -> pd.DataFrame:
+        """Return the samples as a table, a column per joint (``q1``, ``tau1``, ...); needs pandas.
 
         ``attrs["units"]`` has the unit of each column.
 
@@ -175,19 +177,19 @@ class Recording:
         return table
 
     def span(self, stroke: int) -> slice:
-        """Return the samples of one stroke of the axis; empty where it does not occur."""
+        """Return the samples of a stroke of the axis; empty if absent."""
         return _span(self.stroke, stroke)
 
     def partner_span(self, stroke: int) -> slice:
-        """Return the samples of one stroke of the partner; empty where it does not occur."""
+        """Return the samples of a stroke of the partner; empty if absent."""
         return _span(self.partner_stroke, stroke)
 
 
 class Recorder:
-    """Collects samples and the strokes and groups that they belong to.
+    """Recorder of samples with strokes and groups.
 
-    A buffer instead of a list of samples: what Python keeps by the hundred thousand, its garbage
-    collector looks through again and again.
+    A buffer is used instead of a list of samples, since Python's garbage collector would scan
+    hundreds of thousands of objects repeatedly.
     """
 
     def __init__(self) -> None:
@@ -198,23 +200,23 @@ class Recorder:
         self._along = array("d")
 
     def add(self, sample: Sample, along: float | None = None) -> None:
-        """Take one sample, and how far along its trajectory it is, if it is on one [s]."""
+        """Add a sample, with the position along a trajectory, if any [s]."""
         if along is not None:
             self._along.append(along)
         time, q, tau, flags, _ = sample
         self._rows += self._pack(time, *q, *tau, *flags)
 
     def extend(self, samples: Sequence[Sample]) -> None:
-        """Take several samples."""
+        """Add several samples."""
         for sample in samples:
             self.add(sample)
 
     def mark(self, what: Literal["stroke", "partner_stroke", "group"], number: int) -> None:
-        """Count samples from here on to this stroke of axis or partner, or group; `IDLE`: none."""
+        """Assign the following samples to a stroke of axis or partner, or a group; `IDLE`: none."""
         self._marks[what].append((len(self._rows) // self._size, number))
 
     def finish(self) -> Recording:
-        """Turn what was collected into arrays."""
+        """Convert the collected samples to arrays."""
         n_joints = (self._size - 8) // 17
         joints = [("q", "<f8", n_joints), ("tau", "<f8", n_joints), ("flags", "u1", n_joints)]
         rows = np.frombuffer(self._rows, dtype=[("time", "<f8"), *joints])
@@ -236,8 +238,8 @@ class Recorder:
         return layout.pack(*values)
 
 
-def under_way(stroke: Numbers, group: Numbers | None) -> Mask:
-    """Samples of a stroke or a group, shape (n,)."""
+def active_samples(stroke: Numbers, group: Numbers | None) -> Mask:
+    """Return a mask of the samples in a stroke or a group, shape (n,)."""
     of_stroke: Mask = stroke != IDLE
     return of_stroke if group is None else of_stroke | (group != IDLE)
 
@@ -256,7 +258,7 @@ def _span(numbers: Numbers, stroke: int) -> slice:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something wrong with a recording.
+    """Fault of a recording.
 
     Attributes
     ----------
@@ -276,6 +278,6 @@ class Finding:
 
     @property
     def excess(self) -> float:
-        """How far beyond its bound the value is, as a ratio of at least 1."""
+        """Ratio of the value to the bound, at least 1."""
         low, high = sorted((abs(self.value), abs(self.bound)))
         return (high + 1e-9) / (low + 1e-9)

@@ -1,8 +1,8 @@
-"""One measurement as an HDF5 file: arrays with units, what was planned, what was found.
+"""Measurement as an HDF5 file: arrays with units, planned motion, findings.
 
-The file is made in memory and written whole, so that it takes two copies of a small array instead
-of a file that is open while the robot moves. A checksum over names, types, shapes and content is
-verified whenever a file is read; any HDF5 tool can read it all the same.
+The file is made in memory and written as a whole, at the cost of two copies of a small array,
+instead of staying open while the robot moves. A checksum over names, types, shapes and content is
+verified at every reading; any HDF5 tool can read the file.
 """
 
 from __future__ import annotations
@@ -33,29 +33,29 @@ if TYPE_CHECKING:
 
 FORMAT = 3
 _EARLIER = {1: "``stroke`` holds groups unless an axis goes back and forth", 2: "without ``along``"}
-"""Formats of earlier versions, and what differs."""
+"""Formats of earlier versions, with the differences."""
 _RUN = "run"
 PER_JOINT = ("q", "tau", "qd")
-"""Arrays with a column for each joint, in its own unit."""
+"""Arrays with a column for each joint, in the joint's unit."""
 _measurement: TypeAdapter[RecordedMotion] = TypeAdapter(RecordedMotion)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Measured:
-    """A measurement as it lies in a run folder.
+    """Measurement in a run folder.
 
     Attributes
     ----------
     measurement : RecordedMotion
-        What was planned, or recorded elsewhere.
+        Planned or imported motion.
     recording : Recording
-        What was measured.
+        Recorded samples.
     attempts : int
-        How often it was tried.
+        Number of attempts.
     findings : tuple of Finding
-        What is wrong with it; empty if nothing.
+        Findings of the checks; empty if passed.
     session : int
-        In which session of the run, from 0; time begins anew in each.
+        Session of the run, from 0; time restarts in each.
     run : str, optional
         Id of the run that it belongs to; runs of earlier versions and imported ones have none.
     """
@@ -69,12 +69,12 @@ class Measured:
 
 
 def write_measured(path: Path, measured: Measured, robot: Robot) -> None:
-    """Write a measurement, whole or not at all.
+    """Write a measurement, completely or not at all.
 
     Parameters
     ----------
     robot : Robot
-        Whose joints turn or slide, which units depend on.
+        Robot, for the units of its joints.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def write_measured(path: Path, measured: Measured, robot: Robot) -> None:
 
 
 def read_measured(path: Path) -> Measured:
-    """Read a measurement and verify its checksum.
+    """Read a measurement and verify the checksum.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def read_measured(path: Path) -> Measured:
 
 
 def replace_or_leave_out(path: Path) -> str:
-    """Return the remedy for a recording that cannot be used, in the folder of its run."""
+    """Return the remedy for an unusable recording in the folder of a run."""
     return (
         "measure it again with --resume, or identify the run without it:"
         f" hil identify {path.parent.parent} --without {path.stem}"
@@ -133,7 +133,7 @@ def replace_or_leave_out(path: Path) -> str:
 
 
 def _units(name: str, robot: Robot) -> str | list[str]:
-    """Unit of an array; where joints turn and slide, that of each column."""
+    """Return the unit of an array, or of the columns for robots with both kinds of joints."""
     stated = UNITS[name]
     if name not in PER_JOINT or robot.revolute.all():
         return stated
@@ -143,9 +143,9 @@ def _units(name: str, robot: Robot) -> str | list[str]:
 
 
 def _dataset(path: Path, file: h5py.File, name: str) -> h5py.h5d.DatasetID:
-    """Open an array; refuse one in another file, or larger than the file may become.
+    """Open an array; refuse arrays in other files or beyond the size limit.
 
-    By HDF5's own calls, which take a third of the time of h5py's views.
+    HDF5's own calls take a third of the time of h5py's views.
     """
     key, links = name.encode(), file.id.links
     here = links.exists(key) and links.get_info(key).type == h5py.h5l.TYPE_HARD
@@ -160,7 +160,7 @@ def _dataset(path: Path, file: h5py.File, name: str) -> h5py.h5d.DatasetID:
 
 
 def _attributes(file: h5py.File) -> dict[str, object]:
-    """Read attributes but for arrays; one of texts may name one text again and again."""
+    """Read the scalar attributes but no arrays, which can repeat texts without bound."""
     found: dict[str, object] = {}
     for index in range(h5py.h5a.get_num_attrs(file.id)):
         attribute = h5py.h5a.open(file.id, index=index)
@@ -195,7 +195,7 @@ def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, obj
     recording = Recording(**arrays)
     return Measured(
         measurement=measurement,
-        recording=_with_groups(measurement, recording) if meta["format"] == 1 else recording,
+        recording=_separate_groups(measurement, recording) if meta["format"] == 1 else recording,
         attempts=int(meta["attempts"]),
         findings=tuple(_finding(**item) for item in json.loads(str(meta["findings"]))),
         session=int(meta["session"]),
@@ -207,8 +207,8 @@ def _finding(check: str, message: str, value: float, bound: float) -> Finding:
     return Finding(whole_line(check), whole_line(message), value, bound)
 
 
-def _with_groups(measurement: RecordedMotion, recording: Recording) -> Recording:
-    """A recording of the first format with strokes and groups apart."""
+def _separate_groups(measurement: RecordedMotion, recording: Recording) -> Recording:
+    """Return a recording of the first format with strokes and groups separated."""
     if not measurement.streamed:
         return recording
     if isinstance(measurement, FreeMotion) and measurement.alone is not None:
@@ -217,7 +217,7 @@ def _with_groups(measurement: RecordedMotion, recording: Recording) -> Recording
 
 
 def checksum_of(recording: Recording) -> str:
-    """Digest of a recording's arrays alone, in hexadecimal."""
+    """Return the digest of a recording's arrays, in hexadecimal."""
     return _checksum(recording.arrays, {})
 
 

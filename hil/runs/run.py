@@ -1,7 +1,7 @@
-"""A run as it lies in its folder, to be read: what was planned, on what, and what was measured.
+"""Run in a folder, for reading: plan, robot and drives, and recordings.
 
-Whoever evaluates a run takes one of these, opened once. `hil.runs.run_folder` has what measuring
-adds: making the folder, writing recordings and the journal.
+Evaluations take a run, opened once. `hil.runs.run_folder` adds the operations for measuring: making
+the folder, writing recordings and the journal.
 """
 
 from __future__ import annotations
@@ -40,21 +40,21 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 MOTIONS = "motions.yaml"
-"""In place of a plan where recordings were imported."""
+"""Name of the file in place of a plan in imported runs."""
 
 
 class Run:
-    """A run: an iterable of its measurements, each also by its id, as in ``run["g01"].recording``.
+    """Run: an iterable of measurements, also available by id, as in ``run["g01"].recording``.
 
     Attributes
     ----------
     path : Path
     plan : Plan or RecordedMotions
-        What was to be measured, or what was recorded elsewhere and imported.
+        Plan, or the imported motions.
     robot : Robot
     journal : Journal
     set_aside : frozenset of str
-        Ids of the measurements that are left out; see `without`.
+        Ids of the measurements that are left out; see `exclude`.
     """
 
     set_aside: frozenset[str] = frozenset()
@@ -92,11 +92,11 @@ class Run:
             raise _changed(file)
         return cls(path, plan, robot, journal)
 
-    of_arrays: ClassVar[Callable[..., Run]]
-    """Makes runs of arrays as files become runs: imports, which stand above, put it in."""
+    array_importer: ClassVar[Callable[..., Run]]
+    """Importer of arrays, set by `hil.imports`, which this package does not import."""
 
     @staticmethod
-    def from_arrays(
+    def import_arrays(
         robot: Robot,
         t: ArrayLike | Sequence[ArrayLike],
         q: ArrayLike | Sequence[ArrayLike],
@@ -107,7 +107,7 @@ class Run:
         cut_off: float | None = None,
         accept: Sequence[str] = (),
     ) -> Run:
-        """Make a run of recorded arrays, in memory; `save` writes it into a folder.
+        """Make a run of recorded arrays, in memory; `save` writes the run into a folder.
 
         Time stamps, gaps and doubtful signals are treated as those of imported files
         (`hil.import_recordings`), which are read in units of their own.
@@ -135,10 +135,10 @@ class Run:
 
         Examples
         --------
-        >>> run = hil.Run.from_arrays(robot, t, q, tau)  # doctest: +SKIP
+        >>> run = hil.Run.import_arrays(robot, t, q, tau)  # doctest: +SKIP
         >>> hil.identify(run).params  # doctest: +SKIP
         """
-        return Run.of_arrays(robot, t, q, tau, qd, alone, cut_off, accept)
+        return Run.array_importer(robot, t, q, tau, qd, alone, cut_off, accept)
 
     def __repr__(self) -> str:
         return (
@@ -148,17 +148,17 @@ class Run:
 
     @property
     def motions(self) -> tuple[RecordedMotion, ...]:
-        """All that was planned, or imported."""
+        """All planned or imported motions."""
         return self.plan.measurements
 
     @property
     def imported(self) -> bool:
-        """Whether its recordings come from elsewhere."""
+        """True for a run of imported recordings."""
         return isinstance(self.plan, RecordedMotions)
 
     @property
     def planned(self) -> Plan:
-        """The plan.
+        """Plan of the run.
 
         Raises
         ------
@@ -172,8 +172,8 @@ class Run:
             )
         return self.plan
 
-    def without(self, ids: Iterable[str]) -> Self:
-        """Return the run with some measurements left out, as though they were not there.
+    def exclude(self, ids: Iterable[str]) -> Self:
+        """Return the run without some measurements.
 
         Raises
         ------
@@ -191,7 +191,7 @@ class Run:
         return other
 
     def only(self, ids: Iterable[str] = (), *, kind: str | None = None) -> Self:
-        """Return the run with some measurements alone, by id or by kind, such as ``gravity``.
+        """Return the run with some measurements only, by id or by kind, such as ``gravity``.
 
         Raises
         ------
@@ -203,10 +203,10 @@ class Run:
             kinds = sorted({m.kind for m in self.motions})
             raise UnknownName(f"{self.path}: no measurement of kind {kind}; {', '.join(kinds)} are")
         known = {m.id for m in self.motions}
-        return self.without([*sorted(wanted - known), *(i for i in known if i not in wanted)])
+        return self.exclude([*sorted(wanted - known), *(i for i in known if i not in wanted)])
 
     def mapped(self, change: Callable[[Measured], Recording]) -> MemoryRun:
-        """Return a run in memory whose recordings are those that `change` returns.
+        """Return a run in memory with recordings changed by a function.
 
         Parameters
         ----------
@@ -216,7 +216,7 @@ class Run:
         measured = {each.measurement.id: replace(each, recording=change(each)) for each in self}
         return MemoryRun(self.path, self.plan, self.robot, self.journal, measured)
 
-    def with_noise(
+    def add_noise(
         self, torque: ArrayLike = 0.0, position: ArrayLike = 0.0, *, seed: int = 0
     ) -> MemoryRun:
         """Return the run with white noise added, in memory: a replicate of a Monte-Carlo study.
@@ -229,10 +229,10 @@ class Run:
             The same seed gives the same noise.
         """
         rng, sizes = np.random.default_rng(seed), (np.asarray(torque), np.asarray(position))
-        return self.mapped(lambda each: each.recording.with_noise(*sizes, rng))
+        return self.mapped(lambda each: each.recording.add_noise(*sizes, rng))
 
     def save(self, path: Path | str) -> Run:
-        """Write the run into a new folder, and return it as `open` does.
+        """Write the run into a new folder, and open the folder.
 
         Raises
         ------
@@ -258,21 +258,21 @@ class Run:
         return Run.open(path)
 
     def __len__(self) -> int:
-        """Return the number of measurements that have a recording."""
+        """Return the number of recorded measurements."""
         return len(self.ids)
 
     def __bool__(self) -> bool:
-        """Whether there is a run, also without any recording yet."""
+        """Return True, also for a run without recordings."""
         return True
 
     def __iter__(self) -> Iterator[Measured]:
-        """Read what is there, in the plan's order; a damaged recording is a `FileError`."""
+        """Yield the recorded measurements in order; a damaged recording raises `FileError`."""
         for measurement in self.motions:
             if self._has(measurement):
                 yield self.read(measurement)
 
     def __getitem__(self, measurement_id: str) -> Measured:
-        """Read one measurement by its id.
+        """Read a measurement by id.
 
         Raises
         ------
@@ -290,17 +290,17 @@ class Run:
 
     @property
     def ids(self) -> tuple[str, ...]:
-        """Ids of the measurements that have a recording, in the plan's order."""
+        """Ids of the recorded measurements, in the plan's order."""
         return tuple(m.id for m in self.motions if self._has(m))
 
     def _has(self, measurement: RecordedMotion) -> bool:
         taken = measurement.id not in self.set_aside
         return taken and self.recording_path(measurement).exists()
 
-    def to_dataframe(self) -> pd.DataFrame:
-        """All samples as one table, indexed by measurement and sample; needs pandas.
+    def dataframe(self) -> pd.DataFrame:
+        """Return all samples as a table, indexed by measurement and sample; needs pandas.
 
-        Its columns are those of `hil.runs.recording.Recording.to_dataframe`.
+        Its columns are those of `hil.runs.recording.Recording.dataframe`.
 
         Raises
         ------
@@ -311,17 +311,17 @@ class Run:
         """
         import pandas as pd  # noqa: PLC0415 - needed for nothing else, and not installed along
 
-        tables = {each.measurement.id: each.recording.to_dataframe() for each in self}
+        tables = {each.measurement.id: each.recording.dataframe() for each in self}
         if not tables:
             raise NotEnoughData(f"{self.path}: no recordings; measure them with --resume")
         return pd.concat(tables, names=["measurement", "sample"])
 
     def digest_of(self, measurement: RecordedMotion) -> str | None:
-        """SHA-256 of a recording, in hexadecimal; None where there is none."""
+        """Return the SHA-256 of a recording, in hexadecimal; None without a recording."""
         return digest_of_file(self.recording_path(measurement))
 
     def recording_path(self, measurement: RecordedMotion) -> Path:
-        """Where the recording of `measurement` lies, once it is there."""
+        """Return the path of the recording of `measurement`."""
         return self.path / "recordings" / f"{measurement.id}.h5"
 
     def read(self, measurement: RecordedMotion) -> Measured:
@@ -353,7 +353,7 @@ class Run:
 
     @property
     def shortfall(self) -> str:
-        """What an estimate from this run must state besides; empty when the run is whole."""
+        """Missing and left-out measurements in words, for estimates; empty for a complete run."""
         missing, planned = len(self.missing), len(self.motions)
         are = "is" if missing == 1 else "are"
         unmeasured = (
@@ -365,7 +365,7 @@ class Run:
 
 
 class MemoryRun(Run):
-    """A run whose recordings are in memory; its path names it in messages, and is no folder.
+    """Run with recordings in memory; the path is a name for messages, and no folder.
 
     Attributes
     ----------
@@ -392,7 +392,7 @@ class MemoryRun(Run):
         return self.measured[measurement.id]
 
     def digest_of(self, measurement: RecordedMotion) -> str | None:
-        """SHA-256 of a recording's arrays, in hexadecimal; None where there is none."""
+        """Return the SHA-256 of a recording's arrays, in hexadecimal; None without a recording."""
         found = self.measured.get(measurement.id)
         return None if found is None else checksum_of(found.recording)
 
@@ -403,12 +403,12 @@ class MemoryRun(Run):
 
 
 def opened(run: Run | Path | str) -> Run:
-    """Return a run, opened where its folder is named."""
+    """Return a run, opened if given by a folder."""
     return run if isinstance(run, Run) else Run.open(run)
 
 
 def digest_of_file(path: Path) -> str | None:
-    """SHA-256 of a file, in hexadecimal; None where there is none."""
+    """Return the SHA-256 of a file, in hexadecimal; None for a missing file."""
     with file_errors(path, "read"):
         if not path.exists():
             return None
@@ -418,7 +418,7 @@ def digest_of_file(path: Path) -> str | None:
 
 @lru_cache(maxsize=4096)
 def _digest(path: Path, *state: int) -> str:
-    """SHA-256 of a file as it is in a `state`: what is replaced in one piece has another one."""
+    """Return the SHA-256 of a file in a `state`; a replaced file has another state."""
     del state
     return hashlib.sha256(path.read_bytes()).hexdigest()
 

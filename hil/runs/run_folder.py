@@ -1,15 +1,15 @@
-"""A run is a folder, and everything about it can be redone from there without hardware::
+"""Folder of a run, sufficient for all evaluations without hardware::
 
-    plan.yaml         what was to be measured
+    plan.yaml         planned measurements
     robot.yaml        the robot file, verbatim
-    drives.yaml       the drives file, verbatim, if there was one
-    run.json          sessions: versions, host, bus, axes, times, why each ended
-    found-settings.yaml  what the drives held before they were written to
-    recordings/ID.h5  one file for each measurement that is done
+    drives.yaml       the drives file, verbatim, if any
+    run.json          sessions: versions, host, bus, axes, times, reasons of the end
+    found-settings.yaml  values of the drives before the run
+    recordings/ID.h5  a file for each finished measurement
 
-A measurement is done when its file is there and whole. To resume is to measure what has no such
-file; a damaged one is set aside under another name first. `run.json` comes last when a run is
-begun: a folder without it holds nothing that was measured, and is begun anew.
+A measurement is done when its file exists and is complete. Resuming measures the missing files; a
+damaged file is set aside under another name before. `run.json` is written last at the start of a
+run: a folder without it holds no measurements, and is started anew.
 """  # noqa: D400 - the summary leads into the listing
 
 from __future__ import annotations
@@ -59,13 +59,13 @@ _STUB = {"recordings", "plan.yaml", "robot.yaml", "drives.yaml", "run.json"}
 
 
 class _FoundSettings(FileModel, extra="ignore"):
-    """As much of the drives' found settings as concerns the folder."""
+    """Part of the drives' found settings used for the folder."""
 
     restored: bool
 
 
 class RunFolder(Run):
-    """The folder of a run that is measured; see `Run` for its attributes."""
+    """Folder of a run being measured (see `Run` for the attributes)."""
 
     plan: Plan
 
@@ -104,7 +104,7 @@ class RunFolder(Run):
 
     @classmethod
     def refuse_taken(cls, path: Path) -> None:
-        """Refuse a place where no run can be begun.
+        """Refuse a path that cannot become a new run folder.
 
         Raises
         ------
@@ -118,7 +118,7 @@ class RunFolder(Run):
 
     @staticmethod
     def is_stub(path: Path) -> bool:
-        """Whether a run folder was killed while it was made: there is nothing to resume."""
+        """Return True for a run folder without content, left by a kill during its creation."""
         recordings = path / "recordings"
         with file_errors(path, "read"):
             if not recordings.exists() and not recordings.is_symlink():
@@ -128,7 +128,7 @@ class RunFolder(Run):
             return all(whole_name(entry.name) in _STUB for entry in path.iterdir())
 
     def refuse_changes(self, plan: Plan, robot: Robot, drives: str | None = None) -> None:
-        """Refuse to resume with another plan, robot or drives than the run was started with.
+        """Refuse to resume with another plan, robot or drives file than at the start.
 
         Raises
         ------
@@ -147,7 +147,7 @@ class RunFolder(Run):
                 )
 
     def refuse_other_drives(self, axes: Sequence[AxisInfo]) -> None:
-        """Refuse to go on with other drives than those that the run was started on.
+        """Refuse to resume with other drives than at the start.
 
         Raises
         ------
@@ -164,7 +164,7 @@ class RunFolder(Run):
                 )
 
     def write(self, measured: Measured) -> None:
-        """Keep a recording, whole or not at all."""
+        """Write a recording, completely or not at all."""
         refuse_link(self.path / "recordings")
         own = replace(measured, run=self.journal.run_id)
         write_measured(self.recording_path(measured.measurement), own, self.robot)
@@ -175,7 +175,7 @@ class RunFolder(Run):
         Returns
         -------
         list of str
-            What is wrong with each file set aside, and its new name.
+            Fault and new name of each file set aside.
 
         Raises
         ------
@@ -200,7 +200,7 @@ class RunFolder(Run):
         return set_aside
 
     def discard_if_empty(self) -> bool:
-        """Remove the folder if nothing was rehearsed or measured; return whether it is gone."""
+        """Remove the folder if nothing was rehearsed or measured; return True if removed."""
         if not self.path.exists():
             return True
         if self.journal.rehearsed or any((self.path / "recordings").iterdir()):
@@ -217,13 +217,13 @@ class RunFolder(Run):
 
     @property
     def _settings_restored(self) -> bool:
-        """Whether no drive needs what the folder keeps of it."""
+        """True if no drive needs the found settings in the folder."""
         path = self.path / _SETTINGS
         return not path.exists() or load_yaml(path, _FoundSettings).restored
 
     @contextmanager
     def session(self, bus_name: BusName, real_time: Sequence[str] = ()) -> Iterator[int]:
-        """One stretch of measuring; yields its number and notes how it ended, whatever happens."""
+        """Open a session; yield the number and note the reason of the end in any case."""
         number = len(self.journal.sessions)
         started = Session(
             started=now(),
@@ -231,31 +231,31 @@ class RunFolder(Run):
             simulated=bus_name.interface == SIMULATED,
             real_time=tuple(real_time),
         )
-        self._note(self.journal.with_session(started))
+        self._note(self.journal.add_session(started))
         try:
             yield number
         except BaseException as error:
             with suppress(FileError):  # a full disk is reported already
-                self._note(self.journal.with_last(ended=now(), reason=_reason(error)))
+                self._note(self.journal.change_last(ended=now(), reason=_reason(error)))
             raise
-        self._note(self.journal.with_last(ended=now(), reason="finished"))
+        self._note(self.journal.change_last(ended=now(), reason="finished"))
 
     @property
     def only_rehearsed(self) -> bool:
-        """Whether the plan was rehearsed and nothing has been measured yet."""
+        """True if the plan was rehearsed and nothing has been measured."""
         recorded = any((self.path / "recordings").iterdir())
         return self.journal.rehearsed is not None and not recorded
 
     def note_rehearsed(self, speed: float) -> None:
-        """Note that all ways of the plan were passed at this share of the speed limits."""
+        """Note a rehearsal of the plan at this share of the speed limits."""
         self._note(self.journal.model_copy(update={"rehearsed": speed}))
 
     def keep(self, **of_session: object) -> None:
-        """Note fields of the session; goes to the disk with `save_journal`, or with its end."""
-        self.journal = self.journal.with_last(**of_session)
+        """Set fields of the session; written by `save_journal`, or at the session's end."""
+        self.journal = self.journal.change_last(**of_session)
 
     def keep_repeated(self, measurement: str, attempt: int, findings: Sequence[str]) -> None:
-        """Note why an attempt is repeated; goes to the disk with `save_journal`, or its end."""
+        """Note a repeated attempt; written by `save_journal`, or at the session's end."""
         failed = RepeatedAttempt(measurement=measurement, attempt=attempt, findings=tuple(findings))
         self.keep(repeated=(*self.journal.sessions[-1].repeated, failed))
 
@@ -264,7 +264,7 @@ class RunFolder(Run):
         self.save_journal()
 
     def save_journal(self) -> None:
-        """Write `run.json` as it is now."""
+        """Write the present state of `run.json`."""
         write_journal(self.path / "run.json", self.journal)
 
 

@@ -1,7 +1,7 @@
-"""Set-points of a recording, which follow from what was planned: none are recorded.
+"""Set-points of a recording, reconstructed from the plan: none are recorded.
 
-Those of strokes are the profiles that the drives were given, each from the sample on with which the
-recording numbers its stroke; those of a trajectory are what was streamed.
+Set-points of strokes are the profiles of the drives, from the first sample of a stroke's number on;
+set-points of a trajectory are the streamed ones.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ if TYPE_CHECKING:
 
 
 def set_points(motion: RecordedMotion, recording: Recording) -> Array | None:
-    """Planned positions at the samples (n, n_joints) [rad or m]; None where nothing was planned."""
+    """Return the planned positions at the samples (n, n_joints) [rad or m]; None without a plan."""
     if isinstance(motion, FreeMotion):
         return None
     if isinstance(motion, Strokes):
-        return _of_strokes(motion, recording)
+        return _stroke_positions(motion, recording)
     return motion.motion(motion.within(path_time(recording)))[0]
 
 
 def path_time(recording: Recording, delay: float = 0.0) -> Array:
-    """How far along its trajectory each sample is, since the first period began, shape (n,) [s].
+    """Return the time along the trajectory since the start of the first period, shape (n,) [s].
 
-    That of the set-points that act from the sample's SYNC on, or did somewhat earlier. Recordings
-    of earlier versions do not state it: their set-points acted as soon as they were sent, right
-    after the SYNC of the sample before.
+    The time is that of the set-points active from the sample's SYNC on, or earlier by `delay`.
+    Recordings of earlier versions do not store it: their set-points acted as soon as they were
+    sent, right after the SYNC of the previous sample.
 
     Parameters
     ----------
     delay : float
-        How much earlier [SYNC periods].
+        Time shift towards earlier set-points [SYNC periods].
     """
     if recording.along is not None:
         period = float(np.median(np.diff(recording.time)))
@@ -54,7 +54,7 @@ def path_time(recording: Recording, delay: float = 0.0) -> Array:
     return (index + 1 - delay - round(REST / period)) * period
 
 
-def _of_strokes(motion: Strokes, recording: Recording) -> Array:
+def _stroke_positions(motion: Strokes, recording: Recording) -> Array:
     found: Array = np.tile(np.array(motion.start), (recording.n_samples, 1))
     moved: list[tuple[int, Numbers, Callable[[int], Trapezoid]]] = [
         (motion.index, recording.stroke, motion.profile),
@@ -73,6 +73,6 @@ def _of_strokes(motion: Strokes, recording: Recording) -> Array:
 
 
 def _beginnings(numbers: Numbers) -> Iterator[tuple[int, int]]:
-    """First sample and number of each stroke."""
+    """Yield first sample and number of the strokes."""
     changed = np.flatnonzero(np.diff(numbers, prepend=IDLE))
     yield from ((int(i), int(numbers[i])) for i in changed if numbers[i] != IDLE)

@@ -1,1 +1,1 @@
-"""What the commands do, as functions: the composition root, for the terminal and for Python."""
+"""Tasks of the commands as functions: the composition root, for the terminal and for Python."""

@@ -1,10 +1,11 @@
-"""What sessions on a bus leave for the next one, in the user's state directory, by bus.
+"""State of a bus between sessions, in the user's state directory.
 
-Commands without a folder keep there what they found (`.yaml`). A run has its folder; as long as its
-drives hold values of ours, `.run` names the file in it, so that no later session on that bus takes
-them for found ones. Where that file is gone or the name is damaged, what the drives held is not at
-hand, and the bus is refused until the operator has decided. `.lock` is held by whoever commands the
-drives: settings put back beside a session would disarm the watchdogs of axes with power.
+Commands without a folder keep the found settings there (`.yaml`). A run has its own folder; while
+its drives hold values written by the run, `.run` names the file in the folder, so that no later
+session on the bus takes these values for found ones. If that file is gone or the name is damaged,
+the found settings are unknown, and the bus is refused until the operator has decided. `.lock` is
+held by the process that commands the drives: restoring settings during a session would disarm the
+watchdogs of powered axes.
 """
 
 from __future__ import annotations
@@ -26,19 +27,19 @@ STATE = "XDG_STATE_HOME"
 
 
 class BusState:
-    """What stands about a bus in the user's state directory.
+    """Files about a bus in the user's state directory.
 
     Parameters
     ----------
     interface, channel : str
-        As python-can has them.
+        Names of python-can.
 
     Attributes
     ----------
     settings : Path
-        Where commands without a folder of their own keep the settings found on it.
+        File of found settings for commands without a folder.
     word : Path
-        Where a run on it states in which file its drives' settings are.
+        File with the path of the settings kept by a run.
     """
 
     def __init__(self, interface: str, channel: str) -> None:
@@ -54,7 +55,7 @@ class BusState:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Command the drives of the bus alone, among all processes of this user.
+        """Hold exclusive access to the drives of the bus, among all processes of this user.
 
         Raises
         ------
@@ -66,7 +67,7 @@ class BusState:
             yield
 
     def write(self, path: Path, content: bytes) -> None:
-        """Write a file of the state directory, whole or not at all.
+        """Write a file of the state directory, completely or not at all.
 
         Raises
         ------
@@ -77,27 +78,28 @@ class BusState:
         write_file(path, content)
 
     def name_run(self, kept: Path) -> None:
-        """State that drives may hold values of the run that keeps the found ones in `kept`."""
+        """Note that drives may hold values of the run with found settings in `kept`."""
         content = f"{kept.resolve()}\n".encode()
         if not self.word.exists() or self.word.read_bytes() != content:
             self.write(self.word, content)
 
     def forget_run(self, kept: Path) -> None:
-        """Withdraw what `name_run` stated, once everything in `kept` has been put back."""
+        """Remove the note of `name_run`, after all settings in `kept` are restored."""
         word = self.word
         if word.exists() and word.read_bytes() == f"{kept.resolve()}\n".encode():
             with file_errors(word, "removed"):
                 word.unlink(missing_ok=True)
 
     def refuse_left_behind(self, ours: Path | None) -> None:
-        """Refuse a bus whose drives still hold what a session wrote that was killed.
+        """Refuse a bus with drives that hold values of a killed session.
 
-        A session that was kept in `ours` itself may go on: there the values found first stand.
+        A session with settings kept in `ours` may continue, since the settings found first are
+        there.
 
         Raises
         ------
         FileError
-            With the remedy.
+            Message with the remedy.
         """
         for path in filter(None, (self._named(), None if ours is None else self.settings)):
             same = ours is not None and path == ours.resolve()
@@ -110,7 +112,7 @@ class BusState:
                 )
 
     def _named(self) -> Path | None:
-        """Return the file that a run stated; None where there is none."""
+        """Return the settings file named by a run; None if there is none."""
         if not self.word.exists():
             return None
         try:
@@ -146,5 +148,5 @@ class BusState:
 
 
 def left_behind(path: Path) -> bool:
-    """Whether drives may hold values of the session that was kept in a file."""
+    """Return True if drives may hold values of the session kept in a file."""
     return path.exists() and bool(load_found_settings(path).unrestored)

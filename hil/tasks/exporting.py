@@ -1,4 +1,4 @@
-"""A model, or the recordings of a run, as files of other tools."""
+"""Export of a model, or of a run's recordings, to files of other tools."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def export(
     masses: dict[int, tuple[float, float]] | None = None,
     force: bool = False,
 ) -> tuple[Path, ...]:
-    """Export an identified model, or the recordings of a run, to other tools.
+    """Export an identified model, or the recordings of a run, to files of other tools.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def export(
     Returns
     -------
     tuple of Path
-        What was written.
+        Written files.
 
     Raises
     ------
@@ -101,14 +101,14 @@ def exported_model(
     bounds: BodyBounds | None = None,
     patch: Path | None = None,
 ) -> tuple[Model, Exported]:
-    """Return a model in a format, and with the bodies that it was given; nothing is written.
+    """Return a model in a format, and with the exported bodies; nothing is written.
 
     Parameters
     ----------
     source : path
         Its file, or the folder of the run that gave it.
     bounds : BodyBounds, optional
-        Of its bodies, where they are to be found anew.
+        Bounds of the bodies, to find them anew.
     patch : path, optional
         File of the format whose values are to be changed.
 
@@ -127,13 +127,13 @@ def exported_model(
     if to not in SIMULATORS:
         return model, formatted(model, to, about, given)
     unused = () if given is None else tuple(_unused_inertials(given, model))
-    model = _with_bodies(model, source, given, bounds)
+    model = _add_bodies(model, source, given, bounds)
     found = formatted(model, to, (*about, *unused), given)
     return model, found._replace(remarks=(*unused, *found.remarks))
 
 
 def _refuse_patch(model: Model, to: str, urdf: Path | None, patch: Path) -> None:
-    """Refuse a file that cannot be patched in this way."""
+    """Refuse a file that cannot be patched."""
     kind = {"mujoco": "mjcf", "robot": "urdf"}.get(XmlFile(patch).root.tag, "no simulator's file")
     if urdf is not None or kind != to:
         raise InvalidValue(
@@ -148,7 +148,7 @@ def _refuse_patch(model: Model, to: str, urdf: Path | None, patch: Path) -> None
 
 
 def _unused_inertials(given: Given, model: Model) -> Iterator[str]:
-    """Yield why a URDF's inertials are not used, where it states any."""
+    """Yield the reasons for not using the inertials of a URDF, if stated."""
     if given.reader.file.root.find("link/inertial") is not None:
         for fault in inertial_faults(given, model.robot):
             yield f"{fault}; until then {SHAPES} stand in for the inertials of all links"
@@ -166,10 +166,10 @@ def exported_recordings(
     return export_recordings(run, to, output, [joint.name for joint in chain], progress)
 
 
-def _with_bodies(
+def _add_bodies(
     model: Model, source: Path, given: Given | None, bounds: BodyBounds | None
 ) -> Model:
-    """The model with bodies, found now unless the model has them as they are asked for."""
+    """Return the model with bodies, found now unless the model has suitable ones."""
     likely = None if given is None else bodies_of(given, model.robot)
     if model.consistent is not None and bounds is None and likely is None:
         return model
@@ -178,6 +178,6 @@ def _with_bodies(
 
 
 def _recordings(source: Path) -> Iterable[tuple[RecordedMotion, Recording]]:
-    """Recordings of the run in whose folder the model lies; none where that is no run."""
+    """Return the recordings of the run in the model's folder; none without a run."""
     folder = file_of(source).parent
     return pooled([Run.open(folder)]) if (folder / "run.json").exists() else ()

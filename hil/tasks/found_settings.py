@@ -1,9 +1,9 @@
-"""What drives held before they were written to: where it is kept while they are commanded.
+"""Storage of the drives' found settings while the drives are commanded.
 
-A run keeps it in its folder. Commands that power drives without one keep it in the user's state
-directory (`bus_state`), one file a bus, and it goes once everything has been put back. Whoever
-commands the drives of a bus holds its lock. For the virtual plant, which is made anew each time,
-nothing is kept there and nothing is locked.
+A run keeps the settings in its folder. Commands that power drives without a folder keep them in the
+user's state directory (`bus_state`), in a file per bus, removed after the restoration. The process
+that commands the drives of a bus holds its lock. For the virtual plant, which is new each time,
+nothing is kept and nothing is locked.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ REPLAY = "replay"
 
 
 def kept_in(folder: Path, interface: str, channel: str) -> SettingsKeeper:
-    """Return what keeps the drives' settings in the folder of a run."""
+    """Return the keeper of the drives' settings in the folder of a run."""
     return SettingsKeeper(folder / NAME, write_file, (interface, channel))
 
 
@@ -66,7 +66,7 @@ def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[Settin
 
 @contextmanager
 def keeper_of_bus(interface: str, channel: str | None) -> Iterator[SettingsKeeper]:
-    """Keep the drives' settings while a command without a folder has them powered.
+    """Keep the drives' settings while a command without a folder powers the drives.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def keeper_of_bus(interface: str, channel: str | None) -> Iterator[SettingsKeepe
 
 @contextmanager
 def _reported(keeper: SettingsKeeper) -> Iterator[SettingsKeeper]:
-    """State on standard error where the settings are that drives do not hold again."""
+    """State on standard error the file with settings not yet restored."""
     try:
         yield keeper
     finally:

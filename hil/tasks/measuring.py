@@ -1,7 +1,7 @@
-"""A plan checked against its robot and drives, and measured into a folder.
+"""Checking a plan against robot and drives, and measuring a plan into a folder.
 
-This is the one place below the commands that knows both identification and a concrete bus:
-simulation and hardware part at `open_drive_bus`, by its arguments.
+This is the only module below the commands that knows both identification and a concrete bus:
+simulation and hardware differ only in the arguments of `open_drive_bus`.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def dry_run(
     bitrate: int | None = None,
     workspace: Path | None = None,
 ) -> DryRun:
-    """Check a plan against all limits, and predict its duration and what it identifies.
+    """Check a plan against all limits, and predict duration and precision.
 
     Nothing moves and no bus is opened.
 
@@ -57,11 +57,11 @@ def dry_run(
     ----------
     plan : Plan or path
     robot : Robot, path or str, optional
-        By default the one that the plan names.
+        Robot, by default the one named in the plan.
     drives : path, optional
         Drives file; the built-in one of the robot by default, if there is one.
     bitrate : int, optional
-        Of the bus, in place of that of the drives file [bit/s].
+        Bit rate in place of that of the drives file [bit/s].
     workspace : path, optional
         Workspace file in place of the plan's own.
 
@@ -84,7 +84,7 @@ def dry_run(
 def checked_drives(
     plan: Plan, robot: Robot, drives_file: Path | None, source: Path | None, *, feeds: bool = False
 ) -> tuple[DrivesFile, str]:
-    """Drives of a robot that can carry out a plan, of that `source`, and the text of their file.
+    """Return the drives of a robot suitable for a plan, and the text of the drives file.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def checked_drives(
 
 
 def refuse_problems(result: DryRun, source: Path | None) -> None:
-    """Refuse a plan whose dry run has found problems.
+    """Refuse a plan with problems in the dry run.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def refuse_problems(result: DryRun, source: Path | None) -> None:
     Raises
     ------
     FileError
-        With the problems.
+        Message with the problems.
     """
     if result.problems:
         text = source.read_text(encoding="utf-8") if source and source.is_file() else ""
@@ -118,7 +118,7 @@ def refuse_problems(result: DryRun, source: Path | None) -> None:
 
 
 def describe_problems(result: DryRun, text: str, source: str, most: int = 10) -> str:
-    """Return one line for each problem up to `most`, with its place in the plan's `text`."""
+    """Return a line for each problem up to `most`, with the place in the plan's `text`."""
     lines = [
         f"{source}:{line_of(text, problem.location)}:"
         f" {'.'.join(map(str, problem.location))}: {problem.message}"
@@ -142,9 +142,9 @@ def measure(
 ) -> Run:
     """Measure a plan into a run folder; the robot moves.
 
-    As `hil run` does, without its terminal: nobody is asked and no key stops it. Ctrl-C does, and
-    whatever ends the campaign, the axes stop and are switched off; what was measured stays, and
-    `resume` measures the rest.
+    The function does the work of `hil run` without a terminal: there are no questions and no keys.
+    Ctrl-C stops it, and at any end of the campaign the axes stop and are switched off; recordings
+    stay, and `resume` measures the rest.
 
     Parameters
     ----------
@@ -152,11 +152,11 @@ def measure(
     output : path
         Run folder to write.
     robot : Robot, path or str, optional
-        By default the one that the plan names.
+        Robot, by default the one named in the plan.
     drives : path, optional
         Drives file; the built-in one of the robot by default.
     interface, channel : str
-        Of python-can; by default the virtual plant of the robot.
+        Names of python-can; by default the virtual plant of the robot.
     options : mapping, optional
         Further arguments of the interface.
     resume : bool
@@ -192,7 +192,7 @@ def measure(
 
 
 def refuse_unusable(path: Path, resume: bool) -> None:
-    """Refuse a folder for what is in it, before the plan is gone through.
+    """Refuse an unusable folder by the content, before checking the plan.
 
     Raises
     ------
@@ -211,12 +211,12 @@ def refuse_unusable(path: Path, resume: bool) -> None:
 def prepared_folder(
     path: Path, plan: Plan, robot: Robot, drives: str, *, resume: bool
 ) -> tuple[RunFolder, list[str]]:
-    """Make the folder of a new run, or open that of one to be resumed or only rehearsed so far.
+    """Make the folder of a new run, or open a folder to be resumed or only rehearsed so far.
 
     Returns
     -------
     RunFolder, list of str
-        What was set aside for being damaged.
+        Folder, and messages about damaged files set aside.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A plan with its robot and its workspace, as commands and Python name them."""
+"""Plan with robot and workspace, as named in commands and Python."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ def opened_plan(
     robot: Robot | Path | str | None = None,
     workspace: Workspace | Path | str | None = None,
 ) -> tuple[Plan, Robot]:
-    """Return a plan, its robot and the workspace that holds for it.
+    """Return a plan with the workspace, and the robot.
 
     Parameters
     ----------
     plan : Plan or path
     robot : Robot, path or str, optional
-        By default the one that the plan names.
+        Robot, by default the one named in the plan.
     workspace : Workspace or path, optional
-        In place of the plan's own.
+        Workspace in place of the plan's own.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def opened_plan(
 
 
 def _robot_file(the_plan: Plan, source: Path) -> str | Path:
-    """Name of the plan's robot, or path of its file, which must be where the plan says."""
+    """Return the name of the plan's robot, or the path of an existing robot file."""
     if the_plan.robot.file is None:
         return the_plan.robot.name
     path = source.parent / the_plan.robot.file

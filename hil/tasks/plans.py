@@ -1,7 +1,7 @@
 """Plans of every kind: strokes for base parameters, friction, an exciting trajectory, a load.
 
-Each kind is a function with its own options; `designed` finds it by name and refuses options of
-another kind, or that do not go together, each with its reason.
+Each kind is a function with its own options; `designed` finds the function by name and refuses
+options of another kind or incompatible options, with the reason.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     Now = Callable[[str], None]
 
 MINUTES = 10.0
-"""Duration of a plan with --refine where none is stated [min]."""
+"""Default duration of a plan with --refine [min]."""
 
 
 class Unsuited(InvalidValue):
-    """Options that do not go together.
+    """Incompatible options.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Unsuited(InvalidValue):
 
 
 class Designed(NamedTuple):
-    """A plan, its robot, what is to be known of it; precision without and with a refinement."""
+    """Plan and robot, with tables to show; precision before and after a refinement."""
 
     plan: Plan
     robot: Robot
@@ -62,7 +62,7 @@ def designed(kind: str, now: Now = lambda _: None, **options: Any) -> Designed:
     now : callable
         Takes what is being computed.
     **options
-        Those of the kind; options left out, or None, have their defaults.
+        Options of the kind; left-out options, or None, have their defaults.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def plan(robot: Robot | Path | str | None = None, kind: str = "strokes", **optio
 
 
 def _refuse(*cases: tuple[object, str]) -> None:
-    """Refuse the first case that holds, with its reason."""
+    """Refuse the first applicable case, with the reason."""
     for holds, why in cases:
         if holds:
             raise Unsuited(why)
@@ -141,7 +141,7 @@ def _strokes(
     warm_up: float = 0.0,
     workspace: Workspace | None = None,
 ) -> Designed:
-    """Strokes by counts or by minutes, from g(q) and M(q)."""
+    """Design strokes by counts or by minutes, from g(q) and M(q)."""
     asked = {"gravity": gravity, "inertia": inertia, "coupling": coupling}
     counts = {kind: number for kind, number in asked.items() if number is not None}
     _refuse(
@@ -220,7 +220,7 @@ def _distinguishing(
 
 
 def _refined(now: Now, runs: Sequence[Path], minutes: float) -> Designed:
-    """Measurements of what the runs have shown least precisely."""
+    """Design measurements of the parameters shown least precisely by the runs."""
     from hil.planning.design.by_minutes import refine
     from hil.planning.prediction.precision import information, precision
     from hil.tasks.robot_drives import experience_of
@@ -243,7 +243,7 @@ def _friction(
     axis: Sequence[int] = (),
     workspace: Workspace | None = None,
 ) -> Designed:
-    """Speeds of axes, from 1: all once, or an experiment on friction's variance in time."""
+    """Design friction measurements of axes, from 1: a sweep, or an experiment on drift."""
     from hil.planning.design import friction
 
     robot = _required(robot)
@@ -271,7 +271,7 @@ def _trajectory(
     warm_up: float = 0.0,
     drives: Path | None = None,
 ) -> Designed:
-    """One periodic trajectory within the limits, as often as there is time for."""
+    """Design a periodic trajectory within the limits, repeated as time permits."""
     from hil.planning.design import trajectories
     from hil.planning.plan import as_plan
     from hil.tasks.robot_drives import following_of, known_drives
@@ -300,7 +300,7 @@ def _load(
     pose: tuple[tuple[int, float], ...] = (),
     refine: Sequence[Path] = (),
 ) -> Designed:
-    """Slow strokes that show a load beside a run without it; with `refine` faster ones after."""
+    """Design slow strokes for a load, after a run without load; with `refine` faster ones."""
     from hil.planning.design.load import REACH, fast_plan, holds, slow_plan
     from hil.results.load import BareRun, estimate_load
     from hil.runs.run import Run
@@ -343,4 +343,4 @@ _REASONS = {
     ("trajectory", "workspace"): "trajectories keep to joint limits only",
     ("friction", "minutes"): "its speeds and their durations follow from the experiment",
 }
-"""Why a kind does not take an option of others, where there is more to say than whose it is."""
+"""Reasons for refusing an option of another kind, if more specific than the kind's name."""

@@ -1,9 +1,9 @@
-"""The drives of a plan's robot: found, held against the robot file, and what they let expect.
+"""Drives of a plan's robot: loading, comparison with the robot file, and predictions.
 
 Robot file and drives file both state joint types, gear ratios, torque constants and limits, since
-each is used without the other. Where they contradict each other every torque would be wrong by the
-same factor, and no residual would show it. So they are compared before anything moves. Drives also
-say what a cycle of a plan puts on the bus, and in which steps torques and positions come.
+each is used without the other. A contradiction would scale all torques by a common factor,
+invisible in any residual. So they are compared before anything moves. Drives also determine the bus
+load of a plan, and the resolution of torques and positions.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 def packaged_drives(the_robot: Robot) -> Path:
-    """Return the path of the drives file that comes with a robot.
+    """Return the path of the drives file packaged with a robot.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def _packaged(the_robot: Robot) -> Path:
 
 
 def known_drives(the_robot: Robot, path: Path | None) -> DrivesFile | None:
-    """Return the drives by their file, or by the one that comes along; None if none does.
+    """Return the drives of a file, or of the packaged file; None without either.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def known_drives(the_robot: Robot, path: Path | None) -> DrivesFile | None:
 
 
 def load_robots_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
-    """Read a drives file; return it and its text.
+    """Read a drives file; return the drives and the text.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def load_robots_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
 
 
 def narrowed_drives(drives: DrivesFile, workspace: Workspace | None) -> DrivesFile:
-    """Give driver and drives the joint ranges of the workspace too."""
+    """Limit driver and drives to the joint ranges of the workspace."""
     axes = list(drives.axes)
     for joint, (low, high) in (workspace.ranges if workspace else {}).items():
         axis = axes[joint - 1]
@@ -103,7 +103,7 @@ def narrowed_drives(drives: DrivesFile, workspace: Workspace | None) -> DrivesFi
 def _contradicting(
     axes: Sequence[AxisDrive], robot: Robot
 ) -> Iterator[tuple[tuple[str | int, ...], str]]:
-    """Find where the axes of a drives file contradict a robot."""
+    """Yield the contradictions between the axes of a drives file and a robot."""
     if len(axes) != robot.n_joints:
         yield (
             ("axes",),
@@ -118,11 +118,11 @@ def _contradicting(
 def _contradictions(
     axis: AxisDrive, index: int, robot: Robot
 ) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Find contradictions of one axis; of another kind of joint, none but this.
+    """Yield the contradictions of an axis; for another type of joint, only this contradiction.
 
-    Of limits, those wider than the robot's, and narrower ones that a plan would run into.
+    Limits contradict if wider than the robot's, or so narrow that a plan would reach them.
     """
-    # shares by which numbers may differ, and a drive's limits be narrower, never wider
+    # tolerances of numbers, and of limits narrower than the robot's; wider limits are refused
     same, narrower = 1e-3, 5e-3
     joint = "revolute" if robot.revolute[index] else "prismatic"
     both = f"as in the robot file of {robot.name}; correct whichever is wrong"
@@ -161,14 +161,14 @@ def bus_cycle(
     *,
     feeds: bool = False,
 ) -> BusCycle:
-    """What a cycle takes of the bus while `plan` is measured.
+    """Return the bus load of a cycle while `plan` is measured.
 
     Parameters
     ----------
     plan : Plan
     n_axes : int
     drives : DrivesFile or None
-        None where none is known: one full TPDO an axis is assumed, of 8 bytes.
+        Drives, None if unknown: a TPDO of 8 bytes per axis is assumed.
     bitrate : int, optional
         Instead of the drives file's [bit/s].
     feeds : bool
@@ -184,13 +184,13 @@ def bus_cycle(
 
 
 def following_of(drives: DrivesFile | None, period: float | None = None) -> Following | None:
-    """How closely the axes must follow a trajectory, and how late they do; None if not known.
+    """Return following tolerance and delay of the axes on a trajectory; None if not known.
 
     Parameters
     ----------
     drives : DrivesFile or None
     period : float, optional
-        Of SYNC, by default that of the drives file [s].
+        SYNC period, by default that of the drives file [s].
     """
     if drives is None:
         return None
@@ -203,7 +203,7 @@ def following_of(drives: DrivesFile | None, period: float | None = None) -> Foll
 
 
 class Expected(NamedTuple):
-    """Noise and base parameters, shape (n_base,), that predictions go by; whence the latter are."""
+    """Noise and base parameters, shape (n_base,), for predictions, with the source."""
 
     noise: Noise
     p: Array
@@ -211,7 +211,7 @@ class Expected(NamedTuple):
 
 
 def expected_of(robot: Robot, run: Path | None, drives_file: Path | None = None) -> Expected:
-    """What an earlier run shows, or else what robot file and drives file let expect.
+    """Return noise and parameters of an earlier run, or else expected from the files.
 
     Raises
     ------
@@ -231,7 +231,7 @@ def expected_of(robot: Robot, run: Path | None, drives_file: Path | None = None)
 
 
 def experience_of(runs: Sequence[Path]) -> tuple[list[Run], Levels]:
-    """Open runs of one robot; return them, with the noise and the information in them."""
+    """Open runs of a robot; return the runs with noise and information."""
     from hil.results.identification import experience
     from hil.runs.pooling import open_runs
 
@@ -242,7 +242,7 @@ def experience_of(runs: Sequence[Path]) -> tuple[list[Run], Levels]:
 def _resolutions(
     robot: Robot, drives_file: Path | None
 ) -> tuple[list[float] | None, list[float] | None]:
-    """Smallest steps of torques and positions, if a drives file states them [N m], [rad]."""
+    """Return the smallest steps of torques and positions of a drives file, if any [N m], [rad]."""
     drives = known_drives(robot, drives_file)
     if drives is None:
         return None, None

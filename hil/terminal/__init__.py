@@ -1,1 +1,1 @@
-"""What the command line shows and asks, apart from the commands themselves (`hil.cli`)."""
+"""Output and questions of the command line, apart from the commands (`hil.cli`)."""

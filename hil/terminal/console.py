@@ -1,8 +1,8 @@
-"""The console on which all commands print, and a line that states what is being computed.
+"""Console of all commands, and a line with the current computation.
 
-Plain strings without a style are messages, which ``--quiet`` leaves out; tables, texts of results
-and warnings are not. With ``--json`` standard output holds one JSON object of the tables and of
-what a command gives besides (`give`), and everything else goes to standard error.
+Plain strings without a style are messages, suppressed by ``--quiet``; tables, texts of results and
+warnings are not. With ``--json`` standard output holds a JSON object of the tables and of
+additional results (`give`), and everything else goes to standard error.
 
 Text from files is shown with control characters written out, whatever prints it: names of columns
 and files come from somebody else, and an escape sequence in one would move the cursor, recolour or
@@ -24,16 +24,16 @@ if TYPE_CHECKING:
 
 
 class Output(Console):
-    """Standard output as the options ``--quiet`` and ``--json`` have it.
+    """Standard output with the options ``--quiet`` and ``--json``.
 
     Attributes
     ----------
     messages : bool
-        Whether messages are shown.
+        True to show messages.
     verbose : bool
-        Whether tracebacks of refusals are shown.
+        True to show tracebacks of refusals.
     given : dict or None
-        What JSON will hold; None without ``--json``.
+        Content of the JSON object; None without ``--json``.
     """
 
     def __init__(self) -> None:
@@ -45,24 +45,26 @@ class Output(Console):
         self.messages, self.verbose, self.given, self.stderr = True, False, None, False
 
     def begin_json(self) -> None:
-        """Keep results for one JSON object; what else is printed goes to standard error."""
+        """Collect results for a JSON object; other output goes to standard error."""
         self.given, self.stderr = {"tables": []}, True
 
     given: dict[str, Any] | None
 
     def print(self, *objects: Any, **how: Any) -> None:
-        """Print what is wanted; tables are kept instead where JSON is."""
+        """Print unless suppressed; collect tables for JSON."""
         if not self.messages and not how.get("style") and all(type(o) is str for o in objects):
             return
         if self.given is not None:
-            self.given["tables"] += [_as_data(each) for each in objects if hasattr(each, "columns")]
+            self.given["tables"] += [
+                _tabulate(each) for each in objects if hasattr(each, "columns")
+            ]
             objects = tuple(each for each in objects if not hasattr(each, "columns"))
             if not objects:
                 return
         super().print(*objects, **how)
 
     def render(self, renderable: Any, options: Any = None) -> Iterator[Segment]:
-        """Render whatever is printed, tables too, without characters that the terminal obeys."""
+        """Render tables and text without control characters."""
         for segment in super().render(renderable, options):
             if segment.control or segment.text.isprintable():
                 yield segment
@@ -74,19 +76,19 @@ out = Output()
 
 
 def give(**results: Any) -> None:
-    """State results of a command that no table holds, where JSON is wanted."""
+    """Add results outside of tables to the JSON object."""
     if out.given is not None:
         out.given |= results
 
 
 def give_each(key: str, value: Any) -> None:
-    """State one of several results, which JSON holds as a list, where it is wanted."""
+    """Append a result to a list in the JSON object."""
     if out.given is not None and value:
         out.given.setdefault(key, []).append(value)
 
 
-def _as_data(table: Any) -> dict[str, Any]:
-    """Title and rows of a table, of ours or of rich's: cells by head, numbers as such."""
+def _tabulate(table: Any) -> dict[str, Any]:
+    """Convert a table of ours or of rich to title and rows: cells by head, numbers as such."""
     if hasattr(table := getattr(table, "source", table), "parts"):
         heads = [column.head for column in table.columns]
         rows = [(part.name, row) for part in table.parts for row in part.rows]
@@ -112,7 +114,7 @@ def _cells(keys: list[str], row: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _number(cell: str) -> str | float | None:
-    """A cell as a number where it is one; None where it is empty."""
+    """Return a cell as a number if possible; None for an empty cell."""
     text = cell.strip().replace("\N{MINUS SIGN}", "-")
     if not text:
         return None
@@ -123,29 +125,28 @@ def _number(cell: str) -> str | float | None:
 
 
 def _finite(value: float, cell: str) -> float | str:
-    """JSON knows neither infinity nor what is no number."""
+    """Return a finite number, or the text of the cell, since JSON has no infinity and NaN."""
     return value if abs(value) < float("inf") else str(cell)
 
 
 def _plain(text: Any) -> str:
-    """Text without markup."""
+    """Return text without markup."""
     from rich.text import Text  # noqa: PLC0415 - help and completion show no tables
 
     return text.plain if isinstance(text, Text) else Text.from_markup(str(text)).plain
 
 
 def say(text: str, style: str | None = None, console: Console = out) -> None:
-    """Print a line as it is: nothing in it is markup, and the terminal alone wraps it."""
+    """Print a line without markup or wrapping by rich."""
     console.print(shown(text), style=style, highlight=False, markup=False, soft_wrap=True)
 
 
 @contextmanager
 def working(what: str) -> Iterator[Callable[[str], None]]:
-    """Show what is being computed, and for how long; yields what puts other words there.
+    """Show the current computation with its duration; yield a function that changes the words.
 
-    Without a terminal nothing is shown: such a line is worth nothing afterwards.
-    Words begin within the first tenth of a second, so libraries are best loaded within the block.
-    What else is printed meanwhile comes to stand above the line.
+    Without a terminal nothing is shown. Words appear within a tenth of a second, so libraries
+    should be loaded within the block. Other output appears above the line.
     """
     from rich import progress  # noqa: PLC0415 - help and completion show no progress
 

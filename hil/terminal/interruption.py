@@ -1,11 +1,11 @@
-"""How a command is ended from outside: Ctrl-C, SIGTERM, and SIGHUP when its terminal is closed.
+"""Interruption of a command: Ctrl-C, SIGTERM, and SIGHUP after its terminal is closed.
 
-While axes may be powered, each of the three raises `KeyboardInterrupt` in the main thread, so that
-all contexts are left in order: axes stopped and switched off, files whole, the terminal as it was.
-While a module or compiled code is being loaded it waits for that: libraries make an import error of
-it, or a crash, where their callbacks may not raise. What nohup ignores stays ignored. A terminal
-that has gone refuses every output with an error; it is exchanged for the null device, so that no
-message stands in the way of switching off.
+While axes may be powered, each of the three signals raises `KeyboardInterrupt` in the main thread,
+so that all contexts are left in order: axes stopped and switched off, files complete, the terminal
+restored. During the loading of a module or compiled code the interrupt waits: libraries would turn
+it into an import error, or crash in callbacks. Signals ignored by nohup stay ignored. A closed
+terminal refuses every output with an error; it is replaced by the null device, so that no message
+prevents switching off.
 """
 
 from __future__ import annotations
@@ -25,55 +25,55 @@ if TYPE_CHECKING:
     from types import FrameType
 
 STATUS = 130
-"""Exit status of a program that was interrupted."""
+"""Exit status of an interrupted program."""
 
 _NUMBERS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
 _OUTPUTS = (1, 2)
 _LOADERS = frozenset({"importlib", "llvmlite", "numba"})
-"""Packages in whose middle nothing may be raised."""
+"""Packages in which no exception may be raised."""
 
 
 @contextmanager
 def interruptible(ended: Callable[[], str]) -> Iterator[Callable[[], None]]:
     """End the block in order on Ctrl-C, SIGTERM and SIGHUP.
 
-    Python drops an exception that is raised while an object is finalised, and with it an interrupt
-    that comes at such a moment. So what is yielded is to be called now and then: it raises
-    `KeyboardInterrupt` where one has been dropped.
+    Python drops an exception raised while an object is finalised, also an interrupt at such a
+    moment. So the yielded function is to be called regularly: it raises `KeyboardInterrupt` for a
+    dropped one.
 
     Parameters
     ----------
     ended : callable
-        Asked for the line to show when the block has been left.
+        Returns the line to show after an interruption.
 
     Raises
     ------
     typer.Exit
-        With status 130 when interrupted.
+        Exit status 130 after an interruption.
     """
     try:
         with _interrupts() as refuse_lost:
             yield refuse_lost
     except KeyboardInterrupt:
-        # python-can warns that a bus which was just being opened has not been closed.
+        # python-can warns about a bus interrupted while opening
         logging.getLogger("can").setLevel(logging.ERROR)
         report(ended())
         raise typer.Exit(STATUS) from None
 
 
 def report(text: str) -> None:
-    """Put a line on standard error, if anybody reads it."""
+    """Write a line to standard error; ignore failures."""
     with suppress(OSError):
         sys.stderr.write(f"{text}\n")
         sys.stderr.flush()
 
 
 def interrupt_main() -> None:
-    """Interrupt the main thread, from any other, as one of the three signals does.
+    """Interrupt the main thread from another thread, like a signal.
 
-    SIGTERM, since a shell may have started us with Ctrl-C ignored.
+    SIGTERM is used, since a shell may have started the process with Ctrl-C ignored.
     """
     main = threading.main_thread().ident
     assert main is not None  # noqa: S101 - it runs
@@ -82,7 +82,7 @@ def interrupt_main() -> None:
 
 @contextmanager
 def _interrupts() -> Iterator[Callable[[], None]]:
-    """Have the three signals, and output to a terminal that has gone, raise KeyboardInterrupt."""
+    """Raise KeyboardInterrupt on the three signals, and on output to a closed terminal."""
     terminals = [descriptor for descriptor in _OUTPUTS if os.isatty(descriptor)]
     interrupted, again = False, threading.Timer(0.0, interrupt_main)
 
@@ -118,7 +118,7 @@ def _interrupts() -> Iterator[Callable[[], None]]:
 
 
 def _loads(frame: FrameType | None) -> bool:
-    """Whether something is being loaded where a signal came."""
+    """Return True if a module is being loaded at the instant of a signal."""
     while frame is not None:
         if frame.f_globals.get("__name__", "").partition(".")[0] in _LOADERS:
             return True
@@ -127,7 +127,7 @@ def _loads(frame: FrameType | None) -> bool:
 
 
 def _exchange_gone(terminals: Sequence[int]) -> bool:
-    """Put the null device in the place of terminals that have gone; return whether any has."""
+    """Replace closed terminals by the null device; return True if any was closed."""
     gone = [descriptor for descriptor in terminals if not os.isatty(descriptor)]
     if gone:
         null = os.open(os.devnull, os.O_WRONLY)

@@ -1,18 +1,17 @@
-"""The keyboard: single keys without Enter, what stops and pauses a run, answers of the operator.
+"""Keyboard: single keys without Enter, stop and pause of a run, answers of the operator.
 
-`Keys` puts the terminal into cbreak mode for as long as it is entered, so that a key counts at
-once and is not echoed; Ctrl-C stays an interrupt. Where standard input is no terminal (a pipe, a
-job in the background, a system without termios) nothing is ever pressed, and nothing is changed.
+`Keys` sets the terminal to cbreak mode while entered, so that keys act at once and are not echoed;
+Ctrl-C stays an interrupt. If standard input is no terminal (a pipe, a job in the background, a
+system without termios) no keys are read and nothing is changed.
 
-During a run s or space stops all axes and ends it, p pauses. A thread waits for keys and costs
-nothing while there are none. A stop is an interrupt like Ctrl-C, sent to the main thread: it counts
-between two steps of the interpreter, wherever that is in the sample loop, and its way through the
-drives' quick stop and off is the one that is tested most. A pause lasts from the end of the present
-measurement until any key is pressed; the axes stay powered and are sampled, since drives that hear
-nothing from us would switch off.
+During a run s or space stops all axes and ends it, p pauses. A thread waits for keys at no cost. A
+stop is an interrupt like Ctrl-C, sent to the main thread: it acts between two steps of the
+interpreter, anywhere in the sample loop, and continues by the most tested path, quick stop and
+power off of the drives. A pause lasts from the end of the present measurement until any key is
+pressed; the axes stay powered and sampled, since drives without telegrams would switch off.
 
-The operator in front of the robot agrees to motion, stops it, answers. Where there is no terminal,
-an answer may come down a pipe; where none comes, nothing is powered on.
+The operator in front of the robot agrees to motion, stops it, and answers. Without a terminal, an
+answer may come through a pipe; without an answer, nothing is powered on.
 """
 
 from __future__ import annotations
@@ -40,17 +39,17 @@ if TYPE_CHECKING:
 
 
 class Keys:
-    """What is typed while the context is entered.
+    """Keys typed while the context is entered.
 
     Parameters
     ----------
     stream : text file, optional
-        Where keys come from; standard input unless given.
+        Source of keys; standard input by default.
 
     Attributes
     ----------
     listening : bool
-        Whether keys can come at all; what the operator is asked follows from it.
+        True if keys can be read; questions to the operator depend on it.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
@@ -59,12 +58,12 @@ class Keys:
         self._descriptor = -1
 
     def __enter__(self) -> Self:
-        """Read keys singly from now on, where there is a terminal."""
+        """Read single keys from now on, if there is a terminal."""
         if termios is None or self._stream is None:
             return self
         try:
             self._descriptor = self._stream.fileno()
-            self.listening = os.isatty(self._descriptor) and _in_foreground(self._descriptor)
+            self.listening = os.isatty(self._descriptor) and _is_foreground(self._descriptor)
             if self.listening:
                 self._before = termios.tcgetattr(self._descriptor)
                 tty.setcbreak(self._descriptor)
@@ -73,7 +72,7 @@ class Keys:
         return self
 
     def __exit__(self, *_raised: object) -> None:
-        """Leave the terminal as it was found."""
+        """Restore the terminal."""
         if self.listening:
             self.listening = False
             try:
@@ -82,10 +81,10 @@ class Keys:
                 return
 
     def pressed(self) -> str:
-        """Return what was typed since the last call, in order; empty if nothing was."""
+        """Return the keys typed since the last call, in order; empty if none."""
         typed = b""
         try:
-            while self.listening and _in_foreground(self._descriptor) and self._waiting():
+            while self.listening and _is_foreground(self._descriptor) and self._waiting():
                 chunk = os.read(self._descriptor, 64)
                 if not chunk:  # the terminal has gone
                     self.listening = False
@@ -96,7 +95,7 @@ class Keys:
         return typed.decode(errors="ignore")
 
     def awaited(self, timeout: float) -> str:
-        """Return what is typed, waiting up to `timeout` for it [s]; for a thread of its own."""
+        """Return the typed keys after waiting up to `timeout` [s]; for a separate thread."""
         try:
             if self.listening:
                 self._waiting(timeout)
@@ -108,8 +107,8 @@ class Keys:
         return bool(select.select([self._descriptor], [], [], timeout)[0])
 
 
-def _in_foreground(descriptor: int) -> bool:
-    """Whether reading does not stop us: the shell keeps keys from jobs in the background."""
+def _is_foreground(descriptor: int) -> bool:
+    """Return True if reading does not stop the process, as in a job in the background."""
     try:
         return os.tcgetpgrp(descriptor) == os.getpgrp()
     except OSError:  # not our controlling terminal: it is nobody else's job
@@ -122,17 +121,17 @@ HINT = "s or space: stop all axes and end; p: pause after the present measuremen
 
 
 class KeyboardStop:
-    """Listens to the keyboard for as long as it is entered.
+    """Listener to the keyboard while entered.
 
     Parameters
     ----------
     keys : Keys, optional
-        Where keys come from; the terminal unless given.
+        Source of keys; the terminal by default.
 
     Attributes
     ----------
     listening : bool
-        Whether there is a keyboard at all.
+        True if there is a keyboard.
     """
 
     def __init__(self, keys: Keys | None = None) -> None:
@@ -143,11 +142,11 @@ class KeyboardStop:
 
     @property
     def listening(self) -> bool:
-        """Whether there is a keyboard at all."""
+        """True if there is a keyboard."""
         return self._keys.listening
 
     def __enter__(self) -> Self:
-        """Begin to listen, where there is a terminal."""
+        """Start to listen, if there is a terminal."""
         self._keys.__enter__()
         if self.listening:
             self._before = signal.getsignal(signal.SIGINT)
@@ -159,7 +158,7 @@ class KeyboardStop:
         return self
 
     def __exit__(self, *_raised: object) -> None:
-        """Stop listening and leave the terminal as it was found."""
+        """Stop listening and restore the terminal."""
         self._wanted = False
         if self._started:
             self._thread.join()
@@ -167,13 +166,13 @@ class KeyboardStop:
         self._keys.__exit__()
 
     def pause(self) -> bool:
-        """Whether the operator wants a pause; takes a breath while that is so."""
+        """Return True while the operator wants a pause, after a short sleep."""
         if self._paused:
             time.sleep(0.001)  # in lock-step the samples of a pause would take a processor
         return self._paused
 
     def take(self, key: str) -> None:
-        """Do what a key says."""
+        """Execute the command of a key."""
         if key in STOPS:
             self._wanted = False
             main = threading.main_thread().ident
@@ -192,16 +191,16 @@ STOP_HINT = "space, q or Esc stops all axes"
 
 
 class TerminalOperator:
-    """Whoever sits at the terminal.
+    """Operator at the terminal.
 
     Parameters
     ----------
     console : Console
-        Where questions are shown.
+        Console for questions.
     keys : Keys
-        Entered; where answers come from.
+        Source of answers, entered already.
     agreed : bool
-        Nobody is to be asked anything: all is agreed to beforehand.
+        True if everything is agreed to beforehand, without questions.
     """
 
     def __init__(self, console: Console, keys: Keys, *, agreed: bool) -> None:
@@ -211,11 +210,11 @@ class TerminalOperator:
 
     @property
     def present(self) -> bool:
-        """Whether somebody can be asked."""
+        """True if the operator can be asked."""
         return self._keys.listening and not self._agreed
 
     def agrees(self, intent: str) -> bool:
-        """Ask before anything is powered; without a terminal a line of standard input counts."""
+        """Ask before power-on; without a terminal a line of standard input is the answer."""
         if self._agreed:
             return True
         self.show(f"{intent} [y/N]")

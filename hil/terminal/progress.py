@@ -1,7 +1,7 @@
-"""A campaign's progress: a live bar on a terminal, plain lines anywhere else.
+"""Progress of a campaign: a live bar on a terminal, plain lines elsewhere.
 
-Robot time and the clock on the wall differ in lock-step, so the time left is scaled by how fast
-robot time has passed so far.
+Robot time and wall time differ in lock-step, so the remaining time is scaled by the speed of robot
+time so far.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 @contextmanager
 def shown(console: Console) -> Iterator[Callable[[Event], None]]:
-    """Show events as they come; yields what takes them.
+    """Show events; yield a function that receives events.
 
-    Plain lines of how far it is come half a minute apart.
+    Plain lines of progress come half a minute apart.
     """
     pace, due = Pace(), 0.0
 
@@ -61,16 +61,16 @@ def shown(console: Console) -> Iterator[Callable[[Event], None]]:
 
 
 class Pace:
-    """How long the rest takes on the wall's clock."""
+    """Estimate of the remaining wall time."""
 
     def __init__(self) -> None:
         self._seen: deque[tuple[float, float]] = deque()
 
     def left(self, event: Event) -> float:
-        """Time left by the wall's clock [s]."""
+        """Return the remaining wall time [s]."""
         now, seen = time.monotonic(), self._seen
         seen.append((now, event.time))
-        # time over which it is seen how fast robot time passes [s]: a computer's load changes
+        # the speed of robot time is averaged over 10 s, since the computer's load changes
         while len(seen) > 2 and now - seen[1][0] > 10.0:
             seen.popleft()
         wall, robot = now - seen[0][0], event.time - seen[0][1]
@@ -78,7 +78,7 @@ class Pace:
 
 
 def notice(event: Event) -> str:
-    """What must be shown to the operator even when it scrolls by."""
+    """Return a message that the operator must see; empty for other events."""
     if isinstance(event, events.Repeated):
         reasons = "; ".join(finding.message for finding in event.findings)
         return f"{event.measurement.id}: attempt {event.attempt} is repeated: {reasons}"
@@ -94,7 +94,7 @@ def notice(event: Event) -> str:
 
 
 def doing(event: Event) -> str:
-    """What is being done, in words."""
+    """Describe the current activity."""
     match event:
         case events.Started():
             return f"{event.pending} of {event.planned} measurements to do"

@@ -1,1 +1,1 @@
-"""A CANopen slave after CiA 301: one file for each service."""
+"""CANopen slave after CiA 301, with a module for every service."""

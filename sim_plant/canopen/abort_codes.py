@@ -1,4 +1,4 @@
-"""SDO abort codes of CiA 301 (table 22), those that a slave has a reason to send."""
+"""SDO abort codes of CiA 301 (table 22), limited to those a slave has a reason to send."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import enum
 
 
 class AbortCode(enum.IntEnum):
-    """Why an SDO transfer was refused."""
+    """Reason for the refusal of an SDO transfer."""
 
     TOGGLE_BIT = 0x0503_0000
     """The toggle bit did not alternate."""
     UNKNOWN_COMMAND = 0x0504_0001
-    """A command specifier that is unknown, or that fits no running transfer."""
+    """Command specifier unknown, or not fitting the running transfer."""
     BLOCK_SIZE = 0x0504_0002
     """A block size outside 1...127."""
     SEQUENCE_NUMBER = 0x0504_0003
-    """A sequence number that was never sent."""
+    """Sequence number never sent."""
     CRC = 0x0504_0004
     """The checksum of a block transfer is wrong."""
     OUT_OF_MEMORY = 0x0504_0005
@@ -33,9 +33,9 @@ class AbortCode(enum.IntEnum):
     PDO_LENGTH = 0x0604_0042
     """The mapped objects exceed eight bytes."""
     INCOMPATIBLE = 0x0604_0043
-    """The parameter contradicts another one."""
+    """The parameter contradicts another parameter."""
     LENGTH = 0x0607_0010
-    """The data have another length than was announced."""
+    """The length of the data differs from the announced length."""
     LENGTH_HIGH = 0x0607_0012
     """More data than the object holds."""
     LENGTH_LOW = 0x0607_0013
@@ -43,7 +43,7 @@ class AbortCode(enum.IntEnum):
     NO_SUBINDEX = 0x0609_0011
     """The sub-index does not exist."""
     INVALID_VALUE = 0x0609_0030
-    """A value that the object does not take."""
+    """Value not permitted by the object."""
     VALUE_HIGH = 0x0609_0031
     """The value is above the object's highest."""
     VALUE_LOW = 0x0609_0032
@@ -57,7 +57,7 @@ class AbortCode(enum.IntEnum):
 
 
 class SdoAbort(Exception):
-    """An access to the object dictionary that is refused with an abort code."""
+    """Refused access to the object dictionary, with an abort code."""
 
     def __init__(self, code: AbortCode) -> None:
         super().__init__(f"{code.name} {code:#010x}")

@@ -1,8 +1,8 @@
-"""One CANopen slave without its profile: the services of CiA 301 around an object dictionary.
+"""CANopen slave without a profile: the services of CiA 301 around an object dictionary.
 
-The node never sees a bus. Frames come in through the handlers that `routes` names and go out
-through `emit`; who listens to which identifier changes with NMT state and configuration, so the
-node calls `rewired` and is asked again.
+The node is independent of the bus. Frames come in through the handlers of `routes` and go out
+through `emit`. The handlers change with NMT state and configuration; then the node calls `rewired`
+and the network reads `routes` again.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ PDOS = 4
 """PDOs in each direction."""
 
 _STATE_AFTER_LOSS = {0: NmtState.PRE_OPERATIONAL, 2: NmtState.STOPPED}
-"""1029h:1: where an operational node goes when communication fails; 1 stays."""
+"""State of an operational node after a loss of communication (1029h:1); 1 changes nothing."""
 
 
 class CanopenNode:
-    """Communication of one slave.
+    """Communication of a slave.
 
     Parameters
     ----------
@@ -51,9 +51,9 @@ class CanopenNode:
         Called when any of `routes`, `remote_routes`, `sync_actions`, `sync_reports` and
         `event_actions` has changed.
     personality : Personality
-        Which objects the dictionary shows, and when RPDOs act.
+        Visible objects of the dictionary, and timing of RPDOs.
     axis : int
-        Which axis of the node, from 1: the first one is the voice of all (see `join`).
+        Number of the axis in the node, from 1; the first axis speaks for all (see `join`).
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class CanopenNode:
         self.dictionary.react(0x1017, lambda _subindex, _value: rewired())
         self.dictionary.react(0x1005, lambda _subindex, _value: rewired())
 
-    # What the bus asks of the node
+    # Services for the bus
 
     def boot(self) -> None:
         """Begin as after power-on or a reset: boot-up message, then pre-operational."""
@@ -111,7 +111,7 @@ class CanopenNode:
         self.nmt.enter(NmtState.PRE_OPERATIONAL)
 
     def join(self, others: Sequence[CanopenNode]) -> None:
-        """Be the voice of further axes of this node, in order."""
+        """Serve further axes of this node, in order, through the SDO server of this axis."""
         axes = (self, *others)
         self._sdo.serve(NodeDictionary([node.dictionary for node in axes]))
         sheet = multi_axis_eds([node._sheet for node in axes])
@@ -120,7 +120,7 @@ class CanopenNode:
             node._axes = axes
 
     def connect(self, connected: bool) -> None:
-        """Put the node on the bus, or cut it off: then it hears nothing, and works on."""
+        """Connect the node to the bus, or disconnect it; the firmware works on."""
         for node in self._axes:
             node._connected = connected
         self._rewired()
@@ -132,11 +132,11 @@ class CanopenNode:
 
     @property
     def is_watching(self) -> bool:
-        """Whether the node would react to the loss of a heartbeat that 1016h names, or does."""
-        return self._consumer.at_work
+        """True if the loss of a heartbeat named by 1016h would be noticed, or has been."""
+        return self._consumer.is_supervising
 
     def routes(self) -> list[tuple[int, Callable[[bytes], None]]]:
-        """Return who takes which identifier in the present state."""
+        """Return the identifiers received in the present state, with their handlers."""
         if not self._connected:
             return []
         routes: list[tuple[int, Callable[[bytes], None]]] = [(0, self.nmt.receive)]
@@ -150,7 +150,7 @@ class CanopenNode:
         return routes
 
     def remote_routes(self) -> list[tuple[int, Callable[[], None]]]:
-        """Who answers remote frames with which identifier."""
+        """Return the identifiers of remote frames answered in the present state, with handlers."""
         tpdos = self._tpdos if self._operational else []
         routes = [(t.identifier, t.answer_remote) for t in tpdos if t.enabled and t.answers_remote]
         if self._connected and self._guarding.available:
@@ -158,33 +158,33 @@ class CanopenNode:
         return routes
 
     def sync_actions(self) -> list[Callable[[], None]]:
-        """Return what is done at each SYNC in the present state: TPDOs may be sent."""
+        """Return the actions of a SYNC in the present state: TPDOs that may be sent."""
         tpdos = self._tpdos if self._operational else []
         return [
             pdo.act_on_sync
             for pdo in tpdos
-            if pdo.enabled and pdo.on_sync and not pdo.on_every_sync
+            if pdo.enabled and pdo.is_synchronous and not pdo.answers_every_sync
         ]
 
     def sync_rpdos(self) -> list[Rpdo]:
-        """Return the RPDOs that take effect at SYNC in the present state, if a frame came."""
+        """Return the synchronous RPDOs that are enabled in the present state."""
         rpdos = self._rpdos if self._operational else []
-        return [rpdo for rpdo in rpdos if rpdo.enabled and rpdo.on_sync]
+        return [rpdo for rpdo in rpdos if rpdo.enabled and rpdo.is_synchronous]
 
     def sync_reports(self) -> list[Report]:
-        """Return the TPDOs that answer every SYNC in the present state."""
+        """Return the TPDOs sent after every SYNC in the present state."""
         tpdos = self._tpdos if self._operational else []
-        return [tpdo.report() for tpdo in tpdos if tpdo.enabled and tpdo.on_every_sync]
+        return [tpdo.report() for tpdo in tpdos if tpdo.enabled and tpdo.answers_every_sync]
 
     def event_actions(self) -> list[Callable[[], None]]:
-        """What to do whenever something may have changed: event-driven TPDOs look at their data."""
+        """Return the checks of event-driven TPDOs, to be called after possible changes of data."""
         tpdos = self._tpdos if self._operational else ()
-        return [tpdo.event for tpdo in tpdos if tpdo.enabled and not tpdo.on_sync]
+        return [tpdo.event for tpdo in tpdos if tpdo.enabled and not tpdo.is_synchronous]
 
-    # What a profile adds
+    # Hooks for a profile
 
     def _abort_connection(self, code: ErrorCode) -> None:
-        """React to the loss of communication (6007h) that `code` names."""
+        """React to a loss of communication (6007h) with the given cause."""
 
     def _regain_heartbeat(self) -> None:
         """React to the return of all watched heartbeats."""
@@ -193,14 +193,14 @@ class CanopenNode:
     def _reset_profile(self) -> None:
         """Put the profile to its state after power-on."""
 
-    # Inside
+    # Internals
 
     @property
     def _operational(self) -> bool:
         return self._connected and self.nmt.state is NmtState.OPERATIONAL
 
     def _taker(self, rpdo: Rpdo) -> Callable[[bytes], None]:
-        if not (self._rpdo_at_once and rpdo.on_sync):
+        if not (self._rpdo_at_once and rpdo.is_synchronous):
             return rpdo.receive
 
         def take(data: bytes) -> None:
@@ -231,7 +231,7 @@ class CanopenNode:
 
     @property
     def _watched(self) -> bool:
-        """Whether all that this node watches is there: heartbeats and guarding requests."""
+        """True if all watched heartbeats and guarding requests are present."""
         return self._consumer.all_present and self._guarding.present
 
     def _send_state(self, toggle: int = 0) -> None:

@@ -24,7 +24,7 @@ _RESTRICTED = (
 
 
 def check_change(old: int, new: int) -> None:
-    """Refuse a COB-ID that breaks the rules.
+    """Check a change of a COB-ID against the rules of CiA 301.
 
     Raises
     ------

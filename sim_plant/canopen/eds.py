@@ -1,4 +1,4 @@
-"""A drive's electronic data sheet, read once, as the entries that make its object dictionary."""
+"""Electronic data sheet (EDS) of a drive, read into the entries of the object dictionary."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 EDS_PATH = Path(__file__).with_name("cia402_drive.eds")
 
 STORE_EDS = 0x1021
-"""Store EDS: the data sheet itself can be uploaded from every node."""
+"""Store EDS: object with the text of the EDS, readable in every node."""
 
 _FORMATS = {
     datatypes.INTEGER8: "b",
@@ -35,13 +35,13 @@ _FORMATS = {
 
 
 def key(index: int, subindex: int = 0) -> int:
-    """Index and sub-index as one number."""
+    """Return index and sub-index as a single number."""
     return index << 8 | subindex
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One value of the object dictionary as the EDS declares it.
+    """Entry of the object dictionary, as declared in the EDS.
 
     Attributes
     ----------
@@ -69,42 +69,42 @@ class Entry:
 
     @property
     def readable(self) -> bool:
-        """Whether the bus may read it."""
+        """True if the bus may read the object."""
         return self.access != "wo"
 
     @property
     def writable(self) -> bool:
-        """Whether the bus may write it."""
+        """True if the bus may write the object."""
         return "w" in self.access
 
     @property
     def size(self) -> int:
-        """Bytes of an integer; 0 for text and domains."""
+        """Size of an integer in bytes; 0 for text and domains."""
         return struct.calcsize("<" + self.code)
 
 
 @functools.cache
 def drive_eds(personality: Personality = PLAIN) -> str:
-    """Text of a drive's EDS."""
+    """Return the text of a drive's EDS."""
     base = EDS_PATH.read_text(encoding="ascii")
     return base if personality == PLAIN else variant(base, personality)
 
 
 @functools.cache
 def drive_entries(personality: Personality = PLAIN) -> dict[int, Entry]:
-    """All entries of a drive's EDS, by `key`: what the bus can reach."""
-    return entries_of(drive_eds(personality))
+    """Return all entries of a drive's EDS, visible on the bus, by `key`."""
+    return parse_entries(drive_eds(personality))
 
 
-def entries_of(text: str) -> dict[int, Entry]:
-    """All entries of an EDS, by `key`."""
+def parse_entries(text: str) -> dict[int, Entry]:
+    """Parse all entries of an EDS, by `key`."""
     return {key(entry.index, entry.subindex): entry for entry in _entries(text)}
 
 
 def inner_entries(
     personality: Personality, visible: Callable[[Personality], Mapping[int, Entry]] = drive_entries
 ) -> dict[int, Entry]:
-    """Entries that the firmware works with, those that the drive hides from the bus included."""
+    """Return the entries used by the firmware, including those hidden from the bus."""
     whole = personality.model_copy(update={"missing": (), "mapping_entries": 8})
     return {**drive_entries(whole), **visible(personality)}
 

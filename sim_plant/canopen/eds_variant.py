@@ -1,7 +1,7 @@
-"""The EDS of a drive with a personality: the plant's own one with the deviations worked in.
+"""EDS of a drive with a personality: the plant's EDS with the deviations applied.
 
-The text that comes out is what the drive is built from and what it hands out as 1021h, so a drive
-can never serve anything else than its EDS says.
+The drive is built from the resulting text and hands it out as 1021h, so a drive always agrees with
+its EDS.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 VELOCITIES = (0x6081, 0x607F)
 ACCELERATIONS = (0x6083, 0x6084, 0x6085, 0x60C5, 0x60C6)
 PER_RPM = {"inc/s": None, "rpm": 1, "0.1 rpm": 10, "inc/s^2": None, "rpm/s": 1, "0.1 rpm/s": 10}
-"""Units of the drive in one revolution per minute; None where it counts increments."""
+"""Units of the drive in a revolution per minute; None for units in increments."""
 
 _MAPPINGS = tuple(base + number for base in (0x1600, 0x1A00) for number in range(4))
 _CURRENT = 0x6078
@@ -33,7 +33,7 @@ _KEYS = {"access": "AccessType", "default": "DefaultValue", "low": "LowLimit", "
 
 
 def variant(base: str, personality: Personality) -> str:
-    """Work a personality into the text of an EDS.
+    """Apply a personality to the text of an EDS.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def _section(eds: configparser.RawConfigParser, index: int, subindex: int) -> st
 def _declare(
     eds: configparser.RawConfigParser, index: int, subindex: int, name: str, *, mappable: bool
 ) -> None:
-    """Add an entry, and the record around it where it has a sub-index."""
+    """Add an entry, with its record if the entry has a sub-index."""
     whole = f"{index:04X}"
     entry = {"ParameterName": name, "ObjectType": "0x7", "DataType": "0x0007", "AccessType": "ro"}
     entry |= {"DefaultValue": "0", "PDOMapping": str(int(mappable))}
@@ -185,7 +185,7 @@ def _exists(eds: configparser.RawConfigParser, mapped: int) -> bool:
 
 
 def list_objects(eds: configparser.RawConfigParser) -> None:
-    """List the objects of an EDS anew, by their kinds."""
+    """Rewrite the lists of objects of an EDS: mandatory, manufacturer-specific, optional."""
     indices = sorted(int(name, 16) for name in eds.sections() if re.fullmatch("[0-9A-F]{4}", name))
     mandatory = (0x1000, 0x1001, 0x1018)
     vendors = range(0x2000, 0x6000)

@@ -1,4 +1,4 @@
-"""Emergencies of one node (CiA 301): EMCY message, error register 1001h, history 1003h.
+"""Emergencies of a node (CiA 301): EMCY message, error register 1001h, history 1003h.
 
 An error is raised once and stays active until it is cleared. The error register is the union of all
 active errors' bits. When the last one goes, an EMCY with code 0000h reports it.
@@ -23,7 +23,7 @@ _HISTORY = 8
 
 
 class ErrorCode(enum.IntEnum):
-    """Error codes of CiA 301 and CiA 402 that our drives raise by themselves.
+    """Error codes of CiA 301 and CiA 402 raised by the drives without an injected fault.
 
     PDO_VALUE is a protocol error. Faults that somebody wants may have any code.
     """
@@ -74,23 +74,23 @@ class Emergencies:
 
     @property
     def active(self) -> frozenset[int]:
-        """Codes of the errors that are present."""
+        """Codes of all errors now present."""
         return frozenset(self._active)
 
     def raise_error(self, code: int) -> None:
-        """Report an error, unless it is present already."""
+        """Report an error unless already present."""
         if code not in self._active:
             self._active.add(code)
             self.report(code)
 
     def report(self, code: int) -> None:
-        """Report something that has happened and is over."""
+        """Report an event without lasting error."""
         self._history = [code, *self._history][:_HISTORY]
         self._dictionary.set(0x603F, 0, code)
         self._send(code, self._register() | _bits(code))
 
     def clear(self, code: int) -> None:
-        """Take an error back; an EMCY reports that the last one has gone."""
+        """Clear an error; after the last error is cleared, an EMCY reports it."""
         if code in self._active:
             self._active.remove(code)
             if not self._active:
@@ -98,7 +98,7 @@ class Emergencies:
                 self._send(0, 0)
 
     def clear_all(self) -> None:
-        """Take all errors back."""
+        """Clear all errors."""
         for code in sorted(self._active):
             self.clear(code)
 

@@ -1,7 +1,7 @@
-"""Heartbeats: each node reports its state (1017h) and watches others (1016h).
+"""Heartbeats: sending the node's state (1017h) and watching other nodes (1016h).
 
-A consumer begins to watch with the first heartbeat that it receives. One that then stays away
-longer than its time is an error until it comes back.
+A consumer starts to watch a node with its first heartbeat. A heartbeat missing for longer than the
+consumer time is an error until the next heartbeat.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 HEARTBEAT = 0x700
 _ROUNDING = 1e-9
-"""What sums of instants may be off by [s]."""
+"""Rounding error of sums of instants [s]."""
 
 
 class HeartbeatProducer:
-    """Sends the NMT state every 1017h milliseconds; 0 switches it off."""
+    """Producer of heartbeats every 1017h milliseconds; 0 switches the service off."""
 
     def __init__(
         self, dictionary: ObjectDictionary, timers: Timers, send: Callable[[], None]
@@ -35,7 +35,7 @@ class HeartbeatProducer:
         dictionary.react(0x1017, lambda _subindex, _value: self.restart())
 
     def restart(self) -> None:
-        """Begin with the period that 1017h holds now."""
+        """Start with the period in 1017h."""
         self._timers.stop(self._name)
         self._period = self._dictionary.get(0x1017) / 1000
         if self._period:
@@ -47,7 +47,7 @@ class HeartbeatProducer:
 
 
 class HeartbeatConsumer:
-    """Watches the nodes that 1016h names.
+    """Consumer of the heartbeats of the nodes in 1016h.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class HeartbeatConsumer:
         dictionary.react(0x1016, lambda _subindex, _value: self.restart())
 
     def restart(self) -> None:
-        """Forget what was heard and watch the nodes that 1016h names now."""
+        """Forget all received heartbeats and watch the nodes now in 1016h."""
         for node in self._heard:
             self._timers.stop(self._name(node))
         self._heard.clear()
@@ -89,21 +89,23 @@ class HeartbeatConsumer:
             self._missing.clear()
             self._returned()
         entries = [self._dictionary.get(0x1016, n) for n in range(1, self.ENTRIES + 1)]
-        self.watched = {entry >> 16: (entry & 0xFFFF) / 1000 for entry in entries if _in_use(entry)}
+        self.watched = {
+            entry >> 16: (entry & 0xFFFF) / 1000 for entry in entries if _is_used(entry)
+        }
         self._rewired()
 
     @property
-    def at_work(self) -> bool:
-        """Whether the loss of a heartbeat will be noticed, or has been."""
+    def is_supervising(self) -> bool:
+        """True if the loss of a heartbeat would be noticed, or has been."""
         return bool(self._heard or self._missing)
 
     @property
     def all_present(self) -> bool:
-        """Whether no watched heartbeat stays away."""
+        """True if no watched heartbeat is missing."""
         return not self._missing
 
     def hear(self, node: int) -> None:
-        """Take a heartbeat of a watched node."""
+        """Receive a heartbeat of a watched node."""
         if node not in self._heard:
             self._wait(node, self.watched[node])
         self._heard[node] = self._timers.now
@@ -132,12 +134,12 @@ class HeartbeatConsumer:
             raise SdoAbort(AbortCode.INVALID_VALUE)
         others = set(range(1, self.ENTRIES + 1)) - {subindex}
         taken = {self._dictionary.get(0x1016, n) >> 16 for n in others if self._uses(n)}
-        if _in_use(value) and value >> 16 in taken:
+        if _is_used(value) and value >> 16 in taken:
             raise SdoAbort(AbortCode.INCOMPATIBLE)
 
     def _uses(self, subindex: int) -> bool:
-        return _in_use(self._dictionary.get(0x1016, subindex))
+        return _is_used(self._dictionary.get(0x1016, subindex))
 
 
-def _in_use(entry: int) -> bool:
+def _is_used(entry: int) -> bool:
     return 1 <= entry >> 16 <= 127 and entry & 0xFFFF != 0

@@ -1,10 +1,10 @@
-"""Several axes in one node (CiA 402): the objects of each 800h after those of the axis before.
+"""Multi-axis nodes (CiA 402): profile objects of the axes at intervals of 800h.
 
-Every axis is a drive of its own with a dictionary of its own, in which it is the first. On the bus
-all of them are one node: one SDO server, one NMT state, one heartbeat. The profile objects of axis
-k are at 6000h + (k - 1) 800h, its four PDOs in each direction follow those of the axis before, and
-what belongs to the whole node (SYNC, heartbeats, emergencies) reaches every axis. PDOs after the
-fourth have no identifier until the master gives them one.
+Every axis is a drive with its own dictionary, in which it is the first axis. On the bus the axes
+are one node: one SDO server, one NMT state, one heartbeat. The profile objects of axis k are at
+6000h + (k - 1) 800h. Its four PDOs in each direction follow those of axis k - 1. Objects of the
+whole node (SYNC, heartbeats, emergencies) are written to every axis. PDOs after the fourth have no
+identifier until the master configures one.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sim_plant.canopen.object_dictionary import ObjectDictionary
 
 PROFILE, PER_AXIS = 0x6000, 0x800
-"""First index of the profile, and of how many an axis takes."""
+"""First index of the profile, and number of indices of an axis."""
 AXES = 8
 PDOS = 4
 """PDOs of an axis in each direction."""
@@ -35,7 +35,7 @@ _ONE_NODE = range(0x1000, 0x1200)
 
 
 def place(index: int) -> tuple[int, int]:
-    """Return the axis, from 0, that an object on the bus belongs to, and its index there."""
+    """Return the axis of an object on the bus, from 0, and its index within the axis."""
     if index in _RECORDS:
         axis = index % 0x200 // PDOS
         return axis, index - axis * PDOS if axis < AXES else index
@@ -46,14 +46,14 @@ def place(index: int) -> tuple[int, int]:
 
 
 def shifted(index: int, axis: int) -> int:
-    """Return where on the bus an object of an axis, from 0, is found."""
+    """Return the index on the bus of an object of an axis, from 0."""
     if index in _RECORDS:
         return index + axis * PDOS
     return index + axis * PER_AXIS if PROFILE <= index < PROFILE + PER_AXIS else index
 
 
 class NodeDictionary:
-    """The dictionaries of all axes of a node, as its SDO server shows them.
+    """Dictionaries of all axes of a node, as served by SDO.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class NodeDictionary:
         return _word(data, axis) if _maps(index, subindex) else data
 
     def check_download(self, index: int, subindex: int, size: int | None) -> Entry:
-        """Check all that can be known before the data (see `ObjectDictionary`)."""
+        """Check existence, access and announced length of a write (see `ObjectDictionary`)."""
         _, dictionary, inner = self._found(index)
         return dictionary.check_download(inner, subindex, size)
 
@@ -101,13 +101,13 @@ def _maps(index: int, subindex: int) -> bool:
 
 
 def _word(data: bytes, axis: int) -> bytes:
-    """Return a mapping entry of an axis as the bus has it."""
+    """Convert a mapping entry of an axis to the indices on the bus."""
     word = int.from_bytes(data, "little")
     return (shifted(word >> 16, axis) << 16 | word & 0xFFFF).to_bytes(4, "little")
 
 
 def _inner_word(data: bytes, axis: int) -> bytes:
-    """Return a mapping entry of the bus as its axis has it; objects of other axes do not map."""
+    """Convert a mapping entry on the bus to the axis's indices; refuse objects of other axes."""
     word = int.from_bytes(data, "little")
     owner, inner = place(word >> 16)
     if word >> 16 >= PROFILE and owner != axis:
@@ -116,7 +116,7 @@ def _inner_word(data: bytes, axis: int) -> bytes:
 
 
 def multi_axis_eds(sheets: Sequence[str]) -> str:
-    """Return the EDS of a node from those of its axes."""
+    """Return the EDS of a node, merged from the EDS texts of the axes."""
     eds = _parsed(sheets[0])
     for axis, sheet in enumerate(sheets[1:], start=1):
         for name, section in _parsed(sheet).items():
@@ -135,7 +135,7 @@ def multi_axis_eds(sheets: Sequence[str]) -> str:
 
 
 def _move(section: configparser.SectionProxy, name: str, index: int, axis: int) -> None:
-    """Give a section of another axis its name, its identifiers and its mapping."""
+    """Adapt name, identifiers and mapping of a section to its axis."""
     section["ParameterName"] = f"Axis {axis + 1} {section['ParameterName']}"
     default = section.get("DefaultValue", "")
     if index in _RECORDS and index & 0x200 == 0 and name.endswith("sub1"):

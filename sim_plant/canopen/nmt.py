@@ -1,4 +1,4 @@
-"""Network management of one node (CiA 301): states, commands, boot-up.
+"""Network management (NMT) of a node (CiA 301): states, commands, boot-up.
 
 The state says which services answer: SDO while pre-operational or operational, PDO while
 operational, EMCY unless stopped. SYNC and heartbeats go on in every state.
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class NmtState(enum.IntEnum):
-    """States as the heartbeat reports them."""
+    """NMT states, numbered as in the heartbeat."""
 
     INITIALISING = 0
     STOPPED = 4
@@ -25,7 +25,7 @@ class NmtState(enum.IntEnum):
 
 
 class NmtCommand(enum.IntEnum):
-    """Commands as a master sends them."""
+    """NMT commands, numbered as sent by the master."""
 
     START = 1
     STOP = 2
@@ -43,13 +43,13 @@ _TARGETS = {
 
 
 class NmtSlave:
-    """State of one node.
+    """NMT state of a node.
 
     Parameters
     ----------
     node_id : int
     axis : int
-        Which axis of the node, from 1.
+        Number of the axis in the node, from 1.
     changed : callable
         Called with every new state that services must follow.
     reset : callable
@@ -57,7 +57,7 @@ class NmtSlave:
     timers : Timers
         Shared by all nodes of the bus.
     start_lag : float
-        How long it takes from NMT start to OPERATIONAL [s].
+        Time from NMT start to OPERATIONAL [s].
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class NmtSlave:
         self.state = NmtState.INITIALISING
 
     def receive(self, data: bytes) -> None:
-        """Take a command frame; one for another node or without meaning is ignored."""
+        """Receive a command frame; ignore commands for other nodes and unknown commands."""
         if len(data) != 2 or data[1] not in (0, self._node_id):
             return
         if data[0] == NmtCommand.START and self._start_lag and self.state is not _STARTED:
@@ -93,7 +93,7 @@ class NmtSlave:
             self.enter(_TARGETS[NmtCommand(data[0])])
 
     def enter(self, state: NmtState) -> None:
-        """Go to `state`."""
+        """Enter `state`."""
         if state is not self.state:
             self.state = state
             self._changed(state)

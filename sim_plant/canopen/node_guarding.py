@@ -1,9 +1,9 @@
-"""Node and life guarding of one node (CiA 301), from the days before heartbeats.
+"""Node guarding and life guarding of a node (CiA 301), the predecessors of heartbeats.
 
 A remote frame under the identifier of the heartbeat is answered by the NMT state and a toggle bit,
-unless the node produces a heartbeat (1017h). The first request begins the life time, guard time
-(100Ch) times life time factor (100Dh): when none comes for so long, that is an error until the next
-one does.
+unless the node produces a heartbeat (1017h). The first request starts the life time, guard time
+(100Ch) times life time factor (100Dh). If no request comes within the life time, an error is
+present until the next request.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ TOGGLE = 0x80
 
 
 class NodeGuarding:
-    """Answers guarding requests and watches that they come.
+    """Answers to guarding requests, and supervision of the requests.
 
     Parameters
     ----------
@@ -59,17 +59,17 @@ class NodeGuarding:
 
     @property
     def available(self) -> bool:
-        """Whether the node is guarded at all: it has the objects and produces no heartbeat."""
+        """True if the node has the objects for guarding and produces no heartbeat."""
         objects = self._dictionary
         return objects.declares(0x100C) and objects.declares(0x100D) and not objects.get(0x1017)
 
     def restart(self) -> None:
-        """Begin anew, as after a reset of communication."""
+        """Start anew, as after a reset of communication."""
         self._timers.stop(self._name)
         self._toggle, self._begun, self.present = 0, False, True
 
     def request(self) -> None:
-        """Take a request: answer it, and live on."""
+        """Answer a guarding request and restart the life time."""
         self._answer(self._toggle)
         self._toggle ^= TOGGLE
         self._begun = True

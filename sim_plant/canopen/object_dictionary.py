@@ -1,10 +1,10 @@
-"""The object dictionary of one node: typed storage with access rights, ranges and hooks.
+"""Object dictionary of a node: typed storage with access rights, ranges and hooks.
 
-Every service (SDO, PDO, NMT, the drive profile) meets here. A write from the bus passes access,
-length and range as the EDS states them, then the *guards* of its index, which may refuse it, is
-stored, and then passed to the *reactions* of its index. Some personalities round or clip a value
-before its range is looked at. A value that lives elsewhere, such as the actual position, has a
-*source* that is asked whenever it is read.
+All services (SDO, PDO, NMT, the drive profile) use the dictionary. A write from the bus is checked
+for access, length and range as stated in the EDS and by the *guards* of its index, which may refuse
+it, is stored, and then passed to the *reactions* of its index. Some personalities round or clip a
+value before the range check. A value stored elsewhere, such as the actual position, has a *source*
+called at every reading.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ if TYPE_CHECKING:
 
 Value: TypeAlias = int | bytes
 RowReader: TypeAlias = "Callable[[], tuple[int, ...]]"
-"""Returns the present values of several objects at once."""
+"""Function returning the present values of several objects."""
 Hook: TypeAlias = "Callable[[int, int], None]"
-"""Called with sub-index and integer value."""
+"""Function called with sub-index and integer value."""
 
 TEXT_MAX = 4096
-"""Longest text that an object stores [bytes]."""
+"""Maximum length of a stored text [bytes]."""
 
 
 class ObjectDictionary:
-    """Values of one node, by index and sub-index.
+    """Values of a node, by index and sub-index.
 
     Parameters
     ----------
     node_id : int
     personality : Personality
-        What the bus can reach; to the node itself all objects exist.
+        Objects visible on the bus; inside the node all objects exist.
     visible : callable
-        Returns what its bus can reach of a drive with a personality, by `key`.
+        Returns the visible entries of a personality, by `key`.
     axis : int
-        Which axis of the node it belongs to, from 1.
+        Number of the axis in the node, from 1.
 
     Attributes
     ----------
@@ -82,10 +82,10 @@ class ObjectDictionary:
         self._guards: defaultdict[int, list[Hook]] = defaultdict(list)
         self._reactions: defaultdict[int, list[Hook]] = defaultdict(list)
 
-    # What the node itself does with its dictionary
+    # Access by the firmware
 
     def get(self, index: int, subindex: int = 0) -> int:
-        """Present value of an integer object."""
+        """Return the present value of an integer object."""
         number = key(index, subindex)
         source = self._sources.get(number)
         value = source() if source else self._values[number]
@@ -93,30 +93,30 @@ class ObjectDictionary:
         return value
 
     def declares(self, index: int, subindex: int = 0) -> bool:
-        """Whether the EDS has an object."""
+        """Return True if the EDS declares the object."""
         return key(index, subindex) in self._entries
 
     def imaged(self, objects: Mapping[int, int], image: NDArray[np.int64]) -> None:
-        """Declare where in `image` the present values of objects (by `key`) stand."""
+        """Read the present values of objects (by `key`) from the given slots of `image`."""
         self._slots = dict(objects)
         for number, slot in self._slots.items():
             self._sources[number] = functools.partial(image.item, slot)
 
     def slot(self, number: int) -> int | None:
-        """Where in the image an object (by `key`) stands, if it does."""
+        """Return the slot of an object (by `key`) in the image; None if there is none."""
         return self._slots.get(number)
 
     def row_reader(self, numbers: Sequence[int]) -> RowReader:
-        """Return a quick way to read several integer objects (by `key`) again and again."""
+        """Return a fast reader of several integer objects (by `key`)."""
         readers = [self._reader(number) for number in numbers]
         return lambda: tuple(read() for read in readers)
 
     def set(self, index: int, subindex: int, value: Value) -> None:
-        """Store a value on the device's own behalf: no access check, no hooks."""
+        """Store a value of the firmware: no access check, no hooks."""
         self._values[key(index, subindex)] = value
 
     def preset(self, index: int, subindex: int, value: Value) -> None:
-        """Set what the object holds after a reset, and now, as far as it can hold it."""
+        """Set the present value and the value after a reset, rounded or clipped by the drive."""
         number = key(index, subindex)
         self._defaults[number] = self._values[number] = self._kept(number, value)
 
@@ -125,7 +125,7 @@ class ObjectDictionary:
         self._ranges[key(index, subindex)] = (low, high)
 
     def allow(self, index: int, values: Collection[int]) -> None:
-        """Let the bus write these values only."""
+        """Let the bus write the given values only."""
 
         def check(_subindex: int, value: int) -> None:
             if value not in values:
@@ -134,7 +134,7 @@ class ObjectDictionary:
         self.guard(index, check)
 
     def source(self, index: int, subindex: int, read: Callable[[], int]) -> None:
-        """Ask `read` whenever the object is read."""
+        """Call `read` whenever the object is read."""
         self._sources[key(index, subindex)] = read
 
     def guard(self, index: int, check: Hook) -> None:
@@ -146,12 +146,12 @@ class ObjectDictionary:
         self._reactions[index].append(action)
 
     def reset(self, first: int, last: int) -> None:
-        """Put indices `first` to `last` back to their values after power-on."""
+        """Reset indices `first` to `last` to the values after power-on."""
         for number, value in self._defaults.items():
             if first <= number >> 8 <= last:
                 self._values[number] = value
 
-    # What the bus does with it
+    # Access by the bus
 
     def entry(self, index: int, subindex: int) -> Entry:
         """Find a declared entry.
@@ -185,7 +185,7 @@ class ObjectDictionary:
         return struct.pack("<" + entry.code, wrapped(entry.code, self.get(index, subindex)))
 
     def check_download(self, index: int, subindex: int, size: int | None) -> Entry:
-        """Check all that can be known before the data: existence, access, announced length."""
+        """Check existence, access and announced length of a write, before its data arrive."""
         entry = self.entry(index, subindex)
         if not entry.writable:
             raise SdoAbort(AbortCode.READ_ONLY)
@@ -216,7 +216,7 @@ class ObjectDictionary:
         self.writer(index, subindex)(value)
 
     def writer(self, index: int, subindex: int) -> Callable[[int], None]:
-        """Return a quick way to `write` an object again and again."""
+        """Return a fast function that does the same as `write` for one object."""
         number = key(index, subindex)
         entry = self._entries[number]
         stated = entry.low, entry.high
@@ -240,7 +240,7 @@ class ObjectDictionary:
         return write
 
     def _kept(self, number: int, value: Value) -> Value:
-        """Return what the drive makes of a value of its own."""
+        """Return a value of the firmware, rounded and clipped by the personality."""
         shape = self._shapes.get(number)
         return shape(value) if shape is not None and isinstance(value, int) else value
 
@@ -251,7 +251,7 @@ class ObjectDictionary:
 def _shapes(
     personality: Personality, entries: Mapping[int, Entry]
 ) -> Iterator[tuple[int, Callable[[int], int]]]:
-    """Yield what a drive makes of a value before it is stored, by `key`."""
+    """Yield the rounding and clipping functions of a personality, by `key`."""
     for change in personality.objects:
         number = key(change.index, change.subindex)
         if change.step is not None or change.clip:
@@ -265,14 +265,14 @@ def _shaped(entry: Entry, change: ObjectChange, value: int) -> int:
 
 
 def bounds(code: str) -> tuple[int, int]:
-    """Least and largest value that an object shows: counters of 32 bits wrap and have none."""
+    """Return the range of an object; 32-bit counters wrap around and have no bounds."""
     bits = 8 * struct.calcsize("<" + code)
     low = -(1 << bits >> 1) if code.islower() else 0
     return (-(1 << 62), 1 << 62) if bits == 32 else (low, low + (1 << bits) - 1)
 
 
 def wrapped(code: str, value: int) -> int:
-    """Fit a measured value into its object: counters of 32 bits wrap, smaller values saturate.
+    """Fit a measured value into its object: 32-bit counters wrap around, smaller values saturate.
 
     Parameters
     ----------

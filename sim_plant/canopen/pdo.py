@@ -1,4 +1,4 @@
-"""Process data: objects that travel without a request, on SYNC or on event.
+"""Process data objects (PDOs): transmitted without a request, on SYNC or on event.
 
 Transmission types: 0 and 1...240 act on SYNC (a TPDO of type n every n-th, one of type 0 when its
 data have changed; an RPDO takes effect at the next SYNC), 254 and 255 act at once. Only
@@ -30,7 +30,7 @@ _EVENT_MIN = 254
 
 
 class Pdo:
-    """What both directions share: identifier, transmission type, layout.
+    """Base of both directions: identifier, transmission type, layout.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Pdo:
         self._load()
 
     def configure(self) -> None:
-        """Take over what the dictionary says now."""
+        """Apply the present configuration in the dictionary."""
         self._load()
         self._rewired()
 
@@ -72,7 +72,7 @@ class Pdo:
         self._size = self._layout.size
 
     def _check_off(self) -> None:
-        """Refuse changes of a mapping in use, save that a read-only COB-ID cannot be set to off."""
+        """Refuse changes of a mapping in use, unless the COB-ID is read-only."""
         on = not self._dictionary.get(self._parameters, 1) & INVALID
         if on and self._dictionary.entry(self._parameters, 1).writable:
             raise SdoAbort(AbortCode.UNSUPPORTED_ACCESS)
@@ -86,18 +86,18 @@ class Pdo:
             raise SdoAbort(AbortCode.INVALID_VALUE)
 
     @property
-    def on_sync(self) -> bool:
-        """Whether SYNC moves this PDO."""
+    def is_synchronous(self) -> bool:
+        """True if the transmission type is synchronous."""
         return self.transmission <= _SYNC_MAX
 
     @property
-    def on_every_sync(self) -> bool:
-        """Whether each SYNC is answered by a frame."""
+    def answers_every_sync(self) -> bool:
+        """True if the PDO is sent after every SYNC."""
         return False
 
 
 class Rpdo(Pdo):
-    """Objects written by the master."""
+    """Receive PDO: objects written by the master."""
 
     def __init__(
         self,
@@ -115,25 +115,25 @@ class Rpdo(Pdo):
         self._write = [self._dictionary.writer(e.index, e.subindex) for e in self._entries]
 
     def receive(self, data: bytes) -> None:
-        """Take a frame: now, or at the next SYNC."""
+        """Apply a frame now, or keep it for the next SYNC."""
         if len(data) < self._size:
             self._emergencies.report(ErrorCode.PDO_TOO_SHORT)
             return
         if len(data) > self._size:
             self._emergencies.report(ErrorCode.PDO_TOO_LONG)
-        if self.on_sync:
+        if self.is_synchronous:
             self.pending = data
         else:
             self._apply(data)
 
     def act_on_sync(self) -> None:
-        """Let what came since the last SYNC take effect."""
+        """Apply the frame received since the last SYNC."""
         data, self.pending = self.pending, None
         if data is not None and len(data) >= self._size:
             self._apply(data)
 
     def stop(self) -> None:
-        """Forget what has not taken effect."""
+        """Discard a frame not yet applied."""
         self.pending = None
 
     def _apply(self, data: bytes) -> None:
@@ -146,7 +146,7 @@ class Rpdo(Pdo):
 
 
 class Report(NamedTuple):
-    """A TPDO that answers every SYNC.
+    """TPDO sent after every SYNC.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ class Report(NamedTuple):
     data : callable
         Returns the present data.
     imaged : tuple of (int, str), or None
-        Where in the image its values stand and their struct codes; None if some stand elsewhere.
+        Slots of the values in the image, with struct codes; None if a value has no slot.
     """
 
     identifier: int
@@ -163,7 +163,7 @@ class Report(NamedTuple):
 
 
 class Tpdo(Pdo):
-    """Objects that the node transmits."""
+    """Transmit PDO: objects sent by the node."""
 
     def __init__(
         self,
@@ -190,7 +190,7 @@ class Tpdo(Pdo):
         self.stop()
 
     def stop(self) -> None:
-        """Forget what was sent, and all timers."""
+        """Forget the data sent, and stop all timers."""
         self._timers.stop(self._inhibit_name)
         self._timers.stop(self._event_name)
         self._inhibited = False
@@ -198,19 +198,19 @@ class Tpdo(Pdo):
         self._countdown = max(1, self.transmission)
 
     @property
-    def on_every_sync(self) -> bool:
-        """Whether each SYNC is answered by a frame."""
+    def answers_every_sync(self) -> bool:
+        """True if the PDO is sent after every SYNC."""
         return self.transmission == 1
 
     def report(self) -> Report:
-        """Return how SYNC is answered."""
+        """Return identifier and contents of the answer to SYNC."""
         found = [(self._dictionary.slot(key(e.index, e.subindex)), e.code) for e in self._entries]
         imaged = tuple((slot, code) for slot, code in found if slot is not None)
         whole = len(imaged) == len(found)
         return Report(self.identifier, self._data, imaged if whole else None)
 
     def act_on_sync(self) -> None:
-        """Send if this SYNC is ours."""
+        """Send on this SYNC if the transmission type asks for it."""
         if self.transmission == 0:
             self._send_changed()
         else:

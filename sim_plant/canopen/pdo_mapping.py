@@ -1,4 +1,4 @@
-"""PDO mappings: which objects share a frame, checked as CiA 301 asks and compiled to one struct.
+"""PDO mappings: the objects of a frame, checked after CiA 301 and compiled to a struct.
 
 A mapping is changed in this order: count 0, entries, count n, while its bus permits a change at
 all. Anything else is refused. Entries are index << 16 | sub-index << 8 | bits; the indices 2 to 7
@@ -22,7 +22,7 @@ _DUMMY_BITS = {2: 8, 3: 16, 4: 32, 5: 8, 6: 16, 7: 32}
 
 
 class PdoMapping:
-    """The mapping object of one PDO.
+    """Mapping object of a PDO.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class PdoMapping:
     receives : bool
         RPDO: objects are written, and dummies allowed.
     bytes_max : int
-        That the mapped objects may have together.
+        Maximum size of the mapped objects together.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class PdoMapping:
         dictionary.guard(mapping, self._check)
 
     def compile(self) -> tuple[struct.Struct, tuple[Entry, ...]]:
-        """Return the frame's layout and the entries that it carries in order."""
+        """Return the frame's layout and the mapped entries in order."""
         layout, entries = "<", []
         for number in self._entries(self._dictionary.get(self._mapping)):
             if number >> 16 in _DUMMY_BITS:

@@ -1,9 +1,9 @@
 """SDO block transfers: up to 127 segments of seven bytes between two acknowledgements.
 
-Within a block, segments carry their number (1...127) in the first byte and bit 7 in the last one of
-all. The receiver acknowledges the last number that came in order; the sender goes on behind it, so
-lost segments are repeated. The end carries how many bytes of the last segment are empty, and the
-CRC (polynomial 1021h, start 0) when both sides agreed on one.
+Within a block, the first byte of a segment holds its number (1...127), and bit 7 in the last
+segment of the transfer. The receiver acknowledges the last number received in order, and the sender
+continues after it, so that lost segments are repeated. The end frame holds the number of empty
+bytes in the last segment, and the CRC (polynomial 1021h, start 0) if both sides agreed on a CRC.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from sim_plant.canopen.sdo_incoming import Incoming
 
 BLOCK_SIZE = 127
-"""Segments a block that the server asks for."""
+"""Segments per block, as requested by the server."""
 
 _LAST = 0x80
 
 
 class BlockDownload:
-    """Blocks towards the node."""
+    """Block transfer towards the node."""
 
     def __init__(self, incoming: Incoming, *, checked: bool) -> None:
         self.index = incoming.index
@@ -39,7 +39,7 @@ class BlockDownload:
         self._last_seen = False
 
     def request(self, data: bytes) -> list[bytes]:
-        """Take a segment, or the end of the transfer."""
+        """Process a segment, or the end of the transfer."""
         return self._segment(data) if self.in_block else self._end(data)
 
     def _segment(self, data: bytes) -> list[bytes]:
@@ -73,7 +73,7 @@ class BlockDownload:
 
 
 class BlockUpload:
-    """Blocks from the node.
+    """Block transfer from the node.
 
     Raises
     ------
@@ -94,7 +94,7 @@ class BlockUpload:
         self._set_block_size(block_size)
 
     def request(self, data: bytes) -> list[bytes]:
-        """Take start, acknowledgement or end from the client."""
+        """Process start, acknowledgement or end from the client."""
         if data[0] >> 5 != 5:
             raise SdoAbort(AbortCode.UNKNOWN_COMMAND)
         command = data[0] & 0x03

@@ -1,4 +1,4 @@
-"""What a client is sending piece by piece, checked as it grows and written when complete."""
+"""Buffer of segmented and block downloads, checked while growing and written when complete."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ if TYPE_CHECKING:
 
 
 class Served(Protocol):
-    """What is served: the dictionary of a drive, or of all axes of a node."""
+    """Object dictionary behind an SDO server: of a drive, or of all axes of a node."""
 
     def upload(self, index: int, subindex: int) -> bytes:
         """Encode the present value."""
 
     def check_download(self, index: int, subindex: int, size: int | None) -> Entry:
-        """Check all that can be known before the data."""
+        """Check existence, access and announced length of a write."""
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
         """Decode and write a value."""
 
 
 class Incoming:
-    """Data of one segmented or block download.
+    """Data of a segmented or block download.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Incoming:
         self._data = bytearray()
 
     def add(self, data: bytes) -> None:
-        """Append; more than the object holds is refused at once."""
+        """Append data; refuse more data than the object holds."""
         self._data += data
         if self._entry.code and len(self._data) > self._entry.size:
             raise SdoAbort(AbortCode.LENGTH_HIGH)

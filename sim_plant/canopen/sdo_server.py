@@ -1,9 +1,9 @@
-"""The SDO server of one node: expedited and segmented transfers, and who handles a request.
+"""SDO server of a node: expedited and segmented transfers, and dispatch of requests.
 
 Requests and responses are eight bytes: a command specifier in bits 7-5 of the first, then index and
 sub-index (little endian), then data. One transfer runs at a time; a new initiate request abandons
-it. A request that fits nothing is answered with an abort, never with silence, and nothing that a
-client sends can raise. Block transfers stand in `sdo_block`.
+it. An invalid request is answered with an abort, and no request raises an exception. Block
+transfers are in `sdo_block`.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _HEADER = struct.Struct("<BHB")
 _SIZE = struct.Struct("<I")
 _TOGGLE = 0x10
 _UNDEFINED = b"\xa5"
-"""What stands in bytes that do not count, where the response does not state which those are."""
+"""Filler of unused bytes in responses without a size."""
 
 
 class Transfer(Protocol):
-    """A transfer of more than one request."""
+    """Transfer of several requests."""
 
     index: int
     subindex: int
@@ -38,11 +38,11 @@ class Transfer(Protocol):
 
     @property
     def done(self) -> bool:
-        """Whether the last request ended it."""
+        """True if the last request ended the transfer."""
 
 
 class SdoServer:
-    """Serves an object dictionary to one client.
+    """Server of an object dictionary for a single client.
 
     Parameters
     ----------
@@ -66,15 +66,15 @@ class SdoServer:
         self._transfer: Transfer | None = None
 
     def serve(self, dictionary: Served) -> None:
-        """Serve another dictionary from now on."""
+        """Replace the served dictionary."""
         self._dictionary = dictionary
 
     def reset(self) -> None:
-        """Abandon whatever transfer is under way."""
+        """Abandon the running transfer."""
         self._transfer = None
 
     def receive(self, data: bytes) -> None:
-        """Take one request frame; other lengths than eight are no SDO and ignored."""
+        """Answer a request frame; ignore frames of other lengths than eight bytes."""
         if len(data) != 8:
             return
         if data[0] == 0x80:
@@ -170,7 +170,7 @@ class SdoServer:
 
 
 class SegmentedDownload:
-    """Seven bytes a request towards the node."""
+    """Segmented transfer towards the node, seven bytes per request."""
 
     def __init__(self, incoming: Incoming) -> None:
         self.index = incoming.index
@@ -180,7 +180,7 @@ class SegmentedDownload:
         self.done = False
 
     def request(self, data: bytes) -> list[bytes]:
-        """Take one segment; the last one writes the object."""
+        """Process a segment; the last segment writes the object."""
         command = data[0]
         if command >> 5 != 0:
             raise SdoAbort(AbortCode.UNKNOWN_COMMAND)
@@ -196,7 +196,7 @@ class SegmentedDownload:
 
 
 class SegmentedUpload:
-    """Seven bytes a response from the node."""
+    """Segmented transfer from the node, seven bytes per response."""
 
     def __init__(self, index: int, subindex: int, value: bytes) -> None:
         self.index = index

@@ -1,4 +1,4 @@
-"""The counter in SYNC (CiA 301): a node that expects one does not act on a SYNC without.
+"""SYNC counter (CiA 301): a node with 1019h set does not act on a SYNC without a counter.
 
 1019h is 0 (no counter) or the value after which the producer begins again at 1. It cannot be
 changed while there is a communication cycle period (1006h).
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class SyncCounter:
-    """What one node expects of SYNC.
+    """Check of the counter in SYNC by a node.
 
     Parameters
     ----------
@@ -42,15 +42,15 @@ class SyncCounter:
 
     @property
     def expected(self) -> bool:
-        """Whether a SYNC must have a counter."""
+        """True if SYNC must have a counter."""
         return self._dictionary.get(0x1019) != 0
 
     def miss(self) -> None:
-        """Take a SYNC without counter."""
+        """Receive a SYNC without counter."""
         self._emergencies.raise_error(ErrorCode.SYNC_LENGTH)
 
     def take(self) -> None:
-        """Take a SYNC with counter."""
+        """Receive a SYNC with counter."""
         self._emergencies.clear(ErrorCode.SYNC_LENGTH)
 
     def _check(self, _subindex: int, value: int) -> None:

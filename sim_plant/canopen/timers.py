@@ -1,8 +1,8 @@
-"""Timers in the plant's time: heartbeats, inhibit times, event timers, time-outs.
+"""Timers in simulated time: heartbeats, inhibit times, event timers, time-outs.
 
-The machine advances from one due timer to the next, so that each acts at its own instant however
-long a SYNC period is, and the plant stays deterministic. A heap keeps the earliest in front; what
-was stopped or moved stays in it until it gets there.
+The machine advances from one due timer to the next, so that each timer acts at its own instant for
+any SYNC period, and the plant stays deterministic. A heap keeps the earliest timer first; stopped
+or moved timers stay in the heap until they become first.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Action: TypeAlias = "Callable[[], None]"
 
 
 class Timers:
-    """One-shot timers by name; starting one again moves it.
+    """One-shot timers by name; starting a running timer moves it.
 
     Attributes
     ----------
@@ -43,16 +43,16 @@ class Timers:
         self._find_next()
 
     def stop(self, name: Hashable) -> None:
-        """Forget a timer; one that does not run is none of anybody's business."""
+        """Stop a timer if it runs."""
         if self._running.pop(name, None) is not None:
             self._find_next()
 
     def runs(self, name: Hashable) -> bool:
-        """Whether a timer of this name is under way."""
+        """Return True if a timer of this name runs."""
         return name in self._running
 
     def run(self) -> None:
-        """Call what is due now, earliest first."""
+        """Run the actions of all due timers, earliest first."""
         while self.next <= self.now:
             _, _, name, action = heapq.heappop(self._heap)
             del self._running[name]

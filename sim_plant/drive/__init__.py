@@ -1,1 +1,1 @@
-"""What makes a CANopen slave a servo drive after CiA 402."""
+"""Drive profile CiA 402: the behaviour of a servo drive."""

@@ -1,4 +1,4 @@
-"""A servo drive on whatever bus: CiA 402's power state machine in front of one axis.
+"""Servo drive on any bus: the power state machine of CiA 402 and one axis.
 
 Commands come in through the controlword, whoever wrote it (SDO or PDO). Stopping on the way out of
 OPERATION ENABLED follows the option codes: the state is left when the axis stands still, at once
@@ -20,7 +20,7 @@ from sim_plant.drive.cia402_states import (
     Input,
     State,
     Status,
-    command_of,
+    decode_command,
 )
 from sim_plant.drive.cyclic_position import CyclicPosition
 from sim_plant.drive.disobedience import OBEDIENT
@@ -47,30 +47,30 @@ if TYPE_CHECKING:
 _SATURATED, _FOLLOWING = int(AxisEvent.SATURATED), int(AxisEvent.FOLLOWING_ERROR)
 _OPTION_OF_EXIT = {State.READY: 0x605B, State.SWITCHED_ON: 0x605C}
 _STAYS_STOPPED = 4
-"""Quick stop options above this one stay in QUICK STOP ACTIVE; less 4 they are the ramp."""
+"""Highest quick stop option without QUICK STOP ACTIVE; higher options, less 4, give the ramp."""
 
 
 class Cia402Drive:
-    """One drive of the plant, without its bus.
+    """Drive of the plant, without its bus.
 
     Parameters
     ----------
     settings : DriveSettings
     axis : Axis
     image : AxisImage
-        What the axis shows.
+        Process image of the axis.
     timers : Timers
     dictionary : ObjectDictionary
     emergencies : Emergencies
     is_supervised : callable
-        Whether the bus supervises the master and has it present, without which no fault is reset.
+        Returns True if the bus supervises a present master; required for resetting a fault.
 
     Attributes
     ----------
     node_id : int
     state : State
     disobedience : Disobedience
-        What the drive does not do although it is commanded.
+        Ignored commands.
     """
 
     def __init__(
@@ -115,10 +115,10 @@ class Cia402Drive:
         self._connect_objects()
         self.reset()
 
-    # What the axis reports
+    # Reports of the axis
 
     def attend(self) -> None:
-        """Take what was latched at a SYNC, which has news."""
+        """Process the readings latched at a SYNC after a change."""
         reading = self._image.reading
         self._take_events(reading.events)
         if self._follows_set_points:
@@ -126,7 +126,7 @@ class Cia402Drive:
         self._refresh()
 
     def handle_events(self, events: int) -> None:
-        """Take events at the instant at which they change."""
+        """Process axis events at the instant of their change."""
         self._take_events(events)
         self._refresh()
 
@@ -138,10 +138,10 @@ class Cia402Drive:
         if self._follows_set_points:
             self._follower.progress()
 
-    # What may happen to a drive
+    # External events
 
     def fail(self, code: int) -> None:
-        """Fall into a fault with error `code`, by way of the fault reaction (605Eh)."""
+        """Enter FAULT with error `code`, after the fault reaction (605Eh)."""
         self.emergencies.raise_error(code)
         if self.state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
             return
@@ -150,35 +150,35 @@ class Cia402Drive:
         self._refresh()
 
     def lose_voltage(self) -> None:
-        """Fall into a fault at once: without a DC link there is nothing to slow down with."""
+        """Enter FAULT at once: without a DC link there is no power to slow down."""
         self._voltage = 0
         self.emergencies.raise_error(ErrorCode.UNDER_VOLTAGE)
         self._enter(State.FAULT)
         self._refresh()
 
     def regain_voltage(self) -> None:
-        """Have a DC link again; the fault waits to be reset."""
+        """Restore the DC link; the fault remains until its reset."""
         self._voltage = Status.VOLTAGE_ENABLED
         self._refresh()
 
     def lock(self) -> None:
-        """Have safe torque off active: no torque, no voltage, and no way to switch on."""
+        """Activate safe torque off: no torque, no voltage, switching on refused."""
         self._locked, self._voltage = True, 0
         if self.state not in (State.FAULT, State.NOT_READY):
             self._enter(State.SWITCH_ON_DISABLED)
         self._refresh()
 
     def unlock(self) -> None:
-        """Have safe torque off released; the drive waits to be switched on."""
+        """Release safe torque off; the drive stays switched off."""
         self._locked, self._voltage = False, Status.VOLTAGE_ENABLED
         self._refresh()
 
     def connect(self, connected: bool) -> None:
-        """Put the drive on its bus, or cut it off: then it hears nothing, and works on."""
+        """Connect the drive to the bus, or disconnect it; the firmware works on."""
         raise NotImplementedError
 
     def restart(self) -> None:
-        """Begin as after power-on, as a drive does whose own watchdog has found it hanging."""
+        """Restart as after power-on, like a drive reset by its own watchdog."""
         raise NotImplementedError
 
     # Commands
@@ -194,7 +194,7 @@ class Cia402Drive:
                 self.emergencies.clear_all()
                 self._enter(State.SWITCH_ON_DISABLED)
         elif self.state is not State.FAULT_REACTION_ACTIVE:
-            command = command_of(controlword)
+            command = decode_command(controlword)
             if not (command in self.disobedience.ignored and self.state in POWERED):
                 self._command(command)
             if self._follows_set_points:
@@ -222,7 +222,7 @@ class Cia402Drive:
                 self._refresh()
 
     def _change_mode(self) -> None:
-        """Leave what the old mode had under way; an axis in motion comes to rest."""
+        """Abandon the command of the old mode; a moving axis comes to rest."""
         others: dict[int, Homing | CyclicPosition] = {
             HOMING: self._homing,
             CYCLIC_POSITION: self._cyclic,
@@ -249,7 +249,7 @@ class Cia402Drive:
             self._slow_down(Ramp(option - _STAYS_STOPPED if stays else option), then)
 
     def _resume(self) -> None:
-        """Take back a stop: hold where the axis is or comes to rest."""
+        """Cancel a stop: hold the axis where it is or comes to rest."""
         quick = self.state is State.QUICK_STOP_ACTIVE
         if quick and self.dictionary.get(0x605A) <= _STAYS_STOPPED:
             return
@@ -260,7 +260,7 @@ class Cia402Drive:
     # States
 
     def waits_for_news(self) -> bool:
-        """Return whether controlword and target, written again as they are, change nothing."""
+        """Return True if rewriting the present controlword and target changes nothing."""
         return (  # as `_follows_set_points`, which a call for every slave in every cycle would cost
             self.state is State.OPERATION_ENABLED
             and self._next_state is None
@@ -285,7 +285,7 @@ class Cia402Drive:
             self._follower.start(position, self._controlword)
 
     def _slow_down(self, ramp: Ramp, then: State | None) -> None:
-        """Stop, and go to state `then` when at rest."""
+        """Stop, and enter state `then` at rest."""
         self._follower.abandon()
         if ramp is Ramp.NONE and then is not None:
             self._enter(then)
@@ -295,7 +295,7 @@ class Cia402Drive:
             self._leave_at_rest()
 
     def _leave_at_rest(self) -> None:
-        if self._next_state is not None and self._motion.at_rest:
+        if self._next_state is not None and self._motion.is_at_rest:
             self._enter(self._next_state)
 
     def _refresh(self) -> None:
@@ -304,7 +304,7 @@ class Cia402Drive:
         if self.state in POWERED:
             if self._follows_set_points:
                 status |= self._follower.show()
-            elif self._motion.at_rest:
+            elif self._motion.is_at_rest:
                 status |= Status.TARGET_REACHED
             if events & _SATURATED:
                 status |= Status.INTERNAL_LIMIT
@@ -315,7 +315,7 @@ class Cia402Drive:
     # Communication
 
     def lose_connection(self, code: ErrorCode) -> None:
-        """React as 6007h says to the loss of communication that `code` names."""
+        """React to a loss of communication with cause `code`, as configured in 6007h."""
         if self.state not in POWERED:
             return
         option = self.dictionary.get(0x6007)
@@ -326,7 +326,7 @@ class Cia402Drive:
         self._refresh()
 
     def reset(self) -> None:
-        """Be as after power-on."""
+        """Reset to the state after power-on."""
         self._enter(State.SWITCH_ON_DISABLED)
         self._change_mode()
         self._controlword = 0

@@ -1,4 +1,4 @@
-"""A servo drive as a CANopen slave."""
+"""Servo drive as a CANopen slave."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Cia402Node(CanopenNode, Cia402Drive):
-    """One drive of the plant on CAN.
+    """Drive of the plant on CAN.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Cia402Node(CanopenNode, Cia402Drive):
         )
 
     def restart(self) -> None:
-        """Begin as after power-on."""
+        """Restart as after power-on."""
         for node in self._axes:
             node.nmt.receive(bytes([NmtCommand.RESET_NODE, self.node_id]))
 

@@ -1,7 +1,7 @@
-"""The power state machine of CiA 402 as tables: states, commands, transitions.
+"""Power state machine of CiA 402 as tables: states, commands, transitions.
 
-Read from the standard on its own, apart from the master's side: each tests the other's reading.
-Numbers in comments are the standard's transition numbers.
+Derived from the standard independently of the master's implementation, so that the two test one
+another. Numbers in comments are the standard's transition numbers.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import enum
 
 
 class State(enum.IntEnum):
-    """States; the value is that of the statusword's bits 0 to 3, 5 and 6."""
+    """States; the value holds bits 0 to 3, 5 and 6 of the statusword."""
 
     NOT_READY = 0x00
     SWITCH_ON_DISABLED = 0x40
@@ -23,7 +23,7 @@ class State(enum.IntEnum):
 
 
 class Command(enum.Enum):
-    """Commands that a controlword can give."""
+    """Commands of the controlword."""
 
     SHUTDOWN = enum.auto()
     SWITCH_ON = enum.auto()
@@ -49,10 +49,10 @@ TRANSITIONS = {
     (State.QUICK_STOP_ACTIVE, Command.DISABLE_VOLTAGE): State.SWITCH_ON_DISABLED,  # 12
     (State.QUICK_STOP_ACTIVE, Command.ENABLE_OPERATION): State.OPERATION_ENABLED,  # 16
 }
-"""Where a command leads; what is not listed changes nothing."""
+"""State after a command; other pairs change nothing."""
 
 POWERED = frozenset({State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE})
-"""States in which the power stage turns the motor."""
+"""States with the power stage energised."""
 
 
 class Control:
@@ -66,7 +66,7 @@ class Control:
 
 
 class Status:
-    """Bits of the statusword 6041h beside the state."""
+    """Bits of the statusword 6041h outside the state."""
 
     VOLTAGE_ENABLED = 1 << 4
     WARNING = 1 << 7
@@ -83,8 +83,8 @@ class Input:
     INTERLOCK = 1 << 3
 
 
-def command_of(controlword: int) -> Command:
-    """Command in bits 0 to 3 of a controlword."""
+def decode_command(controlword: int) -> Command:
+    """Return the command in bits 0 to 3 of a controlword."""
     if not controlword & 0x02:
         return Command.DISABLE_VOLTAGE
     if not controlword & 0x04:

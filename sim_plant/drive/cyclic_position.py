@@ -1,11 +1,12 @@
 """Cyclic synchronous position mode (8): the master plans, the drive follows set-point by set-point.
 
 Each write of the target position (607Ah) is a set-point; the drive interpolates towards it over the
-interpolation time period (60C2h, value and power of ten of a second). No handshake. A set-point
-that stays out brings the demand to rest at the last one within a further period. Until the first
-one has come the axis holds where it is, whatever 607Ah said before. Where positions wrap around
-(607Bh) a set-point is the nearest place that is shown so. Targets outside 607Dh are clipped, and
-halt (bit 8) stops as 605Dh says. Statusword bit 12 reports that set-points are followed.
+interpolation time period (60C2h, value and power of ten of a second), without a handshake. If the
+next set-point is missing, the demand comes to rest at the last one within a further period. Before
+the first set-point the axis holds its position, for any value of 607Ah. Where positions wrap around
+(607Bh) a set-point means the nearest position with this shown value. Targets outside 607Dh are
+clipped, and halt (bit 8) stops as configured in 605Dh. Statusword bit 12 reports that the drive
+follows set-points.
 
 The velocity offset (60B1h) and the torque offset (60B2h) are added to the commands of the loops as
 long as the mode is followed, under halt too: each counts from when it is written until the next.
@@ -29,7 +30,7 @@ _CLIPPED = int(Status.INTERNAL_LIMIT | Status.WARNING)
 
 
 class CyclicPosition:
-    """The mode's state; commands and observations as in `ProfilePosition`."""
+    """State of the mode; methods as in `ProfilePosition`."""
 
     def __init__(self, dictionary: ObjectDictionary, motion: Motion) -> None:
         self._dictionary = dictionary
@@ -50,7 +51,7 @@ class CyclicPosition:
         return 0 if self._halted else _FOLLOWED
 
     def start(self, _demand: int, controlword: int) -> None:
-        """Begin without set-point."""
+        """Start without a set-point."""
         self.abandon()
         self._load()
         self._halted = bool(controlword & Control.HALT)
@@ -58,20 +59,20 @@ class CyclicPosition:
         self._feed_forward()
 
     def abandon(self) -> None:
-        """Forget what was followed and fed forward."""
+        """Forget set-points and feed-forward."""
         if self._active:
             self._motion.feed_forward(0, 0)
         self._active = self._halted = self._clipped = False
 
     def control(self, controlword: int) -> None:
-        """Take a new controlword while operation is enabled."""
+        """Process a new controlword while operation is enabled."""
         halted = bool(controlword & Control.HALT)
         if halted and not self._halted:
             self._motion.stop(Ramp(self._dictionary.get(0x605D)))
         self._halted = halted
 
     def follow(self, target: int) -> None:
-        """Take a set-point [increments]."""
+        """Follow a set-point [increments]."""
         if self._halted:
             return
         clipped = min(max(target, self._low), self._high)
@@ -81,10 +82,10 @@ class CyclicPosition:
         self._motion.follow(place, self._period)
 
     def observe(self, _reading: Reading) -> None:
-        """Take what was latched, which decides nothing here."""
+        """Ignore latched readings, unused in this mode."""
 
     def progress(self) -> None:
-        """Take note that the axis's events have changed, which decides nothing here."""
+        """Ignore changes of axis events, unused in this mode."""
 
     def _feed_forward(self) -> None:
         if self._active:

@@ -1,9 +1,9 @@
-"""What a defective drive does not do although its controlword commands it.
+"""Defects of the drive's obedience: commands of the controlword without effect.
 
-Only commands by controlword meet these defects. The reaction to the loss of a heartbeat is taken
-for another part of the firmware, which works: where 6007h names a reaction at all, a disobedient
-drive ends in FAULT, by way of the fault reaction (605Eh), even if 6007h names the quick stop that
-has no effect. So the watchdog is the last resort of whoever commands such a drive.
+Only commands by controlword are affected. The reaction to the loss of a heartbeat belongs to
+another part of the firmware, which works: where 6007h names a reaction, a disobedient drive ends in
+FAULT by way of the fault reaction (605Eh), even if 6007h names the quick stop without effect. The
+watchdog is therefore the last resort of the master of such a drive.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Disobedience:
-    """What a drive does not do while its axis is energised.
+    """Ignored commands of a drive while its axis is energised.
 
     Attributes
     ----------

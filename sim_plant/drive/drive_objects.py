@@ -1,4 +1,4 @@
-"""The drive profile's objects: what the settings put in, what values they take, what they show."""
+"""Objects of the drive profile: presets from the settings, permitted values, measured values."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _SHOWN = {
 
 
 def declare(dictionary: ObjectDictionary, settings: DriveSettings) -> None:
-    """Put identity, ratings and limits of one drive into its dictionary."""
+    """Write identity, ratings and limits of a drive to its dictionary."""
     changed = settings.personality.objects
     own = {(change.index, change.subindex) for change in changed if change.default is not None}
     for (index, subindex), value in _presets(settings).items():
@@ -45,21 +45,21 @@ def declare(dictionary: ObjectDictionary, settings: DriveSettings) -> None:
 
 
 def present(dictionary: ObjectDictionary, image: AxisImage, settings: DriveSettings) -> None:
-    """Let the dictionary show what the drive measures and does.
+    """Connect the dictionary to the measured values of the drive.
 
     Parameters
     ----------
     dictionary : ObjectDictionary
     image : AxisImage
-        Where they stand.
+        Present values of the axis.
     settings : DriveSettings
-        Which object shows the current, and the unit of velocities.
+        Object of the current, and unit of velocities.
     """
     slots = {key(index): image.slot(field) for index, field in _SHOWN.items()}
-    current, unit = settings.personality.current, Units.of(settings).velocity
+    current, unit = settings.personality.current, Units.derive(settings).velocity
     if current is not None and current.type != "f32":
         slots[key(current.index, current.subindex)] = image.slot(_CURRENT)
-    turns, wrapped = Turns.of(settings), (0x6064, 0x6062)
+    turns, wrapped = Turns.derive(settings), (0x6064, 0x6062)
     wrapping = {index: slots.pop(key(index)) for index in wrapped} if turns.size else {}
     dictionary.imaged(slots, image.values)
     for index, slot in wrapping.items():
@@ -82,7 +82,7 @@ def _shown(turns: Turns, image: AxisImage, slot: int) -> int:
 
 
 def _presets(settings: DriveSettings) -> dict[tuple[int, int], int | bytes]:
-    units = Units.of(settings)
+    units = Units.derive(settings)
     counts = float(settings.counts_per_revolution)
     speed = int(settings.max_motor_speed * counts / 60 / units.velocity)
     acceleration = min(_U32_MAX, int(settings.max_acceleration / units.acceleration))

@@ -1,12 +1,12 @@
-"""Homing mode (6): the drive finds its reference by itself.
+"""Homing mode (6): search of the reference position by the drive.
 
 Methods (6098h): 35 and 37 take the present position. 17 and 18 look for the negative and the
 positive limit switch: towards it at 6099h:1, back at 6099h:2 until it opens; that edge is the home
 position. The switches stand where the drive's software limits stood when it was switched on. The
 home position gets the value of 607Ch, and everything the encoder shows moves along.
 
-A rising edge of bit 4 starts it, bit 4 falling or halt stops it. Statusword bit 12 reports
-that home is attained, bit 10 that the axis rests.
+A rising edge of bit 4 starts homing; a falling edge of bit 4, or halt, stops it. Statusword bit 12
+reports the reference, bit 10 an axis at rest.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 NEGATIVE_SWITCH, POSITIVE_SWITCH, PRESENT, PRESENT_POSITION = 17, 18, 35, 37
 METHODS = (NEGATIVE_SWITCH, POSITIVE_SWITCH, PRESENT, PRESENT_POSITION)
 _BEYOND = 2
-"""How many ranges of travel away the target of a search lies."""
+"""Distance of the search target, in ranges of travel."""
 
 
 class _Phase(enum.Enum):
@@ -37,7 +37,7 @@ class _Phase(enum.Enum):
 
 
 class Homing:
-    """The mode's state; commands and observations as in `ProfilePosition`."""
+    """State of the mode; methods as in `ProfilePosition`."""
 
     def __init__(
         self,
@@ -56,24 +56,24 @@ class Homing:
 
     def show(self) -> int:
         """Return the mode's bits of the statusword."""
-        resting = self._motion.at_rest and self._phase not in (_Phase.SEEKING, _Phase.LEAVING)
+        resting = self._motion.is_at_rest and self._phase not in (_Phase.SEEKING, _Phase.LEAVING)
         attained = self._phase is _Phase.ATTAINED
         return (Status.TARGET_REACHED if resting else 0) | (
             Status.SET_POINT_ACKNOWLEDGE if attained else 0
         )
 
     def start(self, _demand: int, controlword: int) -> None:
-        """Begin without a reference; bit 4 must rise anew."""
+        """Start without a reference; bit 4 must rise again."""
         self.abandon()
         self._controlword = controlword
 
     def abandon(self) -> None:
-        """Forget what is under way."""
+        """Abandon the running search."""
         self._phase = _Phase.IDLE
         self._image.expect_nothing()
 
     def control(self, controlword: int) -> None:
-        """Take a new controlword while operation is enabled."""
+        """Process a new controlword while operation is enabled."""
         risen, fallen = controlword & ~self._controlword, self._controlword & ~controlword
         self._controlword = controlword
         searching = self._phase in (_Phase.SEEKING, _Phase.LEAVING)
@@ -84,7 +84,7 @@ class Homing:
             self._begin()
 
     def observe(self, reading: Reading) -> None:
-        """Take what was latched: the switch closes, or opens again."""
+        """Process latched readings: the limit switch closes, or opens again."""
         closed = self._beyond(reading.position)
         if self._phase is _Phase.SEEKING and closed:
             self._phase = _Phase.LEAVING
@@ -94,7 +94,7 @@ class Homing:
             self._attain(self._switch)
 
     def progress(self) -> None:
-        """Take note that the axis's events have changed, which decides nothing here."""
+        """Ignore changes of axis events, unused in this mode."""
 
     def _begin(self) -> None:
         if self._dictionary.get(0x6098) in (PRESENT, PRESENT_POSITION):
@@ -111,7 +111,7 @@ class Homing:
         self._motion.move(target, velocity, acceleration, acceleration)
 
     def _attain(self, position: int) -> None:
-        """Let `position` be home."""
+        """Define `position` as home."""
         shift = self._dictionary.get(0x607C) - position
         self._motion.rebase(shift)
         low, high = self._switches

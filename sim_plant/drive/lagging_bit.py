@@ -1,4 +1,4 @@
-"""A bit of the statusword that follows what it reports with a lag, as slow firmware has it."""
+"""Lagging bit of the statusword, as shown by slow firmware."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ if TYPE_CHECKING:
 
 
 class LaggingBit:
-    """Shows a condition late.
+    """Delayed display of a condition.
 
     Parameters
     ----------
     timers : Timers
     name : hashable
-        Of its timer.
+        Name of the timer.
     rise, fall : float
-        How late it is set and cleared [s]; 0 is at once.
+        Lags of setting and clearing [s]; 0 for none.
     changed : callable
-        Called when `shown` has changed by itself.
+        Called when `shown` has changed after a lag.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class LaggingBit:
         self._wanted = False
 
     def set(self, condition: bool) -> None:
-        """Take the condition as it is now."""
+        """Update the condition."""
         if condition is self._wanted:
             return
         self._wanted = condition
@@ -56,7 +56,7 @@ class LaggingBit:
             self.shown = condition
 
     def clear(self) -> None:
-        """Forget everything: not shown, at once."""
+        """Clear bit and condition at once."""
         self._timers.stop(self._name)
         self._wanted = self.shown = False
 

@@ -1,4 +1,4 @@
-"""Modes of operation: what 6060h takes and what 6061h shows, which may lag behind.
+"""Modes of operation: the requested mode 6060h and the displayed mode 6061h with its lag.
 
 There are profile position, homing and cyclic synchronous position. While a change is under way a
 slow drive shows -1, and some refuse a change as long as halt (controlword bit 8) is set.
@@ -23,7 +23,7 @@ _CHANGING = -1
 
 
 class ModeOfOperation:
-    """Serves 6060h and 6061h.
+    """Server of 6060h and 6061h.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Commands to the axis and what is known about their completion.
+"""Commands to the axis, and their completion.
 
 Whatever was reported before a command says nothing about the command, so each one forgets it; the
 next event or latched reading reports it anew.
@@ -23,25 +23,25 @@ _COMPLETION = int(AxisEvent.DONE | AxisEvent.STANDSTILL)
 
 
 class Ramp(enum.IntEnum):
-    """How to stop, numbered as in the option codes 605Ah to 605Eh."""
+    """Ways of stopping, numbered as in the option codes 605Ah to 605Eh."""
 
     NONE = 0
-    """Take the torque away."""
+    """Remove the torque."""
     PROFILE = 1
-    """The profile deceleration 6084h."""
+    """Profile deceleration 6084h."""
     QUICK_STOP = 2
-    """The quick stop deceleration 6085h."""
+    """Quick stop deceleration 6085h."""
     CURRENT_LIMIT = 3
-    """Hold the present position with all torque there is."""
+    """Hold the present position with the maximum torque."""
 
 
 class Motion:
-    """One axis under the limits of its dictionary.
+    """Axis within the limits of its dictionary.
 
     Attributes
     ----------
     turns : Turns
-        How its positions are shown.
+        Range of shown positions.
     """
 
     def __init__(
@@ -50,8 +50,8 @@ class Motion:
         self._dictionary = dictionary
         self._axis = axis
         self._counts_per_rev = settings.counts_per_revolution
-        self._units = Units.of(settings)
-        self.turns = Turns.of(settings)
+        self._units = Units.derive(settings)
+        self.turns = Turns.derive(settings)
         self._image = image
 
     @property
@@ -65,35 +65,35 @@ class Motion:
 
     @property
     def demand(self) -> int:
-        """Where the axis was led at the last SYNC [increments]."""
+        """Demand position at the last SYNC [increments]."""
         return self._image.reading.demand
 
     @property
     def done(self) -> bool:
-        """Whether the profile generator has finished the last command."""
+        """True if the profile generator has finished the last command."""
         return bool(self.events & _DONE)
 
     @property
-    def at_rest(self) -> bool:
-        """Whether demand and axis stand still."""
+    def is_at_rest(self) -> bool:
+        """True if demand and axis are at rest."""
         return self.events & _COMPLETION == _COMPLETION
 
     def enable(self) -> None:
-        """Energise."""
+        """Energise the axis."""
         self._forget()
         self._axis.enable()
 
     def disable(self) -> None:
-        """Take the torque away."""
+        """Remove the torque."""
         self._axis.disable()
 
     def move(self, target: int, velocity: float, acceleration: float, deceleration: float) -> None:
-        """Start towards `target`."""
+        """Start a move to `target`."""
         self._forget()
         self._axis.move(target, velocity, acceleration, deceleration)
 
     def follow(self, target: int, period: float) -> None:
-        """Lead the demand towards `target` over `period` [s]."""
+        """Lead the demand to `target` over `period` [s]."""
         self._forget()
         self._axis.follow(target, period)
 
@@ -102,8 +102,8 @@ class Motion:
         self._axis.feed_forward(velocity * self._units.velocity, torque)
 
     def stop(self, ramp: Ramp) -> None:
-        """Come to rest; nothing to do at rest."""
-        if self.at_rest:
+        """Stop the axis; do nothing at rest."""
+        if self.is_at_rest:
             return
         self._forget()
         if ramp is Ramp.CURRENT_LIMIT:
@@ -113,37 +113,37 @@ class Motion:
             self._axis.stop(self.acceleration(index, 0x60C6))
 
     def acceleration(self, index: int, maximum: int) -> float:
-        """Return the value of an object, or of its maximum if that is smaller [increments/s^2]."""
+        """Return the smaller of an object and its maximum, converted [increments/s^2]."""
         return self._limited(index, maximum) * self._units.acceleration
 
     @property
     def profile_velocity(self) -> float:
-        """6081h as far as 607Fh and the motor (6080h, rev/min) allow it [increments/s]."""
+        """Profile velocity 6081h, within 607Fh and motor speed 6080h [rev/min] [increments/s]."""
         motor = max(1, int(self._dictionary.get(0x6080) * self._counts_per_rev / 60))
         return min(self._limited(0x6081, 0x607F) * self._units.velocity, motor)
 
     def homing_pace(self, subindex: int) -> tuple[float, float]:
-        """6099h:`subindex` and 609Ah within the drive's limits [increments/s, increments/s^2]."""
+        """Return 6099h:`subindex` and 609Ah within the limits [increments/s, increments/s^2]."""
         velocity = min(self._dictionary.get(0x6099, subindex), self._dictionary.get(0x607F))
         return velocity * self._units.velocity, self.acceleration(0x609A, 0x60C5)
 
     def rebase(self, shift: int) -> None:
-        """Show positions that are by `shift` greater from now on."""
+        """Shift the shown positions by `shift`."""
         self._axis.rebase(shift)
 
     def apply_torque_limit(self) -> None:
-        """Hand on 6072h and 6073h; torque and current are the same per mille."""
+        """Apply 6072h and 6073h; torque and current are equal per mille."""
         self._axis.set_torque_limit(self._limited(0x6072, 0x6073))
 
     def apply_following_window(self) -> None:
-        """Hand on 6065h (FFFFFFFFh = off) and 6066h."""
+        """Apply 6065h (FFFFFFFFh = off) and 6066h."""
         window = self._dictionary.get(0x6065)
         off = window == 0xFFFF_FFFF
         timeout = self._dictionary.get(0x6066) / 1000
         self._axis.set_following_window(float("inf") if off else float(window), timeout)
 
     def apply_own_feed_forward(self) -> None:
-        """Hand on 2010h, by which the position loop feeds the demand's velocity forward."""
+        """Apply 2010h, the share of the demand's velocity fed forward by the position loop."""
         self._axis.withhold(1 - self._dictionary.get(0x2010) / 1000)
 
     def _limited(self, index: int, maximum: int) -> int:

@@ -1,9 +1,9 @@
-"""What all axes show, side by side, and which of them have news for their drive.
+"""Process image of all axes, with detection of news.
 
-Every SYNC latches all axes, and nearly always nothing has happened that a drive must react to. So
-what each drive already knows is kept here in columns, and one compiled look over all axes finds
-which have changed their events or left the range of positions in which their drive has nothing to
-report. `FrameBlock` packs what is shown into the frames that answer a SYNC.
+Every SYNC latches all axes, and in nearly all of them nothing has happened to which a drive must
+react. The known events of each drive and its range of positions without news are kept in arrays, so
+that a single compiled call finds all axes with news. `FrameBlock` packs the image into the frames
+that answer a SYNC.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ if TYPE_CHECKING:
 
 WIDTH = len(Reading._fields)
 STATUSWORD = WIDTH
-"""Where the statusword stands for `AxisImage.slot`: behind the fields of a `Reading`."""
+"""Field of the statusword for `AxisImage.slot`, after the fields of `Reading`."""
 
 _POSITION, _EVENTS = Reading._fields.index("position"), Reading._fields.index("events")
 _KNOWN, _LOWEST, _HIGHEST = range(3)
 _FAR = 1 << 62
 _HEAD = struct.Struct("=IB3x")
 _COLUMNS = 5
-"""Slot, place in the block, size, lowest and highest value."""
+"""Slot, position in the block, size, lowest and highest value."""
 
 
 class Field(NamedTuple):
-    """A value of the process image inside a frame: saturated at its bounds, little endian."""
+    """Value of the process image within a frame: saturated at its bounds, little endian."""
 
     slot: int
     size: int
@@ -69,17 +69,17 @@ class ProcessImage:
         _latch_and_pack(self.values, self.values, self.watch, _NO_FIELDS, _NO_FRAMES)
 
     def latch(self, readings: Integers) -> int:
-        """Take what `Machine.read` returned; return which axes have news, a bit for each."""
+        """Store the result of `Machine.read`; return the axes with news as a bit mask."""
         return _latch_and_pack(readings, self.values, self.watch, _NO_FIELDS, _NO_FRAMES)
 
 
 class FrameBlock:
-    """The frames that answer a SYNC, as consecutive ``struct can_frame`` of 16 bytes.
+    """Frames that answer a SYNC, as consecutive ``struct can_frame`` of 16 bytes.
 
     Parameters
     ----------
     image : ProcessImage
-        Where the values stand.
+        Source of the values.
     frames : sequence of (int, sequence of Field)
         Identifier and contents; they leave in the order of their identifiers.
     """
@@ -100,11 +100,11 @@ class FrameBlock:
         self.pack_all(image.values[None, : image.watch.shape[1] * WIDTH].copy())
 
     def latch(self, readings: Integers) -> int:
-        """Do as `ProcessImage.latch`, and pack besides: `frames` are right if there are no news."""
+        """Latch as `ProcessImage.latch`, and pack; `frames` are valid if there are no news."""
         return _latch_and_pack(readings, *self._memory)
 
     def pack(self) -> None:
-        """Pack what the image shows now."""
+        """Pack the present image."""
         _pack(self._image.values, self._fields, self._frames)
 
     def pack_all(self, readings: Integers) -> list[bytes]:
@@ -117,12 +117,12 @@ class FrameBlock:
 
     @property
     def frames(self) -> bytes:
-        """What was packed last."""
+        """Frames packed last."""
         return self._frames.tobytes()
 
 
 class AxisImage:
-    """One drive's view of a process image.
+    """View of a single drive on the process image.
 
     Parameters
     ----------
@@ -139,12 +139,12 @@ class AxisImage:
         self._statusword = image.watch.shape[1] * WIDTH + axis
 
     def slot(self, field: int) -> int:
-        """Where in `values` a field of the `Reading`, or the `STATUSWORD`, stands."""
+        """Return the index in `values` of a field of `Reading`, or of `STATUSWORD`."""
         return self._statusword if field == STATUSWORD else self._first + field
 
     @property
     def reading(self) -> Reading:
-        """What was latched last."""
+        """Reading latched last."""
         return Reading(*self.values[self._first : self._first + WIDTH].tolist())
 
     @property
@@ -158,7 +158,7 @@ class AxisImage:
 
     @property
     def events(self) -> int:
-        """`AxisEvent` bits that the drive knows of."""
+        """`AxisEvent` bits known to the drive."""
         return int(self._watch[_KNOWN, self._axis])
 
     @events.setter
@@ -166,15 +166,15 @@ class AxisImage:
         self._watch[_KNOWN, self._axis] = bits
 
     def expect_anything(self) -> None:
-        """Have news at every SYNC."""
+        """Report news at every SYNC."""
         self.expect_within(_FAR, -_FAR)
 
     def expect_nothing(self) -> None:
-        """Have news of events only, wherever the axis goes."""
+        """Report news of events only, at any position."""
         self.expect_within(-_FAR, _FAR)
 
     def expect_within(self, low: int, high: int) -> None:
-        """Have news of events, and while the position is not within bounds [increments]."""
+        """Report news of events, and of positions outside the bounds [increments]."""
         self._watch[_LOWEST, self._axis], self._watch[_HIGHEST, self._axis] = low, high
 
 
@@ -217,7 +217,7 @@ def _latch_and_pack(
     fields: Integers,
     frames: NDArray[np.uint8],
 ) -> int:
-    """Copy readings, look for news, and pack: entering compiled code costs more than all of it."""
+    """Latch, compare and pack in a single call: entering compiled code costs more than the work."""
     for slot in range(readings.shape[0]):
         values[slot] = readings[slot]
     news = 0

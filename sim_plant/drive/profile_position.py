@@ -1,12 +1,12 @@
 """Profile position mode (CiA 402, mode 1): set-points, their handshake, halt, target reached.
 
-A rising edge of controlword bit 4 sets target, velocity, acceleration and deceleration as they
-stand at that moment; statusword bit 12 acknowledges. With bit 5 (change immediately) the
+A rising edge of controlword bit 4 applies target, velocity, acceleration and deceleration as
+written at that moment; statusword bit 12 acknowledges. With bit 5 (change immediately) the
 set-point replaces the present one at once, otherwise it waits in a buffer of one until the present
-one is done; bit 12 falls when bit 4 has fallen and the buffer is free. A set-point that comes while
-the buffer is full is not taken. Some drives have no buffer and acknowledge until the target is
-reached (`Personality.acknowledge_until_reached`). Relative targets (bit 6) count from the preceding
-target. Halt (bit 8) interrupts; its release goes on towards the target.
+one is done; bit 12 falls when bit 4 has fallen and the buffer is free. A set-point is ignored while
+the buffer is full. Some drives have no buffer and acknowledge until the target is reached
+(`Personality.acknowledge_until_reached`). Relative targets (bit 6) count from the preceding target.
+Halt (bit 8) interrupts; its release continues the motion to the target.
 
 A target outside 607Dh is clipped to it, which shows as internal limit and warning in the statusword
 and as EMCY 8612h until the next set-point.
@@ -31,7 +31,7 @@ TARGET_MIN, TARGET_MAX = -(2**31), 2**31 - 1
 
 
 class SetPoint(NamedTuple):
-    """Set-point of one rising edge of bit 4 [increments, increments/s, increments/s^2]."""
+    """Set-point of a rising edge of bit 4 [increments, increments/s, increments/s^2]."""
 
     target: int
     velocity: float
@@ -41,14 +41,14 @@ class SetPoint(NamedTuple):
 
 
 class StatusLags(NamedTuple):
-    """The bits of the statusword that may follow late."""
+    """Lagging bits of the statusword."""
 
     reached: LaggingBit
     acknowledge: LaggingBit
 
 
 class ProfilePosition:
-    """The mode's state between enabling and disabling operation."""
+    """State of the mode between enabling and disabling operation."""
 
     def __init__(
         self,
@@ -79,7 +79,7 @@ class ProfilePosition:
     def show(self) -> int:
         """Return the mode's bits of the statusword."""
         reached, acknowledge = self._lags
-        reached.set(self._motion.at_rest if self._halted else self.window.reached)
+        reached.set(self._motion.is_at_rest if self._halted else self.window.reached)
         acknowledge.set(self._acknowledged or self._held)
         return (
             (Status.TARGET_REACHED if reached.shown else 0)
@@ -89,13 +89,13 @@ class ProfilePosition:
 
     @property
     def _held(self) -> bool:
-        """Whether the acknowledge is held for the set-point under way."""
+        """True if the acknowledge bit is held for the current set-point."""
         if self._halted or self.window.reached:
             self._under_way = False
         return self._until_reached and self._under_way
 
     def start(self, demand: int, controlword: int) -> None:
-        """Begin without set-point: the axis rests at `demand`, or comes to rest near it.
+        """Start without a set-point: the axis rests at `demand`, or comes to rest near it.
 
         Bit 4 must rise anew.
         """
@@ -115,7 +115,7 @@ class ProfilePosition:
         self.window.close()
 
     def control(self, controlword: int) -> None:
-        """Take a new controlword while operation is enabled."""
+        """Process a new controlword while operation is enabled."""
         risen = controlword & ~self._controlword
         fallen = self._controlword & ~controlword
         self._controlword = controlword
@@ -129,8 +129,8 @@ class ProfilePosition:
         self._lower_acknowledge()
 
     def observe(self, reading: Reading) -> None:
-        """Take what was latched."""
-        if not self._anchored and self._motion.at_rest:
+        """Process latched readings."""
+        if not self._anchored and self._motion.is_at_rest:
             self._anchored = True
             self._target = reading.demand
             if not self._halted:
@@ -138,7 +138,7 @@ class ProfilePosition:
         self.window.observe(reading.position)
 
     def progress(self) -> None:
-        """Take note that the axis's events have changed."""
+        """Process a change of axis events."""
         if self._active is None or self._halted or not self._motion.done:
             return
         if self._buffered is not None:
@@ -150,7 +150,7 @@ class ProfilePosition:
             self.window.open(self._target)
 
     def _accept(self, controlword: int) -> bool:
-        """Take over a set-point; True when it begins at once."""
+        """Accept a set-point; return True if the motion starts at once."""
         if self._held:
             return False
         set_point = self._set_point(bool(controlword & Control.RELATIVE))

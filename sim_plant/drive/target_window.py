@@ -15,7 +15,7 @@ _OFF = 0xFFFF_FFFF
 
 
 class TargetWindow:
-    """Watches one target.
+    """Detection of target reached.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class TargetWindow:
         self.close()
 
     def close(self) -> None:
-        """Stop watching; nothing is reached."""
+        """Stop watching; the target counts as not reached."""
         self._timers.stop(self._name)
         self._open = self._inside = self.reached = False
         self._image.expect_nothing()
@@ -53,7 +53,7 @@ class TargetWindow:
         self.attend()
 
     def observe(self, position: int) -> None:
-        """Take an actual position."""
+        """Process an actual position."""
         if not self._open:
             return
         width = self._dictionary.get(0x6067)
@@ -67,7 +67,7 @@ class TargetWindow:
         self._inside = inside
 
     def attend(self) -> None:
-        """Want to see every position."""
+        """Request every position from the process image."""
         self._image.expect_anything()
 
     def _enter(self, width: int) -> None:

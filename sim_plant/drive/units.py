@@ -1,6 +1,7 @@
-"""Units of a drive's profile objects, turned into the counts that its axis understands.
+"""Units of a drive's profile objects, converted to the counts of its axis.
 
-The axis counts on for ever; a drive may show that within a range (607Bh), as those of rotary axes.
+The counts of the axis are unbounded. A drive may show positions within a range (607Bh), as rotary
+axes do.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Units:
-    """What one unit of the dictionary is worth.
+    """Size of the units of the dictionary.
 
     Attributes
     ----------
@@ -30,8 +31,8 @@ class Units:
     acceleration: float
 
     @classmethod
-    def of(cls, settings: DriveSettings) -> Units:
-        """Units of a drive's personality."""
+    def derive(cls, settings: DriveSettings) -> Units:
+        """Derive the units from a drive's personality."""
         personality, counts = settings.personality, settings.counts_per_revolution
         return cls(
             _increments(personality.velocity_unit, counts),
@@ -41,7 +42,7 @@ class Units:
 
 @dataclass(frozen=True, slots=True)
 class Turns:
-    """Positions that wrap around within a range, or do not.
+    """Range of shown positions, with or without wrap-around.
 
     Attributes
     ----------
@@ -53,24 +54,24 @@ class Turns:
     size: int
 
     @classmethod
-    def of(cls, settings: DriveSettings) -> Turns:
-        """Range of a drive's personality."""
+    def derive(cls, settings: DriveSettings) -> Turns:
+        """Derive the range from a drive's personality."""
         low, high = settings.personality.position_range or (0, -1)
         return cls(low, high - low + 1)
 
     def shown(self, position: int) -> int:
-        """Return how a position of the axis is shown."""
+        """Return the shown value of a position of the axis."""
         return self.low + (position - self.low) % self.size if self.size else position
 
     def nearest(self, target: int, position: int) -> int:
-        """Return the place nearest to `position` that is shown as `target`."""
+        """Return the position nearest to `position` with the shown value `target`."""
         if not self.size:
             return target
         half = self.size // 2
         return position + (target - position + half) % self.size - half
 
     def same_turn(self, target: int, position: int) -> int:
-        """Return the place that is shown as `target` in the turn that the axis is in."""
+        """Return the position with the shown value `target` in the present turn."""
         return target + position - self.shown(position)
 
 

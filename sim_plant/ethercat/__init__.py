@@ -1,1 +1,1 @@
-"""The plant's drives as EtherCAT slaves (ETG.1000), for any master."""
+"""Drives of the plant as EtherCAT slaves (ETG.1000), for any master."""

@@ -1,4 +1,4 @@
-"""The application layer's state machine of a slave (ETG.1000.6 clause 6) and its status codes.
+"""Application layer state machine of a slave (ETG.1000.6 clause 6) and its status codes.
 
 States go up one by one and down in one step. A refusal leaves the state, sets the error flag and
 states a code; until the master acknowledges it, nothing but a way down is taken.
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class AlState(enum.IntEnum):
-    """States as AL control and AL status hold them."""
+    """States as coded in AL control and AL status."""
 
     INIT = 1
     PREOP = 2
@@ -28,7 +28,7 @@ class AlState(enum.IntEnum):
 
 
 class AlCode(enum.IntEnum):
-    """Why a state was refused or left (ETG.1020)."""
+    """Reason for refusing or leaving a state (ETG.1020)."""
 
     NONE = 0x0000
     INVALID_CHANGE = 0x0011
@@ -47,14 +47,14 @@ _KNOWN = {int(state) for state in AlState}
 
 
 class AlStates:
-    """State of one slave.
+    """State of a slave.
 
     Parameters
     ----------
     controller : Controller
-        Whose registers show it.
+        Controller with the registers of the state.
     checks : mapping of AlState to callable
-        What must be right on the way up into a state: returns the code of a refusal, or NONE.
+        Conditions for entering a state: return the code of a refusal, or NONE.
     changed : callable
         Called with every new state, and the one before.
 
@@ -62,7 +62,7 @@ class AlStates:
     ----------
     state : AlState
     code : int
-        Why it is not the one that was asked for, NONE without error.
+        Reason for a refused state, NONE without error.
     """
 
     def __init__(
@@ -78,11 +78,11 @@ class AlStates:
         self.code: int = AlCode.NONE
 
     def reset(self) -> None:
-        """Be as after power-on."""
+        """Reset to the state after power-on."""
         self._enter(AlState.INIT, AlCode.NONE)
 
     def request(self, control: int) -> None:
-        """Take what the master has written to AL control."""
+        """Process a write to AL control."""
         asked = control & 0x0F
         if control & _ACKNOWLEDGE:
             self.code = AlCode.NONE
@@ -94,7 +94,7 @@ class AlStates:
             self._go(AlState(asked))
 
     def fall(self, state: AlState, code: int) -> None:
-        """Leave the present state for a lower one because something is wrong."""
+        """Enter a lower state because of an error."""
         self._enter(min(state, self.state), code)
 
     def _go(self, asked: AlState) -> None:

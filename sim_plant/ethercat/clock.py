@@ -1,10 +1,9 @@
-"""The distributed clock of a slave (ETG.1000.4 clause 6.8 f.): local time, system time, SYNC0.
+"""Distributed clock of a slave (ETG.1000.4 clause 6.8 f.): local time, system time, SYNC0.
 
-Every slave has a crystal of its own, so its local time drifts. The system time is the local time
-plus the offset that the master writes (0920h). Each time that the reference clock's time comes by
-(a write to 0910h), a slave compares its own, less the delay of the cable (0928h), and lets a
-proportional and integral loop draw its clock towards it. The filter depths of hardware (0930h ff.)
-are kept and not modelled.
+Every slave has its own crystal, so its local time drifts. The system time is the local time plus an
+offset written by the master (0920h). When the reference time passes (a write to 0910h), a slave
+compares its own time, less the delay of the cable (0928h), and corrects its clock by a proportional
+and integral loop. The filter depths of hardware (0930h ff.) are stored and not modelled.
 """
 
 from __future__ import annotations
@@ -17,33 +16,33 @@ if TYPE_CHECKING:
     from sim_plant.ethercat.controller import Controller
 
 HOP = 300
-"""Time from one slave to the next, forwarding and 10 m of cable [ns]."""
+"""Delay from slave to slave: forwarding and 10 m of cable [ns]."""
 _SECOND = 1e9
 _WRAP = 1 << 64
 _SHARE = 0.25
-"""Of a difference that one comparison takes away."""
+"""Share of the difference corrected by a comparison."""
 _STEP_MAX = 100_000.0
-"""What one comparison takes away at most [ns]; a master writes larger offsets to 0920h."""
+"""Maximum correction of a comparison [ns]; a master writes larger offsets to 0920h."""
 _SPEED_SHARE = 0.05
-"""Of the speed that a difference since the last comparison amounts to."""
+"""Gain of the speed correction per speed difference since the last comparison."""
 _SPEED_MAX = 1e-3
-"""Deviation that a clock can make up for; a crystal's is a tenth of it at most."""
+"""Maximum speed correction; a crystal deviates by a tenth of it at most."""
 _CYCLIC = 0x03
 """Activation 0981h: cyclic operation and SYNC0."""
 
 
 class Clock:
-    """Time of one slave [ns].
+    """Time of a slave [ns].
 
     Parameters
     ----------
     controller : Controller
-        Whose registers hold offset, delay and SYNC0.
+        Controller with the registers of offset, delay and SYNC0.
 
     Attributes
     ----------
     drift : float
-        By how much the crystal is too fast, as a share.
+        Relative speed error of the crystal.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -52,39 +51,39 @@ class Clock:
         self.reset(0.0)
 
     def reset(self, now: float) -> None:
-        """Begin at zero, as at power-on, at `now` [s]."""
+        """Start at zero, as at power-on, at `now` [s]."""
         self._since, self._at = now, 0.0
         self._correction = 0.0
         self._compared: float | None = None
 
     def set_drift(self, drift: float, now: float) -> None:
-        """Let the crystal be too fast by this share from `now` [s] on."""
+        """Set the relative speed error of the crystal from `now` [s] on."""
         self._rebase(now, 0.0)
         self.drift = drift
 
     @property
     def speed(self) -> float:
-        """Nanoseconds of the clock in one of true time."""
+        """Nanoseconds of the clock per nanosecond of true time."""
         return 1 + self.drift + self._correction
 
     def local(self, now: float) -> int:
-        """Local time at the instant `now` [s] of true time."""
+        """Return the local time at the instant `now` [s] of true time."""
         return round(self._at + (now - self._since) * _SECOND * self.speed) % _WRAP
 
     def system(self, now: float) -> int:
-        """System time at an instant."""
+        """Return the system time at an instant."""
         return (self.local(now) + self._register(reg.TIME_OFFSET, 8)) % _WRAP
 
     def show(self, now: float, delay: int) -> None:
-        """Have the registers show the time at which a frame passes, `delay` [ns] behind `now`."""
+        """Show in the registers the time of a passing frame, `delay` [ns] after `now`."""
         self._controller.put(reg.SYSTEM_TIME, 8, self.passing(now, delay))
 
     def passing(self, now: float, delay: int) -> int:
-        """System time at which a frame passes, `delay` [ns] behind `now`."""
+        """Return the system time of a passing frame, `delay` [ns] after `now`."""
         return (self.system(now) + delay) % _WRAP
 
     def latch(self, now: float, forward: int, back: int | None) -> None:
-        """Keep when a frame came in at port 0 and, where port 1 is open, when it came back [ns]."""
+        """Latch the receive times of a frame at port 0 and, if port 1 is open, at port 1 [ns]."""
         controller, local = self._controller, self.local(now)
         controller.put(reg.RECEIVE_TIMES, 4, (local + forward) % (1 << 32))
         controller.put(reg.RECEIVE_TIME, 8, (local + forward) % _WRAP)
@@ -92,7 +91,7 @@ class Clock:
             controller.put(reg.RECEIVE_TIMES + 4, 4, (local + back) % (1 << 32))
 
     def compare(self, received: int, now: float, delay: int) -> None:
-        """Take the reference clock's time, which came with a frame `delay` [ns] behind `now`."""
+        """Correct the clock by the reference time in a frame passing `delay` [ns] after `now`."""
         own = self.system(now) + delay
         reference = received + self._register(reg.TIME_DELAY, 4)
         difference = (own - reference + _WRAP // 2) % _WRAP - _WRAP // 2
@@ -111,13 +110,13 @@ class Clock:
 
     @property
     def is_cyclic(self) -> bool:
-        """Whether SYNC0 is activated, with a cycle or without."""
+        """True if SYNC0 is activated, with a cycle or without."""
         return self._controller.memory[reg.ACTIVATION] & _CYCLIC == _CYCLIC
 
     def until_sync0(self, now: float, least: int) -> float:
-        """Time from `now` to the next SYNC0 [s], which is further ahead than `least` [ns].
+        """Return the time from `now` to the next SYNC0 [s] further ahead than `least` [ns].
 
-        Where the start time is over, SYNC0 comes with its phase.
+        After the start time, SYNC0 keeps its phase.
         """
         system, start = self.system(now), self._register(reg.START_TIME, 8)
         ahead = (start - system + _WRAP // 2) % _WRAP - _WRAP // 2

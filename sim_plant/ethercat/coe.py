@@ -1,4 +1,4 @@
-"""CANopen over EtherCAT: the SDO server of a drive, and its emergencies (ETG.1000.6 clause 5.6).
+"""CANopen over EtherCAT: SDO server of a drive, and its emergencies (ETG.1000.6 clause 5.6).
 
 A service begins with its kind in bits 12 to 15 of two bytes; what follows is laid out as the eight
 bytes of an SDO on CAN, but may be as long as the mailbox. So a value of more than four bytes comes
@@ -27,7 +27,7 @@ _HEADERS = _SERVICE.size + _INITIATE.size
 _UPLOAD_SEGMENT = 3
 _TOGGLE, _COMPLETE, _EXPEDITED, _SIZED, _LAST = 0x10, 0x10, 0x02, 0x01, 0x01
 _SEGMENT_MIN = 7
-"""Bytes of a segment's data, padded where fewer count."""
+"""Minimum length of a segment's data in bytes, padded if necessary."""
 
 
 class Service(enum.IntEnum):
@@ -40,7 +40,7 @@ class Service(enum.IntEnum):
 
 
 class _Transfer:
-    """A value on its way in segments."""
+    """Segmented transfer of a value."""
 
     def __init__(self, index: int, subindex: int, data: bytes, *, complete: bool) -> None:
         self.index, self.subindex, self.complete = index, subindex, complete
@@ -51,14 +51,14 @@ class _Transfer:
 
 
 class CoeServer:
-    """Serves the objects of one drive.
+    """Server of the objects of a drive.
 
     Parameters
     ----------
     dictionary : ObjectDictionary
     objects : DriveObjects
     mailbox : Mailbox
-        Where its services wait.
+        Mailbox with the queued services.
     states_size : bool
         Expedited uploads say how many of their four bytes count.
     """
@@ -80,19 +80,19 @@ class CoeServer:
         self._incoming: _Transfer | None = None
         self._outgoing: _Transfer | None = None
         self.abort_code: int | None = None
-        """What every request is refused with."""
+        """Abort code for all requests; None answers normally."""
 
     def reset(self) -> None:
-        """Abandon whatever transfer is under way."""
+        """Abandon the running transfer."""
         self._incoming = self._outgoing = None
 
     def emergency(self, data: bytes) -> None:
-        """Send an emergency: code, error register, five bytes of the maker."""
+        """Send an emergency: code, error register, five manufacturer-specific bytes."""
         if not self._mailbox.is_crowded:
             self._send(_kind(Service.EMERGENCY) + data)
 
     def receive(self, service: bytes) -> None:
-        """Take a service of at least two bytes; nothing that it holds can raise."""
+        """Process a service of at least two bytes, with any content."""
         kind, request = _SERVICE.unpack_from(service)[0] >> 12, service[_SERVICE.size :]
         if kind == Service.SDO_INFORMATION:
             room = self._mailbox.capacity - _SERVICE.size
@@ -231,7 +231,7 @@ class CoeServer:
         return b"".join(parts)
 
     def _write_all(self, index: int, start: int, data: bytes) -> None:
-        """Write the entries that data are there for; a number of entries stands in front last."""
+        """Write the entries covered by the data; sub-index 0 is written last."""
         dictionary, place, values = self._dictionary, 0, []
         for subindex in self._complete(index, start):
             if place >= len(data):

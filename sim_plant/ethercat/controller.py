@@ -1,9 +1,9 @@
-"""One EtherCAT slave controller: its memory, who may touch it how, and logical addresses.
+"""EtherCAT slave controller: memory, access rights, and logical addresses.
 
-A sync manager guards a part of the process memory. In mailbox mode the part is full or empty: it is
-written while empty and read while full, and its last byte changes that. In buffered mode (process
-data) both sides have it whenever they like. FMMUs lay parts of the memory, to the bit, into the
-logical memory that all slaves share.
+A sync manager guards a part of the process memory. In mailbox mode the part is full or empty:
+written while empty and read while full, and access to its last byte changes between the two. In
+buffered mode (process data) both sides have access at any time. FMMUs map parts of the memory, to
+the bit, into the logical memory shared by all slaves.
 
 What a frame sets off (a mailbox, a state request, an EEPROM command) happens when the frame has
 passed: `take_events`. Masters therefore find nothing answered in the same frame, as in hardware.
@@ -21,13 +21,13 @@ _FMMU = struct.Struct("<IHBBHBBB")
 _SYNC_MANAGER = struct.Struct("<HHBBBB")
 _FULL = 0x08
 _STATUS = tuple(reg.SYNC_MANAGER + 8 * number + 5 for number in range(reg.SYNC_MANAGERS))
-"""Where each sync manager shows its status."""
+"""Addresses of the status of the sync managers."""
 _READ, _WRITE = 1, 2
 _WHOLE_BYTES = 0, 7, 0
 
 
 class SyncManager(NamedTuple):
-    """A part of the process memory and how a master may use it."""
+    """Sync manager: a part of the process memory and its access by the master."""
 
     start: int
     size: int
@@ -38,36 +38,36 @@ class SyncManager(NamedTuple):
 
     @property
     def is_active(self) -> bool:
-        """Whether it guards anything."""
+        """True if the sync manager guards a part of the memory."""
         return bool(self.activate & 1) and self.size > 0
 
     @property
     def is_mailbox(self) -> bool:
-        """Whether its part is handed over, full or empty."""
+        """True for mailbox mode."""
         return self.control & 0x03 == 0x02
 
     @property
     def is_written(self) -> bool:
-        """Whether the master writes its part, and the slave reads it."""
+        """True if the master writes the part and the slave reads it."""
         return self.control & 0x0C == 0x04
 
     @property
     def feeds_watchdog(self) -> bool:
-        """Whether a write to it triggers the watchdog of process data."""
+        """True if a write triggers the watchdog of process data."""
         return bool(self.control & 0x40)
 
 
 class LogicalPart(NamedTuple):
-    """What of a slave's memory a logical datagram has to do with.
+    """Part of a slave's memory in a logical datagram.
 
     Attributes
     ----------
     place, first, size : int
-        Where it begins in memory and in the datagram's data, and its length [bytes].
+        Start in memory and in the datagram's data, and length [bytes].
     is_written, is_read : bool
-        By the master.
+        Access by the master.
     is_bytewise : bool
-        It is one of whole bytes.
+        True if the part consists of whole bytes.
     """
 
     place: int
@@ -79,7 +79,7 @@ class LogicalPart(NamedTuple):
 
 
 class _Fmmu(NamedTuple):
-    """Where a part of memory stands in logical memory."""
+    """FMMU: a part of memory mapped into logical memory."""
 
     logical: int
     size: int
@@ -92,7 +92,7 @@ class _Fmmu(NamedTuple):
 
 
 class Controller:
-    """Memory of one slave, as masters reach it.
+    """Memory of a slave, as accessed by the master.
 
     Attributes
     ----------
@@ -106,32 +106,32 @@ class Controller:
         self.reset()
 
     def reset(self) -> None:
-        """Be as after power-on."""
+        """Reset to the state after power-on."""
         self.memory = reg.power_on()
         self._events: set[int] = set()
         self.set_up: list[SyncManager] | None = None
         self._active: list[tuple[int, SyncManager, int]] = []
         self._fmmus: list[_Fmmu] = []
 
-    # What the slave's own side does
+    # Access by the firmware
 
     def word(self, place: int) -> int:
         """Return a register of 16 bits."""
         return int.from_bytes(self.memory[place : place + 2], "little")
 
     def put(self, place: int, size: int, value: int) -> None:
-        """Show a value in a register, least significant byte first."""
+        """Write a value to a register, least significant byte first."""
         self.memory[place : place + size] = value.to_bytes(size, "little")
 
     @property
     def managers(self) -> list[SyncManager]:
-        """All sync managers, as they are set now."""
+        """Sync managers in the present configuration."""
         if self.set_up is None:
             self._load()
         return self.set_up or []
 
     def parts(self, logical: int, size: int) -> list[LogicalPart]:
-        """Return what a logical datagram touches."""
+        """Return the parts of memory in a logical datagram."""
         if self.set_up is None:
             self._load()
         found = [(fmmu, _overlap(fmmu, logical, size)) for fmmu in self._fmmus]
@@ -142,7 +142,7 @@ class Controller:
         ]
 
     def _load(self) -> None:
-        """Take over how sync managers and FMMUs are set; one that is off has no full mailbox."""
+        """Load the configuration of sync managers and FMMUs; empty the mailboxes switched off."""
         self.set_up = [
             SyncManager(*_SYNC_MANAGER.unpack_from(self.memory, reg.SYNC_MANAGER + 8 * n))
             for n in range(reg.SYNC_MANAGERS)
@@ -165,34 +165,34 @@ class Controller:
                 )
 
     def is_full(self, manager: int) -> bool:
-        """Whether a mailbox waits to be read."""
+        """Return True if a mailbox waits to be read."""
         return bool(self.memory[_STATUS[manager]] & _FULL)
 
     def set_full(self, manager: int, *, full: bool) -> None:
-        """Hand a mailbox over."""
+        """Mark a mailbox as full or empty."""
         status = self.memory[_STATUS[manager]]
         self.memory[_STATUS[manager]] = status | _FULL if full else status & ~_FULL
 
     def acknowledge_repeat(self, manager: int, bit: int) -> None:
-        """Show that a request to repeat a mailbox has been seen."""
+        """Acknowledge a request to repeat a mailbox."""
         place = reg.SYNC_MANAGER + 8 * manager + 7
         self.memory[place] = self.memory[place] & ~0x02 | bit
         self.set_up = None
 
     def content(self, manager: int) -> bytes:
-        """Return what stands in the part of a sync manager."""
+        """Return the content of a sync manager's part."""
         guarded = self.managers[manager]
         return bytes(self.memory[guarded.start : guarded.start + guarded.size])
 
     def take_events(self) -> set[int]:
-        """Return which registers and parts (by start) were written, or read empty, since."""
+        """Return and clear the registers and parts (by start) written, or read empty."""
         events, self._events = self._events, set()
         return events
 
-    # What a datagram does
+    # Access by datagrams
 
     def serve(self, datagram: Datagram, *, reads: bool, writes: bool) -> None:
-        """Take part in a datagram that concerns this slave; it counts its work."""
+        """Process a datagram for this slave and increment the working counter."""
         if datagram.command in LOGICAL:
             self._serve_logical(datagram, reads=reads, writes=writes)
             return
@@ -206,7 +206,7 @@ class Controller:
             datagram.count(1)
 
     def read(self, place: int, size: int) -> bytes | None:
-        """Return a piece of memory, None if it cannot be had (now)."""
+        """Return a part of memory; None if it is not accessible now."""
         end = place + size
         if end > reg.MEMORY_SIZE or not size:
             return None
@@ -220,7 +220,7 @@ class Controller:
         return bytes(self.memory[place:end])
 
     def write(self, place: int, data: bytes) -> bool:
-        """Change a piece of memory; return whether anything was taken."""
+        """Write a part of memory; return True if any byte was accepted."""
         end = place + len(data)
         if end > reg.MEMORY_SIZE or not data:
             return False
@@ -237,7 +237,7 @@ class Controller:
         return True
 
     def _guards(self, place: int, end: int) -> list[tuple[int, SyncManager, int]]:
-        """Return number, sync manager and end of all that guard a piece of memory."""
+        """Return number, sync manager and end of all guards of a part of memory."""
         if self.set_up is None:
             self._load()
         return [found for found in self._active if found[1].start < end and place < found[2]]
@@ -267,7 +267,7 @@ class Controller:
         datagram.count((done & _READ) + (done >> 1) * (2 if reads else 1))
 
     def _lay_out(self, fmmu: _Fmmu, start: int, data: bytes) -> bool:
-        """Write into memory what a datagram carries for it."""
+        """Write the data of a logical datagram to memory."""
         place, first, size = _overlap(fmmu, start, len(data))
         if size <= 0:
             return False
@@ -283,7 +283,7 @@ class Controller:
         )
 
     def _lay_in(self, fmmu: _Fmmu, start: int, data: bytearray) -> bool:
-        """Put into a datagram what stands in memory for it."""
+        """Read data from memory into a logical datagram."""
         place, first, size = _overlap(fmmu, start, len(data))
         if size <= 0 or (size != fmmu.size and not fmmu.is_bytewise):
             return False
@@ -304,18 +304,18 @@ class Controller:
 
 
 def _overlap(fmmu: _Fmmu, start: int, size: int) -> tuple[int, int, int]:
-    """Return physical place, place in the datagram and size of what both have [bytes]."""
+    """Return physical address, place in the datagram and size of an overlap [bytes]."""
     low, high = max(fmmu.logical, start), min(fmmu.logical + fmmu.size, start + size)
     return fmmu.physical + low - fmmu.logical, low - start, high - low
 
 
 def _bits(fmmu: _Fmmu) -> tuple[int, int]:
-    """Return by how much the bits are shifted in memory, and their mask unshifted."""
+    """Return the shift of the bits in memory, and their unshifted mask."""
     width = 8 * (fmmu.size - 1) + fmmu.stop_bit - fmmu.start_bit + 1
     return fmmu.physical_bit, (1 << max(width, 0)) - 1
 
 
 def _covered(fmmu: _Fmmu) -> int:
-    """Return how many bytes of memory the bits of an FMMU touch."""
+    """Return the number of bytes in memory covered by the bits of an FMMU."""
     shift, mask = _bits(fmmu)
     return max(1, (shift + mask.bit_length() + 7) // 8)

@@ -1,9 +1,8 @@
-"""A frame with process data that comes again and again: what slaves do with it, worked out once.
+"""Cyclic frames with process data: a layout computed once and reused.
 
 Masters send the same datagrams in every cycle, with other data. As long as sync managers, FMMUs and
-cables stay as they are, each byte of such a frame goes to the same place in the memory of the same
-slave, or comes from there. So the first frame is passed datagram by datagram, and those that are
-laid out alike are copied.
+cables do not change, each byte of such a frame has a fixed address in the memory of a slave. So the
+first frame is processed datagram by datagram, and frames of equal layout are copied.
 """
 
 from __future__ import annotations
@@ -31,13 +30,13 @@ if TYPE_CHECKING:
 
 _COUNTER = struct.Struct("<H")
 _INDEX = 17
-"""Where the number of the first datagram stands, another one in every frame."""
+"""Place of the first datagram's number, different in every frame."""
 _TIME = 8
 """Size of a system time [bytes]."""
 
 
 class _Copy(NamedTuple):
-    """Bytes of a slave's memory, and the bytes of a frame that belong to them."""
+    """Bytes of a slave's memory, with the corresponding bytes of a frame."""
 
     memory: bytearray
     there: slice
@@ -45,7 +44,7 @@ class _Copy(NamedTuple):
 
 
 class _Shown(NamedTuple):
-    """Registers of all slaves in a datagram, each bit that any has."""
+    """Registers of all slaves in a datagram, combined by bitwise or."""
 
     controllers: Sequence[Controller]
     place: int
@@ -53,7 +52,7 @@ class _Shown(NamedTuple):
     end: int
 
     def show(self, frame: bytes, passing: bytearray) -> None:
-        """Put them into what becomes of a frame."""
+        """Write the registers to the answer of a frame."""
         for there, here in enumerate(range(self.start, self.end), self.place):
             bits = frame[here]
             for controller in self.controllers:
@@ -62,12 +61,12 @@ class _Shown(NamedTuple):
 
 
 class _Reference(NamedTuple):
-    """The time of one slave in a datagram that all others take.
+    """System time of the reference slave in a datagram for all slaves.
 
     Attributes
     ----------
     slave, delay
-        Whose time it is, and how long the frame takes to it [ns].
+        Reference slave, and delay of the frame on its way there [ns].
     others : sequence of (EthercatSlave, int)
         The same of those behind it.
     """
@@ -79,19 +78,19 @@ class _Reference(NamedTuple):
 
 
 class CyclicFrame:
-    """A layout of frames, and what is to be copied.
+    """Layout of frames, with the bytes to copy.
 
     Parameters
     ----------
     slaves : sequence of EthercatSlave
         All that a frame reaches.
     frame : bytes
-        As it comes.
+        Frame as received.
 
     Attributes
     ----------
     by_frames : list of EthercatSlave
-        Those whose outputs act as the frame comes, and not at SYNC0.
+        Slaves with outputs acting on frames, not at SYNC0.
     is_plain : bool
         The layout is one of process data for all slaves, of registers that are read, and of the
         first slave's time: whatever else is to be passed datagram by datagram.
@@ -133,7 +132,7 @@ class CyclicFrame:
         self.by_frames = [slave for slave in slaves if not slave.clock.cycle]
 
     def fits(self, frame: bytes) -> bool:
-        """Whether a frame is laid out alike, and slaves are set up as they were."""
+        """Return True if a frame has this layout and the slaves' configuration is unchanged."""
         if _content(frame) != self._before and (
             len(frame) != self._size or self._layout.unpack_from(frame) != self._head
         ):
@@ -141,7 +140,7 @@ class CyclicFrame:
         return all(controller.set_up is managers for controller, managers in self._set_up)
 
     def passed(self, frame: bytes) -> bytes:
-        """Return what becomes of a frame that fits."""
+        """Return the answer to a frame of this layout."""
         content = _content(frame)
         self.is_repeated = content == self._before
         if self.is_repeated:  # what the answer before has of it stands
@@ -227,7 +226,7 @@ def _copy(controller: Controller, place: int, start: int, end: int) -> _Copy:
 
 
 def _guard(controller: Controller, part: LogicalPart) -> SyncManager | None:
-    """Return the one sync manager of process data whose part this is as a whole."""
+    """Return the sync manager of process data that guards exactly this part."""
     end = part.place + part.size
     found = [m for m in controller.managers if m.is_active and m.start < end]
     found = [m for m in found if part.place < m.start + m.size]

@@ -1,4 +1,4 @@
-"""The EEPROM of a slave (SII, ETG.1000.6 clause 5.4 and ETG.2010) and how masters reach it."""
+"""EEPROM of a slave (SII, ETG.1000.6 clause 5.4 and ETG.2010) and its access by the master."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from sim_plant.ethercat.objects import DriveObjects, Pdo
 
 SIZE = 4096
-"""Bytes; in the EEPROM stated as kibibits less one."""
+"""Size in bytes; the EEPROM states kibibits less 1."""
 ALIAS_WORD = 4
 MAILBOX_SIZE = 512
 MAILBOX_OUT, MAILBOX_IN, OUTPUTS, INPUTS = 0x1000, 0x1400, 0x1800, 0x1C00
-"""Where the four parts of the process memory begin."""
+"""Start addresses of the four parts of the process memory."""
 CONTROLS = (0x26, 0x22, 0x64, 0x20)
-"""Of the sync managers: mailbox out and in, outputs with watchdog, inputs."""
+"""Control bytes of the sync managers: mailbox out and in, outputs with watchdog, inputs."""
 CONFIGURATION = (0x0C05, 0x0000)
-"""Words 0 and 1: an interface to a microcontroller."""
+"""Words 0 and 1: interface to a microcontroller."""
 SYNC0_ACTIVATION = 0x0300
 """Assign-activate word: cyclic operation, SYNC0."""
 
@@ -46,7 +46,7 @@ class _Category(enum.IntEnum):
 
 
 class Eeprom:
-    """Content that outlives the power, and the commands of registers 0500h to 050Fh.
+    """Non-volatile content, and the commands of registers 0500h to 050Fh.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Eeprom:
         self._content = bytearray(content.ljust(SIZE, b"\xff"))
 
     def load(self, controller: Controller) -> None:
-        """Show what a controller takes over when it starts: kind of interface and alias."""
+        """Load a controller's start values: kind of interface and alias."""
         start = 2 * ALIAS_WORD
         controller.memory[reg.PDI_CONTROL : reg.PDI_CONTROL + 2] = self._content[:2]
         controller.memory[reg.ALIAS : reg.ALIAS + 2] = self._content[start : start + 2]
@@ -65,7 +65,7 @@ class Eeprom:
 
     @property
     def alias(self) -> int:
-        """Configured station alias, which counts from the next power-on."""
+        """Configured station alias, valid from the next power-on."""
         return int.from_bytes(self._content[2 * ALIAS_WORD : 2 * ALIAS_WORD + 2], "little")
 
     @alias.setter
@@ -74,7 +74,7 @@ class Eeprom:
         self._content[14] = _checksum(self._content[:14])
 
     def execute(self, controller: Controller) -> None:
-        """Carry out the command that a master has written, if it owns the EEPROM."""
+        """Execute the command written by the master, if the master owns the EEPROM."""
         control = controller.word(reg.EEPROM_CONTROL)
         command, failure = control >> 8 & 0x07, 0
         start = 2 * int.from_bytes(
@@ -105,7 +105,7 @@ def sii(objects: DriveObjects, identity: Sequence[int], name: str) -> bytes:
     identity : sequence of int
         Vendor, product code, revision, serial number.
     name : str
-        Of the drive.
+        Name of the drive.
     """
     head = bytearray(2 * 0x40)
     struct.pack_into("<HH", head, 0, *CONFIGURATION)
@@ -161,7 +161,7 @@ def _strings(texts: Sequence[str]) -> bytes:
 
 
 def _checksum(words: bytes | bytearray) -> int:
-    """CRC-8 with polynomial 07h, begun with FFh, of the configuration area (ETG.2010)."""
+    """Return the CRC-8 of the configuration area: polynomial 07h, initial value FFh (ETG.2010)."""
     crc = 0xFF
     for byte in words:
         crc ^= byte

@@ -1,7 +1,7 @@
-"""The description of a drive on EtherCAT (ESI, ETG.2000) that configuration tools of masters read.
+"""Device description of a drive on EtherCAT (ESI, ETG.2000), for configuration tools.
 
-It is made of what the slave itself serves: identity, memory map, process data after power-on, and
-all objects with their types and defaults.
+The description is made from what the slave serves: identity, memory map, process data after
+power-on, and all objects with their types and defaults.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _TYPES = {2: "SINT", 3: "INT", 4: "DINT", 5: "USINT", 6: "UINT", 7: "UDINT", 8: 
 _ACCESS = {"const": "ro", "rwr": "rw", "rww": "rw"}
 _VARIABLE, _ARRAY = 7, 8
 _SUB_INDEX_BITS = 16
-"""Sub-index 0 and its padding, in front of the entries of an object."""
+"""Sub-index 0 and its padding, before the entries of an object."""
 
 
 def write_esi(objects: DriveObjects, settings: DriveSettings) -> str:
@@ -104,7 +104,7 @@ def _profile(device: ElementTree.Element, objects: DriveObjects) -> None:
 
 
 def _record_type(types: ElementTree.Element, found: ObjectDescription) -> None:
-    """Describe the sub-indices of a record or an array, each by name, place and type."""
+    """Describe the sub-indices of a record or an array by name, place and type."""
     record = _data_type(types, f"DT{found.index:04X}", _bits(found))
     place = 0
     for subindex, member in sorted(found.entries.items()):
@@ -208,7 +208,7 @@ def _flags(parent: ElementTree.Element, member: EntryDescription) -> None:
 
 
 def _label(found: ObjectDescription, subindex: int) -> str:
-    """Return the name of an entry, by which an object's values refer to its type's entries."""
+    """Return the name of an entry, as referred to by the values of its object."""
     return f"SubIndex {subindex:03d}" if subindex == 0 else found.entries[subindex].name
 
 

@@ -1,8 +1,8 @@
-"""EtherCAT frames: datagrams behind an Ethernet and a frame header, worked on in place.
+"""EtherCAT frames: datagrams after an Ethernet and a frame header, processed in place.
 
-Every slave reads and writes a frame while it passes, and counts in the working counter of a
-datagram what it could do: 1 for a read, 1 for a write, 2 for the write of a command that does both
-(ETG.1000.4). A datagram that does not fit its frame ends it: what stands behind passes untouched.
+Every slave reads and writes a frame while the frame passes, and adds to the working counter of a
+datagram: 1 for a read, 1 for a write, 2 for the write of a combined command (ETG.1000.4). A
+datagram that does not fit its frame ends it: the bytes after it pass unchanged.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 ETHERTYPE = 0x88A4
 _ETHERNET = 14
 DATAGRAMS = _ETHERNET + 2
-"""Where the first datagram begins: behind Ethernet's header and the frame's own."""
+"""Place of the first datagram, after the Ethernet header and the frame header."""
 _HEADER = struct.Struct("<BBHHHH")
 HEADER_SIZE = _HEADER.size
 _COUNTER = struct.Struct("<H")
@@ -26,11 +26,11 @@ _DATAGRAM_TYPE = 1
 """Type in bits 12 to 15 of the frame header: datagrams."""
 _MORE, _SIZE = 0x8000, 0x07FF
 _PASSED = 0x02
-"""Bit of the first byte of the source address, set by the first slave that a frame passes."""
+"""Bit of the first byte of the source address, set by the first slave in the path."""
 
 
 class Command(enum.IntEnum):
-    """What a datagram asks of whom: by position, by address, of all, or of logical memory."""
+    """Commands of datagrams: by position, by address, broadcast, or logical memory."""
 
     NOP = 0
     APRD = 1
@@ -53,7 +53,7 @@ LOGICAL = frozenset({Command.LRD, Command.LWR, Command.LRW})
 POSITION = frozenset({Command.APRD, Command.APWR, Command.APRW, Command.ARMW})
 BROADCAST = frozenset({Command.BRD, Command.BWR, Command.BRW})
 MULTIPLE = frozenset({Command.ARMW, Command.FRMW})
-"""One slave is read, all others take what it has shown."""
+"""Commands that read a single slave and write the result to all others."""
 READING = frozenset(
     {Command.APRD, Command.APRW, Command.FPRD, Command.FPRW, Command.BRD, Command.BRW}
     | {Command.LRD, Command.LRW}
@@ -67,17 +67,17 @@ _COMMANDS = {int(command): command for command in Command}
 
 @dataclass(slots=True)
 class Datagram:
-    """One datagram of a frame under work.
+    """Datagram of a frame being processed.
 
     Attributes
     ----------
     frame : bytearray
-        The frame that it is part of.
+        Complete frame.
     command : Command
     place : int
-        Of its header in the frame.
+        Place of the header in the frame.
     size : int
-        Of its data [bytes].
+        Size of the data [bytes].
     position, offset : int
         Slave address and place in its memory; together the logical address.
     """
@@ -91,12 +91,12 @@ class Datagram:
 
     @property
     def logical(self) -> int:
-        """Where its data stand in logical memory."""
+        """Logical address of the data."""
         return self.offset << 16 | self.position
 
     @property
     def data(self) -> bytes:
-        """What it carries now."""
+        """Present data."""
         start = self.place + _HEADER.size
         return bytes(self.frame[start : start + self.size])
 
@@ -106,19 +106,19 @@ class Datagram:
         self.frame[start : start + self.size] = data
 
     def pass_on(self) -> None:
-        """Count one more slave that it has passed by."""
+        """Increment the position address, as every slave does."""
         self.position = (self.position + 1) & 0xFFFF
         _COUNTER.pack_into(self.frame, self.place + 2, self.position)
 
     def count(self, number: int) -> None:
-        """Add to the working counter, which wraps."""
+        """Add to the working counter, which wraps around."""
         place = self.place + _HEADER.size + self.size
         counter = _COUNTER.unpack_from(self.frame, place)[0]
         _COUNTER.pack_into(self.frame, place, (counter + number) & 0xFFFF)
 
 
 def datagrams(frame: bytearray) -> Iterator[Datagram]:
-    """Find the datagrams of a frame that slaves work on, in order; none if it is not EtherCAT."""
+    """Yield the datagrams of a frame in order; none for frames of other protocols."""
     if len(frame) < DATAGRAMS or int.from_bytes(frame[12:14], "big") != ETHERTYPE:
         return
     if frame[15] >> 4 != _DATAGRAM_TYPE:
@@ -136,6 +136,6 @@ def datagrams(frame: bytearray) -> Iterator[Datagram]:
 
 
 def mark_passed(frame: bytearray) -> None:
-    """Mark the source address of a frame that came back from slaves."""
+    """Mark the source address of a frame that has passed slaves."""
     if len(frame) >= _ETHERNET:
         frame[6] |= _PASSED

@@ -1,8 +1,8 @@
-"""Mailboxes of a slave (ETG.1000.4 clause 5.6): what comes in, what waits to be fetched, repeats.
+"""Mailboxes of a slave (ETG.1000.4 clause 5.6): requests, queued answers, repetitions.
 
-A counter of 1 to 7 in each direction distinguishes a repetition from news: one that comes twice is
-dropped. A master that has lost an answer toggles the repeat bit of the mailbox for answers, and
-finds the last one there again.
+A counter of 1 to 7 in each direction identifies repetitions: a request received twice is dropped. A
+master that has lost an answer toggles the repeat bit of the mailbox for answers, and finds the last
+answer there again.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
     from sim_plant.ethercat.controller import Controller
 
 OUT, IN = 0, 1
-"""Sync managers of the mailboxes: what masters write, what they read."""
+"""Sync managers of the mailboxes, written and read by the master."""
 HEADER = struct.Struct("<HHBB")
 _ERROR, COE = 0, 3
-"""Types of mailbox services that there are."""
+"""Supported types of mailbox services."""
 _REPEAT = 0x02
 WAITING_MAX = 64
-"""Services that wait; a master that fetches none loses the newest."""
+"""Maximum number of queued services; further services are lost."""
 CROWDED = 8
-"""Waiting services with which emergencies are dropped, so that answers find a place."""
+"""Number of queued services from which on emergencies are dropped in favour of answers."""
 
 
 class MailboxError(enum.IntEnum):
-    """Why a mailbox service was not understood."""
+    """Reason for the refusal of a mailbox service."""
 
     UNSUPPORTED_PROTOCOL = 2
     SIZE_TOO_SHORT = 6
@@ -40,7 +40,7 @@ class MailboxError(enum.IntEnum):
 
 
 class Mailbox:
-    """Both mailboxes of one slave.
+    """Both mailboxes of a slave.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Mailbox:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything, as at INIT."""
+        """Clear all state, as at INIT."""
         self._waiting: deque[bytes] = deque()
         self._last = b""
         self._counter = self._received = 0
@@ -70,20 +70,20 @@ class Mailbox:
 
     @property
     def capacity(self) -> int:
-        """Bytes of a service that an answer has room for."""
+        """Maximum size of a service in an answer [bytes]."""
         return max(0, self._controller.managers[IN].size - HEADER.size)
 
     @property
     def is_crowded(self) -> bool:
-        """Whether so much waits already that emergencies are dropped."""
+        """True if the queue is so long that emergencies are dropped."""
         return len(self._waiting) >= CROWDED
 
     def send(self, service: bytes) -> None:
-        """Let a CoE service wait to be fetched."""
+        """Queue a CoE service for the master."""
         self._queue(COE, service)
 
     def work(self) -> None:
-        """Take what has come in, put out what waits, after a frame has passed."""
+        """Process a request and publish a queued answer, after a frame has passed."""
         if self._controller.is_full(OUT) and not self.is_stuck:
             content = self._controller.content(OUT)
             self._controller.set_full(OUT, full=False)

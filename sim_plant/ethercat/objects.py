@@ -1,8 +1,8 @@
-"""The object dictionary of a drive on EtherCAT: that on CAN, with the communication of CoE.
+"""Object dictionary of a drive on EtherCAT: the profile of CAN with the communication of CoE.
 
-Profile and drive are the same objects, whose deviations a personality states in the same way. What
-belongs to CAN goes, sync managers and their assignment come (ETG.1000.6 clause 5.6.7); mappings may
-be of any length. The result is an EDS too, so a drive serves nothing else than it says.
+Profile and drive have the same objects as on CAN, with the deviations of the same personality.
+Objects of CAN are removed, sync managers and their assignment added (ETG.1000.6 clause 5.6.7);
+mappings may be of any length. The result is an EDS too, so that a drive serves exactly its EDS.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from dataclasses import dataclass
 import canopen
 from canopen.objectdictionary import ODVariable, datatypes
 
-from sim_plant.canopen.eds import Entry, drive_eds, entries_of, key
+from sim_plant.canopen.eds import Entry, drive_eds, key, parse_entries
 from sim_plant.canopen.eds_variant import list_objects, variant
 from sim_plant.personality import PLAIN, Personality
 
 PDOS = 4
-"""In each direction, as the EDS declares them."""
+"""PDOs in each direction, as declared by the EDS."""
 RECEIVED, SENT = 0x1600, 0x1A00
-"""Where the mappings begin of what the master writes and reads."""
+"""First mappings of the objects written and read by the master."""
 ASSIGNED_OUT, ASSIGNED_IN = 0x1C12, 0x1C13
 SYNC_OUT, SYNC_IN = 0x1C32, 0x1C33
 
@@ -42,7 +42,7 @@ is set by the clock's own registers."""
 MIN_CYCLE = 100_000
 """1C32h:5 [ns]."""
 CYCLE_MAX = 1_000_000_000
-"""Longest cycle that a drive takes [ns]."""
+"""Maximum cycle of a drive [ns]."""
 _SYNC_FIELDS = (
     ("Synchronization type", _U16, 1),
     ("Cycle time", _U32, 0),
@@ -55,7 +55,7 @@ _SYNC_FIELDS = (
 
 @dataclass(frozen=True, slots=True)
 class EntryDescription:
-    """One entry as SDO information and device descriptions state it."""
+    """Entry of an object in SDO information and device descriptions."""
 
     entry: Entry
     name: str
@@ -63,14 +63,14 @@ class EntryDescription:
 
     @property
     def bits(self) -> int:
-        """Width; of texts that of their default."""
+        """Width; for texts the width of the default."""
         default = self.entry.default
         return 8 * (len(default) if isinstance(default, bytes) else self.entry.size)
 
 
 @dataclass(frozen=True, slots=True)
 class ObjectDescription:
-    """One object with its entries by sub-index."""
+    """Object with its entries by sub-index."""
 
     index: int
     name: str
@@ -79,7 +79,7 @@ class ObjectDescription:
 
     @property
     def data_type(self) -> int:
-        """Of a variable or of an array's elements; 0 for a record."""
+        """Data type of a variable or of an array's elements; 0 for a record."""
         if self.code == _RECORD:
             return 0
         return self.entries[max(self.entries) and 1].data_type
@@ -87,7 +87,7 @@ class ObjectDescription:
 
 @dataclass(frozen=True, slots=True)
 class PdoEntry:
-    """An object in a mapping; without index it fills space."""
+    """Mapped object; without index a filler."""
 
     index: int
     subindex: int
@@ -97,7 +97,7 @@ class PdoEntry:
 
 @dataclass(frozen=True, slots=True)
 class Pdo:
-    """A mapping as it is after power-on."""
+    """Mapping after power-on."""
 
     index: int
     name: str
@@ -105,18 +105,18 @@ class Pdo:
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Size in bytes."""
         return sum(entry.size for entry in self.entries)
 
 
 @dataclass(frozen=True, slots=True)
 class DriveObjects:
-    """All objects that the bus can reach, by index."""
+    """All objects visible on the bus, by index."""
 
     objects: dict[int, ObjectDescription]
 
     def assigned(self, index: int) -> list[Pdo]:
-        """Return the mappings that 1C12h or 1C13h names after power-on."""
+        """Return the mappings assigned by 1C12h or 1C13h after power-on."""
         return [
             self.pdo(number)
             for number in self._defaults(index)
@@ -124,7 +124,7 @@ class DriveObjects:
         ]
 
     def pdo(self, index: int) -> Pdo:
-        """Return a mapping as it is after power-on."""
+        """Return a mapping after power-on."""
         mapped = tuple(self._mapped(number) for number in self._defaults(index))
         return Pdo(index, self.objects[index].name, mapped)
 
@@ -138,8 +138,8 @@ class DriveObjects:
         return [int(entries[n].entry.default) for n in range(1, int(entries[0].entry.default) + 1)]
 
 
-def without_can(personality: Personality) -> Personality:
-    """Return what of a personality holds for a drive on EtherCAT."""
+def strip_can(personality: Personality) -> Personality:
+    """Return a personality without the deviations of CAN objects."""
     objects = tuple(change for change in personality.objects if change.index not in _CAN_ONLY)
     missing = tuple(index for index in personality.missing if index not in _CAN_ONLY)
     return personality.model_copy(update={"objects": objects, "missing": missing})
@@ -147,15 +147,15 @@ def without_can(personality: Personality) -> Personality:
 
 @functools.cache
 def coe_eds(personality: Personality = PLAIN) -> str:
-    """Return a drive's EDS on EtherCAT, of a personality `without_can`."""
-    text = _on_ethercat(drive_eds())
+    """Return a drive's EDS on EtherCAT, for a personality from `strip_can`."""
+    text = _convert_eds(drive_eds())
     return text if personality == PLAIN else variant(text, personality)
 
 
 @functools.cache
 def coe_entries(personality: Personality = PLAIN) -> dict[int, Entry]:
-    """All entries of a drive on EtherCAT, by `key`: what the bus can reach."""
-    return entries_of(coe_eds(personality))
+    """Return all entries visible on the bus of a drive on EtherCAT, by `key`."""
+    return parse_entries(coe_eds(personality))
 
 
 @functools.cache
@@ -187,7 +187,7 @@ def _code(thing: object) -> int:
     return _ARRAY if isinstance(thing, canopen.objectdictionary.ODArray) else _RECORD
 
 
-def _on_ethercat(text: str) -> str:
+def _convert_eds(text: str) -> str:
     eds = configparser.RawConfigParser()
     eds.optionxform = str  # type: ignore[assignment,method-assign]
     eds.read_string(text)
@@ -227,7 +227,7 @@ def _add(
     access: str,
     fields: list[tuple[str, str, int]],
 ) -> None:
-    """Add an object with sub-indices: name, data type and default of each."""
+    """Add an object with sub-indices, given by name, data type and default."""
     whole = f"{index:04X}"
     eds[whole] = {
         "ParameterName": name,

@@ -1,8 +1,8 @@
-"""Process data of a drive: which mappings 1C12h and 1C13h assign, their sizes, values in and out.
+"""Process data of a drive: mappings assigned by 1C12h and 1C13h, sizes, exchange of values.
 
-An assignment and its mappings are changed in PREOP, with the number of entries set to zero first,
-and are taken over on the way to SAFEOP. From then on every cycle writes and reads all of them at
-once; the controlword acts last, so that it finds what came with it.
+Assignment and mappings are changed in PREOP, with the number of entries set to zero first, and
+applied on the way to SAFEOP. From then on every cycle writes and reads all of them. The controlword
+acts last, after the other values of its frame.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ if TYPE_CHECKING:
     from sim_plant.canopen.object_dictionary import ObjectDictionary
 
 SIZE_MAX = 256
-"""Bytes of process data in one direction: four mappings of eight objects have 128 at most."""
+"""Maximum bytes in one direction: four mappings of eight objects have 128 at most."""
 _CONTROLWORD, _TARGET = 0x6040, 0x607A
 _EVERY_CYCLE = (_CONTROLWORD, _TARGET)
-"""Objects that are commands each time; any other acts when it is changed."""
+"""Objects that act in every cycle; others act on a change."""
 
 
 class ProcessData:
-    """Outputs (from the master) and inputs of one drive.
+    """Outputs (from the master) and inputs of a drive.
 
     Parameters
     ----------
     dictionary : ObjectDictionary
     emergencies : Emergencies
     is_fixed : callable
-        Whether assignment and mappings must not be changed now.
+        Returns True while assignment and mappings must not be changed.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class ProcessData:
         self.compile()
 
     def compile(self) -> None:
-        """Take over what is assigned and mapped now."""
+        """Apply the present assignment and mappings."""
         received, self._outputs = self._layout(ASSIGNED_OUT)
         sent, self._inputs = self._layout(ASSIGNED_IN)
         self._received, self._sent = struct.Struct(received), struct.Struct(sent)
@@ -89,17 +89,17 @@ class ProcessData:
 
     @property
     def sizes(self) -> tuple[int, int]:
-        """Bytes of outputs and inputs as assigned and mapped now."""
+        """Bytes of outputs and inputs by the present assignment and mappings."""
         received, sent = self._layout(ASSIGNED_OUT)[0], self._layout(ASSIGNED_IN)[0]
         return struct.calcsize(received), struct.calcsize(sent)
 
     def forget(self) -> None:
-        """Let the next outputs be news, whatever they are."""
+        """Treat the next outputs as changed."""
         self._last: tuple[int, ...] = ()
         self.is_taken = False
 
     def act(self, memory: bytearray, start: int, size: int) -> None:
-        """Let outputs take effect, which stand in so many bytes of a memory."""
+        """Apply the outputs in a part of a memory."""
         if size < self._received.size:
             return
         self.is_taken = True
@@ -114,7 +114,7 @@ class ProcessData:
                     self._emergencies.report(ErrorCode.PDO_VALUE)
 
     def latch(self, image: Sequence[int]) -> bytes:
-        """Return the present inputs, of all axes' process image as it was latched."""
+        """Return the present inputs, taken from the latched process image of all axes."""
         values = self._pick(image) if self._pick is not None else self._read()
         try:
             return self._sent.pack(*values)

@@ -46,10 +46,10 @@ _WRITABLE = (
     (SYNC0_CYCLE, 8),
 )
 WRITABLE = frozenset(place for start, size in _WRITABLE for place in range(start, start + size))
-"""Places below 1000h that a master may write."""
+"""Addresses below 1000h that a master may write."""
 
 CLEARED = frozenset({*range(0x0300, 0x0314), WATCHDOG_COUNTER, WATCHDOG_COUNTER + 1})
-"""Counters, which any write sets to zero."""
+"""Counters, set to zero by any write."""
 
 _FEATURES = 0x0002 | 0x0004 | 0x0008 | 0x0040
 """Bit operation of FMMUs is there (bit 0 is clear); distributed clock, of 64 bits, and its

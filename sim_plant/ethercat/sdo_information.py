@@ -1,4 +1,4 @@
-"""SDO information: which objects a drive has, what they are called and hold (ETG.1000.6, 5.6.3)."""
+"""SDO information: objects of a drive with names, types and access (ETG.1000.6, 5.6.3)."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
 _HEAD = struct.Struct("<BBH")
 _INCOMPLETE = 0x80
 _LIST, _OBJECT, _ENTRY, _ERROR = 1, 3, 5, 7
-"""Requests; an answer has the next number."""
+"""Requests; the answer has the next number."""
 _NUMBERS, _ALL, _RECEIVED, _SENT, _, _SETTINGS = range(6)
 """Lists of objects: how many are in each other list; all; mappable for masters to write, to read;
 stored; settings to be put into a replacement."""
 _READABLE, _WRITABLE = 0x07, 0x38
-"""In PREOP, SAFEOP and OP."""
+"""Access in PREOP, SAFEOP and OP."""
 _MAPPABLE_OUT, _MAPPABLE_IN = 0x40, 0x80
 
 
 class SdoInformation:
-    """Describes the objects of one drive.
+    """Server of descriptions of a drive's objects.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class SdoInformation:
         self._objects = objects.objects
 
     def answers(self, request: bytes, room: int) -> list[bytes]:
-        """Answer a request by one fragment or several of at most `room` bytes."""
+        """Return the answer to a request in fragments of at most `room` bytes."""
         if len(request) < _HEAD.size + 2:
             return []
         code, data = request[0] & 0x7F, request[_HEAD.size :]

@@ -1,11 +1,11 @@
-"""All drives of the plant on one line of EtherCAT: a frame goes in, and comes back worked on.
+"""EtherCAT segment: all drives of the plant on a line, processing frames in turn.
 
-Two clocks are possible. With ``"sync"`` time stands still between cycles: when every slave in
-SAFEOP or OP has got its outputs (or has been read, if it has none), they act, and one cycle
-passes. It is the longest SYNC0 cycle, else the longest 1C32h:2, else that of the option. So a
-master is as fast as the processor and always gets the same answers. A master that sends no outputs
+There are two clocks. With ``"sync"`` time stands still between cycles: when every slave in SAFEOP
+or OP has received its outputs (or, without outputs, has been read), the outputs act and one cycle
+passes. The cycle is the longest SYNC0 cycle, else the longest 1C32h:2, else the option `cycle`. So
+a master runs as fast as the processor and always gets the same answers. A master without outputs
 lets a cycle pass with each frame that reads the watchdog status of all (BRD of 0440h). With
-``"wall"`` somebody calls `elapse`.
+``"wall"`` the caller advances time by `elapse`.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from sim_plant.machine_protocol import Machine
 
 _FIRST = 16
-"""Where the command of the first datagram stands."""
+"""Place of the first datagram's command."""
 _SIMULTANEOUS = 1e-6
-"""SYNC0 of slaves are taken for one instant if they are not further apart [s]."""
+"""Time difference up to which the SYNC0 of several slaves count as simultaneous [s]."""
 _LINK_FIRST, _LINK_NEXT = 0x0010, 0x0020
 _OPEN_FIRST, _OPEN_NEXT = 0x0200, 0x0800
 _CLOSED_NEXT, _CLOSED_OTHERS = 0x0400, 0x1000 | 0x4000
@@ -51,14 +51,14 @@ _OPERATIONAL = 0x0001
 
 
 class Segment(TimedNetwork):
-    """Drives in front of a machine, on one cable.
+    """Drives of a machine on one cable.
 
     Parameters
     ----------
     machine : Machine
     clock : {"sync", "wall"}
     cycle : float
-        What a cycle lets pass while no slave is set to one [s].
+        Cycle time while no slave has one [s].
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Segment(TimedNetwork):
     time : float
         Time since power-on [s].
     cuts : set of int
-        Cables that are cut: 0 in front of the first slave, 1 behind it.
+        Cut cables: 0 in front of the first slave, 1 after it.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Segment(TimedNetwork):
             node.boot()
 
     def process(self, frame: bytes) -> bytes | None:
-        """Return what becomes of a frame on its way through all slaves, None if it is lost."""
+        """Return a frame after passing the slaves, None if the frame is lost."""
         usual = self._usual
         if usual is not None and not self.cuts and usual.fits(frame):
             answer = usual.passed(frame)
@@ -133,7 +133,7 @@ class Segment(TimedNetwork):
         return bytes(passing)
 
     def _is_cyclic(self, frame: bytes) -> bool:
-        """Whether a frame begins with process data, and all slaves exchange them."""
+        """Return True if a frame starts with process data and all slaves exchange data."""
         logical = frame[_FIRST] in LOGICAL if len(frame) > _FIRST else False
         return logical and all(node.exchanges for node in self.nodes)
 
@@ -143,13 +143,13 @@ class Segment(TimedNetwork):
 
     @property
     def cycle(self) -> float:
-        """What an exchange of process data lets pass [s]."""
+        """Cycle time of an exchange of process data [s]."""
         longest = max(node.clock.cycle for node in self.nodes)
         longest = longest or max(node.dictionary.get(SYNC_OUT, 2) for node in self.nodes)
         return longest * 1e-9 or self._default_cycle
 
     def _reached(self) -> Sequence[EthercatSlave]:
-        """Return the slaves as far as frames get."""
+        """Return the slaves reached by frames."""
         for number, node in enumerate(self.nodes):
             if number in self.cuts or not node.is_connected:
                 return self.nodes[:number]
@@ -173,7 +173,7 @@ class Segment(TimedNetwork):
                 datagram.pass_on()
 
     def _work(self, reached: Sequence[EthercatSlave], *, waits: bool) -> None:
-        """Let happen what a frame has set off in the slaves; the master may wait for them."""
+        """Execute the consequences of a frame; `waits` ends the cycle without outputs."""
         last = len(reached) - 1
         due = False
         for number, node in enumerate(reached):
@@ -197,7 +197,7 @@ class Segment(TimedNetwork):
             self._advance(self.cycle)
 
     def _latch_once(self) -> list[int]:
-        """Latch all axes, unless that was done at this instant for another slave; return all."""
+        """Latch all axes once per instant; return the process image."""
         if self._latched is None or self.time - self._latched > _SIMULTANEOUS:
             self._latched = self.time
             self._latch()

@@ -1,9 +1,9 @@
-"""One drive of the plant as an EtherCAT slave: controller, states, mailbox, process data, clock.
+"""EtherCAT slave with a drive: controller, states, mailbox, process data, clock.
 
-The slave sees each frame twice: while it passes (`serve`), and when it has passed (`work`), where
-whatever the frame has set off happens. With SYNC0 activated, outputs act and inputs are latched at
-each SYNC0; otherwise when the frame with the outputs has passed. Either way a master reads inputs
-that were latched before its frame came.
+The slave processes each frame twice: while it passes (`serve`), and after it has passed (`work`),
+when its consequences are executed. With SYNC0 activated, outputs act and inputs are latched at each
+SYNC0; otherwise when the frame with the outputs has passed. In both cases a master reads inputs
+latched before its frame came.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from sim_plant.ethercat.objects import (
     SYNC_OUT,
     coe_entries,
     drive_objects,
-    without_can,
+    strip_can,
 )
 from sim_plant.ethercat.process_data import SIZE_MAX, ProcessData
 
@@ -46,17 +46,17 @@ if TYPE_CHECKING:
 OUTPUTS, INPUTS = 2, 3
 """Sync managers of process data."""
 _MAILBOX_MIN = HEADER.size + 16
-"""Bytes that a mailbox needs for the services that there are."""
+"""Minimum size of a mailbox for the supported services [bytes]."""
 _TICK = 40e-9
 """Unit of the watchdog's divider [s]."""
 _OP, _SAFEOP = AlState.OP, AlState.SAFEOP
-"""Looked up once, since every slave asks for them in every cycle."""
+"""Local names, since all slaves use them in every cycle."""
 _ROUNDING = 1e-9
-"""What sums of instants may be off by [s]."""
+"""Rounding error of sums of instants [s]."""
 
 
 class EthercatSlave(Cia402Drive):
-    """One drive of the plant on EtherCAT.
+    """Drive of the plant on EtherCAT.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class EthercatSlave(Cia402Drive):
     coe : CoeServer
     eeprom : Eeprom
     is_connected : bool
-        Whether frames pass through it; False while it has no supply.
+        False while the slave has no supply and no frames pass.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class EthercatSlave(Cia402Drive):
         timers: Timers,
         latch: Callable[[], Sequence[int]],
     ) -> None:
-        personality = without_can(settings.personality)
+        personality = strip_can(settings.personality)
         settings = replace(settings, personality=personality)
         dictionary = ObjectDictionary(settings.node_id, personality, coe_entries)
         objects = drive_objects(personality)
@@ -124,7 +124,7 @@ class EthercatSlave(Cia402Drive):
     # Power
 
     def boot(self) -> None:
-        """Begin as after power-on."""
+        """Start as after power-on."""
         self._timers.stop(self._watchdog_timer)
         self._timers.stop((self.node_id, "SYNC0"))
         self.controller.reset()
@@ -134,7 +134,7 @@ class EthercatSlave(Cia402Drive):
         self.states.reset()
 
     def restart(self) -> None:
-        """Begin as after power-on, with a drive and objects that do so too."""
+        """Restart slave, drive and objects as after power-on."""
         self.emergencies.reset()
         self.dictionary.reset(0x1000, 0x9FFF)
         self.reset()
@@ -148,7 +148,7 @@ class EthercatSlave(Cia402Drive):
     # Frames
 
     def serve(self, datagram: Datagram, *, reads: bool, writes: bool, delay: int) -> None:
-        """Work on a datagram that concerns this slave, as it passes `delay` [ns] behind now."""
+        """Process a datagram for this slave, passing `delay` [ns] after now."""
         low, high = datagram.offset, datagram.offset + datagram.size
         times = low < reg.TIME_OFFSET and high > reg.RECEIVE_TIMES
         if times and reads:
@@ -158,22 +158,22 @@ class EthercatSlave(Cia402Drive):
         self.controller.serve(datagram, reads=reads, writes=writes)
 
     def time(self, delay: int) -> bytes:
-        """Return the system time at which a frame passes that is `delay` [ns] behind now."""
+        """Return the system time of a frame passing `delay` [ns] after now."""
         return self.clock.passing(self._timers.now, delay).to_bytes(8, "little")
 
     def take_time(self, received: bytes, delay: int) -> None:
-        """Compare the time of the reference clock with that at which a frame passes."""
+        """Compare the time of the reference clock with the time of the passing frame."""
         self.clock.compare(int.from_bytes(received, "little"), self._timers.now, delay)
 
     def is_addressed(self, datagram: Datagram) -> bool:
-        """Whether a datagram names this slave by its address, or by its alias."""
+        """Return True if a datagram has the address of this slave, or its alias."""
         position, by_alias = datagram.position, self.controller.memory[reg.DL_CONTROL + 3] & 1
         return position == self.controller.word(reg.STATION) or bool(
             by_alias and position == self.controller.word(reg.ALIAS)
         )
 
     def take_outputs(self) -> None:
-        """Take note that outputs have come, and nothing else."""
+        """Note the arrival of outputs, without other events."""
         self._new_outputs = True
         if self._known is not self.controller.set_up:
             self._look_up()
@@ -184,14 +184,14 @@ class EthercatSlave(Cia402Drive):
             self.mailbox.work()
 
     def _look_up(self) -> None:
-        """Take note of how sync managers of process data are set."""
+        """Read the configuration of the sync managers of process data."""
         self._known = self.controller.managers
         outputs, inputs = self._known[OUTPUTS], self._known[INPUTS]
         self._is_feeding, self._outputs = outputs.feeds_watchdog, outputs[:2]
         self._inputs = inputs.start, inputs.start + inputs.size * inputs.is_active
 
     def work(self, forward: int, back: int | None) -> bool:
-        """Carry out what the frame has set off; return whether its outputs have come.
+        """Execute the consequences of a frame; return True if its outputs have come.
 
         Parameters
         ----------
@@ -220,12 +220,12 @@ class EthercatSlave(Cia402Drive):
 
     @property
     def exchanges(self) -> bool:
-        """Whether it takes part in the exchange of process data."""
+        """True if the slave exchanges process data."""
         state = self.states.state
         return state is _OP or state is _SAFEOP
 
     def _take_outputs(self, events: set[int]) -> bool:
-        """Return whether process data were exchanged: outputs, inputs of a slave without any."""
+        """Return True if outputs were exchanged, or inputs of a slave without outputs."""
         managers = self.controller.managers
         outputs, inputs = managers[OUTPUTS], managers[INPUTS]
         written = outputs.is_active and outputs.start in events
@@ -236,14 +236,14 @@ class EthercatSlave(Cia402Drive):
         return written or (not outputs.is_active and inputs.is_active and inputs.start in events)
 
     def exchange(self, image: Sequence[int], *, repeated: bool = False) -> None:
-        """Latch inputs and let outputs act.
+        """Latch inputs and apply outputs.
 
         Parameters
         ----------
         image : sequence of int
-            Of all axes, as they were latched.
+            Process image of all axes, as latched.
         repeated : bool
-            Outputs are those of the frame before.
+            True if the outputs equal those of the previous frame.
         """
         controller = self.controller
         data, memory = self.process_data.latch(image), controller.memory
@@ -261,7 +261,7 @@ class EthercatSlave(Cia402Drive):
 
     @property
     def _watchdog(self) -> float:
-        """Time after which the watchdog of process data expires [s], 0 if it is off."""
+        """Time-out of the watchdog of process data [s], 0 if it is off."""
         if not self.controller.managers[OUTPUTS].feeds_watchdog:
             return 0.0
         unit = (self.controller.word(reg.WATCHDOG_DIVIDER) + 2) * _TICK
@@ -290,7 +290,7 @@ class EthercatSlave(Cia402Drive):
                 self.states.fall(AlState.SAFEOP, AlCode.WATCHDOG)
 
     def _start_sync0(self, least: int = 0) -> None:
-        """Wait for the first SYNC0 that is further ahead than `least` [ns]."""
+        """Wait for the first SYNC0 further ahead than `least` [ns]."""
         name = self.node_id, "SYNC0"
         self._timers.stop(name)
         if MIN_CYCLE <= self.clock.cycle <= CYCLE_MAX:

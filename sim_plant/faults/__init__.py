@@ -1,1 +1,1 @@
-"""What goes wrong on purpose: faults of bus, drives and sensors, by plan."""
+"""Fault injection: faults of bus, drives and sensors, by plan."""

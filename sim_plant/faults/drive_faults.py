@@ -1,4 +1,4 @@
-"""Faults of a drive: of its firmware, its supply, its sensors and its motor."""
+"""Faults of a drive: firmware, supply, sensors and motor."""
 
 from __future__ import annotations
 
@@ -16,69 +16,69 @@ _NODE = 0x7F
 
 
 class Warned(NodeInjection):
-    """The drive sends an emergency and works on."""
+    """Emergency of a drive that works on."""
 
     def begin(self) -> None:
-        """Send it."""
+        """Send the emergency."""
         self.node.emergencies.report(self.fault.code or 0)
 
 
 class Failed(NodeInjection):
-    """The drive falls into a fault."""
+    """Fault of the drive."""
 
     def begin(self) -> None:
-        """Fall."""
+        """Enter the fault."""
         self.node.fail(self.fault.code or 0)
 
 
 class Reset(NodeInjection):
-    """The node restarts, as its watchdog has it."""
+    """Restart of the node, as by its watchdog."""
 
     def begin(self) -> None:
-        """Restart."""
+        """Restart the node."""
         self.node.restart()
 
 
 class NodeBusOff(NodeInjection):
-    """The node is cut off the bus and works on."""
+    """Bus-off of a node that works on."""
 
     def begin(self) -> None:
         """Leave the bus."""
         self.node.connect(False)
 
     def end(self) -> list[CanFrame]:
-        """Come back."""
+        """Rejoin the bus."""
         self.node.connect(True)
         return []
 
     def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
-        """Drop what comes from this node."""
+        """Drop the frames of this node."""
         return [frame for frame in frames if frame[1] & _NODE != self.node.node_id]
 
 
 class VoltageLost(NodeInjection):
-    """The DC link is gone, the controller lives."""
+    """Loss of the DC link; the drive's controller works on."""
 
     def begin(self) -> None:
-        """Lose it."""
+        """Remove the voltage."""
         self.node.lose_voltage()
 
     def end(self) -> list[CanFrame]:
-        """Have it again."""
+        """Restore the voltage."""
         self.node.regain_voltage()
         return []
 
 
 class SupplyLost(NodeBusOff):
-    """The node is dead."""
+    """Loss of all supply of the node."""
 
     def begin(self) -> None:
-        """Die."""
+        """Disconnect the node and remove the voltage."""
         super().begin()
         self.node.lose_voltage()
 
     def end(self) -> list[CanFrame]:
-        """Boot."""
+        """Boot the node."""
         super().end()
         self.node.regain_voltage()
         self.node.restart()
@@ -86,143 +86,143 @@ class SupplyLost(NodeBusOff):
 
 
 class EncoderJump(NodeInjection):
-    """The encoder shows another angle than before."""
+    """Jump of the encoder to another angle."""
 
     def begin(self) -> None:
-        """Jump."""
+        """Add the jump."""
         self.machine.jump(self.axis, round(self.fault.size or 0))
 
     def end(self) -> list[CanFrame]:
-        """Jump back."""
+        """Remove the jump."""
         self.machine.jump(self.axis, -round(self.fault.size or 0))
         return []
 
 
 class CurrentOffset(NodeInjection):
-    """The current sensor shows too much."""
+    """Offset of the current sensor."""
 
     def begin(self) -> None:
-        """Show too much."""
+        """Add the offset."""
         self.machine.offsets[self.axis] = round(self.fault.size or 0)
 
     def end(self) -> list[CanFrame]:
-        """Show what is."""
+        """Remove the offset."""
         del self.machine.offsets[self.axis]
         return []
 
 
 class CurrentClipped(NodeInjection):
-    """The current sensor has a small range."""
+    """Reduced range of the current sensor."""
 
     def begin(self) -> None:
-        """Clip."""
+        """Clip the readings."""
         self.machine.clips[self.axis] = round(self.fault.size or 0)
 
     def end(self) -> list[CanFrame]:
-        """Show what is."""
+        """Restore the range."""
         del self.machine.clips[self.axis]
         return []
 
 
 class CurrentStuck(NodeInjection):
-    """The current sensor shows one value."""
+    """Constant reading of the current sensor."""
 
     def begin(self) -> None:
-        """Stick."""
+        """Freeze the reading."""
         self.machine.freeze_current(self.axis)
 
     def end(self) -> list[CanFrame]:
-        """Show what is."""
+        """Release the reading."""
         del self.machine.frozen[self.axis]
         return []
 
 
 class PositionSlow(NodeInjection):
-    """The drive renews its position less often than it sends it."""
+    """Slow refresh of the position, less often than its transmission."""
 
     places: tuple[int, ...] = POSITIONS
 
     def begin(self) -> None:
-        """Renew it now and then."""
+        """Reduce the refresh rate."""
         self.machine.renew(self.axis, self.places, (self.fault.size or 0.0) / 1000.0)
 
     def end(self) -> list[CanFrame]:
-        """Show what is."""
+        """Restore the refresh rate."""
         self.machine.renew(self.axis, self.places, None)
         return []
 
 
 class CurrentSlow(PositionSlow):
-    """The drive renews its current less often than it sends it."""
+    """Slow refresh of the current, less often than its transmission."""
 
     places = CURRENTS
 
 
 class BrakeClosed(NodeInjection):
-    """The brake closes on an energised axis."""
+    """Brake closed on an energised axis."""
 
     def begin(self) -> None:
-        """Close."""
+        """Close the brake."""
         self.machine.press_brake(self.axis, 1)
 
     def end(self) -> list[CanFrame]:
-        """Open."""
+        """Open the brake."""
         self.machine.press_brake(self.axis, -1)
         return []
 
 
 class AxisWeak(NodeInjection):
-    """The motor has little strength left."""
+    """Reduced torque of the motor."""
 
     def begin(self) -> None:
-        """Weaken."""
+        """Reduce the torque."""
         self.machine.axes[self.axis].weaken(round(self.fault.size or 0))
 
     def end(self) -> list[CanFrame]:
-        """Recover."""
+        """Restore the torque."""
         self.machine.axes[self.axis].weaken(None)
         return []
 
 
 class Pushed(NodeInjection):
-    """Something pushes the axis from outside."""
+    """External torque on the axis."""
 
     def begin(self) -> None:
-        """Push."""
+        """Apply the torque."""
         self.machine.push(self.axis, self.fault.size or 0.0)
 
     def end(self) -> list[CanFrame]:
-        """Let go."""
+        """Remove the torque."""
         self.machine.push(self.axis, 0.0)
         return []
 
 
 class _Disobedient(NodeInjection):
-    """The drive does not do all that its controlword commands.
+    """Disobedience of the drive to commands of the controlword.
 
-    Its reaction to the loss of a heartbeat works all the same (`sim_plant.drive.disobedience`).
+    The reaction to the loss of a heartbeat is not affected (`sim_plant.drive.disobedience`).
     """
 
     disobedience = OBEDIENT
 
     def begin(self) -> None:
-        """Disobey."""
+        """Start to ignore the commands."""
         self.node.disobedience = self.disobedience
 
     def end(self) -> list[CanFrame]:
-        """Obey the commands to come."""
+        """Obey the next commands."""
         self.node.disobedience = OBEDIENT
         return []
 
 
 class QuickStopIgnored(_Disobedient):
-    """The drive goes on with its move at a quick stop."""
+    """Quick stop without effect: the drive goes on with its move."""
 
     disobedience = Disobedience(ignored=frozenset({Command.QUICK_STOP}))
 
 
 class DisableVoltageIgnored(_Disobedient):
-    """The drive stops quickly but cannot be switched off."""
+    """Disable voltage without effect: the drive stops quickly but cannot be switched off."""
 
     disobedience = Disobedience(
         ignored=frozenset({Command.DISABLE_VOLTAGE, Command.SHUTDOWN, Command.SWITCH_ON}),
@@ -231,6 +231,6 @@ class DisableVoltageIgnored(_Disobedient):
 
 
 class StopWithoutEffect(_Disobedient):
-    """The drive shows that it stops, and does not."""
+    """Stop without effect: the drive shows a stop and goes on with its move."""
 
     disobedience = Disobedience(runs_on=True)

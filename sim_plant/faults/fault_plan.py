@@ -1,4 +1,4 @@
-"""What shall go wrong, where, when and for how long, as data.
+"""Fault plans: kind, place, start and duration of faults, as data.
 
 A fault plan is a list of faults, in YAML or built in Python::
 
@@ -32,56 +32,56 @@ class What(StrEnum):
     """Kinds of faults."""
 
     TPDO_LOST = "tpdo-lost"
-    """The drive's process data do not arrive."""
+    """Loss of the drive's process data."""
     TPDO_DOUBLED = "tpdo-doubled"
     TPDO_LATE = "tpdo-late"
-    """They arrive only when the drives get the next frame, whichever that is."""
+    """Delay of the drive's process data until the drives receive the next frame."""
     SDO_SILENT = "sdo-silent"
     SDO_ABORTED = "sdo-aborted"
-    """Every request is refused with `code`."""
+    """Refusal of every request with `code`."""
     WARNING = "warning"
     """EMCY `code`, and the drive works on."""
     FAULT = "fault"
     """EMCY `code`, fault reaction, FAULT."""
     NODE_RESET = "node-reset"
     HEARTBEAT_LOST = "heartbeat-lost"
-    """The drive's."""
+    """Loss of the drive's heartbeat."""
     MASTER_HEARTBEAT_LOST = "master-heartbeat-lost"
-    """Ours, for all drives."""
+    """Loss of the master's heartbeat, for all drives."""
     BUS_OFF = "bus-off"
-    """The drive's controller leaves the bus; the drive works on."""
+    """Bus-off of the drive's controller; the drive works on."""
     ADAPTER_BUS_OFF = "adapter-bus-off"
-    """Our controller leaves the bus: it takes no frame any more."""
+    """Bus-off of the master's controller: no frame is sent or received."""
     TRANSMIT_OUTAGE = "transmit-outage"
-    """Our adapter takes no frame, as in bus-off; what the drives send still arrives."""
+    """Refusal of every frame by the master's adapter, which still receives."""
     RECEIVE_OUTAGE = "receive-outage"
-    """Nothing that the drives send reaches us; our frames get through."""
+    """Loss of all frames from the drives; frames of the master arrive."""
     CABLE_CUT = "cable-cut"
-    """No frame passes between us and any drive."""
+    """Cable cut between the master and all drives."""
     VOLTAGE_LOST = "voltage-lost"
     """The DC link: EMCY 3220, FAULT, brake, while the drive's controller lives."""
     STO_ACTIVE = "sto-active"
     """Safe torque off: no torque, brake, and the drive does not leave SWITCH ON DISABLED."""
     SUPPLY_LOST = "supply-lost"
-    """All of the drive is dead, its brake closed; it boots when the supply returns."""
+    """Loss of all supply, the brake closed; the drive boots when the supply returns."""
     ENCODER_JUMP = "encoder-jump"
-    """By `size` increments. The control loop follows what the encoder shows."""
+    """Jump by `size` increments. The control loop follows the encoder."""
     CURRENT_OFFSET = "current-offset"
-    """By `size` per mille of rated."""
+    """Offset of `size` per mille of rated current."""
     CURRENT_CLIPPED = "current-clipped"
-    """At +- `size` per mille of rated."""
+    """Clipping at +- `size` per mille of rated current."""
     CURRENT_STUCK = "current-stuck"
-    """At its value."""
+    """Constant reading."""
     POSITION_SLOW = "position-slow"
-    """The drive renews its position only every `size` ms."""
+    """Refresh of the position only every `size` ms."""
     CURRENT_SLOW = "current-slow"
-    """The drive renews its current only every `size` ms."""
+    """Refresh of the current only every `size` ms."""
     BRAKE_CLOSED = "brake-closed"
-    """On an axis that is energised."""
+    """Brake closed on an energised axis."""
     AXIS_WEAK = "axis-weak"
     """No more than `size` per mille of rated torque: the axis does not follow."""
     PUSH = "push"
-    """From outside on the joint, with `size` N m or N."""
+    """External torque or force on the joint, `size` [N m or N]."""
     SEGMENT_CUT = "segment-cut"
     """EtherCAT: the cable between the drive and the one before it."""
     FRAMES_LOST = "frames-lost"
@@ -128,7 +128,7 @@ _WITH_SIZE = {
 
 
 class When(FileModel):
-    """The moment at which a fault begins: one of the first four keys, and a delay."""
+    """Start of a fault: one of the first four keys, and a delay."""
 
     time: NotNegative | None = None
     """Since power-on [s]."""
@@ -153,7 +153,7 @@ class When(FileModel):
 
 
 class Span(FileModel):
-    """How long a fault lasts: one of both."""
+    """Duration of a fault: either `time` or `syncs`."""
 
     time: Positive | None = None
     """[s]."""
@@ -167,14 +167,14 @@ class Span(FileModel):
 
 
 class Fault(FileModel):
-    """One thing that goes wrong."""
+    """Fault with kind, place, start and duration."""
 
     what: What
     axis: Count | None = None
-    """From 1."""
+    """Axis number, from 1."""
     at: When
     lasts: Span | None = None
-    """For good, unless stated."""
+    """Duration; permanent if left out."""
     code: Annotated[int, Field(ge=1, le=0xFFFF_FFFF)] | None = None
     size: float | None = None
 
@@ -193,12 +193,12 @@ class Fault(FileModel):
 
 
 class FaultPlan(FileModel):
-    """All that goes wrong."""
+    """List of faults."""
 
     faults: tuple[Fault, ...]
 
     def check_axes(self, n_axes: int, source: str = "fault plan") -> None:
-        """Refuse a fault of an axis that the machine does not have.
+        """Check that the machine has the axes of all faults.
 
         Raises
         ------

@@ -1,9 +1,9 @@
-"""The plant's drives with faults by plan: the same interface as `SlaveNetwork`, in front of one.
+"""Network of the plant's drives with injected faults, with the interface of `SlaveNetwork`.
 
-Every frame is counted, faults whose moment has come begin, those whose time is up end. Faults that
-are present see each frame on its way to the drives, in the order of the plan, and all that the
-drives send on its way back. A SYNC that does not reach the drives lets its cycle of time pass all
-the same: the drives' motions and watchdogs do not wait for us.
+Every frame is counted, due faults begin and expired faults end. Active faults process each frame on
+its way to the drives, in the order of the plan, and all frames from the drives. A SYNC that does
+not reach the drives lets its cycle of time pass nevertheless: motions and watchdogs of the drives
+do not wait for the master.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ DRIVE_FAULTS: dict[What, type[NodeInjection]] = {
     What.DISABLE_VOLTAGE_IGNORED: drive_faults.DisableVoltageIgnored,
     What.STOP_WITHOUT_EFFECT: drive_faults.StopWithoutEffect,
 }
-"""Those of drives, sensors and motors, on whatever bus."""
+"""Faults of drives, sensors and motors, on any bus."""
 
 KINDS: dict[What, type[Injection]] = {
     **DRIVE_FAULTS,
@@ -64,12 +64,12 @@ KINDS: dict[What, type[Injection]] = {
 
 
 class FaultyNetwork(FaultSchedule[SlaveNetwork]):
-    """A plant's drives, with what goes wrong.
+    """Drives of a plant with injected faults.
 
     Parameters
     ----------
     plant : Plant
-        What the drives turn.
+        Machine of the drives.
     clock : {"sync", "wall"}
         See `sim_plant.slave_network`.
     plan : FaultPlan
@@ -96,7 +96,7 @@ class FaultyNetwork(FaultSchedule[SlaveNetwork]):
 
     @property
     def nodes(self) -> tuple[Cia402Node, ...]:
-        """The drives in joint order."""
+        """Drives in joint order."""
         return self._network.nodes
 
     def power_on(self) -> list[CanFrame]:
@@ -104,7 +104,7 @@ class FaultyNetwork(FaultSchedule[SlaveNetwork]):
         return self._network.power_on()
 
     def receive(self, identifier: int, data: bytes) -> list[CanFrame]:
-        """Take a data frame with 11-bit identifier; return what the drives send.
+        """Process a data frame with 11-bit identifier; return the frames of the drives.
 
         Raises
         ------
@@ -126,7 +126,7 @@ class FaultyNetwork(FaultSchedule[SlaveNetwork]):
         return held + answer + self._unheard(sync=sync)
 
     def receive_remote(self, identifier: int) -> list[CanFrame]:
-        """Take a remote frame; return what the drives send.
+        """Process a remote frame; return the frames of the drives.
 
         Raises
         ------
@@ -142,13 +142,13 @@ class FaultyNetwork(FaultSchedule[SlaveNetwork]):
         return held + self._passed_on(self._network.receive_remote(identifier))
 
     def elapse(self, duration: float) -> list[CanFrame]:
-        """Let time pass without SYNC [s]; return what the drives send meanwhile."""
+        """Let time pass without SYNC [s]; return the frames of the drives."""
         self.progress.between = True
         held = self._update()
         return held + self._passed_on(self._network.elapse(duration))
 
     def _intercepted(self, identifier: int, data: bytes) -> list[CanFrame] | None:
-        """Return what a fault answers in the drives' place, None if the frame reaches them."""
+        """Return the answer of a fault in place of the drives, None if the frame reaches them."""
         for _, injection in self._present:
             answer = injection.incoming(identifier, data)
             if answer is not None:
@@ -156,7 +156,7 @@ class FaultyNetwork(FaultSchedule[SlaveNetwork]):
         return None
 
     def _unheard(self, *, sync: bool) -> list[CanFrame]:
-        """Let the time of a frame pass that the drives do not get; return what they send."""
+        """Let the time of a lost frame pass; return the frames of the drives."""
         if not (sync and self._clock == "sync"):
             return []
         return self._passed_on(self._network.elapse(self._network.cycle))

@@ -1,7 +1,7 @@
-"""The plant's EtherCAT slaves with faults by plan: the same interface as `Segment`.
+"""EtherCAT slaves of the plant with injected faults, with the interface of `Segment`.
 
 Faults of drives, sensors and motors are those on CAN. A frame that does not reach the slaves lets
-its cycle of time pass all the same, and counts.
+its cycle of time pass nevertheless, and is counted.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ KINDS: dict[What, Callable[[Fault, Segment, FaultyMachine], Injection]] = {
 
 
 class FaultySegment(FaultSchedule[Segment]):
-    """A plant's EtherCAT slaves, with what goes wrong.
+    """EtherCAT slaves of a plant with injected faults.
 
     Parameters
     ----------
     plant : Plant
-        What the drives turn.
+        Machine of the drives.
     clock : {"sync", "wall"}
         See `sim_plant.ethercat.segment`.
     plan : FaultPlan
@@ -80,7 +80,7 @@ class FaultySegment(FaultSchedule[Segment]):
         self._network.elapse(duration)
 
     def process(self, frame: bytes) -> bytes | None:
-        """Return what becomes of a frame on its way through all slaves, None if it is lost."""
+        """Return a frame after passing the slaves, None if the frame is lost."""
         cyclic = any(found.command in LOGICAL for found in datagrams(bytearray(frame)))
         self.progress.frames += 1
         self.progress.syncs += cyclic

@@ -1,4 +1,4 @@
-"""Faults of the wire: what is lost, doubled, late, refused or cut off between master and drives."""
+"""Faults of the wire: frames between master and drives lost, doubled, delayed or refused."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _ABORT = struct.Struct("<B3sI")
 
 
 class NotSent(can.CanOperationError):
-    """Our adapter does not take a frame.
+    """Refusal of a frame by the master's adapter.
 
     Attributes
     ----------
     frames : list of CanFrame
-        What reaches us from the drives meanwhile.
+        Frames received from the drives meanwhile.
     """
 
     def __init__(self, message: str) -> None:
@@ -32,56 +32,56 @@ class NotSent(can.CanOperationError):
 
 
 class BusOff(NotSent):
-    """Our controller has left the bus."""
+    """Bus-off of the master's controller."""
 
 
 class TpdoLost(NodeInjection):
-    """Process data do not arrive."""
+    """Loss of a drive's process data."""
 
     def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
-        """Drop them."""
+        """Drop the process data."""
         return [frame for frame in frames if frame[1] not in self.tpdos]
 
 
 class TpdoDoubled(NodeInjection):
-    """Process data arrive twice."""
+    """Duplication of a drive's process data."""
 
     def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
-        """Double them."""
+        """Send the process data twice."""
         return [copy for frame in frames for copy in [frame] * (1 + (frame[1] in self.tpdos))]
 
 
 class TpdoLate(NodeInjection):
-    """Process data arrive when the drives get the next frame, whichever that is."""
+    """Delay of a drive's process data until the drives receive the next frame."""
 
     def begin(self) -> None:
-        """Hold none yet."""
+        """Start without held frames."""
         self._held: list[CanFrame] = []
 
     def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
-        """Hold what is new, let go what was held."""
+        """Hold new process data and release those held before."""
         late, self._held = self._held, [frame for frame in frames if frame[1] in self.tpdos]
         return late + [frame for frame in frames if frame[1] not in self.tpdos]
 
     def end(self) -> list[CanFrame]:
-        """Let go what is held."""
+        """Release the held frames."""
         return self._held
 
 
 class SdoSilent(NodeInjection):
-    """No request is answered."""
+    """Silent SDO server."""
 
     def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
-        """Swallow requests."""
+        """Drop requests to this node."""
         del data
         return [] if identifier == 0x600 + self.node.node_id else None
 
 
 class SdoAborted(NodeInjection):
-    """Every request is refused."""
+    """Refusal of every SDO request."""
 
     def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
-        """Answer with the abort code."""
+        """Answer requests with the abort code."""
         if identifier != 0x600 + self.node.node_id or len(data) != 8:
             return None
         answer = _ABORT.pack(0x80, data[1:4], self.fault.code or 0)
@@ -89,53 +89,53 @@ class SdoAborted(NodeInjection):
 
 
 class HeartbeatLost(NodeInjection):
-    """The node's heartbeat does not arrive."""
+    """Loss of a node's heartbeat."""
 
     def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
-        """Drop it."""
+        """Drop the heartbeat."""
         return [frame for frame in frames if frame[1] != HEARTBEAT + self.node.node_id]
 
 
 class MasterHeartbeatLost(Injection):
-    """No heartbeat but the drives' own gets through."""
+    """Loss of the master's heartbeat on its way to the drives."""
 
     def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
-        """Swallow heartbeats."""
+        """Drop heartbeats."""
         del data
         return [] if HEARTBEAT < identifier <= HEARTBEAT + _NODE else None
 
 
 class TransmitOutage(Injection):
-    """Our adapter sends no frame, but receives whatever arrives."""
+    """Transmit outage of the master's adapter, which still receives."""
 
     def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
-        """Refuse it."""
+        """Refuse the frame."""
         del data
         raise NotSent(f"transmit outage: frame {identifier:03X} was not sent")
 
 
 class ReceiveOutage(Injection):
-    """Nothing that the drives send reaches us."""
+    """Loss of all frames from the drives."""
 
     def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
-        """Swallow everything."""
+        """Drop all frames."""
         del frames
         return []
 
 
 class CableCut(ReceiveOutage):
-    """No frame passes in either direction."""
+    """Cable cut: loss of all frames in both directions."""
 
     def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
-        """Swallow everything."""
+        """Drop the frame."""
         del identifier, data
         return []
 
 
 class AdapterBusOff(ReceiveOutage):
-    """Our controller takes no frame and hears none."""
+    """Bus-off of the master's controller: nothing is sent or received."""
 
     def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
-        """Refuse it."""
+        """Refuse the frame."""
         del data
         raise BusOff(f"bus-off: frame {identifier:03X} was not sent")

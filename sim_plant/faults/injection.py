@@ -1,4 +1,4 @@
-"""What a fault does while it is present: the base of all injections.
+"""Base of all fault injections: effect of a fault while present.
 
 An injection can begin, end, keep a frame from the drives, and change what the drives send.
 """
@@ -19,14 +19,14 @@ _TPDOS = 4
 
 
 class Injection:
-    """A fault that does nothing yet.
+    """Fault without effect.
 
     Parameters
     ----------
     fault : Fault
     network : TimedNetwork
     machine : FaultyMachine
-        Behind the network.
+        Machine of the network.
     """
 
     def __init__(self, fault: Fault, network: TimedNetwork, machine: FaultyMachine) -> None:
@@ -35,24 +35,24 @@ class Injection:
         self.machine = machine
 
     def begin(self) -> None:
-        """Happen."""
+        """Start the effect."""
 
     def end(self) -> list[CanFrame]:
-        """Be over; return frames that were held back."""
+        """End the effect; return frames held back."""
         return []
 
     def incoming(self, identifier: int, data: bytes) -> list[CanFrame] | None:
-        """Answer a frame in the drives' place, which then never get it; None lets it pass."""
+        """Answer a frame in place of the drives; None passes the frame on."""
         del identifier, data
         return None
 
     def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
-        """Return what becomes of frames that the drives send."""
+        """Return the frames of the drives as changed by the fault."""
         return frames
 
 
 class NodeInjection(Injection):
-    """A fault of one drive.
+    """Fault of a single drive.
 
     Attributes
     ----------

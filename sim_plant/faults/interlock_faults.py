@@ -1,4 +1,4 @@
-"""Safe torque off of a drive, as a guard door or an emergency stop leaves it."""
+"""Safe torque off of a drive, as after opening a guard door or an emergency stop."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ if TYPE_CHECKING:
 
 
 class TorqueOff(NodeInjection):
-    """Nothing energises the motor, and the drive does not leave SWITCH ON DISABLED."""
+    """Safe torque off: the motor has no torque and the drive stays in SWITCH ON DISABLED."""
 
     def begin(self) -> None:
         """Lock the drive."""
         self.node.lock()
 
     def end(self) -> list[CanFrame]:
-        """Release it."""
+        """Release the drive."""
         self.node.unlock()
         return []

@@ -1,8 +1,8 @@
-"""A machine whose sensors lie, whose brake closes or whose motor has no strength.
+"""Machine with faulty sensors, brakes or motors.
 
-What a faulty sensor shows is changed on its way from the machine to the firmware. An encoder that
-jumps is more: the control loop sees the jump too and drives the axis to where the encoder says
-that it should be, so the demand is shifted against the true angle.
+Readings of a faulty sensor are changed on their way from the machine to the firmware. An encoder
+jump is more: the control loop sees the jump too and drives the axis to where the encoder shows the
+demand, so the demand is shifted against the true angle.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ CURRENTS = (Reading._fields.index("torque"), Reading._fields.index("current"))
 
 
 class FaultyAxis:
-    """One servo behind an encoder that may have jumped; see `sim_plant.machine_protocol.Axis`."""
+    """Servo with an encoder that may have jumped (see `sim_plant.machine_protocol.Axis`)."""
 
     def __init__(self, axis: Axis) -> None:
         self._axis = axis
         self._limit = 0
         self.jump = 0
-        """By how much the encoder shows too much [increments]."""
+        """Jump of the encoder [increments]."""
         self.strength: int | None = None
-        """What is left of the torque [per mille of rated]; None for all."""
+        """Remaining torque [per mille of rated]; None for full torque."""
 
     def enable(self) -> None:
-        """Energise."""
+        """Energise the axis."""
         self._axis.enable()
 
     def disable(self) -> None:
@@ -53,11 +53,11 @@ class FaultyAxis:
     def move(
         self, target: float, velocity: float, acceleration: float, deceleration: float
     ) -> None:
-        """Start towards what the encoder shows as `target`."""
+        """Start a move to `target`, as shown by the encoder."""
         self._axis.move(target - self.jump, velocity, acceleration, deceleration)
 
     def follow(self, target: float, period: float) -> None:
-        """Go on towards what the encoder shows as `target`."""
+        """Lead the demand to `target`, as shown by the encoder."""
         self._axis.follow(target - self.jump, period)
 
     def feed_forward(self, velocity: float, torque: float) -> None:
@@ -65,11 +65,11 @@ class FaultyAxis:
         self._axis.feed_forward(velocity, torque)
 
     def withhold(self, share: float) -> None:
-        """Feed forward less of the demand's velocity."""
+        """Reduce the feed-forward of the demand's velocity."""
         self._axis.withhold(share)
 
     def stop(self, deceleration: float) -> None:
-        """Come to rest."""
+        """Bring the axis to rest."""
         self._axis.stop(deceleration)
 
     def hold(self) -> None:
@@ -77,12 +77,12 @@ class FaultyAxis:
         self._axis.hold()
 
     def set_torque_limit(self, per_mille: int) -> None:
-        """Limit the torque command, to what is left if that is less."""
+        """Limit the torque command, at most to the remaining torque."""
         self._limit = per_mille
         self._axis.set_torque_limit(min(per_mille, self._strength))
 
     def weaken(self, strength: int | None) -> None:
-        """Have no more than `strength`."""
+        """Limit the torque to `strength`."""
         self.strength = strength
         self._axis.set_torque_limit(min(self._limit, self._strength))
 
@@ -91,7 +91,7 @@ class FaultyAxis:
         self._axis.set_following_window(window, timeout)
 
     def rebase(self, shift: int) -> None:
-        """Count from elsewhere."""
+        """Shift the shown positions."""
         self._axis.rebase(shift)
 
     @property
@@ -100,12 +100,12 @@ class FaultyAxis:
 
 
 class FaultyMachine:
-    """A plant between whose sensors and drives something may be wrong; a `Machine`.
+    """Plant with faults between sensors and drives; implements `Machine`.
 
     Attributes
     ----------
     offsets, clips, frozen : dict
-        By axis from 0: current sensor's offset, its range, the values at which it is stuck.
+        Offset of the current sensor, its range, and its frozen values, by axis from 0.
     plant : Plant
         The machine as it truly is.
     """
@@ -126,31 +126,31 @@ class FaultyMachine:
 
     @property
     def drives(self) -> Sequence[DriveSettings]:
-        """One for each axis."""
+        """Settings of the drives, in joint order."""
         return self.plant.drives
 
     @property
-    def on_event(self) -> Callable[[int, int], None]:
-        """Called with axis index and events when these change."""
-        return self.plant.on_event
+    def handle_event(self) -> Callable[[int, int], None]:
+        """Handler of changed events, called with axis index and events."""
+        return self.plant.handle_event
 
-    @on_event.setter
-    def on_event(self, handler: Callable[[int, int], None]) -> None:
-        self.plant.on_event = handler
+    @handle_event.setter
+    def handle_event(self, handler: Callable[[int, int], None]) -> None:
+        self.plant.handle_event = handler
 
     def advance(self, duration: float) -> None:
-        """Let the physics run for `duration` [s]."""
+        """Run the physics for `duration` [s]."""
         self.plant.advance(duration)
 
     def advance_quietly(
         self, durations: Sequence[float], watch: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """Return nothing, since every latch may show a fault (see `Machine`)."""
+        """Return no readings, since every latch may show a fault (see `Machine`)."""
         del durations, watch
         return np.empty((0, len(self._shown)), dtype=np.int64)
 
     def read(self) -> NDArray[np.int64]:
-        """Latch what encoders and current sensors show, which may be wrong."""
+        """Latch encoders and current sensors, with their faults."""
         before = self._shown.copy()
         self._shown[:] = self.plant.read()
         for i, axis in enumerate(self.axes):
@@ -173,29 +173,29 @@ class FaultyMachine:
         return self._shown
 
     def renew(self, axis: int, places: Sequence[int], period: float | None) -> None:
-        """Let the drive of one axis renew some values every `period` [s]; None: whenever asked."""
+        """Set the refresh period of some values of an axis [s]; None refreshes at every latch."""
         for place in places:
             self._renewed.pop(axis * _WIDTH + place, None)
             if period is not None:
                 self._renewed[axis * _WIDTH + place] = [period, -1.0]
 
     def freeze_current(self, axis: int) -> None:
-        """Let the current sensor of one axis show for good what it shows now."""
+        """Freeze the current reading of an axis at its present value."""
         values = [int(self._shown[axis * _WIDTH + place]) for place in CURRENTS]
         self.frozen[axis] = (values[0], values[1])
 
     def jump(self, axis: int, increments: int) -> None:
-        """Let an encoder jump, and the loop behind it take that for a following error."""
+        """Let an encoder jump; the control loop sees a following error."""
         self.axes[axis].jump += increments
         angle = increments / self.plant.const[axis, st.COUNTS_PER_RAD]
         self.plant.profile[axis, [st.P0, st.TARGET, st.DEMAND]] -= angle
 
     def push(self, axis: int, torque: float) -> None:
-        """Push an axis from outside with a torque [N m or N]; 0 lets it go."""
+        """Apply an external torque to an axis [N m or N]; 0 removes it."""
         self.plant.state[axis, st.PUSH] = torque
 
     def press_brake(self, axis: int, times: int) -> None:
-        """Add the brake's friction to that of an axis so many times; -1 takes it away."""
+        """Add `times` the brake's friction to an axis; -1 opens a closed brake."""
         const = self.plant.const
         const[axis, st.F_COULOMB] += times * const[axis, st.BRAKE]
         friction.refresh(const, self.plant.state, axis)

@@ -1,4 +1,4 @@
-"""When a fault begins and ends, counted in what the drives see: time, frames, SYNCs, set-points."""
+"""Start and end of faults, counted in time, frames, SYNCs and set-points."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Progress:
-    """How far things have come.
+    """Progress of a session since power-on.
 
     Attributes
     ----------
     time : float
         Since power-on [s].
     frames, syncs : int
-        That we sent, with the one that is just coming, whether they reach the drives or not.
+        Numbers sent by the master, including the present frame, also if lost.
     set_points : dict of int to int
-        By axis, from 1.
+        Number of set-points by axis, from 1.
     between : bool
-        The frame that is just coming is no SYNC.
+        True if the present frame is no SYNC.
     """
 
     time: float = 0.0
@@ -33,7 +33,7 @@ class Progress:
 
 
 class Watch:
-    """Finds out whether a fault is present."""
+    """Detection of a fault's start and end."""
 
     def __init__(self, fault: Fault) -> None:
         self._fault = fault
@@ -42,7 +42,7 @@ class Watch:
         self.over = False
 
     def present(self, progress: Progress) -> bool:
-        """Take how far things have come; return whether the fault is there."""
+        """Update by the progress; return True if the fault is present."""
         if self.over:
             return False
         if self._begun is None:

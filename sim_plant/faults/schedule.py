@@ -1,4 +1,4 @@
-"""Faults by plan on any bus: which are present, begun and ended as things come along."""
+"""Schedule of injected faults on any bus: start and end by progress."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ NetworkT = TypeVar("NetworkT", bound=TimedNetwork)
 
 
 class FaultSchedule(Generic[NetworkT]):
-    """What goes wrong with a network of drives, and when.
+    """Faults of a network of drives, with their schedule.
 
     Parameters
     ----------
     network : TimedNetwork
     machine : FaultyMachine
-        Behind it.
+        Machine of the network.
     kinds : mapping of What to callable
         Makes the injections that this bus knows.
     plan : FaultPlan
@@ -38,7 +38,7 @@ class FaultSchedule(Generic[NetworkT]):
     ----------
     machine : FaultyMachine
     progress : Progress
-        What has been counted.
+        Counts since power-on.
 
     Raises
     ------
@@ -73,11 +73,11 @@ class FaultSchedule(Generic[NetworkT]):
 
     @property
     def present(self) -> tuple[Fault, ...]:
-        """What is wrong now."""
+        """Faults now present."""
         return tuple(injection.fault for _, injection in self._present)
 
     def add(self, fault: Fault) -> None:
-        """Let one more thing go wrong."""
+        """Add a fault."""
         kind = self._kinds.get(fault.what)
         if kind is None:
             raise FileError(
@@ -87,7 +87,7 @@ class FaultSchedule(Generic[NetworkT]):
         self._waiting.append((Watch(fault), kind(fault, self._network, self.machine)))
 
     def _update(self) -> list[CanFrame]:
-        """Let faults begin and end; return frames that those which end have held back."""
+        """Start and end faults; return the frames held back by ended faults."""
         self.progress.time = self._network.time
         held: list[CanFrame] = []
         for watched in tuple(self._present):

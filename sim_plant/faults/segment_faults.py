@@ -1,4 +1,4 @@
-"""Faults of EtherCAT: of its cables, its frames and its slave controllers."""
+"""Faults of EtherCAT: cables, frames and slave controllers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MILLION = 1e6
 
 
 class SegmentInjection(Injection):
-    """A fault of EtherCAT; without axis it is one of the first slave, or of all.
+    """Fault of EtherCAT; without axis a fault of the first slave, or of all slaves.
 
     Attributes
     ----------
@@ -37,87 +37,87 @@ class SegmentInjection(Injection):
         self.node = network.nodes[self.axis]
 
     def there(self, frame: bytes) -> bytes | None:
-        """Return what reaches the first slave of a frame, None for nothing."""
+        """Return the frame as received by the first slave, None if lost."""
         return frame
 
     def back(self, frame: bytes | None) -> bytes | None:
-        """Return what reaches the master of a frame that came back, or did not."""
+        """Return the frame as received by the master, None if lost."""
         return frame
 
 
 class SegmentCut(SegmentInjection):
-    """Slaves from this one on are not reached."""
+    """Cable cut before this slave."""
 
     def begin(self) -> None:
-        """Cut."""
+        """Cut the cable."""
         self.segment.cuts.add(self.axis)
 
     def end(self) -> list[CanFrame]:
-        """Plug in again."""
+        """Reconnect the cable."""
         self.segment.cuts.discard(self.axis)
         return []
 
 
 class FramesLost(SegmentInjection):
-    """Some frames pass the slaves and do not come back."""
+    """Random loss of frames on their way back."""
 
     def begin(self) -> None:
-        """Lose the same ones in every run."""
+        """Seed the random losses, equal in every run."""
         self._chance = random.Random(0)  # noqa: S311 - repeatable, no secret
 
     def back(self, frame: bytes | None) -> bytes | None:
-        """Lose it or not."""
+        """Lose the frame by chance."""
         lost = self._chance.random() < (self.fault.size or 0.0) / _PERCENT
         return None if lost else frame
 
 
 class FramesNotBack(SegmentInjection):
-    """Frames pass the slaves and do not come back."""
+    """Loss of every frame on the way back."""
 
     def back(self, frame: bytes | None) -> None:
-        """Lose it."""
+        """Lose the frame."""
         del frame
 
 
 class FramesNotThere(SegmentInjection):
-    """No frame reaches the slaves."""
+    """Loss of all frames before the slaves."""
 
     def there(self, frame: bytes) -> None:
-        """Lose it."""
+        """Lose the frame."""
         del frame
 
 
 class FrameLate(SegmentInjection):
-    """A frame comes back when the next one is sent."""
+    """Delay of a frame until the next frame is sent."""
 
     def begin(self) -> None:
-        """Hold none yet."""
+        """Start without a held frame."""
         self._held: bytes | None = None
 
     def back(self, frame: bytes | None) -> bytes | None:
-        """Hold the new one, let go the old one."""
+        """Hold the new frame and release the previous one."""
         held, self._held = self._held, frame
         return held
 
 
 class MailboxStuck(SegmentInjection):
-    """The slave looks at no mailbox."""
+    """Dead mailbox of the slave."""
 
     def begin(self) -> None:
-        """Hang."""
+        """Stop serving the mailbox."""
         self.node.mailbox.is_stuck = True
 
     def end(self) -> list[CanFrame]:
-        """Go on."""
+        """Serve the mailbox again."""
         self.node.mailbox.is_stuck = False
         return []
 
 
 class RequestsAborted(SegmentInjection):
-    """Every SDO request is refused."""
+    """Refusal of every SDO request."""
 
     def begin(self) -> None:
-        """Refuse."""
+        """Start refusing."""
         self.node.coe.abort_code = self.fault.code
 
     def end(self) -> list[CanFrame]:
@@ -127,31 +127,31 @@ class RequestsAborted(SegmentInjection):
 
 
 class AlError(SegmentInjection):
-    """The slave leaves OP by itself."""
+    """Spontaneous exit of the slave from OP."""
 
     def begin(self) -> None:
-        """Fall."""
+        """Enter SAFEOP with the AL status code."""
         self.node.states.fall(AlState.SAFEOP, self.fault.code or 0)
 
 
 class Alias(SegmentInjection):
-    """The slave has an alias, which another may have too."""
+    """Alias of the slave, possibly equal to another slave's."""
 
     def begin(self) -> None:
-        """Have it."""
+        """Write the alias."""
         self.node.eeprom.alias = round(self.fault.size or 0)
         self.node.controller.put(reg.ALIAS, 2, self.node.eeprom.alias)
 
 
 class ClockDrift(SegmentInjection):
-    """The slave's crystal is too fast."""
+    """Speed error of the slave's crystal."""
 
     def begin(self) -> None:
-        """Run fast."""
+        """Set the speed error."""
         drift = (self.fault.size or 0.0) / _MILLION
         self.node.clock.set_drift(drift, self.segment.time)
 
     def end(self) -> list[CanFrame]:
-        """Run true."""
+        """Remove the speed error."""
         self.node.clock.set_drift(0.0, self.segment.time)
         return []

@@ -1,1 +1,1 @@
-"""The arm, its friction and its servos, compiled; put together by `sim_plant.plant`."""
+"""Compiled physics of arm, friction and servos, used by `sim_plant.plant`."""

@@ -1,11 +1,11 @@
-"""Gear friction that drifts while one measures.
+"""Gear friction with drift by temperature, lubricant and chance.
 
-The characteristic is degressive: a Coulomb part with a Stribeck peak, a part that saturates with
-speed (an arc tangent) and a viscous part. Three slow states change it: the temperature rise of the
-gear, which friction power heats; the settled share of the lubricant, which grows at rest and is
-stirred up again by motion; and a random wander. Both effects of the paper's Fig. 2 follow. At
-reversal the direction is not a sign but the deflection of a bristle (LuGre), so that a held axis
-stays still. Friction may also grow with the torque that the gear transmits.
+The characteristic is degressive: a Coulomb part with a Stribeck peak, a part saturating with speed
+(an arc tangent) and a viscous part. Three slow states change it: the temperature rise of the gear,
+heated by friction power; the settled share of the lubricant, growing at rest and stirred up again
+by motion; and a random wander. They produce both effects of the paper's Fig. 2. At reversal the
+direction is not a sign but the deflection of a bristle (LuGre), so that a held axis stays still.
+Friction may also grow with the transmitted torque.
 
 The numbers of the model are assumptions; none of the paper's friction models (1)-(3) fits it
 exactly.
@@ -42,7 +42,7 @@ LUBRICANT_SPEED_REST, LUBRICANT_SPEED_MOTION = 0.01, 0.25
 
 @inlined
 def level(const: Array, state: Array, i: int, v: float) -> float:
-    """Friction torque without its direction, at speed `v` >= 0 of one axis [N m]."""
+    """Return the magnitude of the friction torque of an axis at speed `v` >= 0 [N m]."""
     share = v * const[i, st.PER_VELOCITY_MAX]
     x = share * (1.0 / STRIBECK_SPEED)
     coulomb = state[i, st.C_NOW]
@@ -54,7 +54,7 @@ def level(const: Array, state: Array, i: int, v: float) -> float:
 
 @inlined
 def torque(const: Array, state: Array, i: int, v: float, h: float) -> float:
-    """Friction torque of one axis moving at `v`, and the bristle's step over `h`.
+    """Return the friction torque of an axis moving at `v`, and advance the bristle by `h`.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def torque(const: Array, state: Array, i: int, v: float, h: float) -> float:
 
 @compiled
 def drift(const: Array, state: Array, normal: Array, dt: float) -> None:
-    """Advance the slow states of all axes by `dt` and refresh their coefficients.
+    """Advance the slow states of all axes by `dt` and refresh the coefficients.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def drift(const: Array, state: Array, normal: Array, dt: float) -> None:
 
 @compiled
 def refresh(const: Array, state: Array, i: int) -> None:
-    """Friction coefficients of one axis from its slow states."""
+    """Refresh the friction coefficients of an axis from its slow states."""
     strength = const[i, st.DRIFT_STRENGTH]
     warmer = strength * (state[i, st.TEMPERATURE] - REFERENCE_TEMPERATURE)
     settled = strength * state[i, st.LUBRICANT]

@@ -1,10 +1,10 @@
-"""How fast an arm oscillates on soft gears, and which steps of time can follow.
+"""Natural frequencies of an arm on soft gears, and the largest step of integration.
 
-A light link between two soft gears is faster than either gear with the inertia that it usually
-turns: on the manutec-r15 link 4, 0.044 kg m^2 by itself, three times faster than joint 4 with link
-6 behind it. So every mode counts. With M the inertias of links and motors side by side, K and D
-the springs and dampers between them, the leapfrog of `machine_step` with its extrapolated
-velocities is at its limit where a step h turns a mode round, z = -1, which is where
+A light link between two soft gears is faster than either gear with its usual inertia: on the
+manutec-r15 link 4, 0.044 kg m^2 alone, is three times faster than joint 4 with the links up to 6.
+So every mode counts. With M the inertias of links and motors, K and D the springs and dampers
+between them, the leapfrog of `machine_step` with its extrapolated velocities is at its limit where
+a step h reverses a mode, z = -1, which is where
 
     M - D h - K h^2 / 4
 
@@ -32,12 +32,12 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 FOLLOWED = 0.8
-"""Largest eigenvalue that is accepted: configurations between those tried may be faster."""
+"""Largest accepted eigenvalue: configurations between those tried may be faster."""
 CONFIGURATIONS = 300
 
 
 def refuse_steps_too_long(arm: Arm, const: Array, flaws: Array, reach: Array, step: float) -> None:
-    """Refuse gears that steps of that length cannot follow.
+    """Check that the integration step can follow the soft gears.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def refuse_steps_too_long(arm: Arm, const: Array, flaws: Array, reach: Array, st
 
 
 def _modes(arm: Arm, const: Array, flaws: Array, reach: Array) -> Iterator[tuple[Array, ...]]:
-    """M, K and D of links and motors at configurations all over the workspace."""
+    """Yield M, K and D of links and motors at configurations all over the workspace."""
     n = len(reach)
     soft = flaws[:, fl.STIFFNESS] > 0
     motors, own = const[:, st.MOTOR_INERTIA], slice(None, n)
@@ -85,7 +85,7 @@ def _modes(arm: Arm, const: Array, flaws: Array, reach: Array) -> Iterator[tuple
 
 
 def _between(value: Array) -> Array:
-    """Matrix of springs or dampers that join each link with its motor."""
+    """Return the matrix of springs or dampers between links and motors."""
     diagonal = np.diag(value)
     return np.block([[diagonal, -diagonal], [-diagonal, diagonal]])
 
@@ -96,6 +96,6 @@ def _share(mode: tuple[Array, ...], step: float) -> float:
 
 
 def _largest(M: Array, A: Array) -> float:
-    """Largest eigenvalue of inv(M) A, both symmetric."""
+    """Return the largest eigenvalue of inv(M) A, both symmetric."""
     root = np.linalg.inv(np.linalg.cholesky(M))
     return float(np.linalg.eigvalsh(root @ A @ root.T)[-1])

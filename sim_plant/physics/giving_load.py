@@ -1,9 +1,9 @@
-"""A load that is not rigid, or not fixed: its centre of mass gives way to gravity.
+"""Loose or soft load: its centre of mass yields to gravity.
 
-It hangs on something soft and damped, alike in all directions: a liquid, a cable, a loose screw.
-Its centre is off by `give` along gravity once it has settled, which takes the arm a while at every
-change of the pose. What it gives way to accelerations is left out. The load's share of the last
-body is written anew every time that the physics goes on, not at every step.
+The load hangs on a soft, damped and isotropic suspension: a liquid, a cable, a loose screw. After
+settling its centre is displaced by `give` along gravity; every change of the pose restarts the
+settling. The response to accelerations is neglected. The load's share of the last body is updated
+at every call of the physics, not at every step.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SETTLING = 0.1
-"""Time constant [s]."""
+"""Time constant of the load [s]."""
 
 
 class GivingLoad:
-    """The load of an arm whose last body changes with it.
+    """Load of an arm, with its share of the last body updated.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class GivingLoad:
         self._off: Array | None = None
 
     def settle(self, q: Array, duration: float) -> None:
-        """Let it give way for `duration` [s] at configuration `q`, shape (n,) [rad or m]."""
+        """Let the load yield for `duration` [s] at configuration `q`, shape (n,) [rad or m]."""
         target = self._load.gives * gravity_direction(self._arm, q)
         before = target if self._off is None else self._off
         self._off = target + math.exp(-duration / SETTLING) * (before - target)
@@ -51,7 +51,7 @@ class GivingLoad:
 
 
 def gravity_direction(arm: Arm, q: Array) -> Array:
-    """Unit vector of gravity in the last frame, shape (3,); zero without gravity."""
+    """Return the unit vector of gravity in the last frame, shape (3,); zero without gravity."""
     _, frames, _, gravity, kinds = arm
     v = gravity / max(float(np.linalg.norm(gravity)), 1e-12)
     for i, (ca, sa) in enumerate(frames[:, :2]):

@@ -1,20 +1,20 @@
-"""Whether the drives' loops hold the arm, everywhere in its workspace.
+"""Stability of the drives' control loops all over the workspace.
 
-A velocity loop is tuned for one inertia and turns another: that of the present configuration, with
-the other axes moving or not. Tuned for far too much it oscillates from one step to the next, for
-far too little the position loop outruns it. Both look like an axis that is blocked or overloaded,
+A velocity loop is tuned for one inertia and drives another: that of the present configuration, with
+the other axes moving or not. Tuned for a far larger inertia it oscillates from step to step, for a
+far smaller one the position loop is too fast for it. Both look like a blocked or overloaded axis,
 so such gains are refused when the plant is built.
 
-Of small motions about a configuration, with the loops as `servo.command` computes them and the
-motion as `machine_step` integrates it, the state (q, qd, integral, torque before) of all axes goes
-over into the next by a matrix. The loops are stable where its eigenvalues are within a circle of
-radius 1 - SLOWEST h. Friction, which damps, is left out; that of a closed brake is the stiffest
-spring of all and has a bound of its own (see `gear_modes` for its derivation).
+For small motions about a configuration, with the loops of `servo.command` and the integration of
+`machine_step`, the state (q, qd, integral, previous torque) of all axes is mapped to the next state
+by a matrix. The loops are stable if its eigenvalues are within a circle of radius 1 - SLOWEST h.
+Friction, which damps, is neglected; a closed brake is the stiffest spring and has a separate bound
+(derived in `gear_modes`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SLOWEST = 1.0
-"""Rate at which a disturbance must die away at least [1/s]."""
+"""Minimum decay rate of a disturbance [1/s]."""
 FOLLOWED = 0.8
-"""Largest share of what a step can follow that the spring of a closed brake may have."""
+"""Maximum share of the stiffness limit of a step that a closed brake may take."""
 _WIDEST = 1e6
 """Largest factor between two inertias."""
 
@@ -59,26 +59,19 @@ class Loops:
     integral: float
     step: float
 
-    def with_load(self, axis: int, load: float) -> Loops:
-        """The same with another load on one axis."""
+    def replace_load(self, axis: int, load: float) -> Loops:
+        """Return a copy with another load inertia of an axis."""
         loads = self.loads.copy()
         loads[axis] = load
-        return self._with(loads, self.velocity)
+        return replace(self, loads=loads)
 
-    def _with(self, loads: Array, velocity: float) -> Loops:
-        return Loops(self.motors, loads, self.position, velocity, self.integral, self.step)
-
-    def tuned(self, inertia: ReflectedInertia) -> Loops:
-        """The same, tuned for the inertias that the motors turn."""
-        return self._with(best_loads(inertia, self.motors), self.velocity)
-
-    def at(self, velocity: float) -> Loops:
-        """The same with another bandwidth of the velocity loops."""
-        return self._with(self.loads, velocity)
+    def tune(self, inertia: ReflectedInertia) -> Loops:
+        """Return a copy tuned for the inertias at the motors."""
+        return replace(self, loads=best_loads(inertia, self.motors))
 
 
 class Unstable(ValueError):
-    """Gains that do not hold the arm.
+    """Gains of unstable control loops.
 
     Attributes
     ----------
@@ -92,31 +85,31 @@ class Unstable(ValueError):
 
 
 def best_loads(inertia: ReflectedInertia, motors: Array) -> Array:
-    """Load inertias for which the loops are best tuned, shape (n,) [kg m^2 or kg]."""
+    """Return the load inertias for the best tuning of the loops, shape (n,) [kg m^2 or kg]."""
     best: Array = np.maximum(inertia.middle - motors, 0.01 * inertia.middle)
     return best
 
 
-def stable(loops: Loops, inertia: ReflectedInertia) -> bool:
-    """Whether the loops hold the arm everywhere."""
+def is_stable(loops: Loops, inertia: ReflectedInertia) -> bool:
+    """Return True if the loops are stable all over the workspace."""
     radius = np.abs(np.linalg.eigvals(_transition(loops, inertia.masses))).max()
     return bool(radius < 1 - SLOWEST * loops.step)
 
 
 def refuse_unstable(loops: Loops, inertia: ReflectedInertia) -> None:
-    """Refuse gains that do not hold the arm.
+    """Check that the loops are stable all over the workspace.
 
     Raises
     ------
     Unstable
-        With the bounds within which the loops would be stable.
+        Message with the bounds of stable gains.
     """
-    if stable(loops, inertia):
+    if is_stable(loops, inertia):
         return
-    tuned = loops.tuned(inertia)
-    if not stable(tuned, inertia):
+    tuned = loops.tune(inertia)
+    if not is_stable(tuned, inertia):
         halves = (loops.velocity / 2**k for k in range(1, 16))
-        slower = next((x for x in halves if stable(tuned.at(x), inertia)), None)
+        slower = next((x for x in halves if is_stable(replace(tuned, velocity=x), inertia)), None)
         raise Unstable(
             ("loops", "velocity"),
             f"{loops.velocity:g} 1/s makes the loops unstable in steps of"
@@ -124,7 +117,7 @@ def refuse_unstable(loops: Loops, inertia: ReflectedInertia) -> None:
             + (f"{slower:.3g} 1/s holds the arm" if slower else "make all three smaller"),
         )
     for axis, stated in enumerate(loops.loads):
-        if not stable(tuned.with_load(axis, stated), inertia):
+        if not is_stable(tuned.replace_load(axis, stated), inertia):
             message = _bound(tuned, inertia, axis, float(stated))
             raise Unstable(("axes", axis, "drive", "load_inertia"), message)
     worst = int(np.abs(np.log(loops.loads / tuned.loads)).argmax())
@@ -140,7 +133,7 @@ def _bound(tuned: Loops, inertia: ReflectedInertia, axis: int, stated: float) ->
     best = float(tuned.loads[axis])
 
     def holds(load: float) -> bool:
-        return stable(tuned.with_load(axis, load), inertia)
+        return is_stable(tuned.replace_load(axis, load), inertia)
 
     much = stated > best
     edge = _edge(holds, best, _WIDEST if much else 1 / _WIDEST)
@@ -152,7 +145,7 @@ def _bound(tuned: Loops, inertia: ReflectedInertia, axis: int, stated: float) ->
 
 
 def _edge(holds: Callable[[float], bool], start: float, factor: float) -> float:
-    """Last value that holds on the way from `start`, which does, by `factor`, which does not."""
+    """Return the last stable value between `start` (stable) and `factor` times it (unstable)."""
     near, far = start, start * factor
     for _ in range(20):
         middle = float(np.sqrt(near * far))
@@ -161,7 +154,7 @@ def _edge(holds: Callable[[float], bool], start: float, factor: float) -> float:
 
 
 def _transition(loops: Loops, masses: Array) -> Array:
-    """From the state of a step to that of the next, shape (m, 4 n, 4 n)."""
+    """Return the state transition matrices of a step, shape (m, 4 n, 4 n)."""
     n, h = len(loops.motors), loops.step
     eye, none = np.eye(n), np.zeros((n, n))
     gain = np.diag((loops.motors + loops.loads) * loops.velocity)
@@ -180,7 +173,7 @@ def _transition(loops: Loops, masses: Array) -> Array:
 
 
 def refuse_hard_brakes(const: Array, inertia: ReflectedInertia, step: float) -> None:
-    """Refuse a presliding way so short that steps cannot follow the spring of a closed brake.
+    """Check that the integration step can follow the spring of a closed brake.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The physics of all axes over many steps, compiled.
+"""Integration of all axes over many steps, compiled.
 
 Position drifts half a step, accelerations act in the middle, position drifts the other half
 (leapfrog); velocity-dependent torques use the velocity extrapolated to the middle. So the scheme is
@@ -148,7 +148,7 @@ def run_and_latch(  # noqa: C901 - as `run`
     image: NDArray[np.int64],
     flaws: Array | None = None,
 ) -> int:
-    """Do as `run`, then as `physics.servo.latch` with a row of `noise` if no event came last.
+    """Run as `run` and latch with a row of `noise`, unless the last step has an event.
 
     Or do so several times, up to the time before an axis has news. Entering compiled code costs as
     much as a step, so it is done at most once a SYNC; both are one function, since each costs
@@ -195,7 +195,7 @@ def run_and_latch(  # noqa: C901 - as `run`
             news |= image[i, 6] != watch[0, i]
             news |= image[i, 0] < watch[1, i] or image[i, 0] > watch[2, i]
         if news:
-            # whoever attends to the news lets the time of this latch pass again
+            # the caller repeats the time of this latch when processing the news
             _copy(before, state)
             _copy(profile_before, profile)
             if flaws is not None:

@@ -1,4 +1,4 @@
-"""The drive's profile generator: trapezoids of velocity.
+"""Profile generator of the drive: trapezoidal velocity profiles.
 
 A set-point becomes at most four segments of constant acceleration, planned once from the demand's
 present position and velocity (which need not be at rest: a new set-point may come in the middle of
@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from sim_plant.compiled import in_order, inlined
+from sim_plant.compiled import inlined, ordered
 from sim_plant.physics import state as st
 
 if TYPE_CHECKING:
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 def trapezoid(
     p: float, v: float, target: float, velocity: float, acceleration: float, deceleration: float
 ) -> list[tuple[float, float]]:
-    """Segments (duration, acceleration) that take (p, v) to rest at `target`.
+    """Return the segments (duration, acceleration) that bring (p, v) to rest at `target`.
 
-    An axis that cannot stop before its target brakes, turns round and comes back.
+    An axis that cannot stop before its target overshoots and comes back.
     """
     segments: list[tuple[float, float]] = []
     overshoot = p + v * abs(v) / (2 * deceleration)
@@ -51,9 +51,9 @@ def trapezoid(
     return segments
 
 
-@in_order
+@ordered
 def follow(profile: Array, now: float, target: float, period: float) -> None:
-    """Take the next of a stream of set-points, one every `period` [s].
+    """Process the next set-point of a stream with the given period [s].
 
     Between regular set-points the demand is their quadratic B-spline: half a period late, velocity
     continuous, acceleration constant within a period. It passes half-way between two set-points
@@ -93,7 +93,7 @@ def load(
 
 @inlined
 def evaluate(profile: Array, i: int, now: float) -> None:
-    """Write demand position and velocity of one axis at time `now`."""
+    """Write demand position and velocity of an axis at time `now`."""
     t = now - profile[i, st.START]
     p, v = profile[i, st.P0], profile[i, st.V0]
     for k in range(st.N_SEGMENTS):

@@ -1,4 +1,4 @@
-"""What inertia an axis's motor turns, all over the workspace."""
+"""Inertia at the motors, all over the workspace."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ CONFIGURATIONS = 50
 
 
 class NotPositive(ValueError):
-    """Links and motors whose mass matrix is not positive definite: no machine moves so."""
+    """Mass matrix of links and motors not positive definite."""
 
 
 def configurations(reach: Array, number: int) -> Array:
-    """Configurations all over the workspace, the same at every call.
+    """Return configurations all over the workspace, equal at every call.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def configurations(reach: Array, number: int) -> Array:
 
 
 def mass_matrix(arm: Arm, q: Array) -> Array:
-    """M(q) of the links, without motors, shape (n, n) [kg m^2, kg m or kg]."""
+    """Return M(q) of the links without motors, shape (n, n) [kg m^2, kg m or kg]."""
     n = len(q)
     bias, mass = np.empty(n), np.zeros((n, n))
     bias_and_mass(*arm, q, np.zeros(n), bias, mass, np.empty((n, WORK)))
@@ -50,7 +50,7 @@ def mass_matrix(arm: Arm, q: Array) -> Array:
 
 
 def gravity_torques(arm: Arm, q: Array) -> Array:
-    """g(q), shape (n,) [N m or N]."""
+    """Return the gravity torques g(q), shape (n,) [N m or N]."""
     n = len(q)
     bias, mass = np.empty(n), np.zeros((n, n))
     bias_and_mass(*arm, q, np.zeros(n), bias, mass, np.empty((n, WORK)))
@@ -59,14 +59,14 @@ def gravity_torques(arm: Arm, q: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReflectedInertia:
-    """Mass matrices with motors, and what each motor turns.
+    """Mass matrices with motors, and the range of inertia at each motor.
 
     Attributes
     ----------
     masses : ndarray, shape (m, n, n)
-        At configurations all over the workspace [kg m^2, kg m or kg].
+        Mass matrices at configurations all over the workspace [kg m^2, kg m or kg].
     least, greatest : ndarray, shape (n,)
-        With all other axes free, and with all others held [kg m^2 or kg].
+        Inertia with all other axes free, and with all others held [kg m^2 or kg].
     """
 
     masses: Array
@@ -75,13 +75,13 @@ class ReflectedInertia:
 
     @property
     def middle(self) -> Array:
-        """Geometric mean of least and greatest: what a velocity loop is best tuned for."""
+        """Geometric mean of least and greatest inertia, the best tuning of a velocity loop."""
         mean: Array = np.sqrt(self.least * self.greatest)
         return mean
 
 
 def reflected_inertia(arm: Arm, motors: Array, reach: Array) -> ReflectedInertia:
-    """Look at an arm all over its workspace.
+    """Compute the inertias at the motors all over the workspace.
 
     Parameters
     ----------

@@ -1,13 +1,13 @@
 """Rigid-body dynamics of a serial arm, compiled.
 
-Newton-Euler in link coordinates for the torques without acceleration, composite rigid bodies for
-the mass matrix, its factors L D L' for the accelerations (Featherstone, *Rigid Body Dynamics
-Algorithms*, 2008, chapters 5 and 6). Links are given by what their motion is linear in: mass, first
-moment and inertia about the frame's origin; so a set of base parameters without mass is as good a
-link as a real body. Frames are modified Denavit-Hartenberg: ``Rx(alpha) Tx(d) Rz(theta) Tz(r)``
-takes link i-1 to link i, and each link's vectors are expressed in its own frame; q adds to theta of
-a joint that turns, to r of one that slides. Where all joints turn from theta = 0, `kinds` is None
-and the compiler leaves out whatever looks at it.
+The torques without acceleration follow from Newton-Euler in link coordinates, the mass matrix from
+composite rigid bodies, the accelerations from its factors L D L' (Featherstone, *Rigid Body
+Dynamics Algorithms*, 2008, chapters 5 and 6). Links are given by the parameters in which the
+dynamics are linear: mass, first moment and inertia about the frame's origin; so a set of base
+parameters without mass is a valid link. Frames are modified Denavit-Hartenberg: ``Rx(alpha) Tx(d)
+Rz(theta) Tz(r)`` takes link i-1 to link i, and each link's vectors are expressed in its own frame;
+q adds to theta of a revolute joint, to r of a prismatic one. If all joints are revolute with theta
+= 0, `kinds` is None and the compiler omits the code for it.
 
 Joint indices are passed as a tuple because the length of a tuple is part of its type: the
 compiler then unrolls all loops for this very arm, and the dynamics take two thirds of the time.
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 FRAME = 5
-"""Columns of a frame: cos(alpha), sin(alpha) and where its origin lies in the frame before (3)."""
+"""Columns of a frame: cos(alpha), sin(alpha) and its origin in the preceding frame (3)."""
 BODY = 10
 """Columns of a body: m, sx, sy, sz, Ixx, Iyy, Izz, Ixy, Ixz, Iyz."""
 KIND = 2
-"""Columns of a kind of joint: 1 if it slides and 0 if it turns, theta at q = 0 [rad]."""
+"""Columns of a joint kind: 1 for prismatic, 0 for revolute; theta at q = 0 [rad]."""
 WORK = 8
 """Columns of the scratch array: cos(q), sin(q), force (3), moment (3)."""
 
@@ -52,7 +52,7 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
     mass: Array,
     work: Array,
 ) -> None:
-    """Torques at zero acceleration and the mass matrix.
+    """Compute torques at zero acceleration and the mass matrix.
 
     Parameters
     ----------
@@ -61,9 +61,9 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
     frames : ndarray, shape (n, FRAME)
     bodies : ndarray, shape (n, BODY)
     gravity : ndarray, shape (3,)
-        In the base frame [m/s^2].
+        Gravity in the base frame [m/s^2].
     kinds : ndarray, shape (n, KIND), optional
-        None where all joints turn, from theta = 0.
+        None if all joints are revolute with theta = 0.
     q, qd : ndarray, shape (n,)
         [rad or m], [rad/s or m/s].
     bias : ndarray, shape (n,)
@@ -204,7 +204,7 @@ def _row(
     nz: float,
     mass: Array,
 ) -> None:
-    """Row i of M: the wrench of unit acceleration of joint i, felt at the joints before it."""
+    """Write row i of M: reaction of the preceding joints to unit acceleration of joint i."""
     for k in range(i, 0, -1):
         ca, sa = frames[k, 0], frames[k, 1]
         px, py, pz = frames[k, 2], frames[k, 3], frames[k, 4]
@@ -223,7 +223,7 @@ def _row(
 
 @compiled
 def _slid(frames: Array, kinds: Array, q: Array) -> Array:
-    """Frames whose joints have slid to where they are."""
+    """Return the frames with prismatic joints moved to their positions."""
     slid = frames.copy()
     for i in range(frames.shape[0]):
         way = kinds[i, 0] * q[i]
@@ -280,7 +280,7 @@ def forward_dynamics(
     qd: Array,
     tau: Array,
 ) -> Array:
-    """Joint accelerations under joint torques.
+    """Return the joint accelerations under joint torques.
 
     Parameters
     ----------

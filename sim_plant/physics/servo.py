@@ -1,12 +1,11 @@
-"""Control loops, power stage and sensors of one servo, compiled.
+"""Control loops, power stage and sensors of a servo, compiled.
 
-A cascade as in industrial drives: a position loop gives a velocity command, a velocity loop with
-integral part gives a torque, the torque saturates. The demand's velocity is fed forward, as far as
-the drive is set to do so, and so are the offsets of velocity and torque that the master sends. The
-current loop reaches its command within one control period, so the motor's torque is a polygon in
-time and has one value at every instant: what the current sensor reads at a SYNC belongs to that
-SYNC. The loops see the shaft's angle finer than the increments that the drive reports, as drives
-with interpolated encoders do.
+The control is a cascade as in industrial drives: a position loop gives a velocity command, a
+velocity loop with integral part gives a torque, the torque saturates. The demand's velocity is fed
+forward as configured, and so are the master's offsets of velocity and torque. The current loop
+reaches its command within one control period, so the motor torque is a polygon in time and unique
+at every instant: the current read at a SYNC belongs to that SYNC. The loops use an interpolated
+encoder, finer than the increments reported by the drive.
 
 `position` and `torque` readings are quantised as the object dictionary wants them: increments and
 per mille, the current with white noise before quantisation.
@@ -16,7 +15,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sim_plant.compiled import in_order, inlined
+from sim_plant.compiled import inlined, ordered
 from sim_plant.machine_protocol import AxisEvent
 from sim_plant.physics import soft_gears as fl
 from sim_plant.physics import state as st
@@ -29,14 +28,14 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 STANDSTILL_IN, STANDSTILL_OUT = 0.005, 0.01
-"""Share of the speed limit below which an axis stands, and above which it moves again."""
+"""Shares of the speed limit for standstill: entered below the first, left above the second."""
 _DONE, _STANDSTILL = int(AxisEvent.DONE), int(AxisEvent.STANDSTILL)
 _SATURATED, _FOLLOWING = int(AxisEvent.SATURATED), int(AxisEvent.FOLLOWING_ERROR)
 
 
 @inlined
 def command(const: Array, state: Array, profile: Array, i: int, h: float) -> float:
-    """Torque that the loops of one axis ask for [N m]; the integral part is advanced."""
+    """Return the torque command of the loops of an axis [N m], and advance the integral part."""
     if state[i, st.ENABLED] == 0.0:
         state[i, st.INTEGRAL] = 0.0
         return 0.0
@@ -54,7 +53,7 @@ def command(const: Array, state: Array, profile: Array, i: int, h: float) -> flo
 
 @inlined
 def ripple(const: Array, i: int, q: float) -> float:
-    """Torque ripple of one motor at joint angle `q` [N m]."""
+    """Return the torque ripple of a motor at joint angle `q` [N m]."""
     s1, c1 = sin_cos(const[i, st.GEAR] * q)
     s2, c2 = 2.0 * s1 * c1, c1 * c1 - s1 * s1
     s4, c4 = 2.0 * s2 * c2, c2 * c2 - s2 * s2
@@ -76,7 +75,7 @@ def ripple(const: Array, i: int, q: float) -> float:
 
 @inlined
 def events(const: Array, state: Array, profile: Array, i: int, now: float, h: float) -> int:
-    """`AxisEvent` bits of one axis after a step."""
+    """Return the `AxisEvent` bits of an axis after a step."""
     # without branches: they would cost more than all that is decided
     speed = abs(state[i, st.QD]) * const[i, st.PER_VELOCITY_MAX]
     stood = int(state[i, st.EVENTS]) & _STANDSTILL
@@ -90,7 +89,7 @@ def events(const: Array, state: Array, profile: Array, i: int, now: float, h: fl
     return int(bits | alarms * (state[i, st.ENABLED] != 0.0))
 
 
-@in_order
+@ordered
 def latch(
     const: Array,
     state: Array,

@@ -1,7 +1,7 @@
-"""What spoils an identification and is not friction: soft gears, backlash, a lagging current.
+"""Soft gears, backlash and lagging current sensors.
 
-None of it is there unless the plant file says so, and then the compiled step is another one: where
-`flaws` is None the compiler leaves all of this out.
+All are absent unless the plant file states them, and then another step is compiled: where `flaws`
+is None the compiler omits this code.
 
 A soft gear has the motor on one side and the link on the other. Encoder, friction and servo belong
 to the motor; the arm moves with the link. Between them acts a spring with a damper, which a
@@ -27,23 +27,23 @@ if TYPE_CHECKING:
 
 _c = count()
 STIFFNESS, DAMPING = next(_c), next(_c)
-"""Of the gear [N m/rad], [N m s/rad]; a stiffness of 0 stands for a rigid one."""
+"""Stiffness and damping of the gear [N m/rad], [N m s/rad]; 0 for a rigid gear."""
 HALF_GAP = next(_c)
 """Half the backlash [rad]."""
 LINK_Q, LINK_QD, LINK_QDD = next(_c), next(_c), next(_c)
 TWIST = next(_c)
 """Torque of the spring [N m]."""
 LAG = next(_c)
-"""Of the current reading [steps]."""
+"""Lag of the current reading [steps]."""
 HEAD = next(_c)
-"""Where the latest torque stands in the history."""
+"""Place of the latest torque in the history."""
 HISTORY = next(_c)
-"""From here on the torques of past steps [N m], a ring."""
+"""First column of the ring buffer with the torques of past steps [N m]."""
 
 
 @inlined
 def place(flaws: Array, motor: Array, link: Array, h: float) -> None:
-    """Positions and velocities of the links in the middle of a step, shape (2, n)."""
+    """Compute positions and velocities of the links in the middle of a step, shape (2, n)."""
     for i in range(flaws.shape[0]):
         if flaws[i, STIFFNESS] > 0.0:
             link[0, i] = flaws[i, LINK_Q] + 0.5 * h * flaws[i, LINK_QD]
@@ -56,7 +56,7 @@ def place(flaws: Array, motor: Array, link: Array, h: float) -> None:
 def couple(
     const: Array, state: Array, flaws: Array, motor: Array, link: Array, mass: Array, rhs: Array
 ) -> None:
-    """Let the springs drive the links instead of the motors."""
+    """Drive the links by the springs instead of the motors."""
     for i in range(flaws.shape[0]):
         if flaws[i, STIFFNESS] > 0.0:
             angle = motor[0, i] - link[0, i]
@@ -72,7 +72,7 @@ def couple(
 
 @inlined
 def part(const: Array, state: Array, flaws: Array, link: Array, rhs: Array, h: float) -> None:
-    """Move the links on; `rhs` holds their accelerations and gets those of the motors."""
+    """Advance the links; `rhs` holds their accelerations and receives those of the motors."""
     for i in range(flaws.shape[0]):
         if flaws[i, STIFFNESS] > 0.0:
             flaws[i, LINK_QDD] = rhs[i]
@@ -83,7 +83,7 @@ def part(const: Array, state: Array, flaws: Array, link: Array, rhs: Array, h: f
 
 @inlined
 def remember(state: Array, flaws: Array) -> None:
-    """Keep the torques of this step."""
+    """Store the torques of this step."""
     size = flaws.shape[1] - HISTORY
     for i in range(flaws.shape[0]):
         head = (int(flaws[i, HEAD]) + 1) % size
@@ -93,7 +93,7 @@ def remember(state: Array, flaws: Array) -> None:
 
 @inlined
 def read_torque(flaws: Array, i: int) -> float:
-    """Torque that the current sensor of one axis shows now [N m]."""
+    """Return the torque shown by the current sensor of an axis [N m]."""
     size = flaws.shape[1] - HISTORY
     whole = int(flaws[i, LAG])
     share = flaws[i, LAG] - whole

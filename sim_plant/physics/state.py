@@ -1,4 +1,4 @@
-"""Where everything about an axis stands in the arrays that the compiled loop works on.
+"""Columns of the arrays of the compiled loop: constants, state and profile of the axes.
 
 One row an axis, one column a quantity: a compiled function takes two arrays instead of fifty
 arguments, and the whole state of the plant can be copied or compared in one statement. `const` is
@@ -16,7 +16,7 @@ MOTOR_INERTIA = next(_c)
 GEAR = next(_c)
 """Motor revolutions per joint revolution."""
 VELOCITY_MAX, PER_VELOCITY_MAX = next(_c), next(_c)
-"""[rad/s] and its reciprocal, for a division costs a step dearly."""
+"""Maximum velocity [rad/s] and its reciprocal, since divisions are slow."""
 KP, KV, KI = next(_c), next(_c), next(_c)
 """Position loop [1/s], velocity loop [N m s/rad], its integral part [N m/rad]."""
 F_COULOMB, F_DEGRESSIVE, F_VISCOUS = next(_c), next(_c), next(_c)
@@ -37,17 +37,17 @@ RIPPLE_SIN = tuple(next(_c) for _ in range(3))
 RIPPLE_COS = tuple(next(_c) for _ in range(3))
 """Torque ripple of orders 1, 2 and 6 of the motor angle: sine and cosine amplitudes [N m]."""
 OTHER_ORDER, OTHER_SIN, OTHER_COS = next(_c), next(_c), next(_c)
-"""Torque ripple of one more order, 0 for none, and its amplitudes [N m]."""
+"""Torque ripple of a further order, 0 for none, and its amplitudes [N m]."""
 DRIFT = next(_c)
-"""1 when friction drifts, 0 when it stays as it was at the start."""
+"""1 if friction drifts, 0 if it is constant."""
 COUNTS_PER_RAD, ZERO = next(_c), next(_c)
-"""Encoder increments per joint angle, signed as the motor is mounted, and those at q = 0."""
+"""Encoder increments per joint angle, signed by the mounting of the motor, and offset at q = 0."""
 TORQUE_PER_MILLE, CURRENT_PER_MILLE = next(_c), next(_c)
 """Joint torque of one per mille of rated torque and of rated current, signed [N m]."""
 NOISE = next(_c)
 """Standard deviation of the current sensor, as joint torque [N m]."""
 DRIFT_STRENGTH = next(_c)
-"""Scale of all that temperature, lubricant and chance do to friction."""
+"""Scale of the effects of temperature, lubricant and chance on friction."""
 N_CONST = next(_c)
 
 _c = count()
@@ -60,7 +60,7 @@ INTEGRAL = next(_c)
 Z = next(_c)
 """Bristle deflection over the presliding distance, -1..1."""
 LOAD = next(_c)
-"""Torque that the gear transmits [N m]."""
+"""Torque transmitted by the gear [N m]."""
 TEMPERATURE, LUBRICANT, WANDER = next(_c), next(_c), next(_c)
 C_NOW, D_NOW, V_NOW = next(_c), next(_c), next(_c)
 """Coulomb, degressive and viscous coefficients with drift."""
@@ -68,24 +68,24 @@ FRICTION = next(_c)
 """Friction torque at this instant [N m]."""
 ENABLED = next(_c)
 WINDOW, WINDOW_TIME, OUTSIDE = next(_c), next(_c), next(_c)
-"""Following error window [rad], the time that it may last, the time that it has lasted [s]."""
+"""Following error window [rad], its time limit, and the time outside so far [s]."""
 EVENTS = next(_c)
 PUSH = next(_c)
-"""Torque from outside on the joint [N m or N]."""
+"""External torque on the joint [N m or N]."""
 N_STATE = next(_c)
 
 _c = count()
 START, P0, V0 = next(_c), next(_c), next(_c)
-"""Instant [s], position and velocity at which the profile begins."""
+"""Start of the profile: instant [s], position and velocity."""
 SEGMENTS = next(_c)
-"""From here pairs of duration [s] and acceleration [rad/s^2], four of them."""
+"""First of four pairs of duration [s] and acceleration [rad/s^2]."""
 N_SEGMENTS = 4
 END = SEGMENTS + 2 * N_SEGMENTS
-"""Instant at which the profile ends [s]."""
+"""End of the profile [s]."""
 TARGET = END + 1
 DEMAND, DEMAND_V = TARGET + 1, TARGET + 2
 WITHHELD = TARGET + 3
-"""Share of the demand's velocity that the position loop does not feed forward by itself."""
+"""Share of the demand's velocity not fed forward by the position loop."""
 VELOCITY_OFFSET, TORQUE_OFFSET = TARGET + 4, TARGET + 5
-"""What the master feeds forward: added to the commands of velocity [rad/s] and torque [N m]."""
+"""Feed-forward of the master, added to the commands of velocity [rad/s] and torque [N m]."""
 N_PROFILE = TARGET + 6

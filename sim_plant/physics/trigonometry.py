@@ -1,4 +1,4 @@
-"""Sine, cosine and arc tangent without calls or branches, inlined where they are needed.
+"""Sine, cosine and arc tangent without calls or branches, for inlining.
 
 As calls into the C library they would be a third of the cost of the physics. The approximations
 are those of Moshier's Cephes library, good to a few units in the last place.
@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-from sim_plant.compiled import compiled, in_order
+from sim_plant.compiled import compiled, ordered
 
 _PARTS = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
-"""pi/2 as a sum, the first two with so few bits that their multiples are exact."""
+"""Sum of pi/2; the first two terms have few bits, so that their multiples are exact."""
 _S = (
     -1.66666666666666307295e-1, 8.33333333332211858878e-3, -1.98412698295895385996e-4,
     2.75573136213857245213e-6, -2.50507477628578072866e-8, 1.58962301576546568060e-10,
@@ -31,9 +31,9 @@ _Q = (
 )  # fmt: skip
 
 
-@in_order
+@ordered
 def sin_cos(angle: float) -> tuple[float, float]:
-    """Return sine and cosine of `angle`, at most 1e5 rad: far more than any motor turns.
+    """Return sine and cosine of `angle`, at most 1e5 rad, more than any motor turns.
 
     The nearest multiple of pi/2 is subtracted in three parts (Cody and Waite).
     """
@@ -53,7 +53,7 @@ def sin_cos(angle: float) -> tuple[float, float]:
 
 @compiled
 def arc_tangent(x: float) -> float:
-    """Return the arc tangent of `x` >= 0 [rad], from that of `x`, (x - 1)/(x + 1) or -1/x."""
+    """Return the arc tangent of `x` >= 0 [rad], reduced to `x`, (x - 1)/(x + 1) or -1/x."""
     middle, high = x > _MIDDLE, x > _HIGH
     numerator = -1.0 if high else (x - 1.0 if middle else x)
     denominator = x if high else (x + 1.0 if middle else 1.0)

@@ -1,1 +1,1 @@
-"""The plant on a bus: as an interface of python-can, or served on any other one."""
+"""Plant on a bus: as an interface of python-can, or served on any other bus."""

@@ -1,9 +1,9 @@
-"""The plant as a python-can interface: ``can.Bus(interface="sim_plant", channel="manutec-r15")``.
+"""Plant as a python-can interface: ``can.Bus(interface="sim_plant", channel="manutec-r15")``.
 
-A channel is a packaged plant's name or the path of a plant file. The first bus opened on a channel
-switches the plant on, the last one shut down switches it off; all buses of one process on the same
-channel share it and see each other's frames as well as the drives', so that a logger can listen
-beside a master.
+A channel is the name of a packaged plant or the path of a plant file. The first bus opened on a
+channel switches the plant on, the last bus shut down switches it off. All buses of a process on the
+same channel share the plant and receive the frames of the drives and of the other buses, so that a
+logger can listen to a master.
 
 `PlantBus.lock_step` states whether the plant keeps step with a master's SYNC: whatever the drives
 have to say to a frame is in the receive queue before `send` returns.
@@ -31,16 +31,16 @@ CHANNEL = "manutec-r15"
 
 
 class PlantBus(can.BusABC):
-    """A bus with the plant's drives on it.
+    """Bus with the plant's drives.
 
     Parameters
     ----------
     channel : str
         Name of a packaged plant, or path of a plant file.
     can_filters : optional
-        As everywhere in python-can.
+        Filters of python-can.
     receive_own_messages : bool
-        Whether sent frames come back.
+        True to receive sent frames.
     **options
         seed, clock, cycle, personality, faults, hand, bitrate: see
         `sim_plant.serving.plant_options`.
@@ -48,7 +48,7 @@ class PlantBus(can.BusABC):
     Attributes
     ----------
     lock_step : bool
-        Whether the plant's time advances by SYNC alone.
+        True if the plant's time advances by SYNC alone.
 
     Raises
     ------
@@ -75,7 +75,7 @@ class PlantBus(can.BusABC):
         super().__init__(channel, can_filters)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
-        """Send a frame; the drives' answers are in the receive queues when this returns.
+        """Send a frame; the drives' answers are in the receive queues on return.
 
         Raises
         ------
@@ -99,7 +99,7 @@ class PlantBus(can.BusABC):
         return self._opened().transmit_repeatedly(msg, times, self._inbox, self._echo)
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Receive a frame, or None when none came within `timeout` seconds (None: wait)."""
+        """Receive a frame; None if no frame came within `timeout` seconds (None: wait)."""
         if self._direct:
             try:
                 return self._next(0.0)
@@ -109,7 +109,7 @@ class PlantBus(can.BusABC):
         return super().recv(timeout)
 
     def recv_block(self) -> bytes | None:
-        """Return all frames that wait, as ``struct can_frame``; None where they wait singly."""
+        """Return all waiting frames as ``struct can_frame``; None for single reading."""
         if self._singly or not self._direct or self._inbox.qsize() != 1:
             return None
         item = self._inbox.get_nowait()
@@ -120,7 +120,7 @@ class PlantBus(can.BusABC):
         return item[1]
 
     def put_back(self, block: bytes) -> None:
-        """Have the frames of the block received last wait singly."""
+        """Return the frames of the last block to the queue of single frames."""
         if self._plant is not None and block is self._block[1]:
             self._singly.extend(self._plant.messages(self._block))
 
@@ -144,7 +144,7 @@ class PlantBus(can.BusABC):
         return message, True
 
     def shutdown(self) -> None:
-        """Leave the channel; the last one to leave switches the plant off."""
+        """Leave the channel; the last bus to leave switches the plant off."""
         super().shutdown()
         self._direct = False
         plant, self._plant = self._plant, None

@@ -1,9 +1,9 @@
-"""A hand at the plant: pushes that come from outside, on a way of their own beside the bus.
+"""External pushes of the plant's arm, by a socket independent of the bus.
 
-A push is one datagram to a Unix socket: a JSON object with ``torque``, a number an axis [N m or N],
-and ``lasts``, after which the hand lets go by itself unless the next datagram has come [s of the
-plant's time, at most `LONGEST`]. It counts from the moment at which the plant takes it, until then
-the arm has not moved. What is no such push moves nothing.
+A push is a datagram to a Unix socket: a JSON object with ``torque``, a number for each axis [N m or
+N], and ``lasts``, the duration until the push ends unless the next datagram has come [s of the
+plant's time, at most `LONGEST`]. The duration counts from the instant at which the plant receives
+the push. Other datagrams are ignored.
 """
 
 from __future__ import annotations
@@ -27,22 +27,21 @@ if TYPE_CHECKING:
     from sim_plant.plant import Plant
 
 LONGEST = 1.0
-"""Longest time for which one datagram pushes [s]: whoever stays away holds on no longer."""
+"""Maximum duration of a push [s], since the sender may have gone."""
 STRONGEST = 1e4
-"""Greatest torque or force of a push [N m or N], some ten times what joints of large arms hold; a
-greater one counts as this."""
+"""Maximum torque or force of a push [N m or N], ten times the limit of large arms."""
 _SIZE = 4096  # more than 64 axes need
 
 
 class Hand:
-    """Pushes the axes of a plant as datagrams say.
+    """Receiver of pushes as datagrams.
 
     A push by a fault plan on the same axes is replaced while the hand pushes.
 
     Parameters
     ----------
     path : str
-        Where the socket is made; one of this user that a plant left behind is replaced.
+        Path of the socket; a socket of this user left by another plant is replaced.
     plant : Plant
 
     Raises
@@ -57,7 +56,7 @@ class Hand:
         self._socket = _bound(path)
 
     def act(self, time: float) -> None:
-        """Take what has come until a time of the plant [s], and let go where it is over."""
+        """Apply the pushes received until a time of the plant [s], and end expired ones."""
         while True:
             try:
                 pushed = _push(self._socket.recv(_SIZE), len(self._state))
@@ -71,7 +70,7 @@ class Hand:
             self._state[:, st.PUSH], self._ends = 0.0, math.inf
 
     def close(self) -> None:
-        """Let go and remove the socket."""
+        """End the push and remove the socket."""
         self._state[:, st.PUSH] = 0.0
         self._socket.close()
         with suppress(OSError):
@@ -79,7 +78,7 @@ class Hand:
 
 
 def _push(datagram: bytes, n_axes: int) -> tuple[NDArray[np.float64], float] | None:
-    """Torques and duration; None where it is no push of this plant."""
+    """Return torques and duration; None for a datagram that is no push of this plant."""
     try:
         said: Any = json.loads(datagram)
         torque = np.array(said["torque"], dtype=float)
@@ -108,7 +107,7 @@ def _bound(path: str) -> socket.socket:
 
 
 def _left_behind(path: Path) -> bool:
-    """Whether a path is a socket of this user, and no link, at which nobody listens."""
+    """Return True if a path is a socket of this user (no link) without a listener."""
     if path.is_symlink() or not path.is_socket() or path.lstat().st_uid != os.getuid():
         return False
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as knock:

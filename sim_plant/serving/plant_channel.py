@@ -1,8 +1,8 @@
-"""A plant that several bus objects of one process share, and the list of those that are open.
+"""Plants shared by several bus objects of a process, and the list of open channels.
 
-Every bus has an inbox. A frame sent by one goes to the other buses' inboxes and to the drives, and
-the drives' answers to all inboxes, all within the sender's call and under one lock. Time stamps are
-the plant's time plus the time that the frames before took on the wire.
+Every bus has an inbox. A frame sent by a bus goes to the other buses' inboxes and to the drives,
+and the drives' answers to all inboxes, all within the sender's call and under one lock. Time stamps
+are the plant's time plus the time of the preceding frames on the wire.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from sim_plant.slave_network import CanFrame
 
     Block = tuple[float, bytes]
-    """When the wire is free for a block of frames [s], and the block."""
+    """Start of a block of frames on the wire [s], and the block."""
     Inbox = queue.SimpleQueue[can.Message | Block]
 
 _channels: dict[str, PlantChannel] = {}
@@ -38,7 +38,7 @@ _channels_lock = threading.Lock()
 
 
 class PlantChannel:
-    """One plant and the inboxes of the buses on it."""
+    """Plant with the inboxes of its buses."""
 
     def __init__(self, name: str, options: PlantOptions) -> None:
         self.name = name
@@ -70,7 +70,7 @@ class PlantChannel:
             self._hand.close()
 
     def transmit(self, message: can.Message, sender: Inbox, echo: bool) -> None:
-        """Pass a frame from one bus to the others and to the drives, and back what they answer."""
+        """Pass a frame from a bus to the other buses and the drives, and deliver the answers."""
         network = self._network
         with self._lock:  # an interrupt after a call of `acquire` would leave it locked for good
             time = self._occupy(network.time, message.dlc)
@@ -96,7 +96,7 @@ class PlantChannel:
     def transmit_repeatedly(
         self, message: can.Message, times: int, sender: Inbox, echo: bool
     ) -> list[bytes]:
-        """Pass a SYNC to the drives several times; return the answers to all but the last.
+        """Pass a SYNC to the drives several times; return all answers except the last.
 
         These are `FramesOfSync`, packed; what answers the last SYNC goes to the inboxes. It is the
         first where somebody else listens or acts.
@@ -109,7 +109,7 @@ class PlantChannel:
                 try:
                     for _ in range(network.foresee(message.arbitration_id, times - 1)):
                         self._occupy(before, 0)
-                        frames = FramesOfSync.of(network.receive(message.arbitration_id, b""))
+                        frames = FramesOfSync.pack(network.receive(message.arbitration_id, b""))
                         self._occupy_for(frames)
                         packed.append(frames.packed)
                         before = frames.time
@@ -143,13 +143,13 @@ class PlantChannel:
         self._wire_free = free
 
     def _deliver_block(self, frames: FramesOfSync) -> None:
-        """Put the frames of a SYNC into all inboxes, to be unpacked by each reader."""
+        """Put the frames of a SYNC into all inboxes, to be unpacked by the readers."""
         start = self._occupy_for(frames)
         for inbox in self.inboxes:
             inbox.put((start, frames.packed))
 
     def _occupy_for(self, frames: FramesOfSync) -> float:
-        """Return when the wire is free for the frames of a SYNC [s], and occupy it for them."""
+        """Return the start on the wire of the frames of a SYNC [s], and occupy the wire."""
         sizes = frames.packed[4 :: FRAME.size]
         start = self._wire_free if self._wire_free > frames.time else frames.time
         if sizes not in self._of_blocks:
@@ -158,14 +158,14 @@ class PlantChannel:
         return start
 
     def messages(self, block: Block) -> Iterator[can.Message]:
-        """Take a block apart."""
+        """Yield the frames of a block as messages."""
         free, frames = block
         for identifier, size, data in FRAME.iter_unpack(frames):
             free += self._durations[size]
             yield _message(free, identifier, data[:size], self.name)
 
     def _occupy(self, time: float, size: int) -> float:
-        """End of a frame that is ready at `time`: the wire carries one after the other."""
+        """Return the end of a frame ready at `time`: the wire carries frames in sequence."""
         start = self._wire_free if self._wire_free > time else time
         self._wire_free = start + self._durations[size if size < 8 else 8]
         return self._wire_free
@@ -190,7 +190,7 @@ def open_channel(name: str, inbox: Inbox, given: dict[str, object]) -> PlantChan
     ----------
     name : str
     inbox : SimpleQueue
-        Where frames for the bus that joins are put.
+        Queue of frames for the joining bus.
     given : dict
         See `PlantOptions`.
 
@@ -199,7 +199,7 @@ def open_channel(name: str, inbox: Inbox, given: dict[str, object]) -> PlantChan
     can.CanInitializationError
         An unknown channel, an option without meaning, or a channel open with other options.
     """
-    options = PlantOptions.of(given)
+    options = PlantOptions.parse(given)
     with _channels_lock:
         channel = _channels.get(name)
         if channel is not None:
@@ -217,7 +217,7 @@ def open_channel(name: str, inbox: Inbox, given: dict[str, object]) -> PlantChan
 
 
 def close_channel(channel: PlantChannel, inbox: Inbox) -> None:
-    """Leave a channel; the last one to leave switches its plant off."""
+    """Leave a channel; the last bus to leave switches its plant off."""
     with _channels_lock:
         channel.inboxes = [other for other in channel.inboxes if other is not inbox]
         if not channel.inboxes:

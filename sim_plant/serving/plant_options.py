@@ -1,4 +1,4 @@
-"""What can be asked of a simulated plant besides its name, as options that python-can passes on."""
+"""Options of a simulated plant, as passed on by python-can."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ BITRATE = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class PlantOptions:
-    """Options of one plant.
+    """Options of a plant.
 
     Attributes
     ----------
     seed : int, optional
-        Of the plant's randomness, instead of the plant file's.
+        Seed in place of the plant file's.
     clock : {"sync", "wall"}
         See `sim_plant.slave_network`.
     cycle : float
         SYNC period while no drive is set to one (1006h) [s].
     personality : str, optional
-        Of all drives, by name or path, instead of those of the plant file.
+        Personality of all drives, by name or path, in place of those of the plant file.
     faults : str, optional
         Path of a fault plan.
     hand : str, optional
@@ -48,8 +48,8 @@ class PlantOptions:
     bitrate: int = BITRATE
 
     @classmethod
-    def of(cls, given: dict[str, object]) -> Self:
-        """Take what was given by name, as text or as values.
+    def parse(cls, given: dict[str, object]) -> Self:
+        """Parse options given by name, as text or as values.
 
         Raises
         ------
@@ -66,7 +66,7 @@ class PlantOptions:
         return cls(**{name: _read(name, value) for name, value in given.items()})  # type: ignore[arg-type]
 
     def refuse_others(self, given: dict[str, object], name: str) -> None:
-        """Refuse options that differ from those with which a plant is open already.
+        """Check that options agree with those of an open plant.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Serves the plant as EtherCAT slaves on a network interface of Linux, by raw frames."""
+"""Server of the plant as EtherCAT slaves on a network interface of Linux, by raw frames."""
 
 from __future__ import annotations
 
@@ -20,17 +20,19 @@ if TYPE_CHECKING:
     from sim_plant.slave_network import Clock
 
 IDLE = 0.1
-"""How long the server waits for a frame before it looks at `stop_event` [s]."""
+"""Time to wait for a frame between two checks of `stop_event` [s]."""
 EAGER = 0.0003
-"""How long the next frame of a master in lock-step is looked for before the server goes to sleep
-[s]: some ten cycles of such a master; waking up takes longer than one (drivers/sync_clock.py)."""
+"""Time to poll for the next frame of a master in lock-step before the server sleeps [s].
+
+Some ten cycles of such a master; waking up takes longer than a cycle (drivers/sync_clock.py).
+"""
 _FRAME_MAX = 2048
 _OURS = 4
-"""Packet type of a frame that leaves (PACKET_OUTGOING)."""
+"""Packet type of outgoing frames (PACKET_OUTGOING)."""
 
 
 def open_interface(interface: str) -> socket.socket:
-    """Open a network interface for frames of EtherCAT.
+    """Open a network interface for EtherCAT frames.
 
     Raises
     ------
@@ -75,7 +77,7 @@ def serve_frames(
     wall = WallClock()
     came = False
     while not stop_event.is_set():
-        frame = _at_once(wire) if came and clock == "sync" else None
+        frame = _poll(wire) if came and clock == "sync" else None
         if frame is None:
             ready = select.select([wire], [], [], wall.pause if clock == "wall" else IDLE)[0]
             if clock == "wall":
@@ -88,8 +90,8 @@ def serve_frames(
             _send(wire, answer)
 
 
-def _at_once(wire: socket.socket) -> bytes | None:
-    """Return a frame that comes within `EAGER`, None if none does."""
+def _poll(wire: socket.socket) -> bytes | None:
+    """Poll for a frame within `EAGER`; return None without a frame."""
     ends = time.perf_counter() + EAGER
     while time.perf_counter() < ends:
         if (frame := _received(wire)) is not None:
@@ -99,7 +101,7 @@ def _at_once(wire: socket.socket) -> bytes | None:
 
 
 def _received(wire: socket.socket) -> bytes | None:
-    """Return a frame that has come, None where there is none."""
+    """Return a received frame, None if none is waiting."""
     try:
         frame, address = wire.recvfrom(_FRAME_MAX, socket.MSG_DONTWAIT)
     except BlockingIOError:
@@ -108,7 +110,7 @@ def _received(wire: socket.socket) -> bytes | None:
 
 
 def _send(wire: socket.socket, frame: bytes) -> None:
-    """Send; a frame that the full queue of the interface does not take is lost, as on a cable."""
+    """Send a frame; a frame refused by a full transmit queue is lost, as on a cable."""
     try:
         wire.send(frame)
     except OSError as error:

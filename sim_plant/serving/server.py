@@ -1,4 +1,4 @@
-"""Serves the plant on any python-can bus: a real one, vcan, or ``virtual`` inside a process."""
+"""Server of the plant on any python-can bus: real, vcan, or ``virtual`` inside a process."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from sim_plant.slave_network import CanFrame, Clock
 
 SYNC = 0x80
-"""What time is brought up to date for: drives latch at it."""
+"""Identifier of SYNC: time is brought up to date before, since drives latch at SYNC."""
 
 IDLE = 0.1
-"""How long the server waits for a frame before it looks at `stop_event` [s]."""
+"""Time to wait for a frame between two checks of `stop_event` [s]."""
 
 RETRIES = 12
 """Doubling pauses from 0.1 ms: half a second for a full transmit queue to drain."""
@@ -51,11 +51,11 @@ def serve(
         See `sim_plant.slave_network`.
     stop_event : threading.Event
     faults : FaultPlan, optional
-        What goes wrong. A frame that the master's adapter refuses is here one that is lost.
+        Injected faults. A frame refused by the master's adapter is lost here.
     cycle : float
         See `sim_plant.slave_network`.
     hand : Hand, optional
-        What pushes the plant.
+        Receiver of pushes.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def _send(bus: can.BusABC, frames: Iterable[CanFrame]) -> None:
 
 
 def _send_patiently(bus: can.BusABC, message: can.Message) -> None:
-    """Send; a full transmit queue (ten frames on socketcan) is given time to drain."""
+    """Send a frame, waiting for a full transmit queue (ten frames on socketcan) to drain."""
     for attempt in range(RETRIES):
         try:
             bus.send(message)

@@ -1,23 +1,22 @@
-"""Wall time for a plant that does not count on SYNC."""
+"""Wall clock of a plant not driven by SYNC."""
 
 from __future__ import annotations
 
 import time
 
 TICK = 0.002
-"""How often the plant follows the wall clock [s]."""
+"""Period of the plant's steps on the wall clock [s]."""
 
 LAG_MAX = 0.25
 """Lag beyond which the plant gives up catching up [s]: a stopped process or a slow machine."""
 
 
 BREATH = 5.0
-"""A plant on a slow machine rests so many times as long as its last step took, or it would have no
-time left for frames."""
+"""Pause after a step, in durations of the step: leaves time for frames on a slow machine."""
 
 
 class WallClock:
-    """How much time has gone by since last asked, and when to ask again.
+    """Elapsed time since the last step, and time of the next step.
 
     Attributes
     ----------
@@ -31,11 +30,11 @@ class WallClock:
 
     @property
     def due(self) -> bool:
-        """Whether the pause is over."""
+        """True if the pause is over."""
         return time.monotonic() - self._last >= self.pause
 
     def stepped(self) -> None:
-        """Take note that the step for which `elapsed` was asked is done."""
+        """Note the end of the step of the last `elapsed`."""
         self.pause = max(TICK, BREATH * (time.monotonic() - self._last))
 
     def elapsed(self, until: float | None = None) -> float:

@@ -1,1 +1,1 @@
-"""A virtual twin of any robot: a plant file and a drives file from its robot file."""
+"""Virtual twin of any robot: a plant file and a drives file from its robot file."""

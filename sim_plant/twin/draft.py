@@ -1,8 +1,8 @@
-"""A plant file and a drives file for the virtual twin of a robot.
+"""Draft of plant file and drives file for the virtual twin of a robot.
 
-Whatever a robot file does not say is a default here, scaled from its limits: friction, noise and
-ripple as shares of the torque limit, encoders by the speed limit, ratings by the torque limit, and
-the velocity loops by the inertias that the motors turn. So the loops are stable by construction.
+Values missing in the robot file are defaults, scaled from its limits: friction, noise and ripple as
+shares of the torque limit, encoders by the speed limit, ratings by the torque limit, and the
+velocity loops by the inertias at the motors. So the loops are stable by construction.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim_plant.physics.loop_stability import Loops, best_loads, stable
+from sim_plant.physics.loop_stability import Loops, best_loads, is_stable
 from sim_plant.physics.reflected_inertia import reflected_inertia
 from sim_plant.plant_file import (
     Body,
@@ -40,29 +40,29 @@ STEP = 0.001
 SYNC_PERIOD = 0.004
 PEAK_OVER_RATED = 3.0
 CREEP, FULL_SPEED = 0.05, 0.09
-"""Friction behind a gear, shares of the torque limit."""
+"""Friction of a gear, as shares of the torque limit."""
 DIRECT = 0.2
-"""Of it is left without a gear."""
+"""Remaining share of the friction without a gear."""
 GEARED = 8.0
-"""Gear ratio from which on there is the friction of a gear, and ripple unlike any gravity."""
+"""Minimum gear ratio for the friction of a gear, and for a ripple unlike any gravity."""
 ASYMMETRIES = (0.004, -0.006, 0.005)
 HEAT_TIMES = (2100.0, 1800.0, 1500.0)
 PRESLIDING = 5e-5
 """Share of the range."""
 COUNTS = 400
-"""Encoder increments in a SYNC period at the speed limit, at least."""
+"""Minimum of encoder increments in a SYNC period at the speed limit."""
 _DIGITS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Twin:
-    """A drafted plant.
+    """Drafted plant.
 
     Attributes
     ----------
     file : PlantFile
     inertia : ReflectedInertia
-        What its motors turn.
+        Inertias at the motors.
     """
 
     file: PlantFile
@@ -70,7 +70,7 @@ class Twin:
 
 
 def draft_twin(robot: RobotDescription) -> Twin:
-    """Give a robot links, friction, drives and loops.
+    """Draft links, friction, drives and loops of a robot.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def draft_twin(robot: RobotDescription) -> Twin:
 
 
 def _loops(motors: Array, loads: Array, inertia: ReflectedInertia) -> LoopsOfFile:
-    """Bandwidths as usual, or as much slower as it takes."""
+    """Return the usual bandwidths, reduced until the loops are stable."""
     usual = LoopsOfFile()
     for share in (1.0, 0.5, 0.25, 0.125):
         slower = LoopsOfFile(
@@ -104,7 +104,7 @@ def _loops(motors: Array, loads: Array, inertia: ReflectedInertia) -> LoopsOfFil
             integral=share * usual.integral,
         )
         gains = slower.position, slower.velocity, slower.integral
-        if stable(Loops(motors, loads, *gains, STEP), inertia):
+        if is_stable(Loops(motors, loads, *gains, STEP), inertia):
             return slower
     raise NoLinks(
         "the inertias that the motors turn differ too much over the workspace for loops of fixed"
@@ -149,7 +149,7 @@ def _drive(joint: RobotJoint, node: int, load: float) -> Drive:
 
 
 def _increments(joint: RobotJoint) -> int:
-    """Encoder increments per motor revolution: 4096, or as many times two as speeds need."""
+    """Return the encoder increments per motor revolution: 4096, doubled as speeds require."""
     increments = 4096
     turns = joint.velocity_limit * joint.drive.gear_ratio / math.tau * SYNC_PERIOD
     while increments * turns < COUNTS and increments < 1 << 20:
@@ -171,7 +171,7 @@ def _friction(joint: RobotJoint, number: int, least: float) -> Friction:
 
 
 def _presliding(joint: RobotJoint, creep: float, least: float) -> float:
-    """A share of the range, or as far as a closed brake needs that steps can follow it."""
+    """Return a share of the range, or the distance needed to integrate a closed brake."""
     motor = joint.motor_inertia
     closed = creep + 1.2 * joint.torque_limit
     way = PRESLIDING * (joint.q_max - joint.q_min)

@@ -1,4 +1,4 @@
-"""The text of a twin's plant file and drives file."""
+"""Text of a twin's plant file and drives file."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ PLANT, DRIVES = "plant.yaml", "drives.yaml"
 
 
 def plant_text(file: PlantFile, source: str) -> str:
-    """Text of the plant file; `source` names the robot file."""
+    """Return the text of the plant file; `source` names the robot file."""
     loops = file.loops
     noise = f"{{torque: {_n(file.noise.torque)}, ripple: {_n(file.noise.ripple)}}}"
     head = [
         comment(
-            f"A virtual twin of {source}: frames, ranges, limits and drive trains are its, the rest"
+            f"A virtual twin of {source}: frames, ranges, limits and drive trains are those of the"
         ),
-        "# is assumed, scaled from its limits. Change it as you like; what the links weigh is the",
-        "# truth that an identification is to find. Joint side is rad and N m, or m and N.",
+        "# robot file, the rest is assumed, scaled from the limits. Change it freely; the link",
+        "# parameters are the truth for an identification. Joint side is rad and N m, or m and N.",
         f"name: {scalar(file.name)}",
         f"seed: {file.seed}",
         "drift: true",
@@ -73,18 +73,18 @@ def _plant_axis(axis: PlantAxis) -> Iterator[str]:
 
 
 def _stated(part: BaseModel) -> str:
-    """What of a part is not zero."""
+    """Return the non-zero values of a part as text."""
     values = part.model_dump()
     return ", ".join(f"{key}: {_n(value)}" for key, value in values.items() if value)
 
 
 def drives_text(twin: Twin, source: str) -> str:
-    """Text of the drives file; `source` names the robot file."""
+    """Return the text of the drives file; `source` names the robot file."""
     head = [
         comment(
             f"Drives of the virtual twin of {source}, as its plant file has them. Joint side and SI"
         ),
-        "# unless said otherwise. Your own machine wants a drives file of its own: hil drives new.",
+        "# unless said otherwise. A real machine needs its own drives file: hil drives new.",
         "bitrate: 1000000 # bit/s",
         f"sync_period: {_n(SYNC_PERIOD)} # s",
         "master_node: 127",
@@ -138,14 +138,14 @@ def _drives_axis(twin: Twin, number: int) -> Iterator[str]:
 
 
 def _following_error_window(twin: Twin, number: int) -> float:
-    """Eight times what the peak torque leads to where the integral part has no time to act."""
+    """Return eight times the following error of the peak torque without integral action."""
     drive, loops = twin.file.axes[number].drive, twin.file.loops
     inertia = drive.motor_inertia + drive.load_inertia
     return 8 * drive.peak_torque / (inertia * loops.velocity * loops.position)
 
 
 def _position_window(axis: PlantAxis) -> float:
-    """A 3000th of the range, at least some increments and the way before friction slides."""
+    """Return a 3000th of the range, at least some increments and presliding distances."""
     drive, (low, high) = axis.drive, axis.drive.reach
     increment = 6.3 / drive.increments / drive.gear_ratio
     return max((high - low) / 3000, 5 * increment, 3 * axis.friction.presliding)

@@ -1,10 +1,10 @@
-"""Links for a robot of which frames and limits are known: real bodies, as heavy as it can bear.
+"""Links for a robot with known frames and limits: real bodies with the largest possible mass.
 
-A robot file says which link parameters there are, not how large. So each link becomes a body of six
-points, stretched from its own frame towards the next one and off the axes, so that no parameter is
-zero which the file calls present. From the last link inwards each is made as heavy as its joint can
-bear: gravity and the acceleration that plans use together take `SHARE` of the torque limit.
-Parameters that the file leaves out are zero, tied ones equal.
+A robot file says which link parameters exist, not their values. So each link becomes a body of six
+points, stretched from its own frame towards the next frame and off the axes, so that no parameter
+called present by the file is zero. From the last link inwards each link is made as heavy as its
+joint can bear: gravity and the acceleration of plans together take `SHARE` of the torque limit.
+Parameters omitted by the file are zero, tied ones equal.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SHARE = 0.5
-"""Of the torque limit that the links take."""
+"""Share of the torque limit taken by the links."""
 ACCELERATION = 0.6
-"""Share of the acceleration limit that plans use."""
+"""Share of the acceleration limit used by plans."""
 HEAVIER = 2.5
-"""A link has at most so many times the mass of all links that it carries."""
+"""Maximum mass of a link, in masses of all links beyond it."""
 _TRIED = 200
 _OFF_AXIS = np.array([[0.8, -0.5, 0.33], [-0.46, 0.7, 0.55], [0.5, 0.62, -0.6]])
 """Directions of the centres of mass off the line from frame to frame, in turn."""
@@ -50,11 +50,11 @@ _INERTIAS = {
 
 
 class NoLinks(ValueError):
-    """No bodies can be given to the links; the message says why."""
+    """Failure to find bodies for the links."""
 
 
 def arm_of(robot: RobotDescription, bodies: Array) -> Arm:
-    """Take a robot with these bodies, shape (n, 10), as the compiled dynamics takes it."""
+    """Return a robot with the given bodies, shape (n, 10), for the compiled dynamics."""
     alpha, d, theta, r = np.array(robot.frames()).T
     cos, sin = np.cos(alpha), np.sin(alpha)
     frames = np.column_stack([cos, sin, d, -sin * r, cos * r])
@@ -64,17 +64,17 @@ def arm_of(robot: RobotDescription, bodies: Array) -> Arm:
 
 
 def reach_of(robot: RobotDescription) -> Array:
-    """Ranges of the joints, shape (n, 2) [rad or m]."""
+    """Return the ranges of the joints, shape (n, 2) [rad or m]."""
     return np.array([(joint.q_min, joint.q_max) for joint in robot.joints])
 
 
 def motors_of(robot: RobotDescription) -> Array:
-    """Rotor inertias at the joints, shape (n,) [kg m^2 or kg]."""
+    """Return the rotor inertias at the joints, shape (n,) [kg m^2 or kg]."""
     return np.array([joint.motor_inertia for joint in robot.joints])
 
 
 def draft_bodies(robot: RobotDescription) -> Array:
-    """Bodies of all links, shape (n, 10), in the order of `LINK_PARAMETERS`.
+    """Draft bodies of all links, shape (n, 10), in the order of `LINK_PARAMETERS`.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def draft_bodies(robot: RobotDescription) -> Array:
 
 
 def _shapes(robot: RobotDescription) -> Array:
-    """Bodies of 1 kg."""
+    """Return bodies of 1 kg."""
     spans = _spans(robot)
     lengths = np.linalg.norm(spans, axis=1)
     usual = float(np.median(lengths[lengths > 0.02])) if (lengths > 0.02).any() else 0.3
@@ -111,7 +111,7 @@ def _shapes(robot: RobotDescription) -> Array:
 
 
 def _spans(robot: RobotDescription) -> Array:
-    """From each frame to the next one, its joint in the middle of its range, shape (n, 3)."""
+    """Return the vectors from frame to next frame with joints in mid-range, shape (n, 3)."""
     bodies = np.zeros((len(robot.joints), len(LINK_PARAMETERS)))
     _, frames, _, _, kinds = arm_of(robot, bodies)
     assert kinds is not None  # noqa: S101 - `arm_of` always gives some
@@ -122,7 +122,7 @@ def _spans(robot: RobotDescription) -> Array:
 
 
 def _shape(span: Array, usual: float, number: int) -> Array:
-    """Six points about a centre between two frames and off their line, 1 kg together."""
+    """Return a body of six points, 1 kg in total, between two frames and off their line."""
     side = _OFF_AXIS[number % len(_OFF_AXIS)]
     length = float(np.linalg.norm(span))
     first = span / length if length > 0.02 else side / np.linalg.norm(side)
@@ -140,14 +140,14 @@ def _shape(span: Array, usual: float, number: int) -> Array:
 
 
 def _rounder(shapes: Array) -> Array:
-    """The same with smaller first moments and products of inertia."""
+    """Return bodies with smaller first moments and products of inertia."""
     rounder = shapes.copy()
     rounder[:, [1, 2, 3, 7, 8, 9]] *= 0.7
     return rounder
 
 
 def _masses(robot: RobotDescription, shapes: Array) -> Array:
-    """Masses that the torque limits allow, shape (n,) [kg]."""
+    """Return the masses permitted by the torque limits, shape (n,) [kg]."""
     per_mass = _demand(robot, shapes)
     most = SHARE * np.array([joint.torque_limit for joint in robot.joints])
     n = len(most)
@@ -165,7 +165,7 @@ def _masses(robot: RobotDescription, shapes: Array) -> Array:
 
 
 def _demand(robot: RobotDescription, shapes: Array) -> Array:
-    """Torque at each axis that 1 kg in each link asks for at most, shape (n, n) [N m or N].
+    """Return the maximum torque at all axes per kg of every link, shape (n, n) [N m or N].
 
     Any one axis accelerates; the others are to hold still.
     """

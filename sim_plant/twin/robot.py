@@ -1,8 +1,8 @@
-"""What a twin needs of a robot file: frames, ranges, limits, drive trains, present parameters.
+"""Data of a robot file for a twin: frames, ranges, limits, drive trains, present parameters.
 
-The plant shares no program with the identification, so it reads the file for itself; what it does
-not need is known by name and not looked at, so that a mistyped key is refused. A file that `hil
-robot` refuses may be read here, none that it takes is refused.
+The plant shares no code with the identification, so it has its own reader. Keys that the plant does
+not use are known by name and ignored, so that a mistyped key is refused. A file refused by `hil
+robot` may be accepted here, but no file accepted there is refused.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class RobotFrame(FileModel):
 
 
 class RobotDrive(FileModel):
-    """Drive train of a joint; an unknown rotor is given what the limits lead one to expect."""
+    """Drive train of a joint; an unknown rotor is estimated from the limits."""
 
     gear_ratio: Positive
     rotor_inertia: Annotated[float, Field(ge=0)] | Literal["unknown"]
@@ -54,7 +54,7 @@ class RobotDrive(FileModel):
 
 
 class RobotJoint(FileModel):
-    """A joint and the link that it carries."""
+    """Joint with its link."""
 
     name: str | None = None
     type: Literal["revolute", "prismatic"] = "revolute"
@@ -80,7 +80,7 @@ class RobotJoint(FileModel):
 
     @property
     def rotor_inertia(self) -> float:
-        """Motor side [kg m^2]; of an unknown one, so much that it takes a share of the torque."""
+        """Rotor inertia, motor side [kg m^2]; if unknown, estimated from the torque limit."""
         stated = self.drive.rotor_inertia
         if stated != UNKNOWN:
             return float(stated)
@@ -89,12 +89,12 @@ class RobotJoint(FileModel):
 
     @property
     def motor_inertia(self) -> float:
-        """Of the rotor, at the joint [kg m^2 or kg]."""
+        """Rotor inertia at the joint [kg m^2 or kg]."""
         return self.rotor_inertia * self.drive.gear_ratio**2
 
 
 class RobotDescription(FileModel):
-    """A robot file."""
+    """Robot file."""
 
     name: str
     gravity: tuple[float, float, float]
@@ -119,7 +119,7 @@ class RobotDescription(FileModel):
         return ties
 
     def tied(self) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-        """Link from 0 and place in `LINK_PARAMETERS` of each tied parameter and of its value."""
+        """Return link (from 0) and parameter index of both sides of all ties."""
         return [_tied(tie, len(self.joints)) for tie in self.ties]
 
     @field_validator("joints")
@@ -135,7 +135,7 @@ class RobotDescription(FileModel):
         return joints
 
     def frames(self) -> list[tuple[float, float, float, float]]:
-        """alpha, d, theta, r of each joint [rad, m, rad, m]."""
+        """Return alpha, d, theta, r of all joints [rad, m, rad, m]."""
         return [
             (
                 value_of(joint.frame.alpha, self.lengths),
@@ -157,7 +157,7 @@ def _tied(tie: str, n: int) -> tuple[tuple[int, int], tuple[int, int]]:
 
 
 def value_of(text: str, lengths: dict[str, float]) -> float:
-    """Value of an expression in numbers, pi and named lengths.
+    """Evaluate an expression in numbers, pi and named lengths.
 
     Raises
     ------

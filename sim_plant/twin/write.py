@@ -1,4 +1,4 @@
-"""A twin's files, written and read again: what is written can be switched on."""
+"""Writing of a twin's files, checked by building the plant from them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def write_twin(robot: Path, folder: Path) -> str:
     Returns
     -------
     str
-        What was written, and what to do with it.
+        Written files, and the next commands.
 
     Raises
     ------

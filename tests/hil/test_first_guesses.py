@@ -106,7 +106,7 @@ class TestRobot:
 class TestIdentify:
     def test_arrays_give_the_model_that_their_run_gives(self, recorded, model) -> None:
         robot, _, (t, q, _, tau) = recorded
-        run = hil.Run.from_arrays(robot, t, q, tau)
+        run = hil.Run.import_arrays(robot, t, q, tau)
         assert hil.identify(run).params == model.params
         assert "1 of 1 measurements" in repr(run)
 
@@ -130,7 +130,7 @@ class TestIdentify:
         with pytest.raises(InvalidArray, match="missing: t, q, tau"):
             hil.identify(robot)
         with pytest.raises(InvalidArray, match="missing: a robot"):
-            hil.identify(hil.Run.from_arrays(robot, t, q, tau), t=t, q=q, tau=tau)
+            hil.identify(hil.Run.import_arrays(robot, t, q, tau), t=t, q=q, tau=tau)
 
     @pytest.mark.parametrize(
         ("change", "why"),
@@ -161,7 +161,7 @@ class TestIdentify:
 
     def test_doubts_name_arguments_too(self, recorded) -> None:
         robot, _, (t, q, _, tau) = recorded
-        (session,) = hil.Run.from_arrays(robot, t, q, 1e-3 * tau).journal.sessions
+        (session,) = hil.Run.import_arrays(robot, t, q, 1e-3 * tau).journal.sessions
         assert "in SI, on the joint side?; if it is right as it is, pass" in session.warnings[0]
         assert not OF_MAPS.search("\n".join(session.warnings))
         assert not OF_MAPS.search("\n".join(session.notes[1:]))

@@ -93,7 +93,7 @@ class TestRecording:
     def test_its_table_has_a_column_a_joint_with_its_unit(self, place):
         pytest.importorskip("pandas")
         recording = hil.Run.open(place / "runs" / "first")["g01"].recording
-        table = recording.to_dataframe()
+        table = recording.dataframe()
         assert np.array_equal(table["tau6"], recording.tau[:, 5])
         assert table.attrs["units"]["tau6"] == "N m"
         assert len(table.columns) == 3 + 3 * 6
@@ -101,7 +101,7 @@ class TestRecording:
     def test_the_table_of_a_run_is_indexed_by_measurement(self, place):
         pytest.importorskip("pandas")
         run = hil.Run.open(place / "runs" / "first")
-        table = run.to_dataframe()
+        table = run.dataframe()
         assert tuple(table.index.unique("measurement")) == run.ids
         assert np.array_equal(table.loc["i03"]["q2"], run["i03"].recording.q[:, 1])
 

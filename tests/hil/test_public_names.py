@@ -48,7 +48,7 @@ def swung(seed: int = 0, duration: float = 20.0) -> tuple[np.ndarray, np.ndarray
 def test_a_robot_of_one_s_own_is_identified_from_arrays(tmp_path: Path) -> None:
     robot = hil.Robot.from_values("pendulum", [JOINT])
     t, q, tau = swung()
-    run = hil.Run.from_arrays(robot, t, q, tau)
+    run = hil.Run.import_arrays(robot, t, q, tau)
     model = hil.identify(run)
     found = dict(zip(model.expressions, model.values, strict=True))
     assert found == pytest.approx({"Izz1": 2.0, "sx1": 1.5, "sy1": -0.4}, abs=0.03)
@@ -75,7 +75,7 @@ def test_a_robot_of_one_s_own_is_identified_from_arrays(tmp_path: Path) -> None:
 def test_arrays_that_cannot_be_used_are_refused(change, why: str) -> None:
     robot = hil.Robot.from_values("pendulum", [JOINT])
     with pytest.raises(hil.errors.InvalidArray, match=why):
-        hil.Run.from_arrays(robot, *change(*swung()))
+        hil.Run.import_arrays(robot, *change(*swung()))
 
 
 def test_a_subset_of_measurements_is_identified(campaign: Path) -> None:
@@ -83,7 +83,7 @@ def test_a_subset_of_measurements_is_identified(campaign: Path) -> None:
     gravity = run.only(kind="gravity")
     assert {each.measurement.kind for each in gravity} == {"gravity"}
     assert run.only(run.ids[:3]).ids == run.ids[:3]
-    fewer = run.without([gravity.ids[0]])
+    fewer = run.exclude([gravity.ids[0]])
     model = hil.identify(fewer)
     assert model.provenance.without == (gravity.ids[0],)
     with pytest.raises(hil.errors.UnknownName, match="no measurement of kind walk"):
@@ -102,12 +102,12 @@ def test_friction_over_time_is_known_of_a_loaded_model_too(tmp_path: Path) -> No
 
 def test_a_monte_carlo_study_needs_no_folders(campaign: Path, tmp_path: Path) -> None:
     robot = hil.Robot.from_values("pendulum", [JOINT])
-    run = hil.Run.from_arrays(robot, *swung(duration=10.0))
-    found = [hil.identify(run.with_noise(torque=0.5, seed=seed)).values for seed in range(3)]
-    again = hil.identify(run.with_noise(torque=0.5, seed=0)).values
+    run = hil.Run.import_arrays(robot, *swung(duration=10.0))
+    found = [hil.identify(run.add_noise(torque=0.5, seed=seed)).values for seed in range(3)]
+    again = hil.identify(run.add_noise(torque=0.5, seed=0)).values
     assert np.array_equal(again, found[0])
     assert (np.std(found, axis=0) > 0).all()
-    noisy = hil.Run.open(campaign).with_noise(torque=0.1)
+    noisy = hil.Run.open(campaign).add_noise(torque=0.1)
     first = noisy.ids[0]
     added = noisy[first].recording.tau - hil.Run.open(campaign)[first].recording.tau
     assert np.nanstd(added) == pytest.approx(0.1, rel=0.05)
@@ -159,7 +159,7 @@ def test_a_run_is_accepted_by_limits_that_it_drafted(campaign: Path) -> None:
 
 
 def test_a_model_is_a_table() -> None:
-    table = identified_model().to_dataframe()
+    table = identified_model().dataframe()
     assert list(table.columns) == [
         "value", "standard_error", "low", "high", "unit", "meaning", "expression",
     ]  # fmt: skip

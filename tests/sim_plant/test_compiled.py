@@ -59,7 +59,7 @@ def kept(package: Path) -> set[str]:
     return {path.name for path in package.glob("__pycache__/*.nb?")}
 
 
-@pytest.mark.parametrize("decorator", ["compiled", "inlined", "in_order"])
+@pytest.mark.parametrize("decorator", ["compiled", "inlined", "ordered"])
 def test_a_changed_callee_in_another_file_is_compiled_anew(package: Path, decorator: str) -> None:
     callee = package / "callee.py"
     callee.write_text(CALLEE.format(decorator=decorator, factor=2.0))

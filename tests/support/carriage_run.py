@@ -30,4 +30,4 @@ def carriage_run() -> Run:
     force = 15.0 * np.sin(2 * np.pi * np.maximum(time - 0.2, 0.0))[:, None]
     drive = Drive(time, force, 0.0 * force, none, none)
     q = Arm(carriage()).run(none, none, time, drive, lambda *_: False)
-    return hil.Run.from_arrays(hil.Robot.load("emps"), time, q, force, accept=["friction"])
+    return hil.Run.import_arrays(hil.Robot.load("emps"), time, q, force, accept=["friction"])

@@ -108,7 +108,7 @@ class IdealMachine:
     def __init__(self, n_axes: int = 6) -> None:
         self.time = 0.0
         self.axes = tuple(IdealAxis() for _ in range(n_axes))
-        self.on_event: Callable[[int, int], None] = lambda _axis, _events: None
+        self.handle_event: Callable[[int, int], None] = lambda _axis, _events: None
         self._events = [axis.events for axis in self.axes]
         self.drives = tuple(
             DriveSettings(
@@ -139,7 +139,7 @@ class IdealMachine:
                 events = axis.events
                 if events != self._events[number]:
                     self._events[number] = events
-                    self.on_event(number, events)
+                    self.handle_event(number, events)
 
     def advance_quietly(
         self, durations: Sequence[float], watch: NDArray[np.int64]

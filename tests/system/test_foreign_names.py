@@ -215,7 +215,7 @@ def test_a_data_sheet_names_its_objects_and_drive_in_one_line(forged):
 @pytest.mark.parametrize("forged", FORGED)
 def test_what_a_run_says_of_itself_is_in_one_line_each(tmp_path, forged):
     session = Session(started="2026", reason=forged, bus=forged, simulated=True, notes=(forged,))
-    journal = Journal(plan_digest="a", robot_digest="b").with_session(session)
+    journal = Journal(plan_digest="a", robot_digest="b").add_session(session)
     write_journal(tmp_path / "run.json", journal)
     found = read_journal(tmp_path / "run.json").sessions[0]
     for text in (found.reason, found.bus, *found.notes):

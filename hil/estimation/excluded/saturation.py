@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.runs.recording import under_way
+from hil.runs.recording import active_samples
 
 if TYPE_CHECKING:
     from hil.arrays import Array
@@ -27,7 +27,7 @@ def saturated(recorded: Recorded, n_joints: int) -> tuple[int, float, float] | N
     """
     sizes: list[list[Array]] = [[] for _ in range(n_joints)]
     for motion, recording in recorded:
-        size = np.abs(_under_way(recording))
+        size = np.abs(_moving_torques(recording))
         for axis in motion.moved:
             sizes[axis].append(size[:, axis])
     found = {}
@@ -41,8 +41,8 @@ def saturated(recorded: Recorded, n_joints: int) -> tuple[int, float, float] | N
     return axis, *found[axis]
 
 
-def _under_way(recording: Recording) -> Array:
-    moving = under_way(recording.stroke, recording.group)
+def _moving_torques(recording: Recording) -> Array:
+    moving = active_samples(recording.stroke, recording.group)
     return recording.tau[moving & np.isfinite(recording.tau).all(axis=1)]
 
 

@@ -1,6 +1,6 @@
-"""One reader for each format of files; what a file is, its name's ending says.
+"""Readers of all file formats, chosen by the ending of the file's name.
 
-Whatever goes wrong inside a file, in whichever library, means that the file is damaged.
+Any error inside a file, from any library, means that the file is damaged.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _READERS = (
     (TEXT, "text", "open_text"),
     ((".r64", ".r32", ".i16", ".i32"), "diadem", "open_values"),
 )
-"""Endings, and the module and what in it makes a table of such files."""
+"""Endings, with module and function of the reader."""
 
 
 def open_table(path: Path, layout: Format) -> Table:
@@ -60,7 +60,7 @@ def open_table(path: Path, layout: Format) -> Table:
 
 
 def _sole_bag(path: Path) -> Path:
-    """Return the only bag in a folder without metadata.yaml, which a killed recorder leaves out."""
+    """Return the only bag in a folder without metadata.yaml, as left by a killed recorder."""
     if not path.is_dir() or (path / "metadata.yaml").exists():
         return path
     bags = sorted(each for each in path.iterdir() if each.suffix in BAGS)
@@ -92,7 +92,7 @@ def _refuse_unreadable(path: Path) -> None:
 
 
 def _reader(path: Path) -> Callable[[Path, Format], Table]:
-    """Import a format's reader, and with it what that needs."""
+    """Import the reader of a format with its dependencies."""
     ending = Path(path.stem).suffix.lower() if path.suffix == ".gz" else path.suffix.lower()
     for endings, module, function in _READERS:
         if ending in endings or (path.is_dir() and endings is BAGS):
@@ -106,13 +106,13 @@ def _reader(path: Path) -> Callable[[Path, Format], Table]:
 
 @contextmanager
 def sound(path: Path) -> Iterator[None]:
-    """Raise any error of a reader, or of what it uses, as a `FileError` that names the file."""
+    """Raise any error of a reader as a `FileError` that names the file."""
     try:
         yield
     except HilError as error:
         raise type(error)(whole_line(str(error))) from error
     except Exception as error:
-        # 120 characters are shown of what a library says
+        # a library's message is cut after 120 characters
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise FileError(
             f"{path}: cannot be read: {reason}; it seems damaged: copy or download it again"
@@ -120,7 +120,7 @@ def sound(path: Path) -> Iterator[None]:
 
 
 class SoundTable:
-    """A table whose errors are `FileError`s; see `hil.imports.tables.Table`."""
+    """Table with all errors as `FileError` (see `hil.imports.tables.Table`)."""
 
     def __init__(self, table: Table) -> None:
         self._table = table

@@ -52,14 +52,14 @@ def open_arrays(path: Path, _: Format) -> ArrayTable:
 def table_of(
     path: Path, arrays: dict[str, Any], left_out: dict[str, str] | None = None
 ) -> ArrayTable:
-    """Make a table of named arrays, or what can be sliced like such.
+    """Make a table of named arrays, or of array-like objects that can be sliced.
 
     Parameters
     ----------
     path : Path
     arrays : dict of str to array
     left_out : dict of str to str, optional
-        What is no such array, and why.
+        Contents without columns, with the reason.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def table_of(
 
 
 def _no_columns(array: Any) -> str:
-    """What an array is that has no columns."""
+    """Describe an array without columns."""
     shape = " x ".join(map(str, array.shape))
     if array.dtype.kind in "fiub":
         return f"an array of {shape} numbers" if array.shape else "a single number"
@@ -120,7 +120,7 @@ def _slicer(array: Any, index: int | None) -> Callable[[slice], object]:
 
 
 class _Field:
-    """A field of a structured array, sliced like an array."""
+    """Field of a structured array, sliced like an array."""
 
     def __init__(self, array: Any, name: str) -> None:
         base = array.dtype[name]
@@ -149,7 +149,7 @@ def open_hdf5(path: Path, _: Format) -> ArrayTable:
 
 
 def hdf5_of(path: Path) -> h5py.File:
-    """Open HDF5, for as long as its datasets are in use.
+    """Open an HDF5 file for as long as its datasets are in use.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Numbers by Arrow: columns of its arrays, and long text in which all wanted cells are numbers.
+"""Numbers by Arrow: columns of its arrays, and fast reading of long numeric text.
 
 Arrow rounds decimals to the nearest double, as Python and NumPy do, in a ninth of the time.
 """
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def numbers(column: Any) -> Array:
-    """Return the numbers of an array of doubles, NaN where one is missing.
+    """Return the numbers of an array of doubles, NaN for missing values.
 
-    Its own `to_numpy` imports pandas where that is installed, which takes more than a second.
+    `to_numpy` of Arrow would import pandas if installed, which takes more than a second.
     """
     import pyarrow as pa  # noqa: PLC0415 - optional
     import pyarrow.compute as pc  # noqa: PLC0415 - optional

@@ -1,8 +1,7 @@
-"""Bags of ROS, opened so that nothing is unpacked beyond the budget of the file.
+"""Bags of ROS, opened without unpacking more than the budget of the file.
 
-A bag is read from its storage files. What a folder's ``metadata.yaml`` says of them is read here,
-and what rosbags would unpack as a whole, a file, a chunk or a message, is counted or bounded
-before.
+A bag is read from its storage files. The list in a folder's ``metadata.yaml`` is read here, and the
+sizes of everything that rosbags unpacks at once (a file, a chunk or a message) are checked before.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ class _Listing(FileModel, extra="ignore"):
 
 
 class Bag:
-    """A bag: a file, or a folder with ``metadata.yaml``.
+    """Bag of ROS: a file, or a folder with ``metadata.yaml``.
 
     Parameters
     ----------
@@ -85,7 +84,7 @@ class Bag:
 
     @contextmanager
     def opened(self) -> Iterator[OpenBag]:
-        """Open the bag; what goes wrong inside, of whatever kind, means that it is damaged."""
+        """Open the bag; any error inside means that the bag is damaged."""
         with needed_for(self._path), mendable(self._path), ExitStack() as stack:
             with file_errors(self._path, "read"):
                 readers = []
@@ -127,15 +126,15 @@ class Bag:
 
 
 class OpenBag:
-    """A bag that is open.
+    """Open bag.
 
     Parameters
     ----------
     path : Path
     readers : sequence of object
-        Of each file, of rosbags or `CutMcap`.
+        Readers of the files, by rosbags or `CutMcap`.
     compressed : bool
-        Whether each message is compressed by itself.
+        True if messages are compressed separately.
     """
 
     def __init__(self, path: Path, readers: Sequence[Any], *, compressed: bool) -> None:
@@ -144,11 +143,11 @@ class OpenBag:
 
     @property
     def topics(self) -> dict[str, str]:
-        """Type of the messages of each topic."""
+        """Message type of each topic."""
         return {each.topic: each.msgtype for reader in self._readers for each in reader.connections}
 
     def messages(self, topic: str, kind: str) -> Iterator[tuple[int, bytes]]:
-        """Yield stamp [ns] and content of each message of a topic."""
+        """Yield stamp [ns] and content of the messages of a topic."""
         for reader in self._readers:
             here = [c for c in reader.connections if (c.topic, c.msgtype) == (topic, kind)]
             for _, received, data in reader.messages(here) if here else ():
@@ -170,7 +169,7 @@ class OpenBag:
 
 
 def _reader(file: Path, chunks: dict[int, Chunk]) -> Any:
-    """Open a file; nothing is unpacked beyond what the file may become."""
+    """Open a file with bounded unpacking."""
     from rosbags.highlevel import AnyReader  # noqa: PLC0415 - optional
     from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
 

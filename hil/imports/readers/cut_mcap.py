@@ -1,8 +1,8 @@
 """MCAP files without an end, left by recorders that were killed or lost power.
 
-The end holds an index; all else is in records one behind the other (mcap.dev/spec): a byte of what
-it is, eight of its length, and its content. What is whole is read in their order, within a chunk
-that is cut as well, as far as its compressed data go.
+The end holds an index; everything else is in consecutive records (mcap.dev/spec): a byte for the
+kind, eight for the length, and the content. Complete records are read in order, also within an
+incomplete chunk, as far as its compressed data go.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 MAGIC = b"\x89MCAP0\r\n"
-"""At the begin of each file, and at the end of whole ones."""
+"""Mark at the start of every file, and at the end of complete files."""
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
-"""Of a message: channel, sequence number, log time and publish time [ns]."""
+"""Head of a message: channel, sequence number, log time and publish time [ns]."""
 _CHUNK_HEAD = struct.Struct("<QQQI")
-"""Of a chunk: first and last time [ns], size before compression, checksum."""
+"""Head of a chunk: first and last time [ns], size before compression, checksum."""
 
 
 class Connection(NamedTuple):
@@ -32,13 +32,13 @@ class Connection(NamedTuple):
 
 
 class CutMcap:
-    """Whole messages of a file, with the interface of a reader of rosbags.
+    """Complete messages of a file, with the interface of a reader of rosbags.
 
     Parameters
     ----------
     path : Path
     typestore : object
-        Of rosbags, with the types that messages may have.
+        Type store of rosbags, with the types of messages.
     """
 
     is2 = True
@@ -59,7 +59,7 @@ class CutMcap:
     def messages(
         self, connections: Sequence[Connection]
     ) -> Iterator[tuple[Connection, int, bytes]]:
-        """Yield connection, log time [ns] and content of each whole message of some channels."""
+        """Yield connection, log time [ns] and content of the complete messages of some channels."""
         wanted = {each.id: each for each in connections}
         for kind, content in self._records():
             if kind == _MESSAGE and len(content) >= _MESSAGE_HEAD.size:
@@ -72,16 +72,16 @@ class CutMcap:
         return self._typestore.deserialize_cdr(content, kind)
 
     def close(self) -> None:
-        """Nothing stays open."""
+        """Do nothing, since no file stays open."""
 
     def _records(self) -> Iterator[tuple[int, bytes]]:
         with self._path.open("rb") as file:
             file.seek(len(MAGIC))
-            yield from _of_file(file, self._path.stat().st_size)
+            yield from _read_file(file, self._path.stat().st_size)
 
 
 def lacks_end(path: Path) -> bool:
-    """Return True if a file begins as MCAP, and does not end so."""
+    """Return True if a file starts as MCAP without ending as one."""
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
             return False
@@ -89,21 +89,21 @@ def lacks_end(path: Path) -> bool:
         return file.read() != MAGIC
 
 
-def _of_file(file: IO[bytes], size: int) -> Iterator[tuple[int, bytes]]:
+def _read_file(file: IO[bytes], size: int) -> Iterator[tuple[int, bytes]]:
     while len(head := file.read(9)) == 9:
         kind, length = head[0], int.from_bytes(head[1:], "little")
         if kind == _DATA_END:
             return
         if kind == _CHUNK:
-            yield from _of_chunk(file.read(min(length, size)))
+            yield from _read_chunk(file.read(min(length, size)))
         elif kind in {_SCHEMA, _CHANNEL, _MESSAGE} and length <= size - file.tell():
             yield kind, file.read(length)
         else:
             file.seek(min(length, size), 1)
 
 
-def _of_chunk(chunk: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield the whole records of a chunk; the chunk may be cut."""
+def _read_chunk(chunk: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield the complete records of a chunk, which may be cut."""
     if len(chunk) < _CHUNK_HEAD.size + 4:
         return
     compression, begin = _string(chunk, _CHUNK_HEAD.size)

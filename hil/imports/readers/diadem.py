@@ -1,4 +1,4 @@
-"""Traces as DIAdem stores them, as KUKA's controllers do: a header as text, values beside it.
+"""Traces in the format of DIAdem, as written by KUKA's controllers: a text header and value files.
 
 The header (`.dat`) has a line ``KEY,VALUE`` for each property of a channel: 200 name, 202 unit, 210
 explicit or implicit, 211 file of the values, 213 storage, 214 type, 220 number of values, 221 place
@@ -38,16 +38,16 @@ _TYPES = {
 
 
 class _NotRead(Exception):
-    """A channel that is not read; the message says why, and what to do."""
+    """Reason for leaving out a channel, with the remedy."""
 
 
 def is_diadem(head: str) -> bool:
-    """Return True if a file that begins with `head` is a header of DIAdem."""
+    """Return True if a file starting with `head` is a header of DIAdem."""
     return head.lstrip("\ufeff").startswith(_MARK)
 
 
 def open_values(path: Path, _: Format) -> NoReturn:
-    """Refuse a file of values, whose channels only its header names (`FileError`)."""
+    """Refuse a value file, whose channels are named only in its header (`FileError`)."""
     raise FileError(
         f"{path}: holds the values of a trace (KUKA, DIAdem) without their names; name its header,"
         f" {path.with_suffix('.dat').name}, with this file beside it"
@@ -85,7 +85,7 @@ def open_diadem(path: Path, text: str) -> ArrayTable:
 
 
 def _channels(text: str) -> tuple[list[Header], bool]:
-    """Headers of the channels, and whether values have their high byte first."""
+    """Return the headers of the channels, and whether values have their high byte first."""
     channels: list[Header] = []
     general: Header = {}
     now = general
@@ -105,17 +105,17 @@ def _channels(text: str) -> tuple[list[Header], bool]:
 def _column(
     path: Path, channel: Header, n_stored: int, swapped: bool
 ) -> tuple[int, Callable[[slice], object]]:
-    """Length of a channel, and what reads a slice of it.
+    """Return the length of a channel, and a function that reads a slice.
 
     Parameters
     ----------
     path : Path
-        Of the header.
+        Path of the header.
     channel : dict of str to str
     n_stored : int
-        Channels that are stored alike in the channel's file.
+        Number of channels stored alike in the channel's file.
     swapped : bool
-        Whether values have their high byte first.
+        True if values have their high byte first.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def _column(
 
 
 def _values(path: Path, channel: Header, n_stored: int, swapped: bool) -> Array:
-    """Values of a channel as they are stored, mapped from their file, shape (n,)."""
+    """Return the stored values of a channel, mapped from their file, shape (n,)."""
     name, stored, n = channel["211"], channel["214"], int(channel["220"])
     known = stored in _TYPES and channel["213"] in {"BLOCK", "CHANNEL"}
     if not known or int(channel.get("222") or 0):  # a header before the values
@@ -142,7 +142,7 @@ def _values(path: Path, channel: Header, n_stored: int, swapped: bool) -> Array:
             f"values as {one_line(stored, 20)}, stored by {one_line(channel['213'], 20)}, of which"
             " no reader is there; export them as REAL64, or as CSV"
         )
-    file, first = _beside(path, name), int(channel["221"]) - 1
+    file, first = _find_file(path, name), int(channel["221"]) - 1
     apart = n_stored if channel["213"] == "BLOCK" else 1
     kind = np.dtype(f"{'>' if swapped else '<'}{_TYPES[stored]}")
     there, last = file.stat().st_size // kind.itemsize, first + apart * (n - 1)
@@ -154,8 +154,8 @@ def _values(path: Path, channel: Header, n_stored: int, swapped: bool) -> Array:
     return np.memmap(file, kind, "r")[first : last + 1 : apart]
 
 
-def _beside(path: Path, name: str) -> Path:
-    """File of values in the header's folder, in whatever case its name was copied."""
+def _find_file(path: Path, name: str) -> Path:
+    """Find a value file in the header's folder, ignoring the case of its name."""
     if "/" not in name and "\\" not in name:
         for file in path.parent.iterdir():
             if file.name.lower() == name.lower() and file.is_file() and not file.is_symlink():

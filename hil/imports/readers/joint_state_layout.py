@@ -1,11 +1,11 @@
-"""Where a joint state has what, to read or write thousands of messages at once.
+"""Byte layout of joint states, for reading and writing thousands of messages at once.
 
 A message of `sensor_msgs/JointState` in CDR (OMG formal/02-06-51) is: encapsulation (4 bytes),
 stamp (int32, uint32), frame_id (string), names (sequence of strings), and three sequences of
 doubles. Strings and sequences begin with their length, an uint32; numbers are aligned to their
-size, counted from behind the encapsulation. A publisher repeats all of that but stamp and doubles,
-so messages whose other bytes are the same have their values at the same offsets, and numpy reads
-them in one go. Padding is not compared: serializers leave there what the memory held before.
+size, counted from the end of the encapsulation. A publisher repeats everything except stamp and
+doubles, so messages with equal other bytes have their values at equal offsets, and numpy reads them
+in a single call. Padding is not compared: serializers leave arbitrary bytes there.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ if TYPE_CHECKING:
 LITTLE_ENDIAN = b"\x00\x01"
 PARTS = ("position", "velocity", "effort")
 _STAMP = ("sec", "<i4", 4), ("nanosec", "<u4", 8)
-"""Behind the encapsulation: name, type, and first byte."""
+"""Stamp after the encapsulation: name, type, and first byte."""
 
 
 class OtherLayout(Exception):
-    """Bytes that are no little-endian joint state of this layout."""
+    """Message other than a little-endian joint state of this layout."""
 
 
 @dataclass(frozen=True, eq=False)
 class MessageLayout:
-    """Layout of messages that differ in stamp and values alone.
+    """Layout of messages that differ only in stamp and values.
 
     Attributes
     ----------
     names : tuple of str
-        Of the joints.
+        Names of the joints.
     values : dtype
-        Of a message: ``sec``, ``nanosec`` and `PARTS` where they stand in it.
+        Type of a message: ``sec``, ``nanosec`` and `PARTS` at their places.
     fixed : array (n,) of int
-        Bytes that all messages have in common.
+        Indices of the bytes common to all messages.
     content : array (n,) of uint8
-        What these are.
+        Values of these bytes.
     """
 
     names: tuple[str, ...]
@@ -55,14 +55,14 @@ class MessageLayout:
     content: Bytes
 
     def fits(self, messages: bytes) -> Mask:
-        """Which of the messages, which stand one behind the other, are of this layout."""
+        """Return a mask of the messages of this layout in consecutive messages of equal size."""
         rows = np.frombuffer(messages, np.uint8).reshape(-1, self.values.itemsize)
         return np.asarray((rows[:, self.fixed] == self.content).all(axis=1))
 
     def messages(
         self, like: bytes, seconds: ArrayLike, nanoseconds: ArrayLike, parts: dict[str, Array]
     ) -> Bytes:
-        """Messages that differ from one in stamp and values, shape (n, size).
+        """Return copies of a message with other stamps and values, shape (n, size).
 
         Parameters
         ----------
@@ -70,7 +70,7 @@ class MessageLayout:
             A message of this layout.
         seconds, nanoseconds : array (n,)
         parts : dict of str to array (n, n_values)
-            By their names in `PARTS`; those without values may be left out.
+            Values by names in `PARTS`; parts without values may be left out.
         """
         n = len(np.asarray(seconds))
         found = np.frombuffer(bytearray(like * n), self.values)
@@ -80,7 +80,7 @@ class MessageLayout:
 
 
 class _Cursor:
-    """Goes through a message, and notes the bytes that are neither values nor padding."""
+    """Cursor through a message, which notes the bytes outside of values and padding."""
 
     def __init__(self, message: bytes) -> None:
         self._message = message
@@ -105,7 +105,7 @@ class _Cursor:
         return text[:-1].decode()
 
     def doubles(self, part: str) -> tuple[str, tuple[str, tuple[int]], int]:
-        """Name, type and first byte of a sequence."""
+        """Return name, type and first byte of a sequence."""
         count = self.length()
         if count:
             self.align(8)

@@ -1,4 +1,4 @@
-"""Joint states of ROS, as MCAP, rosbag2 or rosbag: read without ROS.
+"""Joint states of ROS in MCAP, rosbag2 or rosbag files, read without ROS.
 
 A message names its joints, in any order and not always all of them; so columns go by name:
 ``position/elbow``, ``velocity/elbow``, ``effort/elbow``. The columns ``sec`` and ``nanosec`` are
@@ -37,14 +37,14 @@ if TYPE_CHECKING:
 
 TYPE = "sensor_msgs/msg/JointState"
 LAYOUTS = 32
-"""Layouts of messages that are looked for in one recording; more are read one by one."""
+"""Maximum number of layouts per recording for fast reading; other messages are read one by one."""
 LARGEST = 1 << 26
-"""Bytes of messages that are read at once: as many as a block of text becomes."""
+"""Bytes of messages read at once, equal to a block of text."""
 _TIMES = ("time", "received", "sec", "nanosec")
 
 
 class JointStates:
-    """Messages of one topic of a file, or folder, as a table; see `hil.imports.tables.Table`."""
+    """Messages of a topic of a file or folder, as a table (see `hil.imports.tables.Table`)."""
 
     time: tuple[int, ...] = (_TIMES.index("sec"), _TIMES.index("nanosec"))
 
@@ -62,18 +62,20 @@ class JointStates:
         self.notes = tuple(self._notes())
 
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
-        """Read columns block by block; messages with none of the joints asked for are no rows."""
+        """Read columns block by block; messages without any wanted joint are left out."""
         wanted = [self.names[index].partition("/")[::2] for index in columns]
         with self._bag.opened() as bag:
             rows = Rows(wanted, lambda data: bag.deserialize(data, TYPE), cdr=bag.is_cdr)
             messages = bag.messages(self._topic, TYPE)
             while block := list(_some(messages)):
-                found = rows.of([data for _, data in block], np.array([r for r, _ in block], float))
+                found = rows.convert(
+                    [data for _, data in block], np.array([r for r, _ in block], float)
+                )
                 if len(found):
                     yield found
 
     def _joints(self) -> list[str]:
-        """Columns of the joints, which the first 201 messages name."""
+        """Return the columns of the joints in the first 201 messages."""
         names: dict[str, None] = {}
         with self._bag.opened() as bag:
             for _, data in islice(bag.messages(self._topic, TYPE), 201):
@@ -93,12 +95,12 @@ class JointStates:
 
 
 def _numbers(n: int) -> tuple[str, ...]:
-    """Names of joints that have none."""
+    """Return names for unnamed joints."""
     return tuple(str(number + 1) for number in range(n))
 
 
 def _some(messages: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
-    """The next `ROWS` messages, or fewer where they are large."""
+    """Yield the next `ROWS` messages, or fewer large ones."""
     size = 0
     for received, data in islice(messages, ROWS):
         yield received, data
@@ -127,23 +129,23 @@ def _topic_of(path: Path, bag: Bag, stated: str | None) -> str:
 
 
 def _has_efforts(bag: OpenBag, topic: str) -> bool:
-    """Whether the first joint state of a topic has efforts; set-points have none."""
+    """Return True if the first joint state of a topic has efforts; set-points have none."""
     for _, data in bag.messages(topic, TYPE):
         return len(bag.deserialize(data, TYPE).effort) > 0
     return False
 
 
 class Rows:
-    """Rows of the columns asked for; where joints stand in a message is looked up once a list.
+    """Conversion of messages to rows of the wanted columns; names of joints are looked up once.
 
     Parameters
     ----------
     wanted : sequence of (str, str)
-        Of each column the part of a message, and the joint; no joint for times.
+        Part of a message and joint, for all columns; no joint for times.
     general : callable
-        Reads any message.
+        Reader of messages of any layout.
     cdr : bool
-        Whether messages are in CDR, whose layouts are known.
+        True if messages are in CDR, with known layouts.
     """
 
     def __init__(
@@ -155,8 +157,8 @@ class Rows:
         self._places: dict[tuple[str, ...], Places] = {}
         self._layouts: list[MessageLayout] = []
 
-    def of(self, messages: Sequence[bytes], received: Array) -> Array:
-        """Rows of messages, without those that have none of the joints.
+    def convert(self, messages: Sequence[bytes], received: Array) -> Array:
+        """Return the rows of messages, without messages that have none of the joints.
 
         Parameters
         ----------
@@ -178,7 +180,7 @@ class Rows:
         return rows[present]
 
     def _fill_alike(self, messages: Sequence[bytes], rows: Array, present: Mask) -> Integers:
-        """Fill the rows of all messages that share a layout; return the numbers of the others."""
+        """Fill the rows of messages of known layouts; return the numbers of the others."""
         sizes, left = np.array([len(message) for message in messages]), np.arange(len(messages))
         odd: list[int] = []
         tried = 0
@@ -197,7 +199,7 @@ class Rows:
         return np.concatenate([np.array(odd, dtype=np.int64), left])
 
     def _learn(self, message: bytes) -> bool:
-        """Note the layout of a message, if it has one."""
+        """Note the layout of a message, if there is one."""
         try:
             self._layouts.append(layout_of(message))
         except OtherLayout:
@@ -211,7 +213,7 @@ class Rows:
         names: tuple[str, ...],
         values: Mapping[str, Array] | NDArray[np.void],
     ) -> bool:
-        """Fill the rows of messages with the same names; return whether any joint is wanted."""
+        """Fill the rows of messages with equal names; return True if any joint is wanted."""
         if not names:
             names = _numbers(max(values[part].shape[1] for part in PARTS))
         if names not in self._places:
@@ -230,7 +232,7 @@ class Rows:
             rows[these, self._times[name]] = times
 
     def _find(self, names: tuple[str, ...]) -> Places:
-        """Of each part the columns that a message with these joints fills, and from where."""
+        """Return the columns filled by a message with the given joints, and the places, by part."""
         found: dict[str, list[tuple[int, int]]] = {}
         for column, (part, joint) in enumerate(self._wanted):
             if joint and joint in names:

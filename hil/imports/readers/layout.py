@@ -1,4 +1,4 @@
-"""How a text file is laid out, seen in its first lines: delimiter, decimal, header."""
+"""Layout of a text file, detected in its first lines: delimiter, decimal, header."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ]|(\d\d?)\.(\d\d?)\.(\d{4})[T ])?\d\d:\d\d:")
-"""Begin of an instant: a date, year or day first, or none, and the time of a day."""
+"""Start of an instant: a date (year or day first) or none, and the time of day."""
 MISSING = {"", "nan", "na", "null", "none", "inf", "-inf", "-nan"}
 _CANDIDATES = (";", "\t", ",", "|")
 _COMMENTS = ("%", "#", "//")
 _END_OF_SETTINGS = "***End_of_Header***"
-"""Line after the settings of a measurement file of LabVIEW."""
+"""Last line of the settings in a measurement file of LabVIEW."""
 _LOOKED_AT = 30
 _ABOVE = 5
-"""Rows above the numbers in which the names may be: comments, types and units follow these."""
+"""Rows above the numbers that may hold the names, since comments, types and units follow names."""
 _UNITS = {
     "", "-", "1", "%", "s", "ms", "us", "µs", "ns", "min", "rad", "deg", "°", "m", "mm", "rad/s",
     "deg/s", "°/s", "rpm", "1/min", "turns", "rev", "turns/s", "rev/s", "m/s", "mm/s", "nm", "n*m",
@@ -33,7 +33,7 @@ _IN_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
 
 
 class NoNumbers(Exception):
-    """The first lines hold no row of numbers."""
+    """First lines without a row of numbers."""
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,13 @@ class Layout:
     delimiter, decimal, comment : str
         A delimiter of one space stands for any number of blanks.
     names : tuple of str
-        Of the columns; empty where there is no header.
+        Names of the columns; empty without a header.
     skipped : int
         Lines before the first row.
     width : int
         Cells of the first row.
     clocks : tuple of int
-        Of each column that of its time stamps, where a scope states these; else empty.
+        Column of the time stamps for all columns of a scope; else empty.
     """
 
     delimiter: str
@@ -64,7 +64,7 @@ class Layout:
 
 
 def layout_of(text: str, stated: Format) -> Layout:
-    """Layout of a file that begins with `text`, as stated or as it looks.
+    """Return the layout of a file beginning with `text`, as stated or as detected.
 
     Raises
     ------
@@ -85,21 +85,21 @@ def layout_of(text: str, stated: Format) -> Layout:
     delimiter = stated.delimiter or _delimiter(last)
     decimal = stated.decimal or _decimal(last, delimiter)
     rows = [(number, cells(line, delimiter)) for number, line in used]
-    scope = _of_scope([row for _, row in rows])
+    scope = _find_scope_row([row for _, row in rows])
     first = _first_row(rows, decimal, stated, whole=bool(scope))
     skipped, width = rows[first][0], len(rows[first][1])
     if scope:
-        # EOF is what a scope may write at the end
+        # a scope may end its file with EOF
         return Layout(delimiter, decimal, "EOF", *_channels(scope, width, skipped))
     above = [row for _, row in rows[max(0, first - _ABOVE) : first]]
-    names = _names(above) if first else _in_comment(lines, rows[0][0], stated)
+    names = _names(above) if first else _find_comment_names(lines, rows[0][0], stated)
     if len(names) != width and not (first and stated.header):
         names = () if not first else (*names, *[""] * width)[:width]
     return Layout(delimiter, decimal, stated.comment, names or ("",) * width, skipped, width)
 
 
 def instant(cell: str) -> str:
-    """Return an instant with its date first, that of 1970 where it has none."""
+    """Return an instant with its date first, 1970 without a date."""
     found = DATE.match(cell)
     if found and found[4]:
         cell = f"{found[4]}-{found[3]:0>2}-{found[2]:0>2}T{cell[found.end(4) + 1 :]}"
@@ -109,7 +109,7 @@ def instant(cell: str) -> str:
 
 
 def cells(line: str, delimiter: str) -> list[str]:
-    """Cells of a line; those in quotation marks may hold the delimiter."""
+    """Return the cells of a line; quoted cells may hold the delimiter."""
     if delimiter == " ":
         return line.split()
     return [cell.strip().strip('"').strip() for cell in _split(line, delimiter)]
@@ -122,7 +122,7 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    """The character that most lines have, a comma equally often; blanks where there is none."""
+    """Return the character in most lines, for a comma in equal number; blanks if there is none."""
     for candidate in _CANDIDATES:
         counts = Counter(len(_split(line, candidate)) - 1 for line in lines)
         equal = max((n for number, n in counts.items() if number), default=0)
@@ -142,7 +142,7 @@ def _decimal(lines: Sequence[str], delimiter: str) -> str:
 def _first_row(
     rows: Sequence[tuple[int, list[str]]], decimal: str, stated: Format, *, whole: bool
 ) -> int:
-    """Index of the first row of numbers among `rows`; of a `whole` row, without any text."""
+    """Return the index of the first row of numbers in `rows`; with `whole`, without any text."""
     if stated.header is not None:
         if len(rows) <= stated.header:
             raise NoNumbers("has a header and no rows")
@@ -151,8 +151,7 @@ def _first_row(
         numbers = sum(_is_number(cell, decimal) for cell in row)
         if numbers and all(_is_number(c, decimal) or c.lower() in MISSING for c in row):
             return index
-        # text in one of its cells, which matters only where that is wanted; settings of a recorder
-        # have fewer cells than rows
+        # a row may hold text in unwanted cells; settings of a recorder have fewer cells than rows
         as_wide = index + 1 == len(rows) or len(row) >= len(rows[index + 1][1])
         if index and numbers >= 2 and as_wide and not whole:
             return index
@@ -166,7 +165,7 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 
 def _names(above: Sequence[Sequence[str]]) -> tuple[str, ...]:
-    """Names among the rows above the numbers: the last row of other things than units or types."""
+    """Return the names in the rows above the numbers: the last row that has no units or types."""
     chosen = above[-1]
     for lower, row in zip(above[::-1], above[-2::-1], strict=False):
         if len(row) != len(lower) or not _follow_names(lower, row):
@@ -176,7 +175,7 @@ def _names(above: Sequence[Sequence[str]]) -> tuple[str, ...]:
 
 
 def _follow_names(row: Sequence[str], above: Sequence[str]) -> bool:
-    """Return True if a row has units alone, or the same words twice, below distinct names."""
+    """Return True if a row has only units, or repeated words, below distinct names."""
     units = all(
         cell.lower().replace(" ", "") in _UNITS or _IN_BRACKETS.fullmatch(cell) for cell in row
     )
@@ -184,11 +183,11 @@ def _follow_names(row: Sequence[str], above: Sequence[str]) -> bool:
     return units or (distinct and len(set(row)) < len(row))
 
 
-def _of_scope(rows: Sequence[Sequence[str]]) -> Sequence[str]:
-    """Row that names the channels of a scope, as TwinCAT writes it; empty where there is none.
+def _find_scope_row(rows: Sequence[Sequence[str]]) -> Sequence[str]:
+    """Return the row with the names of a scope's channels (TwinCAT); empty if there is none.
 
-    In the place of the stamps of each group of channels it has the word Name, as the scope's own
-    name before has.
+    The row has the word Name in place of the stamps of each group of channels, as before the
+    scope's own name.
     """
     named = [row for row in rows if row[0] == "Name"]
     if named and (len(named) > 1 or (len(named[0]) > 2 and named[0].count("Name") > 1)):
@@ -199,7 +198,7 @@ def _of_scope(rows: Sequence[Sequence[str]]) -> Sequence[str]:
 def _channels(
     row: Sequence[str], width: int, skipped: int
 ) -> tuple[tuple[str, ...], int, int, tuple[int, ...]]:
-    """Names, lines before the first row, width, and columns of stamps of a scope's channels."""
+    """Return names, lines before the first row, width, and stamp columns of a scope's channels."""
     row = (*row, *[""] * width)[:width]
     clocks: list[int] = []
     for column, cell in enumerate(row):
@@ -211,8 +210,8 @@ def _channels(
     return names, skipped, width, tuple(clocks)
 
 
-def _in_comment(lines: Sequence[str], begin: int, stated: Format) -> tuple[str, ...]:
-    """Names in the comment right before the first row, as NumPy writes them."""
+def _find_comment_names(lines: Sequence[str], begin: int, stated: Format) -> tuple[str, ...]:
+    """Return names in the comment right before the first row, as written by NumPy."""
     before = lines[begin - 1].strip() if begin else ""
     if not before.startswith(stated.comment):
         return ()

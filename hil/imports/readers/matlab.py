@@ -1,14 +1,14 @@
-"""Files of MATLAB, before and since version 7.3, which is HDF5.
+"""Files of MATLAB, before version 7.3 and since, in HDF5.
 
-Columns are called as in MATLAB: ``data.q`` is a field of a structure, ``signals(2).values`` one of
-a structure array, ``q{2}`` an element of a cell array, ``data.q/1`` the first column of a matrix.
-Structure arrays and cells with more elements than each of these has numbers are one element a
-sample, as loops that append write them: ``log.q/1`` is a column over all of them.
+Columns are named as in MATLAB: ``data.q`` is a field of a structure, ``signals(2).values`` a field
+of a structure array, ``q{2}`` an element of a cell array, ``data.q/1`` the first column of a
+matrix. In structure arrays and cells with more elements than numbers per element, elements are
+samples, as written by loops that append: ``log.q/1`` is a column over all of them.
 
-Variables that are tables or timetables are read with mat-io: ``log.q1``, ``log.Time`` in s, or ns
-where it is a date. Other objects are left out, and tables within structures: their layout is not
-public. So are text, functions, and variables without values, in whose place version 7.3 writes
-their size.
+Tables and timetables are read with mat-io if they are variables: ``log.q1``, ``log.Time`` in s, or
+ns for a date. Other objects are left out, and tables within structures: their layout is not public.
+Also left out are text, functions, and variables without values, for which version 7.3 writes the
+size.
 """
 
 from __future__ import annotations
@@ -41,19 +41,21 @@ if TYPE_CHECKING:
     from hil.imports.tables import ArrayTable
 
 SEPARATE = 100
-"""Elements of a cell or structure array that are offered one by one: scopes have some inputs each,
-and a draft with more columns is not read."""
+"""Maximum number of separately offered elements of a cell or structure array.
+
+Scopes have some inputs each, and a longer draft is not read.
+"""
 FEWEST = 20
-"""Rows of a table that can be a recording: a second of the slowest that shows motion of a robot."""
+"""Minimum number of rows of a recording in a table: a second of the slowest motion of a robot."""
 _TABLES = ("table", "timetable")
 _ELEMENT = 1000
-"""Bytes that an open element of a cell takes, about."""
+"""Bytes of an open element of a cell, about."""
 _SAVED = {
     "table": "writetable({0}, 'FILE.csv')",
     "timetable": "writetimetable({0}, 'FILE.csv')",
     "timeseries": "t = {0}.Time; x = {0}.Data; save('FILE.mat', 't', 'x')",
 }
-"""How to save objects of some classes as what is read."""
+"""Commands to save objects of some classes in a readable form."""
 _ELSE = "take its numbers out as arrays, t and x, and save('FILE.mat', 't', 'x')"
 
 
@@ -78,7 +80,7 @@ def open_matlab(path: Path, _: Format) -> ArrayTable:
 
 
 def _size(path: Path, group: h5py.Group) -> int | None:
-    """Size of all values in a group [B]; None where a link leads elsewhere."""
+    """Return the size of all values in a group [B]; None if a link leads elsewhere."""
     size = 0
     for name in group:
         if not isinstance(group.get(name, getlink=True), h5py.HardLink):
@@ -95,15 +97,14 @@ def _size(path: Path, group: h5py.Group) -> int | None:
 
 
 def _read_apart(path: Path, tables: Sequence[str] = ()) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return arrays of a file and what it holds besides, read by another process.
+    """Return arrays and left-out contents of a file, read by another process.
 
-    Readers in C may end on a damaged file, and with them the process that they are in. Of a file of
-    version 7.3 they read tables alone.
+    Readers in C may crash on a damaged file. Of a file of version 7.3 only tables are read so.
     """
     with file_errors(path, "read"):
         with path.open("rb") as file:
             named = any(file.read(20))
-        # zeros are variables without a name, which older readers skip one by one for ever
+        # zeros are unnamed variables, skipped one by one without end by older readers
         if not named and not tables:
             raise FileError(f"{path}: is no file of MATLAB, or is damaged: it begins with zeros")
         refuse_inflated_variables(path)
@@ -129,9 +130,9 @@ def _read_apart(path: Path, tables: Sequence[str] = ()) -> tuple[dict[str, Any],
 
 
 def limit_memory(path: Path) -> None:
-    """Bound what this process may take, beside what it holds, to the budget of a file (on Linux).
+    """Bound the additional memory of this process to the budget of a file (on Linux).
 
-    A damaged header makes readers allocate what no variable of the file needs.
+    A damaged header makes readers allocate more than any variable of the file needs.
     """
     status = Path("/proc/self/status")
     if not status.is_file():
@@ -144,7 +145,7 @@ def limit_memory(path: Path) -> None:
 
 
 def _write_apart(path: Path, descriptor: int, tables: Sequence[str]) -> None:
-    """Write what a file holds as a .npz: what the other process does."""
+    """Write the contents of a file as a .npz: main function of the other process."""
     contents = _Contents(path)
     contents.tables.extend(tables)
     import scipy.io  # noqa: F401, PLC0415 - before memory is limited
@@ -171,7 +172,7 @@ def _object(name: str, kind: str) -> str:
 
 
 class _Contents:
-    """Arrays of numbers in a file, by name, and what else it holds."""
+    """Arrays of numbers in a file, by name, and its left-out contents."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -180,7 +181,7 @@ class _Contents:
         self.tables: list[str] = []
 
     def add_tables(self) -> None:
-        """Add the columns of tables, if what reads these is installed."""
+        """Add the columns of tables, if mat-io is installed."""
         found: dict[str, Any] = {}
         try:
             with warnings.catch_warnings():
@@ -222,7 +223,7 @@ class _Contents:
             self.left_out[name] = "a column of a table without numbers"
 
     def add(self, name: str, value: Any) -> None:
-        """Add a variable, field or element as scipy reads those before 7.3."""
+        """Add a variable, field or element as read by scipy, before 7.3."""
         from scipy.io.matlab import MatlabFunction, MatlabOpaque  # noqa: PLC0415 - slow to load
 
         if isinstance(value, MatlabOpaque):
@@ -290,7 +291,7 @@ class _Contents:
         one_by_one: Callable[[int], str],
         add: Callable[[str, Any], None],
     ) -> None:
-        """Add elements as rows of one array, or one by one where elements are no samples."""
+        """Add elements as rows of an array, or separately if elements are no samples."""
         if _are_samples(elements):
             refuse_beyond(self._path, len(elements) * elements[0].nbytes, together)
             self.arrays[together] = np.array([np.ravel(element) for element in elements])
@@ -333,7 +334,7 @@ def _are_samples(elements: Sequence[Any]) -> bool:
 
 
 def _structures(name: str, field: str, n: int) -> Callable[[int], str]:
-    """Return a function that names a field of each of `n` structures."""
+    """Return a function that names a field of `n` structures."""
     return lambda number: f"{name}({number}).{field}" if n > 1 else f"{name}.{field}"
 
 

@@ -1,9 +1,8 @@
-"""Files of Parquet, and lines of JSON: columns of numbers, of instants, and of lists of numbers.
+"""Files of Parquet and lines of JSON: columns of numbers, instants, and lists of numbers.
 
-Instants become nanoseconds. An object of JSON is a row, and what is nested in it a structure. A
-list column, as data sets of LeRobot have them, is one column for each of its elements,
-``observation.state/1``; of a structure it is ``name.field``. A row whose list ends earlier lacks
-the number.
+Instants become nanoseconds. An object of JSON is a row, and a nested object a structure. A list
+column, as in data sets of LeRobot, becomes a column per element, ``observation.state/1``; a
+structure becomes ``name.field``. Rows with shorter lists have missing numbers.
 """
 
 from __future__ import annotations
@@ -28,28 +27,28 @@ if TYPE_CHECKING:
     from hil.imports.map_file import Format
 
 LONGEST = 10 * MOST_JOINTS
-"""Elements of a list that are offered: ten quantities of every joint; a longer one is an image."""
+"""Maximum length of an offered list: ten quantities of every joint; longer lists are images."""
 
 
 class _Place(NamedTuple):
-    """A column's name, and fields of structures and elements of lists, from 0, within."""
+    """Place of a column: name, and fields of structures and elements of lists (from 0) within."""
 
     column: str
     steps: tuple[str | int, ...] = ()
 
     @property
     def name(self) -> str:
-        """Name as a map states it."""
+        """Name for the map."""
         within = (f".{each}" if isinstance(each, str) else f"/{each + 1}" for each in self.steps)
         return self.column + "".join(within)
 
     def within(self, *steps: str | int) -> _Place:
-        """Place further within."""
+        """Return a place further within."""
         return self._replace(steps=(*self.steps, *steps))
 
 
 class ParquetTable:
-    """A table of Parquet; see `hil.imports.tables.Table`."""
+    """Table of Parquet (see `hil.imports.tables.Table`)."""
 
     time: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
@@ -91,7 +90,7 @@ class ParquetTable:
     def _found(
         self, place: _Place, kind: Any, left_out: dict[str, str], most: int = LONGEST
     ) -> Iterator[_Place]:
-        """Yield the columns of numbers that a column is, or consists of; `most` in each list."""
+        """Yield the numeric columns in a column, with at most `most` elements per list."""
         from pyarrow import types  # noqa: PLC0415 - optional
 
         if types.is_struct(kind):
@@ -112,7 +111,7 @@ class ParquetTable:
             left_out[place.name] = f"a column of {kind}, not of numbers"
 
     def _length(self, place: _Place) -> int:
-        """Length of the first list of a column that is not missing; 0 if there is none."""
+        """Return the length of the first present list of a column; 0 if there is none."""
         for batch in self._file.iter_batches(ROWS, columns=[place.column]):
             for value in _within(batch.column(place.column), place):
                 if value.is_valid:
@@ -139,12 +138,12 @@ class _Lines:
         self._table, self.schema_arrow = table, table.schema
 
     def iter_batches(self, rows: int, columns: Sequence[str]) -> Iterator[Any]:
-        """Yield the rows of some columns, some rows at a time."""
+        """Yield the rows of some columns in batches."""
         yield from self._table.select(columns).to_batches(rows)
 
 
 def open_json(path: Path, _: Format) -> ParquetTable:
-    """Open objects of JSON, one a line or all in one list."""
+    """Open objects of JSON, on separate lines or in a single list."""
     with needed_for(path):
         from pyarrow import ArrowException, Table  # noqa: PLC0415 - optional
         from pyarrow.json import read_json  # noqa: PLC0415
@@ -179,7 +178,7 @@ def _is_number(kind: Any) -> bool:
 
 
 def _within(column: Any, place: _Place) -> Any:
-    """Return the values of a column, or of a field or an element within."""
+    """Return the values of a column, or of a field or element within."""
     import pyarrow.compute as pc  # noqa: PLC0415 - optional
 
     for step in place.steps:
@@ -199,7 +198,7 @@ def _numbers(column: Any, place: _Place) -> Array:
 
 
 def _elements(lists: Any, element: int) -> Any:
-    """Return one element of each list; missing where the list is too short or missing."""
+    """Return an element of all lists; missing if a list is too short or missing."""
     import pyarrow as pa  # noqa: PLC0415 - optional
     import pyarrow.compute as pc  # noqa: PLC0415 - optional
 

@@ -1,8 +1,8 @@
-"""Traces of a scope, each with stamps of its own: below one another, or in groups of columns.
+"""Traces of a scope with separate stamps: below one another, or in groups of columns.
 
-As CODESYS exports them below one another, each trace has a line ``N.Variable; NAME``, others of its
-own, and then rows of a time stamp and a value. The columns are `time` and the names where all
-traces have the same stamps, else ``NAME/time`` beside each ``NAME``.
+CODESYS exports traces below one another, each with a line ``N.Variable; NAME``, further lines, and
+then rows of a time stamp and a value. The columns are `time` and the names if all traces have equal
+stamps, else ``NAME/time`` with each ``NAME``.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ _KEY = re.compile(r"^\s*[A-Za-z\[\d][^;]*;")
 
 
 def is_stacked(head: str) -> bool:
-    """Return True if a file that begins with `head` holds traces below one another."""
+    """Return True if a file starting with `head` holds traces below one another."""
     lines = head.lstrip("\ufeff").splitlines()[:200]
     return bool(lines) and lines[0].startswith("[key]") and any(map(_VARIABLE.match, lines))
 
 
 class Channels:
-    """Table of channels with stamps of their own; rows are of one time (`hil.imports.tables`).
+    """Table of channels with separate stamps; a row has a single time (see `hil.imports.tables`).
 
     Parameters
     ----------
     table : Table
     clocks : sequence of int
-        Of each column that of its time stamps.
+        Column of the time stamps, for all columns.
     """
 
     def __init__(self, table: Table, clocks: Sequence[int]) -> None:
@@ -112,13 +112,13 @@ def _row(path: Path, number: int, line: str, name: str) -> tuple[float, float]:
 
 
 def _number(cell: str) -> float:
-    """A number, or a truth value as the controller has it."""
+    """Return a number, or a truth value as written by controllers."""
     truth = {"TRUE": 1.0, "FALSE": 0.0}
     return truth[cell.upper()] if cell.upper() in truth else float(cell)
 
 
 def _columns(traces: dict[str, Array]) -> dict[str, Array]:
-    """Columns by name; one of time where all traces have the same stamps, as far as all have."""
+    """Return columns by name, with a single time column if all common stamps are equal."""
     n = min(map(len, traces.values()))
     first = next(iter(traces.values()))[:n, 0]
     if all(np.array_equal(each[:n, 0], first) for each in traces.values()):

@@ -1,8 +1,8 @@
-"""Tables as text: CSV, TSV, columns of blanks, also compressed; read block by block.
+"""Text tables: CSV, TSV, columns of blanks, also compressed; read block by block.
 
-A cell is missing (NaN) if it is empty or reads nan, na, null, none or inf; anything else in a
-column that is wanted is an error with its place. Instants, such as 2026-01-31
-12:00:00.005, 31.01.2026 12:00:00 or 12:00:00.005, become ns.
+A cell is missing (NaN) if it is empty or reads nan, na, null, none or inf; any other text in a
+wanted column is an error with its place. Instants, such as 2026-01-31 12:00:00.005, 31.01.2026
+12:00:00 or 12:00:00.005, become ns.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 
 
 BLOCK = 1 << 23
-"""Bytes that are read at a time."""
+"""Bytes read at a time."""
 _HEAD = 1 << 16
 
 
 class TextTable:
-    """A table as text; see `hil.imports.tables.Table`."""
+    """Text table (see `hil.imports.tables.Table`)."""
 
     time: tuple[int, ...] = ()
     notes: tuple[str, ...] = ()
@@ -71,7 +71,7 @@ class TextTable:
                 yield block
 
     def _read_plain(self, text: bytes, columns: Sequence[int]) -> Array | None:
-        """Read rows of numbers without comments and quotation marks at once; None for others."""
+        """Read rows of plain numbers fast; return None for comments or quotation marks."""
         layout = self._layout
         if layout.decimal == ",":
             text = text.replace(b",", b".")
@@ -111,7 +111,7 @@ class TextTable:
     def _refuse_longer_rows(self, text: bytes, n: int, line: int) -> None:
         """Refuse rows with more cells than the first: a delimiter within a number shifts the rest.
 
-        Delimiters are counted; only where there are too many the lines are looked at.
+        Lines are inspected only if there are too many delimiters.
         """
         layout = self._layout
         if layout.delimiter == " " or b'"' in text:
@@ -128,9 +128,9 @@ class TextTable:
                 )
 
     def _read_row_by_row(self, text: bytes, columns: Sequence[int], row: int, line: int) -> Array:
-        """Read cells one by one: an empty one is missing, another one is an error with its place.
+        """Read single cells: empty cells are missing, other text is an error with line and column.
 
-        A row that is too short lacks what stands beyond its end.
+        Cells beyond the end of a short row are missing.
         """
         rows: list[list[float]] = []
         for number, content in self._rows(text):
@@ -140,7 +140,7 @@ class TextTable:
         return np.array(rows).reshape(-1, len(columns))
 
     def _rows(self, text: bytes) -> Iterator[tuple[int, str]]:
-        """Lines that are rows, and their numbers from 0."""
+        """Yield the rows among the lines, with line numbers from 0."""
         for number, content in enumerate(text.decode("utf-8", "replace").split("\n")):
             stripped = content.strip()
             if stripped and not stripped.startswith(self._layout.comment):
@@ -163,7 +163,7 @@ class TextTable:
 
 
 def _numbers(cells: NDArray[np.str_]) -> Array:
-    """Numbers of a column at once, as `TextTable` reads them one by one.
+    """Convert the cells of a column in a single call, with the rules of `TextTable`.
 
     Raises
     ------
@@ -185,7 +185,7 @@ def _numbers(cells: NDArray[np.str_]) -> Array:
 
 
 def open_text(path: Path, stated: Format) -> Table:
-    """Open a table as text.
+    """Open a text table.
 
     Raises
     ------
@@ -219,7 +219,7 @@ def _whole(path: Path) -> str:
 
 
 def _decoded(head: bytes) -> str:
-    """Text in UTF-8, or in the Latin script of older programs, which has a degree sign too."""
+    """Decode UTF-8, or Latin-1 as written by older programs, for example for a degree sign."""
     try:
         return head.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -227,7 +227,7 @@ def _decoded(head: bytes) -> str:
 
 
 def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:
-    """Blocks of whole lines after the first `skipped` ones."""
+    """Yield blocks of whole lines after the first `skipped` lines."""
     with _opened(path) as file:
         for _ in range(skipped):
             file.readline()
@@ -242,7 +242,7 @@ def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:
 
 
 def _count(text: bytes, mark: bytes) -> int:
-    """Count a character, in a third of the time of `bytes.count` where it comes often."""
+    """Count a character, in a third of the time of `bytes.count` for frequent ones."""
     return int(np.count_nonzero(np.frombuffer(text, np.uint8) == mark[0]))
 
 
@@ -256,7 +256,7 @@ def _refuse_binary(path: Path, block: bytes) -> None:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[IO[bytes]]:
-    """A file, unpacked and UTF-16 as UTF-8; errors of both, and of the disk, as `FileError`."""
+    """Open a file, unpacked and UTF-16 as UTF-8; all errors are raised as `FileError`."""
     with file_errors(path, "read"):
         try:
             with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:

@@ -1,7 +1,7 @@
-"""Check the unpacked size of files, and links to other files, before a library reads them.
+"""Checks of the unpacked size of files, and of links to other files, before reading.
 
-Libraries unpack a chunk, an array or a variable as a whole, whatever size it has, and HDF5 reads
-other files that a file names. Counting unpacks piece by piece and keeps nothing.
+Libraries unpack a chunk, an array or a variable as a whole, of any size, and HDF5 follows
+references to other files. The check unpacks piece by piece and keeps nothing.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ _MCAP_MAGIC, _MCAP_CHUNK = b"\x89MCAP0\r\n", 6
 _CHUNK_HEAD = struct.Struct("<QQQIL")
 """Start, end, size unpacked, checksum, length of the compression's name (MCAP, Chunk)."""
 _INDEX_HEAD, _ENTRY, _ENTRY_READ = 55, 12, 200
-"""Bytes before the entries of an index of ROS 1, of an entry, and of one as rosbags keeps it."""
+"""Bytes of the head of an index of ROS 1, of an entry, and of an entry as kept by rosbags."""
 _SQLITE_MAGIC = b"SQLite format 3\0"
 _DEFLATE, _LZF, _PLAIN_FILTERS = 1, 32000, (2, 3)
-"""Filters of HDF5: those that unpack, and those that keep the size (shuffle, checksum)."""
+"""Filters of HDF5: compression, and filters that keep the size (shuffle, checksum)."""
 _RATIOS = {_DEFLATE: 1032, _LZF: 88}
-"""Most bytes that a byte unpacks to: 258 from two bits, 264 from three bytes."""
+"""Maximum ratio of unpacking: 258 from two bits, 264 from three bytes."""
 _MATLAB_HEAD, _MATLAB_COMPRESSED = 128, 15
 """Bytes before the first element, and the type of a compressed one (MAT-File Format, level 5)."""
 
 
 class Chunk(NamedTuple):
-    """A chunk of MCAP: name of the compression, and sizes before and after unpacking [bytes]."""
+    """Chunk of MCAP: name of the compression, and sizes before and after unpacking [bytes]."""
 
     compression: str
     packed: int
@@ -49,7 +49,7 @@ class Chunk(NamedTuple):
 
 
 def mcap_chunks(path: Path) -> dict[int, Chunk]:
-    """Return the chunks of an MCAP, by where each begins; none of a file of another kind.
+    """Return the chunks of an MCAP by start position; none for a file of another kind.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def mcap_chunks(path: Path) -> dict[int, Chunk]:
 
 
 def refuse_overlapping_chunks(path: Path) -> None:
-    """Refuse a bag of ROS 1 whose index reads a place twice, or is more than the file may become.
+    """Refuse a bag of ROS 1 with an overlapping or excessive index.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def refuse_inflated_tables(path: Path) -> None:
 
 
 def refuse_inflated_variables(path: Path) -> None:
-    """Refuse a file of MATLAB whose variables unpack to more than it may become (`FileError`)."""
+    """Refuse a file of MATLAB with variables beyond its memory budget (`FileError`)."""
     with path.open("rb") as file:
         head = file.read(_MATLAB_HEAD)
         order = {b"IM": "<", b"MI": ">"}.get(head[126:128])
@@ -175,7 +175,7 @@ def refuse_inflated_variables(path: Path) -> None:
 
 
 def refuse_elsewhere(path: Path, name: str, dataset: Any) -> None:
-    """Refuse a dataset of HDF5 whose values are in other files, or unpack to too much.
+    """Refuse a dataset of HDF5 with values in other files or excessive unpacked size.
 
     Raises
     ------
@@ -220,13 +220,13 @@ def _refuse_inflated_filters(path: Path, name: str, dataset: Any) -> None:
 
 
 def _records(file: BinaryIO) -> Iterator[tuple[int, int]]:
-    """Kinds and lengths of records; the caller goes to the end of each."""
+    """Yield kinds and lengths of records; the caller seeks the end of every record."""
     while len(head := file.read(9)) == 9:
         yield struct.unpack("<BQ", head)
 
 
 def _counted(file: BinaryIO, length: int, unpacker: Callable[[], Any], most: int) -> int:
-    """Return how many bytes a part of a file unpacks to; counting ends above `most`."""
+    """Return the unpacked size of a part of a file; counting ends above `most`."""
     found = 0
     for piece in pieces(file, length, unpacker):
         if (found := found + len(piece)) > most:
@@ -237,7 +237,7 @@ def _counted(file: BinaryIO, length: int, unpacker: Callable[[], Any], most: int
 def pieces(file: BinaryIO, length: int, unpacker: Callable[[], Any]) -> Iterator[bytes]:
     """Unpack `length` bytes of a file piece by piece.
 
-    zlib gives back what of its input waits, the others keep it.
+    zlib returns unused input, other libraries keep it.
     """
     one, waiting = unpacker(), b""
     while length or waiting or not getattr(one, "needs_input", True):
@@ -264,7 +264,7 @@ def unpacked(data: bytes, unpacker: Callable[[], Any], most: int) -> bytes:
 
 @cache
 def unpackers() -> dict[str, Callable[[], Any]]:
-    """Unpackers of the compressions that bags have, by their names there."""
+    """Return the unpackers of the compressions of bags, by name."""
     from lz4.frame import LZ4FrameDecompressor  # noqa: PLC0415 - optional
 
     zstd = import_module("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
@@ -283,7 +283,7 @@ def _fields(file: BinaryIO) -> dict[bytes, bytes]:
 
 
 def _size(file: BinaryIO) -> int:
-    """Return a length; a file that ends before has no record any more."""
+    """Return a length; fail at the end of the file."""
     if len(found := file.read(4)) < 4:
         raise ValueError("it ends within its index")
     return int.from_bytes(found, "little")

@@ -1,8 +1,8 @@
-"""Logs in XML: an element a sample, as KUKA's RSI sends them or SINUMERIK stores a trace.
+"""Logs in XML with an element per sample, as sent by KUKA's RSI or stored by SINUMERIK.
 
-Columns are called by the elements within a row and their attributes: ``AIPos.A1``, ``IPOC``; by a
-name where an element elsewhere gives them one: ``<signal id="f1" name="torque"/>``. Rows are the
-elements that repeat, the outermost ones; those of a log of messages need no common root.
+Columns are named by the elements within a row and their attributes: ``AIPos.A1``, ``IPOC``; or by a
+name given in another element: ``<signal id="f1" name="torque"/>``. Rows are the outermost repeated
+elements; those of a log of messages need no common root.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 
 _DECLARATION = re.compile(r"<\?xml[^>]*\?>")
 ROWS = 20
-"""Elements of one name in one place from which on they are rows: more than a file lists signals."""
+"""Minimum count of equal elements in one place that are rows: more than a file lists signals."""
 
 
 def open_xml(path: Path, _: Format) -> ArrayTable:
-    """Make a table of the elements that repeat.
+    """Make a table of the repeated elements.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def open_xml(path: Path, _: Format) -> ArrayTable:
         text = raw.decode("utf-16" if wide else "utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("latin-1")
-    # messages of a log have no common root; each may be declared anew, which XML has but once
+    # messages of a log have no common root, and repeat the XML declaration
     text = f"<log>{_DECLARATION.sub(lambda found: ' ' * len(found[0]), text)}</log>"
     counts: Counter[Place] = Counter()
     _walk(text, lambda place, _: counts.update([place]), lambda *_: None)
@@ -70,7 +70,7 @@ def _walk(
     begin: Callable[[Place, dict[str, str]], object],
     end: Callable[[Place, str], object],
 ) -> int:
-    """Call a function for each element's begin and end; return the line of an error, or 0."""
+    """Call functions at start and end of all elements; return the line of an error, or 0."""
     place: list[str] = []
     words: list[str] = []
 
@@ -95,7 +95,7 @@ def _walk(
 
 
 def _repeated(counts: Counter[Place]) -> Place:
-    """Return the place of the outermost elements that repeat often."""
+    """Return the place of the outermost often repeated elements."""
     often = [place for place, count in counts.items() if count >= ROWS]
     return min(often or counts, key=lambda place: (len(place), -counts[place]), default=())
 
@@ -113,7 +113,7 @@ class _Rows:
         self.notes: tuple[str, ...] = ()
 
     def begin(self, place: Place, attributes: dict[str, str]) -> None:
-        """Take the attributes of an element."""
+        """Store the attributes of an element."""
         if place[: len(self._place)] == self._place:
             within = place[len(self._place) :]
             for name, value in attributes.items():
@@ -122,7 +122,7 @@ class _Rows:
             self.names[attributes["id"]] = attributes["name"]
 
     def end(self, place: Place, text: str) -> None:
-        """Take the text of an element, and the row where the element is one."""
+        """Store the text of an element, or complete a row."""
         if place == self._place:
             self._add()
         elif text.strip() and place[: len(self._place)] == self._place:

@@ -1,1 +1,1 @@
-"""Checks of recordings while they can still be repeated, and of the limits that hold on axes."""
+"""Checks of recordings while a repetition is possible, and of the limits on the axes."""

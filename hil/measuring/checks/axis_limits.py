@@ -1,9 +1,8 @@
-"""Limits that hold on the axes, against the plan and the robot file.
+"""Limits of the drives, compared with the plan and the robot file.
 
-A drive's own limits may be tighter than those that a plan was made for. Then every motion that the
-plan leaves open, such as the way from one measurement to the next, keeps within them, and a plan
-that would exceed them is refused before anything moves: a drive that clips a motion spoils the
-measurement and reports nothing.
+A drive's own limits may be tighter than those used for planning. Then every motion not fixed by the
+plan, such as travel between measurements, respects them, and a plan beyond them is refused before
+anything moves: a drive that clips a motion spoils the measurement and reports nothing.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def limited(robot: Robot, axes: Sequence[AxisInfo]) -> Robot:
-    """Return `robot` within the limits that hold on its axes, for motions and checks only."""
+    """Return `robot` within the limits of its drives, for motions and checks only."""
     if len(axes) != robot.n_joints:
         return robot  # which is refused where measuring begins
     joints = tuple(
@@ -43,16 +42,16 @@ def limited(robot: Robot, axes: Sequence[AxisInfo]) -> Robot:
 
 
 def refuse_beyond(plan: Plan, robot: Robot, axes: Sequence[AxisInfo]) -> None:
-    """Refuse a plan that exceeds the limits that hold on the axes.
+    """Check that the plan respects the limits of the drives.
 
     Parameters
     ----------
     plan : Plan
-        What is to be measured.
+        Plan to be measured.
     robot : Robot
-        That the plan was made for.
+        Robot of the plan.
     axes : sequence of AxisInfo
-        In joint order.
+        Axes in joint order.
 
     Raises
     ------
@@ -67,7 +66,7 @@ def refuse_beyond(plan: Plan, robot: Robot, axes: Sequence[AxisInfo]) -> None:
 
 
 def _whose(robot: Robot, axes: Sequence[AxisInfo]) -> Iterator[str]:
-    """Say which objects of the drives are behind the limits, where they matter."""
+    """Yield the objects of the drives that cause the limits, where relevant."""
     for j, axis in enumerate(axes):
         for key, planned, holds in (
             ("q_min", robot.q_min[j], axis.q_min),

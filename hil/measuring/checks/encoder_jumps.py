@@ -1,15 +1,15 @@
-"""Whether an encoder jumped while the robot moved: positions bend no more than accelerations can.
+"""Detection of encoder jumps in motion: bends of positions beyond possible accelerations.
 
-A jump shifts the position reference for good, and the drive's loop moves the axis by as much, so
-whatever is measured afterwards is measured at wrong angles: a jump ends the campaign. Large ones
-trip the driver at once; here the small ones are found, in every motion as soon as it is over.
+A jump shifts the position reference permanently, and the drive's loop moves the axis by the same
+amount, so that all later measurements have wrong angles: a jump ends the campaign. Large jumps trip
+the driver at once; small ones are found here, in every motion as soon as it is over.
 
-On the wall clock a sample may be as old as its period: the driver takes what answers SYNC k until
+On the wall clock a sample may be as old as its period: the driver accepts answers to SYNC k until
 it sends SYNC k + 1, so the instant of sample k is off by at most the interval after its time stamp.
-At a speed v such a sample looks like a jump of v times that interval, and the next one is back on
-the path. An encoder that jumped stays off it, for as long as the loop takes to bring the axis back.
-So a bend counts as a jump only where neither two successive samples after the bend are within reach
-of the path before it, nor two before the bend within reach of the path after it.
+At a speed v such a sample looks like a jump of v times that interval, and the next sample is back
+on the path. After a jump, positions stay off the path until the loop has brought the axis back. So
+a bend counts as a jump only if none of the two samples after it is within reach of the path before,
+and none of the two samples before it within reach of the path after.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.drive_bus import SampleFlag, Tripped
-from hil.measuring.checks.old_values import TIMES, with_old_values
+from hil.measuring.checks.old_values import TIMES, mark_old_values
 from hil.runs.journal import EXACT
 
 if TYPE_CHECKING:
@@ -30,19 +30,24 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recorder, Recording
 
 _ELSEWHERE = SampleFlag.LATE | SampleFlag.OLD | SampleFlag.UNTIMED
-"""Flags of positions that are not those of their time stamp."""
+"""Flags of positions with another instant than their time stamp."""
 USUAL = 0.99
 """Share of the bends of a motion that count as usual."""
 OF_ONE_JUMP = 6
-"""Largest bends that never count as usual: in a short motion one jump, and the loop that takes the
-axis back within a few samples, are more than one bend in a hundred."""
+"""Number of largest bends that never count as usual.
+
+In a short motion a jump, and the response of the loop within a few samples, are more than one bend
+in a hundred.
+"""
 AROUND = 3
-"""Samples, and intervals between samples, whose median is the path beside a bend: one wrong time
-stamp among them has no effect."""
+"""Number of samples, and of intervals, whose median gives the path beside a bend.
+
+A single wrong time stamp among them has no effect.
+"""
 
 
 def finished(bus: DriveBus, recorder: Recorder, acceleration: float) -> Recording:
-    """Turn what was recorded of a motion into arrays with all flags; see `refuse_jumps`.
+    """Convert the recording of a motion to arrays with all flags; see `refuse_jumps`.
 
     Raises
     ------
@@ -51,7 +56,7 @@ def finished(bus: DriveBus, recorder: Recorder, acceleration: float) -> Recordin
     Tripped
         An encoder jumped.
     """
-    recording = with_old_values(recorder.finish(), acceleration, bus.axes)
+    recording = mark_old_values(recorder.finish(), acceleration, bus.axes)
     resolution, units = [a.position_resolution for a in bus.axes], [a.unit for a in bus.axes]
     refuse_jumps(recording, acceleration, resolution, units)
     return recording
@@ -63,7 +68,7 @@ def refuse_jumps(
     resolution: Sequence[float] | float = 0.0,
     units: Sequence[str] = (),
 ) -> None:
-    """Raise when a position jumped.
+    """Refuse a recording with a position jump.
 
     Parameters
     ----------
@@ -74,12 +79,12 @@ def refuse_jumps(
         Steps of the encoders: in a creep positions rest for many samples between two steps
         [rad or m].
     units : sequence of str
-        Of the axes' positions; rad where none are stated.
+        Units of the axes' positions; rad by default.
 
     Raises
     ------
     Tripped
-        With axis, size and instant of the first jump.
+        Message with axis, size and instant of the first jump.
     """
     advances = np.diff(recording.time, prepend=-np.inf) > 0.0  # a doubled sample has no interval
     intervals = np.diff(recording.time[advances])
@@ -105,14 +110,14 @@ def refuse_jumps(
 
 
 class _Path:
-    """Positions of one axis, shape (n,), at increasing instants that may be off by up to `age`.
+    """Positions of an axis, shape (n,), at increasing instants with errors up to `age`.
 
     Parameters
     ----------
     time, q : arrays (n,)
         Time stamps [s] and positions [rad or m].
     age : float
-        What to expect of the interval after the last sample [s]; 0 where all instants are exact.
+        Expected interval after the last sample [s]; 0 if all instants are exact.
     """
 
     def __init__(self, time: Array, q: Array, age: float) -> None:
@@ -122,7 +127,7 @@ class _Path:
         self._ages = np.append(self._intervals, age) * (age > 0)
 
     def jumps(self, acceleration: float, resolution: float) -> list[tuple[float, float, float]]:
-        """Return instant [s], size and bound [rad or m] of the first jump, if there is one."""
+        """Return instant [s], size and bound [rad or m] of the first jump, if any."""
         if len(self._speeds) < 2:
             return []
         here = self._intervals[1:]
@@ -141,7 +146,7 @@ class _Path:
         return [(float(self._time[k + 1]), float(bends[k]), float(bounds[k])) for k in at[:1]]
 
     def _off_path(self, before: Indices) -> Array:
-        """Return how far two samples on each side of a bend are off the path on the other [rad, m].
+        """Return distances of two samples after bends from the path before, or vice versa [rad, m].
 
         Parameters
         ----------
@@ -169,6 +174,6 @@ class _Path:
 
 
 def _median(values: Array) -> Array:
-    """Return of each value the median with those right before."""
+    """Return the running median of values and their predecessors."""
     begun = np.concatenate((np.repeat(values[:1], AROUND - 1), values))
     return np.median(np.lib.stride_tricks.sliding_window_view(begun, AROUND), axis=1)

@@ -1,10 +1,10 @@
-"""Which samples repeat a value that the drive has not renewed, though its axis moves.
+"""Detection of stale samples: values not renewed by the drive although the axis moves.
 
 Some drives renew position or current less often than SYNC comes. A position that rests between two
-steps rests in truth only if the axis could stop and start again between them, so only small steps
-may be beside it. A current that is renewed every second SYNC or less often never changes twice in
-succession; one that repeats by chance, since its steps are coarse, does. Where a drive is slow in
-part of a recording only, all changes of its current there are multiples of some samples apart.
+steps is genuine only if the axis could stop and start again between them, so only small steps may
+surround it. A current renewed every second SYNC or less often never changes twice in succession; a
+current repeated by chance, because of coarse steps, does. Where a drive is slow in a part of a
+recording, all changes of its current there are multiples of some samples apart.
 """
 
 from __future__ import annotations
@@ -24,28 +24,29 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 TIMES = 5.0
-"""A step or jump of a position is so many times what acceleration, and what is usual, explain."""
+"""Minimum ratio of a position's step or jump to the steps explained by acceleration or usual."""
 LEAST = 10
-"""Changes of a current from which on the time between them means anything."""
+"""Minimum number of changes of a current for a judgement of the intervals."""
 OFTEN_TIMES = 2.0
-"""The same where it happens `FEW` times: from rest, an acceleration explains half a step."""
+"""Minimum ratio as `TIMES`, for `FEW` occurrences: from rest, acceleration explains half a step."""
 FEW = 3
-"""Old positions that are more than one telegram gone wrong."""
+"""Minimum number of stale positions that are no transmission errors."""
 OFTEN = 0.1
-"""Share of the changes of a position that follow old ones: a drive that is slow is slow always."""
+"""Minimum share of changes after stale positions: a slow drive is always slow."""
 BY_CHANCE = 0.05
-"""Share of the changes of a current that may follow another at once though it is renewed less
-often: telegrams that came late."""
+"""Maximum share of successive changes of a slowly renewed current: late telegrams."""
 
 CHANCE = 1e-6
-"""Probability k^-n that n changes of any current are all multiples of k samples apart: a stretch
-that is less likely is that of a slow drive."""
+"""Probability k^-n that n changes of any current are all multiples of k samples apart.
+
+A less likely stretch belongs to a slow drive.
+"""
 
 
-def with_old_values(
+def mark_old_values(
     recording: Recording, acceleration: float, axes: Sequence[AxisInfo]
 ) -> Recording:
-    """Return the recording with `SampleFlag.OLD` where an axis shows an old position or torque.
+    """Return the recording with `SampleFlag.OLD` at stale positions or torques.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def with_old_values(
     acceleration : float
         Highest of the motion [rad/s^2 or m/s^2].
     axes : sequence of AxisInfo
-        For the steps of positions and torques.
+        Axes, for the steps of positions and torques.
 
     Raises
     ------
@@ -81,7 +82,7 @@ def with_old_values(
 
 
 def _old_positions(q: Array, least: float) -> tuple[Mask, int]:
-    """Samples that repeat the one before, between two steps the same way of many times `least`.
+    """Return stale samples, between two large steps in one direction, and the renewal in SYNCs.
 
     And every how many SYNCs the drive renews its position.
     """
@@ -99,9 +100,9 @@ def _old_positions(q: Array, least: float) -> tuple[Mask, int]:
 
 
 def _old_torques(tau: Array) -> Mask:
-    """Samples that repeat the one before, where hardly any two successive ones both change.
+    """Return stale samples of a current that hardly ever changes twice in succession.
 
-    So for a whole recording, or for a stretch of it from which on the drive was slow.
+    In the whole recording, or in a stretch of it.
     """
     changes = np.flatnonzero(np.diff(tau[np.isfinite(tau)]))
     intervals = np.diff(changes)
@@ -120,7 +121,7 @@ def _old_torques(tau: Array) -> Mask:
 
 
 def longest_run(holds: Mask) -> tuple[int, int]:
-    """Return where the longest run of True begins, and where it has ended."""
+    """Return start and end of the longest run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], holds.view(np.int8), [0]))))
     begins, ends = edges[::2], edges[1::2]
     longest = int(np.argmax(ends - begins)) if len(begins) else 0
@@ -128,7 +129,7 @@ def longest_run(holds: Mask) -> tuple[int, int]:
 
 
 def _repeated(changes: Indices, rests: Indices, n: int) -> Mask:
-    """Samples that repeat the one before, in so many steps up to each change; shape (n,)."""
+    """Return a mask of the samples that repeat their predecessors before changes, shape (n,)."""
     counts = np.zeros(n + 1, dtype=int)
     np.add.at(counts, changes - rests + 2, 1)
     np.add.at(counts, changes + 1, -1)

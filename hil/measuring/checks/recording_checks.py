@@ -1,8 +1,8 @@
-"""Is a recording fit to be used? Asked at once, while the measurement can still be repeated.
+"""Checks of a recording while the measurement can still be repeated.
 
-Each check compares one figure of the recording with its bound. What it finds wrong becomes a
-`Finding` that states value, bound and remedy. What concerns telegrams and currents is here, what
-concerns the motion itself in `hil.measuring.checks.stroke_checks`.
+Each check compares a figure of the recording with its bound and states failures as a `Finding` with
+value, bound and remedy. Telegrams and currents are checked here, motions in
+`hil.measuring.checks.stroke_checks`.
 
 A current sensor is alive if its readings differ: noise makes successive ones do so. If a share r of
 them equals the one before, a run of k equal readings somewhere among n has a chance of about
@@ -35,26 +35,28 @@ if TYPE_CHECKING:
 __all__ = ["Finding", "check"]
 
 TOLERATED = 0.01
-"""Share of SYNCs that may lack a telegram or be left out, since the estimator leaves gaps out, and
-of samples with doubled or late telegrams."""
+"""Maximum share of SYNCs without a telegram or left out, and of doubled or late telegrams.
+
+The estimator leaves gaps out.
+"""
 UNTIMED = 0.1
-"""Share of samples whose instant may be uncertain: estimation leaves them out."""
+"""Maximum share of samples with an uncertain instant, left out by the estimation."""
 LEAST_ANSWERS = 10
-"""Answers from which on the SYNCs between them mean anything."""
+"""Minimum number of answers for a judgement of the SYNCs in between."""
 RARE, OFTEN = 0.05, 0.9
-"""Bounds of the share of equal neighbours, or intervals, that counts as regular."""
+"""Bounds of the share of equal neighbours, or equal intervals."""
 
 
 def check(recording: Recording, measurement: Measurement, robot: Robot) -> list[Finding]:
-    """Judge a recording.
+    """Check a recording.
 
     Parameters
     ----------
     recording : Recording
     measurement : Measurement
-        What was to be recorded.
+        Planned measurement.
     robot : Robot
-        For the units of its axes.
+        Robot, for the units of the axes.
 
     Returns
     -------
@@ -101,7 +103,7 @@ def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Itera
 
 
 def _timing(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
-    """Find where the instants of too many samples are uncertain."""
+    """Yield a finding if too many samples have uncertain instants."""
     del measurement, robot
     share = float(np.any(recording.flags & SampleFlag.UNTIMED, axis=1).mean())
     if share > UNTIMED:
@@ -116,9 +118,9 @@ def _timing(recording: Recording, measurement: Measurement, robot: Robot) -> Ite
 
 
 def renewal(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
-    """Find where drives renew position or current less often than SYNC comes."""
+    """Yield a finding if drives renew position or current less often than SYNC comes."""
     del measurement, robot
-    moving = recording.under_way
+    moving = recording.active
     old = np.any(recording.flags[moving] & SampleFlag.OLD, axis=1)
     share = float(old.mean()) if moving.any() else 0.0
     if share > TOLERATED:
@@ -139,7 +141,7 @@ def renewal(recording: Recording, measurement: Measurement, robot: Robot) -> Ite
 
 def _saturation(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
     del measurement, robot
-    at = np.any(recording.flags & SampleFlag.LIMIT, axis=1) & recording.under_way
+    at = np.any(recording.flags & SampleFlag.LIMIT, axis=1) & recording.active
     saturated = int(at.sum())
     if not saturated:
         return
@@ -162,13 +164,13 @@ def _saturation(recording: Recording, measurement: Measurement, robot: Robot) ->
 
 
 def _left_out(recording: Recording) -> Array:
-    """Return how many SYNCs were left out right before each sample, shape (n,)."""
+    """Return the number of SYNCs left out before each sample, shape (n,)."""
     intervals = np.diff(recording.time)
     return np.append(0.0, np.maximum(0.0, np.rint(intervals / np.median(intervals)) - 1))
 
 
 def _answered(recording: Recording) -> int:
-    """Return every how many SYNCs an axis answers in a regular stretch; 1 where each is."""
+    """Return the interval of an axis's answers in SYNCs in a regular stretch; 1 for every SYNC."""
     for missing in (recording.flags & SampleFlag.MISSING).T > 0:
         apart = np.diff(np.flatnonzero(~missing))
         first, last = longest_run((apart[1:] == apart[:-1]) & (apart[1:] > 1))
@@ -183,8 +185,8 @@ def _axes(recording: Recording, flag: int) -> str:
 
 
 def frozen(recording: Recording, measurement: Measurement, robot: Robot) -> Iterator[Finding]:
-    """Find where the torque of a measured axis repeats one value for too long in motion."""
-    moving = recording.under_way
+    """Yield findings of measured axes with a constant torque during motion."""
+    moving = recording.active
     for index in measurement.read:
         yield from _frozen(recording.tau[moving, index], index + 1, robot.torque_unit(index))
 
@@ -204,7 +206,7 @@ def _frozen(tau: Array, axis: int, unit: str) -> Iterator[Finding]:
 
 
 def _longest_run(values: Array) -> tuple[int, int]:
-    """Return where the longest run of equal values begins, and its length."""
+    """Return the start of the longest run of equal values, and its length."""
     changes = np.flatnonzero(np.diff(values) != 0)
     edges = np.concatenate(([-1], changes, [len(values) - 1]))
     lengths = np.diff(edges)
@@ -213,16 +215,16 @@ def _longest_run(values: Array) -> tuple[int, int]:
 
 
 def _explained(values: Array, longest: int) -> int:
-    """Return the longest run that chance explains, by the neighbours outside of the longest."""
+    """Return the longest run explained by chance, estimated outside of the longest run."""
     equal = int(np.count_nonzero(np.diff(values) == 0)) - (longest - 1)
     share = min(max(equal / max(1, len(values) - longest), RARE), OFTEN)
     return math.ceil(1 + math.log(CHANCE / len(values)) / math.log(share))
 
 
 ALWAYS: tuple[Check, ...] = (_gaps, _timing, renewal, _saturation, frozen)
-"""What every recording must pass."""
+"""Checks of every recording."""
 SIGN = "sign"
-"""Name of the check whose failure ends a run: all torques of the axis count the wrong way."""
+"""Name of the check whose failure ends a run: torques of the axis have the wrong sign."""
 LASTING = frozenset({"renewal", SIGN})
 """Names of checks that another attempt would fail as well."""
 CHECKS: dict[str, tuple[Check, ...]] = {
@@ -232,4 +234,4 @@ CHECKS: dict[str, tuple[Check, ...]] = {
     "friction": (opposed, windows),
     "trajectory": (astray,),
 }
-"""What recordings of each kind of measurement must pass besides."""
+"""Additional checks by kind of measurement."""

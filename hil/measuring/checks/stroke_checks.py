@@ -1,7 +1,7 @@
-"""Whether the axes moved as planned and their friction was steady.
+"""Checks of the axes' motion against the plan, and of steady friction.
 
-Velocities are differences of position over some lag, the ideal profile treated alike, so that no
-filter has to be trusted here.
+Velocities are differences of position over a lag, also for the ideal profile, so that no filter is
+involved.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 VELOCITY_TOLERANCE = 0.05
-"""Mean velocity in a window may differ by this share."""
+"""Maximum relative deviation of the mean velocity in a window."""
 SIGNIFICANT = 4.0
-"""Standard errors by which friction must be negative to count as that."""
+"""Minimum of negative friction in standard errors for a wrong sign."""
 UNITS = "check the drive's velocity and acceleration units and limits"
 PACING = (
     "with SYNCs at their period it would be right, so the pacing is the cause: take --pacing"
@@ -36,13 +36,13 @@ PACING = (
     " --realtime"
 )
 LAG = 0.02
-"""Time over which a highest velocity is averaged [s]."""
+"""Time for averaging the highest velocity [s]."""
 RUNNING = 3
-"""Successive mean velocities of which the median counts."""
+"""Number of successive mean velocities in a median."""
 
 
 def constant_velocity(recording: Recording, measurement: Strokes, stroke: int) -> Indices:
-    """Find the samples of `stroke` past the axis's ramps, by position; returns indices."""
+    """Return indices of the samples of `stroke` beyond the axis's ramps, by position."""
     profile = measurement.profile(stroke)
     span = recording.span(stroke)
     away = profile.ramp + MARGIN * profile.peak
@@ -55,7 +55,7 @@ def constant_velocity(recording: Recording, measurement: Strokes, stroke: int) -
 
 
 def windows(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
-    """Constant velocity was reached, long enough and at the value asked for, in every stroke."""
+    """Yield findings of strokes with constant velocity too short or of a wrong value."""
     unit = _unit(robot, measurement.index)
     for stroke in range(measurement.n_strokes):
         window = constant_velocity(recording, measurement, stroke)
@@ -87,7 +87,7 @@ def windows(recording: Recording, measurement: Strokes, robot: Robot) -> Iterato
 
 
 def peaks(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
-    """Every accelerating stroke reached the speed of its profile."""
+    """Yield findings of accelerating strokes that did not reach the speed of their profile."""
     unit = _unit(robot, measurement.index)
     for stroke in range(measurement.n_strokes):
         span, profile = recording.span(stroke), measurement.profile(stroke)
@@ -97,7 +97,7 @@ def peaks(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[
 
 
 def half_sums(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
-    """Friction was steady: half-sums of successive strokes show the same gravity torque."""
+    """Yield a finding of unsteady friction: half-sums of successive strokes differ."""
     found = _torques(recording, measurement)
     if found is None or len(found[0]) < 3:
         return
@@ -119,9 +119,9 @@ def half_sums(recording: Recording, measurement: Strokes, robot: Robot) -> Itera
 
 
 def opposed(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
-    """Find a torque that counts against the motion: friction takes power, so it is positive.
+    """Yield a finding of torques against the motion: friction dissipates power.
 
-    Half the difference of two successive strokes is friction, for both pass the same places.
+    Half the difference of two successive strokes is friction, since both pass the same positions.
     """
     found = _torques(recording, measurement)
     if found is None or len(found[0]) < 2:
@@ -159,7 +159,7 @@ def _torques(recording: Recording, measurement: Strokes) -> tuple[Array, Array, 
 
 
 def stuck(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
-    """Find where the creeping axis did not move all the time."""
+    """Yield findings of a creeping axis that stood still."""
     lag, unit = max(1, round(0.2 / recording.period)), _unit(robot, measurement.index)
     for stroke in range(measurement.n_strokes):
         window = constant_velocity(recording, measurement, stroke)
@@ -180,7 +180,7 @@ def stuck(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[
 
 
 def partners(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[Finding]:
-    """Find where a partner did not go forth and back in a creep stroke, or too slowly."""
+    """Yield findings of a partner without strokes forth and back in a creep stroke, or too slow."""
     for stroke in range(measurement.n_strokes):
         for partner in measurement.partners:
             yield from _partner(recording, measurement, stroke, partner, robot)
@@ -237,9 +237,9 @@ def _ideal_velocity(profile: Trapezoid, period: float) -> float:
 
 
 def _highest_velocity(time: Array, q: Array, period: float) -> float:
-    """Highest mean velocity over `LAG` [rad/s], of which `RUNNING` successive ones have a median.
+    """Return the highest mean velocity over `LAG` [rad/s], a median of `RUNNING` successive ones.
 
-    So a wrong time stamp does not count: it ends one of these means and begins one.
+    The median ignores a wrong time stamp, which ends one of these means and begins another.
     """
     known = np.isfinite(q) & (np.diff(time, prepend=-np.inf) > 0)
     time, q = time[known], q[known]
@@ -251,14 +251,14 @@ def _highest_velocity(time: Array, q: Array, period: float) -> float:
 
 
 def _evenly(recording: Recording) -> Recording:
-    """Return a recording as if every SYNC had come at its period, as in lock-step."""
+    """Return a recording with evenly spaced time stamps, as in lock-step."""
     period = float(np.median(np.diff(recording.time)))
     time: Array = period * np.arange(recording.n_samples, dtype=np.float64)
     return replace(recording, time=time)
 
 
 def _mean_velocity(recording: Recording, measurement: Strokes, window: Indices) -> float:
-    """Slope of a line through the positions of `window` [rad/s]."""
+    """Return the slope of a line fitted to the positions of `window` [rad/s]."""
     t = recording.time[window]
     q = recording.q[window, measurement.index]
     t = t - t.mean()
@@ -266,7 +266,7 @@ def _mean_velocity(recording: Recording, measurement: Strokes, window: Indices) 
 
 
 def _unit(robot: Robot, index: int) -> str:
-    """Unit of velocities of an axis."""
+    """Return the unit of velocities of an axis."""
     return f"{robot.position_unit(index)}/s"
 
 

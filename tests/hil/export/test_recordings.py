@@ -321,7 +321,7 @@ def test_a_damaged_recording_leaves_nothing_behind(
     with pytest.raises(FileError, match=r"c1.h5: is damaged"):
         export_recordings(measured, name, tmp_path / "out")
     assert sorted(tmp_path.iterdir()) == before
-    export_recordings(measured.without(["c1"]), name, tmp_path / "out")
+    export_recordings(measured.exclude(["c1"]), name, tmp_path / "out")
 
 
 @pytest.mark.parametrize("name", RECORDINGS)

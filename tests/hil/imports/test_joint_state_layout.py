@@ -45,7 +45,7 @@ def general(data):
 
 def rows(messages, *, cdr, read=general):
     received = np.arange(len(messages), dtype=float)
-    return Rows(WANTED, read, cdr=cdr).of(messages, received)
+    return Rows(WANTED, read, cdr=cdr).convert(messages, received)
 
 
 @settings(max_examples=50)

@@ -19,7 +19,7 @@ Q, QD, _ = motion(TIME)
 
 def found(tau):
     excerpts = [Excerpt(T, Q, tau, np.full_like(Q, np.nan), 3000)]
-    return list(misread_torques(excerpts, Evidence.of(excerpts), PAIR))
+    return list(misread_torques(excerpts, Evidence.join(excerpts), PAIR))
 
 
 def sines(seed):
@@ -56,7 +56,7 @@ def test_one_column_of_two_joints_is_named():
 
 def test_torques_of_motors_taken_for_those_of_joints_are_remarked():
     excerpts = [Excerpt(T, Q, sines(1) / 50, np.full_like(Q, np.nan), 3000)]
-    every = suspicions(excerpts, Evidence.of(excerpts), PAIR, None, ())
+    every = suspicions(excerpts, Evidence.join(excerpts), PAIR, None, ())
     said = [each for each in every if "are unit, gain and torque_side right?" in each.message]
     assert said
     assert not any(each.certain for each in said)

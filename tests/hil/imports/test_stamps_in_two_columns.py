@@ -37,7 +37,7 @@ def test_a_date_is_exact_to_a_nanosecond(tmp_path):
     stamp, columns = with_pair(jitter=999)
     the_map = load_map(write_map(tmp_path, a_map(time=PAIR)))
     times = TimeColumns(the_map)
-    found = times.of(np.stack([columns["sec"], columns["nanosec"]], axis=1).astype(float), 0)
+    found = times.convert(np.stack([columns["sec"], columns["nanosec"]], axis=1).astype(float), 0)
     np.testing.assert_allclose(found * 1e9, stamp - stamp[0], atol=1e-3)  # a ps
     assert times.origin == pytest.approx(stamp[0] / 1e9)
 

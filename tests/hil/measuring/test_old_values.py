@@ -12,7 +12,7 @@ from any_clock import ACCELERATION, CLOCKS, PERIOD, ROBOT, SOUND
 
 from drivers.drive_bus import DriveRefused, SampleFlag
 from hil.estimation.signals import signals
-from hil.measuring.checks.old_values import with_old_values
+from hil.measuring.checks.old_values import mark_old_values
 from hil.measuring.checks.recording_checks import LASTING, check
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def stepped(recording: Recording) -> Recording:
 def test_nothing_is_old_in_a_sound_recording(clock: Any, kind: str) -> None:
     for seed in range(10):
         sound = stepped(clock(SOUND[kind][1], np.random.default_rng(seed)))
-        flags = with_old_values(sound, ACCELERATION, AXES).flags & SampleFlag.OLD
+        flags = mark_old_values(sound, ACCELERATION, AXES).flags & SampleFlag.OLD
         assert np.mean(flags != 0) < 2e-3  # a telegram that is doubled repeats its values
 
 
@@ -56,7 +56,7 @@ def test_a_position_that_is_renewed_too_rarely_is_refused_with_the_period(
     q = sound.q.copy()
     q[:, 0] = held(q[:, 0], every)
     with pytest.raises(DriveRefused, match="joint 1: its position is renewed only every") as caught:
-        with_old_values(replace(sound, q=q), ACCELERATION, AXES)
+        mark_old_values(replace(sound, q=q), ACCELERATION, AXES)
     assert f"set sync_period: {every * PERIOD:.3g} or more" in str(caught.value)
 
 
@@ -68,7 +68,7 @@ def test_a_current_that_is_renewed_too_rarely_is_flagged_and_only_fresh_ones_are
     sound = stepped(sound)
     tau = sound.tau.copy()
     tau[:, 0] = held(tau[:, 0], every)
-    flagged = with_old_values(replace(sound, tau=tau), ACCELERATION, AXES)
+    flagged = mark_old_values(replace(sound, tau=tau), ACCELERATION, AXES)
     assert np.mean(flagged.flags[:, 0] == SampleFlag.OLD) == pytest.approx(1 - 1 / every, abs=0.05)
     assert not flagged.flags[:, 1].any()
     (finding,) = (f for f in check(flagged, measurement, ROBOT) if f.check == "renewal")
@@ -89,7 +89,7 @@ def test_a_current_that_is_renewed_too_rarely_from_the_middle_on_is_flagged_from
     sound = stepped(sound)
     tau, half = sound.tau.copy(), len(sound.tau) // 2
     tau[half:, 0] = held(tau[half:, 0], every)
-    flagged = with_old_values(replace(sound, tau=tau), ACCELERATION, AXES)
+    flagged = mark_old_values(replace(sound, tau=tau), ACCELERATION, AXES)
     old = flagged.flags == SampleFlag.OLD
     assert np.mean(old[half:, 0]) == pytest.approx(1 - 1 / every, abs=0.05)
     assert np.mean(old[:half, 0]) < 0.02
@@ -101,5 +101,5 @@ def test_one_telegram_that_repeats_the_one_before_is_flagged_alone() -> None:
     sound = stepped(SOUND["gravity"][1])
     q = sound.q.copy()
     q[100, 0] = q[99, 0]
-    flags = with_old_values(replace(sound, q=q), ACCELERATION, AXES).flags
+    flags = mark_old_values(replace(sound, q=q), ACCELERATION, AXES).flags
     assert np.flatnonzero(flags[:, 0]).tolist() == [100]

@@ -89,7 +89,7 @@ def test_another_recording_ends_it(copy: Path) -> None:
 
 def test_so_does_a_measurement_left_out(copy: Path) -> None:
     assert kept(Run.open(copy)) is not None
-    assert kept(Run.open(copy).without(["i05"])) is None
+    assert kept(Run.open(copy).exclude(["i05"])) is None
 
 
 def test_and_another_program(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:

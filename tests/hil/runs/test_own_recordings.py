@@ -62,7 +62,7 @@ def test_a_damaged_recording_can_be_left_out_and_that_is_stated(run: Run) -> Non
     (run.path / "recordings" / f"{name}.h5").write_bytes(b"damaged")
     with pytest.raises(FileError, match=f"hil identify {run.path} --without {name}"):
         list(run)
-    rest = run.without([name])
+    rest = run.exclude([name])
     assert [each.measurement.id for each in rest] == others
     assert rest.shortfall == f"left out on request: {name}"
     assert run.shortfall == ""
@@ -70,7 +70,7 @@ def test_a_damaged_recording_can_be_left_out_and_that_is_stated(run: Run) -> Non
 
 def test_what_is_left_out_must_be_a_measurement_of_the_plan(run: Run) -> None:
     with pytest.raises(UnknownName, match=r"--without g011: .*; did you mean g\d+\?"):
-        run.without(["g011"])
+        run.exclude(["g011"])
 
 
 def test_a_pipe_in_place_of_a_recording_is_refused_and_not_waited_for(run: Run) -> None:

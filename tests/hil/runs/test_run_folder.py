@@ -97,7 +97,7 @@ def test_a_file_of_the_first_format_is_read_with_strokes_and_groups_apart(
     write_measured(tmp_path / "new.h5", Measured(motion, found), manutec)
     again = read_measured(tmp_path / "new.h5").recording
     np.testing.assert_array_equal(again.stroke, found.stroke)
-    np.testing.assert_array_equal(again.under_way, found.under_way)
+    np.testing.assert_array_equal(again.active, found.active)
 
 
 def test_a_format_to_come_is_refused(
@@ -357,7 +357,7 @@ def test_a_journal_states_whether_its_bus_was_the_virtual_plant_s(
     folder: RunFolder, bus: str, stated: bool | None, simulated: bool
 ) -> None:
     """Files of earlier versions have the bus's name alone."""
-    journal = folder.journal.with_session(Session(started="x", bus=bus, simulated=stated))
+    journal = folder.journal.add_session(Session(started="x", bus=bus, simulated=stated))
     assert journal.simulated is simulated
 
 

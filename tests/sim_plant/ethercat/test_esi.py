@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from sim_plant.__main__ import app
-from sim_plant.ethercat.objects import coe_entries, drive_objects, without_can
+from sim_plant.ethercat.objects import coe_entries, drive_objects, strip_can
 from sim_plant.personality import load_personality, packaged_personalities
 
 SCHEMA = "ETHERCAT_SCHEMA"
@@ -51,7 +51,7 @@ def test_it_states_identity_objects_and_process_data_of_the_slave(tmp_path: Path
 @pytest.mark.parametrize("name", packaged_personalities())
 def test_every_personality_has_one(name: str, tmp_path: Path) -> None:
     root = written(tmp_path / "slave.xml", "--personality", name)
-    objects = drive_objects(without_can(load_personality(name))).objects
+    objects = drive_objects(strip_can(load_personality(name))).objects
     assert len(list(root.iter("Object"))) == len(objects)
 
 

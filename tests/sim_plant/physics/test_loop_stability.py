@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from checked_files.yaml_file import FileError
 from sim_plant import build
 from sim_plant.physics import loop_stability
 from sim_plant.physics import state as st
-from sim_plant.physics.loop_stability import Unstable, refuse_unstable, stable
+from sim_plant.physics.loop_stability import Unstable, is_stable, refuse_unstable
 from sim_plant.physics.reflected_inertia import ReflectedInertia, reflected_inertia
 from sim_plant.plant import Plant, load_plant
 from sim_plant.plant_file import PlantFile, load_plant_file, plant_path
@@ -92,8 +93,8 @@ def test_bandwidths_that_no_load_inertia_mends_are_refused_with_one_that_holds()
     assert caught.value.place == ("loops", "velocity")
     slower = re.search(r"; ([\d.]+) 1/s holds", str(caught.value))
     assert slower
-    loops = build.loops(fast).tuned(inertia_of(file)).at(float(slower[1]))
-    assert stable(loops, inertia_of(file))
+    loops = replace(build.loops(fast).tune(inertia_of(file)), velocity=float(slower[1]))
+    assert is_stable(loops, inertia_of(file))
 
 
 def test_the_file_and_the_line_are_stated(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def read(plant: Plant) -> list[Reading]:
 def events_of(plant: Plant) -> list[tuple[float, int, AxisEvent]]:
     """Grows as the plant reports: instant [s], axis, events."""
     seen: list[tuple[float, int, AxisEvent]] = []
-    plant.on_event = lambda axis, bits: seen.append((plant.time, axis, AxisEvent(bits)))
+    plant.handle_event = lambda axis, bits: seen.append((plant.time, axis, AxisEvent(bits)))
     return seen
 
 
@@ -199,7 +199,7 @@ def test_what_the_firmware_does_at_an_event_takes_effect_at_once() -> None:
 
     plant.advance(0.1)
     move(plant, 0, 0.5, 1.0, 4.0)
-    plant.on_event = relay
+    plant.handle_event = relay
     plant.advance(2.0)
     assert starts == [pytest.approx(0.85, abs=0.0011)]
     assert plant.profile[5, st.START] == starts[0]
