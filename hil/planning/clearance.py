@@ -1,4 +1,4 @@
-"""Whether an arm that moves keeps clear of boxes: links as capsules, all configurations between.
+"""Clearance between a moving arm and boxes: links as capsules, checked over continuous sweeps.
 
 A sweep is a set of configurations: all angles that a stroke passes, all instants of a travel. It is
 cut into cells. A cell spans a small box of joint angles; the arm is placed in the middle of the
@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 
 
 RESOLUTION = 0.01
-"""Way of a link within a cell below which it is not halved any more [m]."""
+"""Largest motion of a link within a cell that is not halved further [m]."""
 
 _CHUNK = 4096
-"""Cells at a time, to bound the memory."""
+"""Number of cells processed at once, which bounds the memory."""
 
 
 class Sweep(Protocol):
-    """Sets of configurations, each named by its number (owner).
+    """Sets of configurations, identified by the number of an owner.
 
     Attributes
     ----------
@@ -50,11 +50,11 @@ class Sweep(Protocol):
     slack: float
 
     def at(self, owner: Indices, parameters: Array) -> Array:
-        """Configurations (n, n_joints); each joint monotonic in one parameter."""
+        """Return configurations (n, n_joints); each joint is monotonic in one parameter."""
 
 
 class Hit(NamedTuple):
-    """The deepest intrusion of a sweep.
+    """Deepest intrusion of a sweep.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Hit(NamedTuple):
 
 
 def are_clear(robot: Robot, workspace: Workspace, sweep: Sweep) -> Mask:
-    """Whether each owner of `sweep` keeps clear of all boxes, shape (n_owners,)."""
+    """Return True for every owner of `sweep` clear of the boxes, shape (n_owners,)."""
     clear = np.ones(len(sweep.low), dtype=bool)
     clear[list(find_hits(robot, workspace, sweep, deepest=False))] = False
     return clear
@@ -82,7 +82,7 @@ def are_clear(robot: Robot, workspace: Workspace, sweep: Sweep) -> Mask:
 def find_hits(
     robot: Robot, workspace: Workspace, sweep: Sweep, *, deepest: bool = True
 ) -> dict[int, Hit]:
-    """Intrusion of each owner of `sweep` that is not clear of all boxes: the deepest, or any."""
+    """Find an intrusion for every owner of `sweep` in a box: the deepest, or any."""
     found: dict[int, Hit] = {}
     if not workspace.boxes or not len(sweep.low):
         return found
@@ -102,7 +102,7 @@ def find_hits(
 
 
 def box_distance(first: Array, last: Array, low: Sequence[float], high: Sequence[float]) -> Array:
-    """Distance of segments from a box, 0 where they enter it [m].
+    """Compute the distance of segments from a box, 0 where they enter the box [m].
 
     Along a segment the squared distance is convex and quadratic between the faces' planes, so its
     slope is linear there: the least distance is where the slope changes its sign.
@@ -141,7 +141,7 @@ def _judge(
     best: Array,
     found: dict[int, Hit],
 ) -> Mask:
-    """Note hits in `best` and `found`; return which cells must be halved."""
+    """Note hits in `best` and `found`; return the cells to be halved."""
     owner, low, high = cells
     middle = sweep.at(owner, (low + high) / 2)
     half = _farthest(middle, sweep.at(owner, low), sweep.at(owner, high))
@@ -169,7 +169,7 @@ def _farthest(middle: Array, first: Array, last: Array) -> Array:
 
 
 def intrusions(robot: Robot, workspace: Workspace, q: Array) -> Array:
-    """How far links and margin reach into boxes at configurations, shape (n, n_links, n_boxes) [m].
+    """Compute the depth of links, with margin, in boxes, shape (n, n_links, n_boxes) [m].
 
     Negative where they are clear, minus infinity for links that a box ignores.
 
@@ -191,7 +191,7 @@ def intrusions(robot: Robot, workspace: Workspace, q: Array) -> Array:
 
 
 def _halved(robot: Robot, owner: Indices, low: Array, high: Array) -> tuple[Indices, Array, Array]:
-    """Cut each cell across the parameter that moves the arm most."""
+    """Halve cells across the parameter with the largest effect on the arm."""
     span = high - low
     if low.shape[1] == robot.n_joints:
         span = span * capsules(robot).reach.max(axis=0)

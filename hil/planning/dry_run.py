@@ -1,4 +1,4 @@
-"""What a plan will cost and give: a fold over it, without a bus and without motion.
+"""Dry run of a plan: problems, duration, bus load and identifiability, without bus and motion.
 
 Three questions are answered. Does every configuration, stroke and profile keep inside the robot's
 limits and the arm out of forbidden boxes, and is each stroke long enough for what it is to show
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Why a plan is refused.
+    """Reason to refuse a plan.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Problem:
 
 
 class BusCycle(NamedTuple):
-    """What SYNC and all that belongs to it put on the bus, as whoever knows the bus states it.
+    """Bus traffic of a SYNC cycle.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class BusCycle(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DryRun:
-    """Answer of a dry run.
+    """Result of a dry run.
 
     Attributes
     ----------
@@ -105,14 +105,14 @@ class DryRun:
 
     @property
     def duration(self) -> float:
-        """Expected robot time of everything [s]."""
+        """Expected robot time in total [s]."""
         return sum(self.durations.values())
 
 
 def dry_run(
     plan: Plan, robot: Robot, bus: BusCycle | None = None, following: Following | None = None
 ) -> DryRun:
-    """Fold over a plan.
+    """Check a plan and predict duration, bus load and identifiability.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def dry_run(
 
 
 def measurement_problems(plan: Plan, robot: Robot) -> list[Problem]:
-    """Return where a measurement leaves the limits of `robot` and of the plan's workspace."""
+    """Return measurements beyond the limits of `robot` or of the plan's workspace."""
     guarded = narrowed(robot, plan.workspace)
     return [
         problem
@@ -184,7 +184,7 @@ def _check_load(bus: BusCycle | None, plan: Plan) -> Iterator[Problem]:
 
 
 def _check(number: int, measurement: Measurement, robot: Robot, period: float) -> Iterator[Problem]:
-    """Everything that is wrong with one measurement."""
+    """Yield the problems of a measurement."""
     here: tuple[str | int, ...] = ("measurements", number)
     if measurement.streamed:
         for message in check_trajectory(measurement, robot, period):
@@ -200,7 +200,7 @@ def _check(number: int, measurement: Measurement, robot: Robot, period: float) -
 def _check_ends(
     here: tuple[str | int, ...], measurement: Strokes, robot: Robot
 ) -> Iterator[Problem]:
-    """Both ends of the strokes, and so the whole way between them, keep inside the range."""
+    """Check that both ends of the strokes keep inside the joint range."""
     ends = zip(measurement.start, measurement.end, robot.q_min, robot.q_max, strict=True)
     for index, (first, last, low, high) in enumerate(ends):
         beyond = min(first, last) if min(first, last) < low else max(first, last)
@@ -233,7 +233,7 @@ def _check_profile(
 def _check_window(
     here: tuple[str | int, ...], measurement: Strokes, robot: Robot
 ) -> Iterator[Problem]:
-    """Find a stroke too short for constant velocity, or for the partner's strokes."""
+    """Report a stroke too short for constant velocity or for the partner's strokes."""
     cruise, lacking = measurement.cruise, measurement.lacking
     if cruise is None or not lacking:
         return
@@ -248,7 +248,7 @@ def _check_window(
 
 
 def _remedy(unit: str, value: float, low: float, high: float, remedy: str) -> str:
-    """Return `remedy`, or the value in SI where degrees or millimetres seem to stand."""
+    """Return `remedy`, or the value in SI if the unit seems to be degrees or millimetres."""
     other, si = ("degrees", math.radians(value)) if unit == "rad" else ("millimetres", value / 1e3)
     if abs(value) > 5 * max(abs(low), abs(high)) and low <= si <= high:
         return f"is it in {other}? then write {si:.5g}"

@@ -1,4 +1,4 @@
-"""A motion that was recorded elsewhere, as data: what a foreign recording has in a plan.
+"""Motion imported from a foreign recording, as data.
 
 It cannot be measured again: a plan that holds one describes a run that was imported.
 """
@@ -16,7 +16,7 @@ from hil.planning.plan_values import Name, Positive, Real
 
 
 class FreeMotion(FileModel):
-    """Any motion of the joints, without a gap, as somebody else recorded it.
+    """Continuous motion of the joints recorded by another system.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class FreeMotion(FileModel):
     """
 
     streamed: ClassVar[Literal[True]] = True
-    """Set-points are not known, and are no strokes between two ends."""
+    """True: set-points are unknown and do not form strokes."""
 
     id: Name
     kind: Literal["free"] = "free"
@@ -59,15 +59,15 @@ class FreeMotion(FileModel):
 
     @property
     def moved(self) -> tuple[int, ...]:
-        """Joint indices of the axes that move, from 0."""
+        """Joint indices of the moving axes, from 0."""
         return self.read if self.alone is None else (self.alone - 1,)
 
     @property
     def read(self) -> tuple[int, ...]:
-        """Joint indices of all axes, since the torque of each was recorded."""
+        """Joint indices of all axes, from 0; torques of all were recorded."""
         return tuple(range(len(self.q)))
 
     @property
     def axes_in_words(self) -> str:
-        """The axes that move, for readers."""
+        """Moving axes in words."""
         return "all axes" if self.alone is None else f"axis {self.alone}"

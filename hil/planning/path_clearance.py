@@ -1,4 +1,4 @@
-"""Every path of a plan against the forbidden boxes: measurements, and the travels between them.
+"""Clearance of a plan's paths from the forbidden boxes: measurements and travels.
 
 A measurement sweeps all that its strokes can reach: the way of its axis, with a partner the whole
 rectangle of both. A travel moves all axes at once, each with a trapezoid of its own duration; the
@@ -35,7 +35,7 @@ _AT_THE_START = "correct box or capsule, or bring the arm out of there with hil 
 
 
 class JointBoxes:
-    """Boxes in joint space, each spanned by two configurations (n, n_joints) [rad or m]."""
+    """Boxes in joint space, spanned by two configurations (n, n_joints) [rad or m]."""
 
     slack = 0.0
 
@@ -44,13 +44,13 @@ class JointBoxes:
         self.high = np.maximum(start, end)
 
     def at(self, owner: Indices, parameters: Array) -> Array:
-        """Return the parameters, which are the joints' coordinates."""
+        """Return the parameters, which are joint coordinates."""
         del owner
         return parameters
 
 
 def obstacles(plan: Plan, robot: Robot) -> Iterator[tuple[int, str]]:
-    """Find all paths of `plan` that come too near to a box of its workspace.
+    """Yield the paths of `plan` too close to a box of the workspace.
 
     Yields
     ------
@@ -88,7 +88,7 @@ def refuse_travel(
     end: Sequence[float],
     fraction: float,
 ) -> None:
-    """Refuse a travel that comes too near to a box, or begins there.
+    """Refuse a travel too close to a box.
 
     Raises
     ------

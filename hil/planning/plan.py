@@ -1,4 +1,4 @@
-"""The plan: what to measure, as data.
+"""Plan of a campaign, as data.
 
 A plan is a frozen, validated document that never touches hardware. A dry run is a fold over it,
 the sequencer carries it out, two plans are compared with `diff`: one short block a measurement
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class PlannedRobot(FileModel):
-    """For which robot the plan was made.
+    """Reference to the robot that a plan was made for.
 
     Attributes
     ----------
@@ -48,14 +48,14 @@ class PlannedRobot(FileModel):
 
 
 class WarmUp(FileModel):
-    """Motion before the first measurement: for how long [s], at which share of the limits."""
+    """Motion before the first measurement: duration [s] and share of the limits."""
 
     duration: Annotated[float, Field(gt=0, le=LONGEST)]
     fraction: Fraction = 0.5
 
 
 class Plan(FileModel):
-    """A campaign: which robot, how it travels, what is measured in which order.
+    """Campaign: robot, travel settings and measurements in order.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Plan(FileModel):
 
     @property
     def digest(self) -> str:
-        """Fingerprint of the content: comments and layout of the file do not matter."""
+        """Fingerprint of the content, independent of comments and layout of the file."""
         return hashlib.sha256(dump_plan(self).encode()).hexdigest()
 
 
@@ -112,7 +112,7 @@ def as_plan(
     warm_up: float = 0.0,
     workspace: Workspace | None = None,
 ) -> Plan:
-    """Plan of `measurements` of a robot, in this order, after a warm-up of so long [s]."""
+    """Create a plan from `measurements` of a robot, after a warm-up of this duration [s]."""
     return Plan(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         warm_up=WarmUp(duration=warm_up) if warm_up else None,
@@ -122,7 +122,7 @@ def as_plan(
 
 
 def load_plan(path: Path | str, robot: Robot | None = None) -> Plan:
-    """Read a plan and, where `robot` is given, refuse one that was made for another.
+    """Read a plan; with `robot`, refuse a plan made for another robot.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def load_plan(path: Path | str, robot: Robot | None = None) -> Plan:
 
 
 def refuse_other_robot(plan: Plan, robot: Robot, path: Path | str) -> None:
-    """Refuse a plan made for another robot, or for this one before its file was changed.
+    """Refuse a plan made for another robot, or for an earlier version of the robot file.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def _of_another(plan: Plan, robot: Robot) -> Iterator[tuple[tuple[str | int, ...
 
 
 def repeated(plan: Plan, rounds: int) -> Plan:
-    """Return a plan with all measurements so many times, numbered by round where there are more.
+    """Repeat the measurements of a plan, with the round's number in the ids.
 
     Raises
     ------
@@ -201,7 +201,7 @@ def repeated(plan: Plan, rounds: int) -> Plan:
 
 
 def dump_plan(plan: Plan) -> str:
-    """Write a plan as YAML: a short block a measurement, joints in one line."""
+    """Format a plan as YAML: a short block per measurement, joints on a line."""
     data = plan.model_dump(mode="json", exclude_none=True)
     data["measurements"] = [
         {key: item[key] for key in sorted(item, key=KEYS.index)} for item in data["measurements"]
@@ -210,7 +210,7 @@ def dump_plan(plan: Plan) -> str:
 
 
 class _Dumper(Dumper):
-    """Lists of numbers in one line, everything else in blocks."""
+    """YAML dumper with lists of numbers on a line, everything else in blocks."""
 
     def represent_sequence(
         self, tag: str, sequence: object, flow_style: bool | None = None
@@ -224,7 +224,7 @@ class _Dumper(Dumper):
 
 
 class RecordedMotions(FileModel):
-    """Motions that somebody else recorded of a robot; nothing of it can be measured again.
+    """Imported motions of a robot; no new measurement is possible.
 
     Attributes
     ----------
@@ -243,7 +243,7 @@ class RecordedMotions(FileModel):
         return hashlib.sha256(self.text().encode()).hexdigest()
 
     def text(self) -> str:
-        """As YAML."""
+        """Format as YAML."""
         content = self.model_dump(mode="json", exclude_none=True)
         text: str = yaml.dump(content, Dumper=Dumper, sort_keys=False, width=200)
         return text

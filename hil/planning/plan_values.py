@@ -1,4 +1,4 @@
-"""Numbers and names as plans hold them.
+"""Rounded numbers and names in plans.
 
 Numbers are rounded to a millionth as they enter, far below an encoder's increment, so that what is
 read back equals what was written.
@@ -26,9 +26,9 @@ Fraction = Annotated[float, Field(ge=1e-6, le=1.0), AfterValidator(to_millionths
 LONGEST_NAME = 64
 """Characters of the longest `Name`."""
 Name = Annotated[PlainName, Field(max_length=LONGEST_NAME)]
-"""Identifies a measurement and names its file."""
+"""Identifier of a measurement, also its file name."""
 
 
 def with_values(given: Values, **values: object) -> Values:
-    """Return a copy with other values, rounded and checked like those of a file."""
+    """Return a copy with new values, rounded and validated as in a file."""
     return type(given).model_validate(given.model_dump() | values)

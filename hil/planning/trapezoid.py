@@ -1,4 +1,4 @@
-"""Trapezoids of velocity: what a drive in profile position makes of a set-point.
+"""Velocity trapezoids: motion of a drive in profile position mode.
 
 A move from `start` to `end` accelerates with a constant acceleration to the profile velocity,
 cruises and decelerates alike. Where the distance is shorter than both ramps the trapezoid becomes
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Trapezoid:
-    """One move from rest to rest.
+    """Move from rest to rest.
 
     Attributes
     ----------
@@ -41,22 +41,22 @@ class Trapezoid:
 
     @property
     def distance(self) -> float:
-        """Length of the way, never negative [rad]."""
+        """Length of the move, never negative [rad]."""
         return abs(self.end - self.start)
 
     @cached_property
     def peak(self) -> float:
-        """Highest speed that is reached [rad/s]."""
+        """Highest speed of the move [rad/s]."""
         return min(self.velocity, math.sqrt(self.distance * self.acceleration))
 
     @property
     def ramp_time(self) -> float:
-        """Duration of one ramp [s]."""
+        """Duration of a ramp [s]."""
         return self.peak / self.acceleration
 
     @property
     def ramp(self) -> float:
-        """Way of one ramp [rad]."""
+        """Length of a ramp [rad]."""
         return self.peak**2 / (2 * self.acceleration)
 
     @cached_property
@@ -68,7 +68,7 @@ class Trapezoid:
 
     @cached_property
     def window(self) -> tuple[float, float]:
-        """Begin and end of constant velocity [s]; both alike for a triangle."""
+        """Begin and end of constant velocity [s]; equal for a triangle."""
         return self.ramp_time, max(self.ramp_time, self.duration - self.ramp_time)
 
     @property
@@ -76,7 +76,7 @@ class Trapezoid:
         return math.copysign(1.0, self.end - self.start)
 
     def motion(self, t: ArrayLike) -> tuple[Array, Array, Array]:
-        """q, qd and qdd at times `t` (any shape) since the start; at rest outside the move."""
+        """Compute q, qd and qdd at times `t` (any shape) since the start; at rest outside."""
         times = np.asarray(t, dtype=float)
         (begin, end), duration, peak = self.window, self.duration, self.peak
 
@@ -97,5 +97,5 @@ class Trapezoid:
         return q, qd, rate * (rising.astype(float) - falling)
 
     def q(self, t: ArrayLike) -> Array:
-        """Position at times `t` (any shape) since the start [rad]; at rest outside the move."""
+        """Compute the position at times `t` (any shape) since the start [rad]."""
         return self.motion(t)[0]

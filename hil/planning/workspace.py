@@ -1,4 +1,4 @@
-"""The guarded workspace: where the arm may be, beyond what its joints' limits say.
+"""Guarded workspace: permitted joint ranges and forbidden boxes.
 
 A workspace belongs to the place where a robot stands, so it is a file of its own. It may narrow
 joint ranges, and it lists boxes that no link may enter: table, fence, controller cabinet, operator.
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Box(FileModel):
-    """A box that no link may enter, from corner `low` to corner `high` [m].
+    """Box closed to the links, from corner `low` to corner `high` [m].
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Box(FileModel):
 
 
 class Workspace(FileModel):
-    """Joint ranges and forbidden boxes.
+    """Joint ranges and forbidden boxes at a robot's place of installation.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class Workspace(FileModel):
 
 
 def narrowed(robot: Robot, workspace: Workspace | None) -> Robot:
-    """Return `robot` with the workspace's joint ranges, for checks only: its digest differs."""
+    """Return `robot` with the workspace's joint ranges, for checks only: the digest differs."""
     if workspace is None or not workspace.ranges:
         return robot
     ranges = workspace.ranges.items()

@@ -1,4 +1,4 @@
-"""Whether a workspace can be meant for a robot: its joints, its units, boxes against the reach.
+"""Validation of a workspace against a robot: joints, units, boxes within reach.
 
 A box in millimetres would lie far beyond the arm and guard nothing. No point of a link is farther
 from the base frame's origin than the lengths of the chain in between, so the arm itself bounds the
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from hil.planning.workspace import Box
 
 FARTHEST = 20.0
-"""Coordinates of a box may be this many times the reach of the arm."""
+"""Largest coordinate of a box, in multiples of the arm's reach."""
 SMALLEST = 1 / 500
-"""Longest edge of a box, as a share of the reach, below which nothing is guarded by it."""
+"""Smallest useful longest edge of a box, as share of the reach."""
 
 Place = tuple[str | int, ...]
 
@@ -56,7 +56,7 @@ def refuse_unfit(
     text: str | None = None,
     within: tuple[str, ...] = (),
 ) -> None:
-    """Refuse a workspace with joints, ranges or boxes that `robot` cannot have.
+    """Refuse a workspace with joints, ranges or boxes unsuitable for `robot`.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def refuse_unfit(
 
 
 def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
-    """Yield what makes a workspace unfit for `robot`: keys that lead to the value, and the reason.
+    """Yield key and reason of every value in the workspace unsuitable for `robot`.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
 
 
 def remarks(workspace: Workspace | None, robot: Robot) -> list[str]:
-    """Return a line for each box that no link can reach, so that it guards nothing."""
+    """Return a remark for every box beyond the reach of the links."""
     if workspace is None:
         return []
     reach = reaches(robot)
@@ -133,7 +133,7 @@ def _range(joint: int, low: float, high: float, robot: Robot) -> Iterator[tuple[
 
 
 def _of_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
-    """Refuse links that there are not, and coordinates that are in another unit than metres."""
+    """Check a box for nonexistent links and for coordinates in another unit than metres."""
     if any(link > robot.n_joints for link in box.ignore_links):
         yield ("ignore_links",), f"{robot.name} has links 1 to {robot.n_joints}"
     reach = float(reaches(robot).max())
@@ -156,7 +156,7 @@ def _of_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
 
 
 def _always_inside(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
-    """Refuse boxes in which one link stands at all configurations that are looked at."""
+    """Yield boxes with a link inside at every sampled configurations."""
     # 256, spread over the joint ranges, in which a link must stand clear of a box once
     spread = np.random.default_rng(0).uniform(size=(256, robot.n_joints))
     q = robot.q_min + spread * (robot.q_max - robot.q_min)

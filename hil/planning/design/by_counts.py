@@ -37,12 +37,12 @@ if TYPE_CHECKING:
     from hil.planning.workspace import Workspace
 
     Chosen = tuple[Element, list[float], int]
-    """What to measure, where, and the measurement's number."""
+    """Element, configuration and number of a measurement."""
 
 COUNTS = {name: kind.count for name, kind in ELEMENT_KINDS.items()}
-"""Measurements of each kind unless asked for: as long as the 64, 92 and 9 of section 8."""
+"""Default number of measurements of each kind; the campaign lasts as long as section 8's."""
 LEAST_SHARE = 4
-"""Measurements that an element gets at least, however few parameters its row holds."""
+"""Minimum number of measurements of an element, however few parameters its row holds."""
 
 
 def design(
@@ -94,7 +94,7 @@ def design(
 
 
 def greedy(rows: Array, places: Array, covariance: Array, count: int) -> list[int]:
-    """Choose `count` rows, each the one that then adds most to det(information).
+    """Choose `count` rows in turn by the largest increase of det(information).
 
     Candidates close to a chosen one are passed over while there are others, so that the
     measurements show a dependence on the configuration that the model lacks. `covariance`, the
@@ -116,7 +116,7 @@ def greedy(rows: Array, places: Array, covariance: Array, count: int) -> list[in
 
 
 def places(robot: Robot, q: Array) -> Array:
-    """Configurations in parts of the joints' ranges, without the joints that all share."""
+    """Return configurations as shares of the joint ranges, without joints held constant."""
     varied = np.ptp(q, axis=0) > 0
     return (q / (robot.q_max - robot.q_min))[:, varied]
 
@@ -139,7 +139,7 @@ def _choose(
     usual: int,
     workspace: Workspace | None,
 ) -> list[Chosen]:
-    """Elements and configurations of `count` measurements, or of as many as are of use."""
+    """Choose elements and configurations for `count` measurements, or for as many as help."""
     spread = [candidates(robot, element, workspace) for element in elements]
     weighted = [
         element.row(q) / robot.torque_limit[element.axis]
@@ -162,7 +162,7 @@ def _choose(
 def _shares(
     elements: Sequence[Element], rows: Sequence[Array], count: int | None, usual: int
 ) -> list[int]:
-    """Divide `count` among the elements in proportion to the parameters that their rows hold.
+    """Divide `count` among elements in proportion to the parameters in every row.
 
     Elements that are like an offset wherever they are measured get few, unless all are and more
     are asked for.
@@ -180,7 +180,7 @@ def _shares(
 
 
 def _divided(held: Sequence[int], count: int) -> list[int]:
-    """Divide `count` in proportion to `held`, but so that each gets a least share."""
+    """Divide `count` in proportion to `held`, with a minimum share."""
     least = min(LEAST_SHARE, count // len(held))
     spare = count - least * len(held)
     exact = [spare * h / sum(held) for h in held]

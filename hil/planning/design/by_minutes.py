@@ -1,4 +1,4 @@
-"""A campaign of so many minutes: the most informative measurements, of all kinds together.
+"""Design of a campaign of limited duration: the most informative measurements of all kinds.
 
 A budget counts everything: measurements, the ways between them, a warm-up. First of all each group
 of base parameters gets the measurements that its rows call for (`CORE` for each parameter), so that
@@ -44,13 +44,13 @@ if TYPE_CHECKING:
 
 
 CORE = 2
-"""Measurements of its own kind for each parameter of a group."""
+"""Measurements per parameter of a group, by the group's own kind."""
 OF_TRAJECTORIES = "t"
-"""First letter of their ids."""
+"""First letter of trajectory ids."""
 SAMPLE_PERIOD: float = Plan.model_fields["sample_period"].default
-"""That of plans [s]."""
+"""Default sample period of plans [s]."""
 CORE_BESIDE_TRAJECTORIES = CORE // 2
-"""The same where trajectories are measured too."""
+"""Core measurements per parameter when trajectories are measured too."""
 
 
 def design_within(
@@ -62,7 +62,7 @@ def design_within(
     *,
     with_trajectories: bool = False,
 ) -> Plan:
-    """Plan a campaign that takes at most `minutes`.
+    """Plan a campaign of at most `minutes`.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def refine(
     run: Plan,
     taken: set[str] | None = None,
 ) -> Plan:
-    """Plan what to measure next, of at most `minutes`.
+    """Plan further measurements of at most `minutes`.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def refine(
 
 
 def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
-    """Numbers of the options that make every group identifiable by its own kind.
+    """Choose options to identify every group by its own kind of measurement.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
 
 
 def _reserve(robot: Robot, selection: Selection, before: Sequence[Measurement] = ()) -> None:
-    """Choose what a law of friction of each axis needs besides."""
+    """Choose the additional measurements needed for a friction law per axis."""
     chosen = [*before, *selection.measurements]
     for axis, there in without_law(chosen, robot.n_joints).items():
         for _ in range(FOR_A_LAW - there):
@@ -175,7 +175,7 @@ def _reserve(robot: Robot, selection: Selection, before: Sequence[Measurement] =
 def _filled(
     robot: Robot, selection: Selection, budget: float, least: int, workspace: Workspace | None
 ) -> list[ParameterMeasurement]:
-    """Choose on until `budget` [s] is full, then leave out the last ones that exceed it."""
+    """Fill the `budget` [s] with measurements, and drop the last ones in excess."""
     # measurements are chosen for 15 % more than the budget before they are put in order
     while selection.duration < 1.15 * budget or len(selection.chosen) < least:
         selection.take_best()
@@ -193,12 +193,12 @@ def _filled(
 
 
 def _tour(robot: Robot, chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
-    """Those chosen as they are measured where nothing is in the way."""
+    """Merge and order the chosen measurements for an unguarded workspace."""
     return ordered(robot, _merged(chosen))
 
 
 def _merged(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
-    """Blocks of a trajectory as one measurement without a stop, at the place of the first."""
+    """Merge blocks of a trajectory into a measurement without stops, placed at the first."""
     periods = Counter[str]()
     for each in chosen:
         periods[each.id] += each.cycles
@@ -215,7 +215,7 @@ def _merged(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement
 def _how_many(
     robot: Robot, chosen: Sequence[ParameterMeasurement], least: int, budget: float
 ) -> int:
-    """How many of `chosen`, from the first, fit into `budget` [s].
+    """Return the number of leading measurements of `chosen` that fit into `budget` [s].
 
     Raises
     ------
@@ -241,14 +241,14 @@ def _how_many(
 def ordered(
     robot: Robot, measurements: Sequence[ParameterMeasurement]
 ) -> list[ParameterMeasurement]:
-    """Order by nearest neighbour in travel time, beginning nearest to all joints at 0."""
+    """Order measurements by nearest neighbour in travel time, starting near zero joint angles."""
     starts = np.array([measurement.start for measurement in measurements])
     order = nearest_first(robot, np.zeros(robot.n_joints), starts)
     return [measurements[number] for number in order]
 
 
 def lasting(robot: Robot, measurements: Sequence[Measurement]) -> float:
-    """Time of measurements in this order and of the ways between them [s]."""
+    """Compute the duration of measurements in this order, travels included [s]."""
     plan = as_plan(robot, measurements[:1])
     return sum(each.travel + each.duration for each in timetable(plan, robot, measurements))
 
@@ -256,7 +256,7 @@ def lasting(robot: Robot, measurements: Sequence[Measurement]) -> float:
 def numbered(
     measurements: Sequence[ParameterMeasurement], taken: set[str]
 ) -> list[ParameterMeasurement]:
-    """Give ids in this order, kind by kind, that are not `taken`."""
+    """Assign ids in order, kind by kind, skipping `taken` ids."""
     letters = {kind: row.letter for kind, row in ELEMENT_KINDS.items()}
     numbers: dict[str, Iterator[int]] = defaultdict(lambda: count(1))
     named = []

@@ -1,4 +1,4 @@
-"""All measurements that could be made, each with its information and how long it would take.
+"""Candidate measurements with information and duration.
 
 Trajectories are among them where drives take streams of set-points: a few different ones, each in
 blocks of some periods, of which as many may be chosen as there is time for.
@@ -44,15 +44,15 @@ if TYPE_CHECKING:
 
 
 DIFFERENT, BLOCK = 2, 3
-"""Trajectories, and periods of a block."""
+"""Number of trajectories, and periods per block."""
 SEARCH = Search(random=100, refined=2)
 THINNED = 2
-"""Every so many samples are judged, as means of so many: that is quicker and as informative."""
+"""Number of samples averaged into one for judging: faster, equally informative."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Option:
-    """One measurement that could be made.
+    """Candidate measurement.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Option:
 def pool(
     robot: Robot, workspace: Workspace | None, period: float, noise: Noise, each: int = 64
 ) -> list[Option]:
-    """Plan and judge `each` measurements of every element, sampled every `period` [s].
+    """Design and judge `each` measurements of every element, sampled every `period` [s].
 
     Raises
     ------
@@ -91,7 +91,7 @@ def pool(
 def strokes(
     robot: Robot, workspace: Workspace | None, each: int
 ) -> Iterator[tuple[str, ElementMeasurement, Array]]:
-    """Plan `each` measurements of every element: group, measurement and row as of `Option`."""
+    """Design `each` measurements of every element; yield group, measurement, row (`Option`)."""
     sought = base_parameters(robot).dependencies.sought()
     for name, kind in ELEMENT_KINDS.items():
         for element in ELEMENTS[name](robot, list(sought[kind.group])):
@@ -105,7 +105,7 @@ def strokes(
 def judged(
     robot: Robot, measurement: ParameterMeasurement, period: float, noise: Noise
 ) -> tuple[tuple[Indices, Array], ...]:
-    """What a measurement is worth, sampled every `period` [s]; see `Option`."""
+    """Compute the information of a measurement sampled every `period` [s]; see `Option.worth`."""
     noise = noise.sampled(robot, period)
     found = shares(robot, measurement, THINNED * period, noise.differences)
     return worth(robot, found, noise.mean(THINNED))
@@ -114,7 +114,7 @@ def judged(
 def trajectories(
     robot: Robot, workspace: Workspace | None, period: float, noise: Noise, minutes: float
 ) -> list[Option]:
-    """Design and judge trajectories, in blocks that together last `minutes` each.
+    """Design and judge trajectories, in blocks with a total duration of `minutes` per trajectory.
 
     Raises
     ------
@@ -142,13 +142,13 @@ def trajectories(
 
 
 def keeps_clear(robot: Robot, workspace: Workspace | None, q: Array) -> bool:
-    """Whether an arm keeps clear of all boxes that passes configurations (n, n_joints) in turn."""
+    """Return True if an arm passing configurations (n, n_joints) in turn is clear of the boxes."""
     sweep = JointBoxes(q[:-1], q[1:])
     return workspace is None or bool(are_clear(robot, workspace, sweep).all())
 
 
 def worth(robot: Robot, judged: Sequence[Share], noise: Noise) -> tuple[tuple[Indices, Array], ...]:
-    """What shares are worth under `noise`: which unknowns, and I S^-1 I."""
+    """Compute the information of shares under `noise`: indices of unknowns, and I S^-1 I."""
     return tuple(
         (
             place(robot, share.axis),
@@ -159,6 +159,6 @@ def worth(robot: Robot, judged: Sequence[Share], noise: Noise) -> tuple[tuple[In
 
 
 def weighed(information: Array, scatter: Array) -> Array:
-    """I S^-1 I, with S inverted where it has an inverse."""
+    """Compute I S^-1 I, with the pseudoinverse of a singular S."""
     half = inverse_root(scatter).T @ information
     return half.T @ half

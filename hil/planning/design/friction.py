@@ -1,4 +1,4 @@
-"""Plans for friction: sweeps of speed, and the two experiments on its variance in time.
+"""Plans for friction: speed sweeps, and the two experiments on friction changing in time.
 
 sweep
     Constant velocity from creep to the speed limit, in both directions, one axis after the other
@@ -44,22 +44,22 @@ if TYPE_CHECKING:
 
 
 SLOWEST = 0.003
-"""Lowest speed of a sweep, as share of the limit: slow enough to show a Stribeck peak."""
+"""Lowest speed of a sweep as a share of the limit: low enough to show a Stribeck peak."""
 INTERVAL = 12.0
-"""Time from one torque to the next in continuous motion [s]."""
+"""Interval between torque readings in continuous motion [s]."""
 STOPS = (300.0, 60.0, 120.0)
-"""Stops in continuous motion [s]."""
+"""Durations of the stops in continuous motion [s]."""
 OPERATION = (0.0, 600.0, 1800.0, 3600.0)
-"""Times of continuous operation at which a characteristic is measured [s]."""
+"""Times of continuous operation before each characteristic [s]."""
 OPERATING_SPEEDS, OPERATING_SLOWEST = 10, 0.02
-"""Of a characteristic in operation; creeping would let the gear rest."""
+"""Number of speeds and slowest share in operation; creeping would let the gear rest."""
 CONTINUOUS = 0.5
 """Share of the speed limit in continuous motion."""
 
 EASY, HARDEST = 0.4, 0.8
-"""Shares of the acceleration limit: usually, and where the range is short."""
+"""Shares of the acceleration limit: default, and maximum for short ranges."""
 WINDOW, SHORT_WINDOW = 1.0, 0.5
-"""Constant velocity, transient after the ramp included: wanted, and at least [s]."""
+"""Duration of constant velocity, transient after the ramp included: desired and minimum [s]."""
 CANDIDATES = 64
 
 
@@ -107,7 +107,7 @@ def stops(
     rests: Sequence[float] = STOPS,
     workspace: Workspace | None = None,
 ) -> Plan:
-    """Plan continuous motion of one axis, with its torque every `INTERVAL`, and stops [s].
+    """Plan continuous motion of an axis with stops [s], reading the torque every `INTERVAL`.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def operation(
     speeds: int = OPERATING_SPEEDS,
     workspace: Workspace | None = None,
 ) -> Plan:
-    """Plan the characteristic of one axis after several times of continuous operation [s].
+    """Plan the friction characteristic of an axis after given times of continuous operation [s].
 
     Raises
     ------
@@ -159,7 +159,7 @@ def operation(
 
 
 class _Bench:
-    """A robot with the room that an axis has to move."""
+    """Robot and the space available per axis."""
 
     def __init__(self, robot: Robot, workspace: Workspace | None) -> None:
         self._robot = robot
@@ -168,18 +168,18 @@ class _Bench:
         self._places: dict[int, tuple[float, ...]] = {}
 
     def room(self, axis: int) -> float:
-        """Longest stroke of an axis [rad]."""
+        """Return the longest stroke of an axis [rad]."""
         return RANGE * float(self._guarded.q_max[axis] - self._guarded.q_min[axis])
 
     def top(self, axis: int) -> float:
-        """Highest speed that the range allows to reach and to hold for a moment [rad/s]."""
+        """Compute the highest speed reachable and held for a moment within the range [rad/s]."""
         hardest = HARDEST * float(self._robot.acceleration_limit[axis])
         half = SHORT_WINDOW * hardest / 2
         reachable = math.sqrt(half**2 + hardest * self.room(axis)) - half
         return min(float(self._robot.velocity_limit[axis]), reachable)
 
     def speeds(self, axis: int, count: int, slowest: float) -> list[float]:
-        """Speeds spaced evenly in their logarithm, rising [rad/s]."""
+        """Return increasing, logarithmically spaced speeds [rad/s]."""
         top = self.top(axis)
         low = min(slowest * float(self._robot.velocity_limit[axis]), top)
         return [float(v) for v in np.geomspace(low, top, count)]
@@ -187,7 +187,7 @@ class _Bench:
     def measurement(
         self, name: str, axis: int, velocity: float, cycles: int = 2, **history: float | None
     ) -> Friction:
-        """One speed of one axis, about a configuration that all speeds of the axis share."""
+        """Create the measurement of a speed; the speeds of an axis share a configuration."""
         motion = self._motion(axis, velocity)
         return Friction(
             id=name,
@@ -200,7 +200,7 @@ class _Bench:
         )
 
     def _motion(self, axis: int, velocity: float) -> dict[str, Any]:
-        """Stroke and acceleration at a speed."""
+        """Choose stroke and acceleration for a speed."""
         room = self.room(axis)
         acceleration = min(
             EASY * float(self._robot.acceleration_limit[axis]), velocity / RAMP_OF_CREEP
@@ -213,7 +213,7 @@ class _Bench:
         return {"stroke": stroke, "acceleration": acceleration}
 
     def _place(self, axis: int) -> tuple[float, ...]:
-        """Joints in the middle of their ranges, or where the whole stroke is clear of boxes."""
+        """Return mid-range joint positions, or ones where the whole stroke is clear of boxes."""
         if axis in self._places:
             return self._places[axis]
         low, high = self._guarded.q_min, self._guarded.q_max
@@ -239,7 +239,7 @@ class _Bench:
 
 
 def _scattered(speeds: Sequence[float]) -> list[float]:
-    """About half of the highest speed first, the rest in an order without a trend."""
+    """Put about half of the highest speed first, the rest in an order without a trend."""
     half = min(speeds, key=lambda v: abs(v - CONTINUOUS * max(speeds)))
     rest = [v for v in speeds if v != half]
     order = np.argsort([k * GOLDEN % 1.0 for k in range(len(rest))], kind="stable")

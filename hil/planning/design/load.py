@@ -1,4 +1,4 @@
-"""A few minutes with a load: the measurements that show it best beside a run without it.
+"""Plan of a few minutes with a load: the most informative measurements beside an unloaded run.
 
 Both runs share base parameters p, torque ripple and friction of the transmitted torque; the loaded
 one has p + K phi and offsets of its own, since friction's asymmetry changes from day to day. Its
@@ -53,23 +53,22 @@ if TYPE_CHECKING:
     Worth = tuple[tuple[Indices, Array], ...]
 
 OFFSETS = 2
-"""Common terms of an axis that each run has by itself: a constant, one with |qd|."""
+"""Number of common terms estimated separately per run and axis: a constant, and one with |qd|."""
 HOLD = 0.9
-"""Share of an axis's torque limit that a measurement may call for."""
+"""Maximum share of an axis's torque limit in a measurement."""
 SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
-"""Shares of a candidate's acceleration that are tried, velocity by its root: steps of about root
-2."""
+"""Shares of a candidate's acceleration to try, in steps of about sqrt(2); velocity scales with the
+square root."""
 SLOW_SHARE = 0.4
 """Share of the time for slow strokes."""
 REACH = 0.2
-"""Radius of gyration that a load may have, and distance of its centre from the last frame, as long
-as they are unknown [m]."""
+"""Assumed radius of gyration and centre's distance from the last frame of an unknown load [m]."""
 _INSTANT = 0.02
-"""Between instants at which torques are looked at [s]."""
+"""Interval between torque evaluations [s]."""
 
 
 class FoundLoad(Protocol):
-    """What is known of the load so far, such as `hil.estimation.loads.figures.Load`."""
+    """Current estimate of the load, such as `hil.estimation.loads.figures.Load`."""
 
     @property
     def phi(self) -> Array:
@@ -77,16 +76,16 @@ class FoundLoad(Protocol):
 
     @property
     def covariance(self) -> Array:
-        """Of them, shape (10, 10)."""
+        """Covariance of the standard parameters, shape (10, 10)."""
 
     @property
     def unidentifiable(self) -> tuple[str, ...]:
-        """Those that are open."""
+        """Names of the unidentifiable parameters."""
 
 
 @dataclass(frozen=True, eq=False)
 class WithoutLoad:
-    """What a run without a load gives to one with it.
+    """Information from a run without load, for the design of a run with load.
 
     Attributes
     ----------
@@ -110,18 +109,18 @@ class WithoutLoad:
 
     @cached_property
     def columns(self) -> LoadColumns:
-        """What a load changes."""
+        """Base-parameter columns changed by a load."""
         return load_columns(self.robot)
 
     @cached_property
     def at(self) -> slice:
-        """Where the load's free parameters stand among the unknowns z."""
+        """Slice of the load's free parameters in the unknowns z."""
         n = n_unknowns(self.robot)
         return slice(n, n + self.columns.free.shape[1])
 
     @cached_property
     def embedding(self) -> Array:
-        """E, shape (n_unknowns, n_unknowns + n_free + OFFSETS n_joints)."""
+        """Embedding E, shape (n_unknowns, n_unknowns + n_free + OFFSETS n_joints)."""
         n, n_base = n_unknowns(self.robot), len(base_parameters(self.robot))
         offsets = OFFSETS * self.robot.n_joints
         E = np.hstack([np.eye(n, self.at.stop), np.zeros((n, offsets))])
@@ -133,18 +132,18 @@ class WithoutLoad:
         return E
 
     def judged(self, measurement: ParameterMeasurement) -> Worth:
-        """What a measurement is worth (`hil.planning.design.candidates.Option`)."""
+        """Compute the information of a measurement (`Option.worth`)."""
         return judged(self.robot, measurement, self.plan.sample_period, self.noise)
 
     def embedded(self, worth: Worth) -> Array:
-        """Information about z of a measurement with the load, shape (n_z, n_z)."""
+        """Compute the information about z from a measurement with load, shape (n_z, n_z)."""
         total = np.zeros((self.embedding.shape[1],) * 2)
         for at, each in worth:
             total += self.embedding[at].T @ each @ self.embedding[at]
         return total
 
     def before(self, options: Sequence[Option], measured: Iterable[Plan] = ()) -> Array:
-        """Information about z by the run without the load, and by plans with it.
+        """Compute the information about z from the unloaded run and from plans with load.
 
         Parameters
         ----------
@@ -162,7 +161,7 @@ class WithoutLoad:
         return known
 
     def of_load(self, information: Array) -> Array:
-        """Information about phi alone, all other unknowns eliminated."""
+        """Compute the information about phi, eliminating the remaining unknowns."""
         inside = np.zeros(len(information), dtype=bool)
         inside[self.at] = True
         across = information[np.ix_(inside, ~inside)]
@@ -172,14 +171,14 @@ class WithoutLoad:
         return left
 
     def torque(self, measurement: ParameterMeasurement) -> tuple[tuple[Array, ...], Array]:
-        """Motion of a measurement, and its torques without a load, shape (n, n_joints)."""
+        """Return motion and unloaded torques of a measurement, shape (n, n_joints)."""
         planned = forecast(measurement, _INSTANT)
         motion = planned.q, planned.qd, planned.qdd
         tau = inverse_dynamics(self.robot, self.p, *motion) + motor_torque(self.robot, *motion)
         return motion, tau
 
     def strain(self, measurement: ParameterMeasurement, loads: Sequence[Array]) -> float:
-        """Largest torque of any axis with any of the loads, as share of its limit."""
+        """Compute the largest torque of any axis under any of the loads, as share of the limit."""
         motion, tau = self.torque(measurement)
         of_loads = [
             inverse_dynamics(self.robot, self.columns.K @ phi, *motion) if phi.any() else 0.0
@@ -190,7 +189,7 @@ class WithoutLoad:
         return float(np.max(shares))
 
     def bodies(self, mass: float) -> list[Array]:
-        """Loads of this mass with their centre in the last frame and `REACH` off it, each way."""
+        """Return loads of this mass centred in the last frame and `REACH` off in every direction."""
         shown = np.abs(self.columns.free).max(axis=1) > 0
         loads = [_body(mass, np.zeros(3), shown)]
         for k, at in enumerate(FIRST_MOMENTS):
@@ -235,7 +234,7 @@ def slow_plan(
 def fast_plan(
     bare: WithoutLoad, minutes: float, slow: Plan, found: FoundLoad, poses: Poses = ()
 ) -> Plan:
-    """Choose what is still missing, as fast as the axes can move the load found.
+    """Choose the remaining measurements, as fast as the axes can move the estimated load.
 
     Raises
     ------
@@ -264,7 +263,7 @@ def fast_plan(
 
 
 def holds(bare: WithoutLoad, plan: Plan) -> float:
-    """Mass that all axes hold in a plan, its centre up to `REACH` from the last frame [kg]."""
+    """Compute the mass held by the axes in a plan, up to `REACH` off the last frame [kg]."""
     found = np.inf
     for measurement in filter(shows_parameters, plan.measurements):
         motion, tau = bare.torque(measurement)
@@ -278,7 +277,7 @@ def holds(bare: WithoutLoad, plan: Plan) -> float:
 def allowed(
     bare: WithoutLoad, found: FoundLoad | None = None, options: Sequence[Option] | None = None
 ) -> list[Option]:
-    """Measurements that could be made, with a load in which all axes can move it."""
+    """Return candidate measurements; with a load, only those within the torque limits."""
     options = _options(bare) if options is None else list(options)
     return options if found is None else _within_torque(bare, options, _possible(found))
 
@@ -286,7 +285,7 @@ def allowed(
 def at_position(
     measurement: ParameterMeasurement, axis: int, position: float
 ) -> ParameterMeasurement:
-    """Return strokes with an axis held elsewhere; what moves all axes stays as it is."""
+    """Return strokes with an axis held at `position`; a trajectory is returned unchanged."""
     if not isinstance(measurement, Strokes):
         return measurement
     q = list(measurement.q)
@@ -296,7 +295,7 @@ def at_position(
 
 @lru_cache(maxsize=4)
 def _options(bare: WithoutLoad, poses: Poses = ()) -> list[Option]:
-    """All that both stages choose from."""
+    """Return the candidates for both stages."""
     if poses:
         return _held(bare, _options(bare, poses[:-1]), *poses[-1])
     plan = bare.plan
@@ -305,7 +304,7 @@ def _options(bare: WithoutLoad, poses: Poses = ()) -> list[Option]:
 
 
 def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: float) -> list[Option]:
-    """Options that do not move an axis, with it held at a position, clear of all boxes."""
+    """Return options without motion of an axis, held at a position and clear of all boxes."""
     guarded = replace(bare, robot=narrowed(bare.robot, bare.plan.workspace))
     low, high = guarded.robot.q_min[axis], guarded.robot.q_max[axis]
     if not low <= position <= high:
@@ -329,7 +328,7 @@ def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: flo
 
 
 def _possible(found: FoundLoad) -> list[Array]:
-    """The load found, and the largest that it may be: heavier, and of `REACH` about its centre."""
+    """Return the estimated load, and the largest likely load: heavier, with radius `REACH`."""
     shown = np.abs(found.phi) + np.diag(found.covariance) > 0
     shown[list(INERTIAS)] = True
     error = float(np.sqrt(found.covariance[MASS, MASS]))
@@ -340,7 +339,7 @@ def _possible(found: FoundLoad) -> list[Array]:
 
 
 def _body(mass: float, centre: Array, shown: Mask) -> Array:
-    """Standard parameters of a load with radius of gyration `REACH`, shape (10,)."""
+    """Return the standard parameters of a load with radius of gyration `REACH`, shape (10,)."""
     phi = np.zeros(10)
     phi[MASS], phi[list(FIRST_MOMENTS)] = mass, mass * centre
     about = mass * (float(centre @ centre) * np.eye(3) - np.outer(centre, centre))
@@ -352,7 +351,7 @@ def _body(mass: float, centre: Array, shown: Mask) -> Array:
 def _within_torque(
     bare: WithoutLoad, options: Sequence[Option], loads: Sequence[Array]
 ) -> list[Option]:
-    """Options that all axes can carry out with every one of the loads, slower where need be."""
+    """Return options feasible with every load, slowed down where necessary."""
     found = []
     for option in options:
         for share in SLOWER[:1] if _is_slow(option.measurement) else SLOWER:
@@ -365,7 +364,7 @@ def _within_torque(
 
 
 def _is_slow(measurement: ParameterMeasurement) -> bool:
-    """Whether torques are read at constant velocity alone."""
+    """Return True if torques are read only at constant velocity."""
     return not measurement.streamed and not any(measurement.unit_acceleration)
 
 
@@ -383,7 +382,7 @@ def _slowed(measurement: ParameterMeasurement, share: float) -> ParameterMeasure
 
 
 def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> Plan:
-    """Choose measurements within `seconds`, ways included, one after the other.
+    """Choose measurements in turn within `seconds`, travels included.
 
     Parameters
     ----------

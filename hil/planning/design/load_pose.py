@@ -1,4 +1,4 @@
-"""Which position of which axis would show a parameter of the load that a measurement left rough.
+"""Search for the axis position that best determines an imprecise load parameter.
 
 Of all measurements that the load allows, the one is taken that lessens the predicted standard
 deviation of the parameter most, beside what was measured. Then one axis at a time is turned that it
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 
 STEP = math.radians(15)
-"""Between positions of an axis that turns."""
+"""Step between positions of a revolute axis."""
 
 
 class Pose(NamedTuple):
-    """What to measure again.
+    """Pose for another measurement of the load.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Pose(NamedTuple):
 def helpful_poses(
     bare: WithoutLoad, plans: Sequence[Plan], found: FoundLoad, names: Sequence[str]
 ) -> dict[str, Pose]:
-    """Find the pose that would show each of the parameters `names` of the load.
+    """Find the pose that best shows each load parameter in `names`.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class _Search:
         return Pose(axis + 1, float(places[np.argmin(sizes)]), float(sizes.min() / now))
 
     def _curve(self, k: int, measurement: ParameterMeasurement, axis: int) -> tuple[Array, Array]:
-        """Positions of an axis, and the deviation with `measurement` there."""
+        """Return positions of an axis, and the standard deviation with `measurement` at these."""
         low, high = self.bare.robot.q_min[axis], self.bare.robot.q_max[axis]
         places: Array = STEP * np.arange(math.ceil(low / STEP), math.floor(high / STEP) + 1)
         if not self.bare.robot.revolute[axis]:

@@ -43,20 +43,20 @@ if TYPE_CHECKING:
 
 ExcitationCriterion = Literal["condition", "singular", "det"]
 PERIOD = 10.0023
-"""Of the fundamental [s]: no multiple of a usual SYNC period, so that periods see other increments
-of the encoders. Over twenty plants, ten minutes each, that made no difference to the torques."""
+"""Period of the fundamental [s]: no multiple of a usual SYNC period, so that the encoder increments
+differ between periods."""
 HARMONICS = 15
-"""With five of a period of 10 s, which is common, torques of the manutec-r15 had 1.3 to 1.9 times
-the error, depending on the method: how often the motion turns separates inertia from friction."""
+"""Number of harmonics; with the common five in 10 s, torque errors of the manutec-r15 were 1.3 to
+1.9 times as large."""
 SAMPLES = 20
-"""Instants of a period, for each harmonic, at which limits and regressor are judged."""
+"""Instants per harmonic in a period, used to evaluate limits and regressor."""
 SHARE = 0.9
-"""Of range and velocity limit that a trajectory may use."""
+"""Usable share of range and velocity limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """How much is tried: random starts, how many of them are refined, steps of each refinement."""
+    """Search effort: random starts, number of starts refined, steps per refinement."""
 
     random: int = 300
     refined: int = 6
@@ -112,7 +112,7 @@ def design_trajectory(
 
 
 class Basis:
-    """Motions at rest at the beginning of a period, linear in their unknowns.
+    """Trajectories at rest at the beginning of a period, linear in the unknowns.
 
     The unknowns `x`, shape (n_unknowns, n_joints), are of order one: first a joint's mean as a
     share of half its range, then amplitudes as shares of what the velocity limit allows.
@@ -171,17 +171,17 @@ class Basis:
 
     @property
     def n_unknowns(self) -> int:
-        """Unknowns of one joint."""
+        """Number of unknowns per joint."""
         return int(self._maps[0].shape[1])
 
     def random(self, rng: np.random.Generator) -> Array:
-        """Random unknowns that just keep the limits."""
+        """Return random unknowns on the boundary of the limits."""
         x = rng.standard_normal((self.n_unknowns, self._robot.n_joints))
         x[0] = rng.uniform(-0.5, 0.5, self._robot.n_joints)
         return self.within(x, fill=True)
 
     def within(self, x: Array, *, fill: bool = False) -> Array:
-        """Shrink amplitudes until all limits hold; with `fill` stretch them up to a limit too."""
+        """Shrink amplitudes to fit the limits; with `fill`, stretch to a limit."""
         x = x.copy()
         x[0] = np.clip(x[0], -0.95, 0.95)
         waves = x.copy()
@@ -194,13 +194,13 @@ class Basis:
         return x
 
     def judge(self, x: Array, criterion: ExcitationCriterion) -> float:
-        """ExcitationCriterion of unknowns made to keep the limits."""
+        """Evaluate the criterion for unknowns scaled to fit the limits."""
         W = self._matrix(*self._motion(self.within(x)))
         sizes = np.linalg.svd(W, compute_uv=False)
         return _value(np.asarray(sizes, dtype=float), criterion)
 
     def cost(self, x: Array, criterion: ExcitationCriterion, penalty: float) -> tuple[float, Array]:
-        """ExcitationCriterion with penalties for what exceeds the limits, and its gradient."""
+        """Compute the criterion with penalties for exceeded limits, and the gradient."""
         motion = self._motion(x)
         u, sizes, vt = np.linalg.svd(self._matrix(*motion), full_matrices=False)
         shape = (self._n_samples, self._robot.n_joints, -1)
@@ -219,7 +219,7 @@ class Basis:
         return total, gradient
 
     def trajectory(self, x: Array, cycles: int, name: str) -> Trajectory:
-        """Return unknowns as a measurement."""
+        """Convert unknowns to a measurement."""
         x = self.within(x)
         n = self._sines.shape[1]
         amplitudes = x[1:] * self._robot.velocity_limit
@@ -242,7 +242,7 @@ class Basis:
         return _stacked(regressor(self._robot, q, qd, qdd) / self._units)
 
     def _slopes(self, motion: tuple[Array, Array, Array], G: Array) -> list[Array]:
-        """Derivative of sum G_ij W_ij by each joint's q, qd and qdd at each instant."""
+        """Compute the derivative of sum G_ij W_ij by every joint's q, qd and qdd per instant."""
         n = self._robot.n_joints
         # central differences by 1e-5 of a limit: about the third root of doubles' rounding
         steps = (1e-5 * np.maximum(self._limits, 1e-9)).ravel()
@@ -258,12 +258,12 @@ class Basis:
 
 
 def units(robot: Robot) -> Array:
-    """What elements of the regressor are divided by, shape (n_joints, n_base), see the module."""
+    """Return the scales of the regressor's elements, shape (n_joints, n_base); see the module."""
     return np.outer(robot.torque_limit, torque_scale(robot))
 
 
 def condition(robot: Robot, trajectory: Trajectory) -> float:
-    """Condition number of the scaled observation matrix along one period, at 1000 instants."""
+    """Compute the condition number of the scaled observation matrix over a period."""
     t = np.arange(1000) * trajectory.period / 1000
     return float(np.linalg.cond(_stacked(regressor(robot, *trajectory.motion(t)) / units(robot))))
 
@@ -291,7 +291,7 @@ def _refine(basis: Basis, start: Array, criterion: ExcitationCriterion, steps: i
 
 
 def _value(sizes: Array, criterion: ExcitationCriterion) -> float:
-    """ExcitationCriterion of singular values, logarithmic so that its scale does not matter."""
+    """Compute the criterion from singular values, as a logarithm and so independent of scale."""
     safe = np.maximum(sizes, 1e-12)
     if criterion == "condition":
         return float(np.log(safe[0] / safe[-1]))
@@ -301,7 +301,7 @@ def _value(sizes: Array, criterion: ExcitationCriterion) -> float:
 
 
 def _slope(sizes: Array, criterion: ExcitationCriterion) -> Array:
-    """Derivative of the criterion by each singular value."""
+    """Compute the derivative of the criterion by the singular values."""
     safe = np.maximum(sizes, 1e-12)
     if criterion == "det":
         return -2 / safe
@@ -313,13 +313,13 @@ def _slope(sizes: Array, criterion: ExcitationCriterion) -> Array:
 
 
 def _null(rows: Array) -> Array:
-    """Orthonormal vectors that `rows` map to zero, as columns."""
+    """Return an orthonormal basis of the null space of `rows`, as columns."""
     _, _, vt = np.linalg.svd(rows)
     return np.asarray(vt[len(rows) :].T)
 
 
 def design_validation(robot: Robot) -> Plan:
-    """Plan half a minute of a motion to judge a model by: all axes at once.
+    """Plan a validation motion of half a minute.
 
     No best motion is needed, only another one than that of `hil plan --kind trajectory`, whose
     motion models are made from: so the search is short and has a seed of its own.

@@ -1,4 +1,4 @@
-"""What a plan can identify, before anything moves.
+"""Identifiability of base parameters by a plan, from observation matrices.
 
 Each measurement gives one row of an observation matrix: gravity measurements the row of the
 axis's gravity torque, eq. (14), inertia measurements that of M_ii and coupling measurements that
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Identifiability:
-    """One group of base parameters as a plan excites it.
+    """Identifiability of a group of base parameters by a plan.
 
     Attributes
     ----------
@@ -73,12 +73,12 @@ class Identifiability:
 
     @property
     def complete(self) -> bool:
-        """Every parameter of the group can be identified."""
+        """True if every parameter of the group can be identified."""
         return self.rank == len(self.names)
 
 
 def identifiability(plan: Plan, robot: Robot) -> tuple[Identifiability, ...]:
-    """Judge each group of base parameters that the robot has."""
+    """Judge every group of the robot's base parameters."""
     base = base_parameters(robot)
     return tuple(
         _judged(plan, robot, group, list(columns))
@@ -90,7 +90,7 @@ def identifiability(plan: Plan, robot: Robot) -> tuple[Identifiability, ...]:
 def group_observations(
     plan: Plan, robot: Robot, group: str, columns: Sequence[int] | None = None
 ) -> Array:
-    """Weighted observation matrix of one group's kind of measurement, in plan order.
+    """Return the weighted observation matrix of a group's kind of measurement, in plan order.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def group_observations(
 
 
 def of_all_kinds(rows: Array, of_gravity: Indices, columns: Sequence[int]) -> tuple[Array, Array]:
-    """Normal equations of some parameters, offsets and all other parameters eliminated.
+    """Compute normal equations of some parameters, eliminating offsets and the rest.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def _together(plan: Plan, robot: Robot, columns: list[int]) -> tuple[Array, Arra
 
 
 def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> Array:
-    """Regressor rows of the axes read: at rest for gravity, per unit of acceleration else."""
+    """Return regressor rows of the read axes: at rest for gravity, else per unit acceleration."""
     q = np.array([m.q for m in chosen], dtype=float)
     still = np.zeros_like(q)
     sample = np.arange(len(chosen))

@@ -1,4 +1,4 @@
-"""Information of a measurement about all base parameters, friction eliminated.
+"""Information of a measurement about all base parameters, with friction eliminated.
 
 The columns X of base parameters and common terms, and those of the friction of one measurement,
 need no torque (`hil.friction.equation`). So the information X'X, friction's columns projected out
@@ -49,12 +49,12 @@ if TYPE_CHECKING:
     from hil.planning.trapezoid import Trapezoid
 
 REACH = 1.0 / 30.0
-"""How far samples near a reversal spoil others [s]."""
+"""Distance in time over which samples near a reversal spoil others [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Share:
-    """Information that one axis's torque in one measurement will add.
+    """Information from an axis's torque in a measurement.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Share:
     rounding: Array
 
     def times(self, n: int) -> Share:
-        """Of `n` measurements alike, each with friction of its own."""
+        """Return the information of `n` equal measurements with independent friction."""
         parts = (self.information, self.white, self.wander, self.rounding)
         return Share(self.axis, n * self.n, *(n * part for part in parts))
 
@@ -88,7 +88,7 @@ def shares(
     period: float,
     differences: Differences | None = None,
 ) -> list[Share]:
-    """Information of `measurement`: an item for each axis it moves.
+    """Compute the information of `measurement` per moved axis.
 
     Every period of a trajectory counts as a measurement, as it does for the estimator.
 
@@ -140,7 +140,7 @@ def _of_rounding(X: Array, apart: float, differences: Differences | None, kept: 
 
 
 def _thinned(whole: Array, alone: Array, kept: float) -> Array:
-    """Covariance where chance leaves out all but a share `kept` of the samples.
+    """Compute the covariance if only a random share `kept` of the samples is used.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def _thinned(whole: Array, alone: Array, kept: float) -> Array:
 
 
 def _smoothed_noise(X: Array, window: Array, every: int) -> Array:
-    """Covariance of X'e for white noise that passed the window, one of `every` samples taken."""
+    """Compute the covariance of X'e for filtered white noise, with one of `every` samples used."""
     alike = np.correlate(window, window, mode="full")[len(window) - 1 :: every]
     later = alike[0] / 2 * X
     for apart, share in enumerate(alike[1:], start=1):
@@ -164,7 +164,7 @@ def _smoothed_noise(X: Array, window: Array, every: int) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Forecast:
-    """The planned motion of one measurement on an even grid of time.
+    """Planned motion of a measurement on an even time grid.
 
     Attributes
     ----------
@@ -184,11 +184,11 @@ class Forecast:
 
     @property
     def link(self) -> tuple[Array, Array, Array]:
-        """q, qd and qdd of the links: gears count as rigid."""
+        """Motion of the links, q, qd and qdd, equal to the motors' for rigid gears."""
         return self.q, self.qd, self.qdd
 
     def thinned(self, every: int) -> Forecast:
-        """One of `every` samples, smoothed; of positions the window leaves what they are."""
+        """Return one of `every` samples, with smoothed velocities and accelerations."""
         kept = np.s_[::every]
         moved = self.q[kept], self.smoothed(self.qd)[kept], self.smoothed(self.qdd)[kept]
         return Forecast(every * self.period, self.time[kept], *moved)
@@ -198,12 +198,12 @@ class Forecast:
         return smooth(x, self.period)
 
     def away_from(self, excluded: Mask) -> Mask:
-        """Samples further than `REACH` from the `excluded` ones."""
+        """Return True for samples further than `REACH` from the `excluded` ones."""
         return ~widened(excluded, max(2, round(REACH / self.period)))
 
 
 def forecast(measurement: ParameterMeasurement, period: float) -> Forecast:
-    """Plan the samples of `measurement`, one every `period` [s]."""
+    """Sample the planned motion of `measurement` every `period` [s]."""
     if measurement.streamed:
         instants = np.arange(0.0, measurement.period, period)
         return Forecast(period, instants, *measurement.motion(instants))
@@ -223,7 +223,7 @@ def forecast(measurement: ParameterMeasurement, period: float) -> Forecast:
 def _add(
     motion: tuple[Array, Array, Array], axis: int, profile: Trapezoid, time: Array, begin: float
 ) -> None:
-    """Let one axis follow `profile` from `begin` on, and stay where it leads to."""
+    """Move an axis by `profile` from `begin` on, and hold the final position."""
     first, last = np.searchsorted(time, (begin, begin + profile.duration))
     motion[0][last:, axis] = profile.end
     for wanted, found in zip(motion, profile.motion(time[first:last] - begin), strict=True):
@@ -231,7 +231,7 @@ def _add(
 
 
 def partner_strokes(measurement: Strokes, partner: Partner) -> Iterator[tuple[float, Trapezoid]]:
-    """Strokes of the partner while the other axis creeps, as many as fit.
+    """Yield the partner's strokes that fit during the creep of the read axis.
 
     Yields
     ------

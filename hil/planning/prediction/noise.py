@@ -1,4 +1,4 @@
-"""What disturbs the torques, as far as one can know before measuring.
+"""Expected disturbances of the torques, before the measurement.
 
 Two things count. The torque as it is read scatters from sample to sample (current sensors, current
 loop, the torque's resolution): white noise. And friction changes by itself while one measures; what
@@ -44,12 +44,11 @@ if TYPE_CHECKING:
 
 
 TORQUE_NOISE = 0.0025
-"""Expected standard deviation of a sample, as share of the torque limit."""
+"""Expected standard deviation of a torque sample, as share of the torque limit."""
 FRICTION_WANDER = 0.001
 """Expected change of friction in a minute, as share of the torque limit: friction of a tenth of the
 limit that changes by a hundredth."""
 MINUTE = 60.0
-"""[s]"""
 INERTIA = 0.5
 """Share of the torque limit that inertia takes at the acceleration limit; the rest is for gravity,
 friction and the other axes."""
@@ -60,7 +59,7 @@ ACCELERATION = 0.4
 
 
 class Differences(NamedTuple):
-    """What differences of rounded positions do to an estimate.
+    """Effect of the differentiation of rounded positions on an estimate.
 
     Attributes
     ----------
@@ -76,7 +75,7 @@ class Differences(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Noise:
-    """What disturbs the torque of each axis.
+    """Disturbances of the axes' torques.
 
     Attributes
     ----------
@@ -106,13 +105,13 @@ class Noise:
 
     @property
     def white(self) -> Array:
-        """Variance of a sample, shape (n_joints,) [(N m)^2]."""
+        """Variance of a torque sample, shape (n_joints,) [(N m)^2]."""
         return self.torque**2
 
     def lost(self, robot: Robot, period: float) -> Array:
-        """Share of an inertia that errors of its accelerations hide, shape (n_joints,).
+        """Compute the relative bias of an inertia by acceleration errors, shape (n_joints,).
 
-        Where an axis accelerates by `ACCELERATION` of its limit half of the time.
+        An axis is assumed to accelerate by `ACCELERATION` of its limit half of the time.
         """
         if self.rounding is None:
             return np.zeros_like(self.torque)
@@ -122,17 +121,17 @@ class Noise:
 
     @property
     def variance(self) -> Array:
-        """By whose reciprocal the estimator weights an axis, shape (n_joints,) [(N m)^2]."""
+        """Variance for weighting an axis in the estimator, shape (n_joints,) [(N m)^2]."""
         return self.white * (1.0 + self.excess)
 
     @property
     def of_accelerations(self) -> Array:
-        """Variance of a position times the inertia, shape (n_joints,) [(rad kg m^2)^2]."""
+        """Variance of a position times the inertia squared, shape (n_joints,) [(rad kg m^2)^2]."""
         std = np.zeros_like(self.torque) if self.rounding is None else self.rounding * self.inertia
         return std**2
 
     def sampled(self, robot: Robot, period: float) -> Noise:
-        """The same where `robot` is sampled every `period` [s]."""
+        """Return the noise at a sample period [s], with the effect of rounded positions."""
         if self.rounding is None:
             return self
         left = self.of_accelerations * float(np.sum(rounding_window(period) ** 2))
@@ -144,12 +143,12 @@ class Noise:
         return replace(self, differences=Differences(period, kept), excess=excess, source=source)
 
     def mean(self, n: int) -> Noise:
-        """That of means of `n` samples."""
+        """Return the noise of means of `n` samples."""
         return replace(self, torque=self.torque / math.sqrt(n))
 
     @property
     def walk(self) -> Array:
-        """Growth of the variance of the friction level, shape (n_joints,) [(N m)^2/s]."""
+        """Growth rate of the variance of the friction level, shape (n_joints,) [(N m)^2/s]."""
         return self.wander**2 / MINUTE
 
 
@@ -158,7 +157,7 @@ def stated_noise(
     resolution: Sequence[float] | None = None,
     increments: Sequence[float] | None = None,
 ) -> Noise:
-    """Noise as the robot file states it, or as expected where it does not.
+    """Return the noise stated in the robot file, or default expectations.
 
     Parameters
     ----------
@@ -181,7 +180,7 @@ def stated_noise(
 
 
 def _of_coarse(axes: Indices, lost: Array) -> str:
-    """Say which encoders make more noise than torques have, and what that does to inertias."""
+    """Describe encoders with more noise than the torques, and the bias of the inertias."""
     if not axes.size:
         return ""
     listed = ", ".join(str(axis + 1) for axis in axes)
@@ -193,19 +192,19 @@ def _of_coarse(axes: Indices, lost: Array) -> str:
 
 
 def _inertia(robot: Robot) -> Array:
-    """What each axis may have to accelerate, shape (n_joints,) [kg m^2]."""
+    """Estimate the inertia accelerated by every axis, shape (n_joints,) [kg m^2]."""
     of_limits = INERTIA * robot.torque_limit / robot.acceleration_limit
     return np.asarray(np.maximum(of_limits, np.diag(motor_inertia(robot, robot.q_min))))
 
 
 def _increments(robot: Robot) -> Array | None:
-    """Smallest step of each axis's position, if the robot file states all [rad]."""
+    """Return the axes' encoder increments [rad]; None if any is missing in the robot file."""
     turns = 2 * np.pi / (robot.encoder_resolution * robot.gear_ratio)
     return None if np.isnan(turns).any() else np.asarray(turns)
 
 
 def _or(stated: Sequence[float | None], expected: Array) -> Array:
-    """What is stated, or else expected, of each axis."""
+    """Return the stated value per axis, or else the expectation."""
     return np.array([e if s is None else s for s, e in zip(stated, expected, strict=True)])
 
 

@@ -1,4 +1,4 @@
-"""How precisely a plan will identify every base parameter, before anything moves.
+"""Predicted standard deviation of every base parameter for a plan.
 
 The information of the measurements is added up as the simultaneous estimator does it
 (`hil.estimation.simultaneous`): each axis weighted with the reciprocal of its torque noise,
@@ -43,12 +43,12 @@ if TYPE_CHECKING:
 
 
 IMPRECISE = 0.001
-"""Effect of a standard deviation above which a parameter is imprecise, as share of a limit."""
+"""Bound of the effect of an imprecise parameter's standard deviation, as share of a limit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Information:
-    """Information of measurements, over base parameters and the axes' common terms.
+    """Information of measurements about base parameters and the axes' common terms.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Information:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Precision:
-    """Predicted standard deviations.
+    """Predicted standard deviations of base parameters.
 
     Attributes
     ----------
@@ -90,20 +90,20 @@ class Precision:
 
     @property
     def imprecise(self) -> Mask:
-        """Which parameters are imprecise, shape (n_base,)."""
+        """Mask of imprecise parameters, shape (n_base,)."""
         return self.effect > IMPRECISE
 
 
 def predict(
     robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
 ) -> Precision:
-    """Predict the standard deviations that `measurements`, sampled every `period` [s], lead to."""
+    """Predict the standard deviations for `measurements` sampled every `period` [s]."""
     found = information(robot, measurements, period, noise)
     return precision(robot, found, noise.sampled(robot, period).source)
 
 
 def precision(robot: Robot, known: Information, source: str) -> Precision:
-    """Standard deviations that `known` amounts to."""
+    """Compute standard deviations from the information `known`."""
     base = base_parameters(robot)
     deviation = np.sqrt(np.diag(covariance(known, len(base))))
     return Precision(
@@ -119,7 +119,7 @@ def precision(robot: Robot, known: Information, source: str) -> Precision:
 def information(
     robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
 ) -> Information:
-    """Information of those `measurements` that the simultaneous estimator uses.
+    """Compute the information of the `measurements` used by the simultaneous estimator.
 
     Strokes are judged by means of as many samples as the estimator takes for one, which says the
     same in less time; trajectories, whose corners are everywhere, sample by sample.
@@ -135,7 +135,7 @@ def information(
 
 
 def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
-    """Information of all shares together under `noise`."""
+    """Sum the information of shares under `noise`."""
     n = n_unknowns(robot)
     matrix, scatter = np.zeros((n, n)), np.zeros((n, n))
     for share in found:
@@ -146,7 +146,7 @@ def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
 
 
 def scatter_of(share: Share, noise: Noise) -> Array:
-    """Covariance of one share's right-hand side, weighted."""
+    """Compute the weighted covariance of a share's right-hand side."""
     axis = share.axis
     scatter: Array = noise.white[axis] * share.white + noise.walk[axis] * share.wander
     if noise.rounding is not None:
@@ -156,7 +156,7 @@ def scatter_of(share: Share, noise: Noise) -> Array:
 
 
 def covariance(known: Information, n_base: int) -> Array:
-    """Covariance of the base parameters, shape (n_base, n_base); inf where not identifiable."""
+    """Compute the covariance of the base parameters, shape (n_base, n_base); inf if unknown."""
     P = without_nuisance(known.matrix, n_base)
     left, alone = P @ known.matrix[:, :n_base], np.diag(known.matrix)[:n_base]
     found = sandwich(inverse(left, IDENTIFIABLE, alone), sandwich(P, known.scatter))
@@ -166,7 +166,7 @@ def covariance(known: Information, n_base: int) -> Array:
 
 
 def torque_scale(robot: Robot) -> Array:
-    """Torque of a unit of each base parameter, as share of the limit of the axis it loads most.
+    """Compute the largest torque per unit of every base parameter, as share of an axis's limit.
 
     Root mean square over instants spread over ranges, speeds and accelerations of all joints, up
     to their limits; shape (n_base,).
@@ -177,7 +177,7 @@ def torque_scale(robot: Robot) -> Array:
 
 
 def whole_range(robot: Robot) -> tuple[Array, Array, Array]:
-    """Instants spread over ranges, speeds and accelerations of all joints: q, qd and qdd."""
+    """Return instants spread over ranges, speeds and accelerations of all joints: q, qd and qdd."""
     n = robot.n_joints
     # relative error of a mean over 512 instants: some 1/512 by a low-discrepancy sequence
     points = 2 * halton(512, 3 * n) - 1
