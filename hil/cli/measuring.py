@@ -163,7 +163,7 @@ def measure(
         from drivers.opening import open_drive_bus
         from hil.cli import bus_access
         from hil.cli.run_session import carry_out
-        from hil.planning.plan import repeated
+        from hil.planning.plan import repeat_measurements
         from hil.runs.journal import BusName
         from hil.tasks.found_settings import keeper_of_run
         from hil.tasks.measuring import prepared_folder, refuse_unusable
@@ -173,7 +173,7 @@ def measure(
         drives, text = _checked_drives(the_plan, the_robot, source, how, feeds=feeds)
     channel = how.channel or the_robot.name
     options = bus_options(how.bus_option)
-    planned = repeated(the_plan, rounds)
+    planned = repeat_measurements(the_plan, rounds)
     feed = _feed(how, planned, the_robot, rehearsal, watcher)
     display = display or shown
 

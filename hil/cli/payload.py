@@ -125,7 +125,7 @@ def measure(
     """Measure a load, slowly and then faster; the robot moves."""
     from hil.cli.measuring import OnBus
     from hil.commands.payload import NAME, advised, verdict, write_load
-    from hil.planning.design.load import REACH, fast_plan, holds, slow_plan
+    from hil.planning.design.load import REACH, fast_plan, load_capacity, slow_plan
     from hil.results.load import BareRun, LoadFit, estimate_load, find_load
     from hil.runs.run import Run
 
@@ -142,7 +142,7 @@ def measure(
     if slow is None:
         with working("choosing slow measurements"):
             slow = slow_plan(known, minutes, at_most if mass is None else mass, held_axes)
-            held = holds(known, slow)
+            held = load_capacity(known, slow)
         _show_stage("slow", slow, bare_run)
         say(
             f"all axes hold up to {held:.3g} kg in these poses, its centre up to"

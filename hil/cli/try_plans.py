@@ -15,7 +15,7 @@ from hil.planning.design.by_counts import COUNTS, design
 from hil.planning.design.standard_motions import gravity_motion
 from hil.planning.design.trajectories import Basis
 from hil.planning.measurement import FOR_A_LAW, Gravity, Inertia
-from hil.planning.plan import as_plan
+from hil.planning.plan import make_plan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -37,7 +37,7 @@ def measured_plan(robot: Robot) -> Plan:
     """Plan that soon shows something of every parameter, whatever the ways between cost."""
     counts = {kind: round(SHARE * number) for kind, number in COUNTS.items()}
     planned = design(robot, counts).measurements
-    return as_plan(robot, mixed([*planned, *_slow_strokes(robot, planned)]))
+    return make_plan(robot, mixed([*planned, *_slow_strokes(robot, planned)]))
 
 
 def _slow_strokes(robot: Robot, planned: Sequence[Measurement]) -> Iterator[Gravity]:
@@ -82,6 +82,6 @@ def pushed_plan(robot: Robot, duration: float) -> tuple[Plan, int]:
     # share of the velocity limit that the motion uses
     basis = Basis(robot, PERIOD, HARMONICS, 0.3 * robot.velocity_limit)
     drawn = basis.random(np.random.default_rng(2))
-    plan = as_plan(robot, [basis.trajectory(drawn, CYCLES, "motion")])
+    plan = make_plan(robot, [basis.trajectory(drawn, CYCLES, "motion")])
     rounds = ceil(duration / (CYCLES * PERIOD))
     return plan.model_copy(update={"attempts": 1}), rounds

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.workspace import Workspace, narrowed
+from hil.planning.workspace import Workspace, narrow_ranges
 from hil.runs.pooling import recorded
 from hil.show.charts.arm import arm
 from hil.show.charts.chart import MEASURED, MODEL, Band, Chart, Line, Panel, Rule, chart
@@ -130,4 +130,4 @@ def _with_limits(robot: Robot, shown: Sequence[Shown]) -> Robot:
     low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0) + 1e-6  # more than a point
     unknown = np.flatnonzero(~np.isfinite(robot.q_max - robot.q_min)).tolist()
     passed = {j + 1: (float(low[j]), float(high[j])) for j in unknown}
-    return narrowed(robot, Workspace(ranges=passed))
+    return narrow_ranges(robot, Workspace(ranges=passed))

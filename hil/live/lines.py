@@ -62,7 +62,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.measuring.events import AboutMeasurement
-from hil.planning.measurement import words_of
+from hil.planning.measurement import describe_measurement
 from hil.terminal.progress import doing, notice
 from hil.view.packed import Track
 from hil.view.visuals import robot_data, workspace_data
@@ -254,7 +254,7 @@ def event(happened: Event, left: float, numbers: Mapping[str, int]) -> Line:
     }
     if isinstance(happened, AboutMeasurement):
         measurement = happened.measurement
-        seen, shows = words_of(measurement)
+        seen, shows = describe_measurement(measurement)
         line |= {
             "seen": seen,
             "shows": shows,

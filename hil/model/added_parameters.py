@@ -1,4 +1,4 @@
-"""Parameters that no link has and that are identified along with the links': drives and springs.
+"""Parameters of drives and springs, identified together with the links' parameters.
 
 A rotor inertia that the robot file states is compensated (`hil.model.motors`). One that it leaves
 unknown is a parameter like those of the links: ``Ia<j>``, the inertia of motor j as joint j feels
@@ -34,7 +34,7 @@ _SHAPES: dict[str, Callable[[Array], Array]] = {
 
 
 def added_inertias(robot: Robot) -> Array:
-    """H of each, shape (n_added, n_joints, n_joints); zero for springs."""
+    """Return H of the added parameters, shape (n_added, n_joints, n_joints); 0 for springs."""
     unit = np.eye(robot.n_joints)
     own = [np.outer(unit[j], unit[j]) for j in np.flatnonzero(robot.rotor_inertia_unknown)]
     shared = [
@@ -46,7 +46,7 @@ def added_inertias(robot: Robot) -> Array:
 
 
 def added_loads(robot: Robot, q: Array) -> Array:
-    """Torque at position q per unit of each, shape (n_samples, n_joints, n_added).
+    """Compute torques at q per unit of the added parameters, shape (n_samples, n_joints, n_added).
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def added_loads(robot: Robot, q: Array) -> Array:
 
 
 def added_unit(robot: Robot, name: str) -> str:
-    """Unit of one of them."""
+    """Return the unit of an added parameter."""
     index = robot.added_parameters.index(name)
     springs = robot.file.springs or ()
     spring = index - len(robot.added_parameters) + len(springs)
@@ -75,7 +75,7 @@ def added_unit(robot: Robot, name: str) -> str:
 
 
 def merge_added(robot: Robot, observed: Array, placement: Array) -> tuple[Array, list[int]]:
-    """Find which of them act as base parameters of the links do.
+    """Express added parameters by the links' base parameters where both have equal effects.
 
     Parameters
     ----------

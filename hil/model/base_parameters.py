@@ -1,4 +1,4 @@
-"""Base parameters: the least set of parameters that the torques depend on, as readable expressions.
+"""Base parameters: minimal set of parameters of the torques, with readable expressions.
 
 The ten standard parameters of each link are more than any motion distinguishes. From the tip down
 each link gives what it can to the link before (`model.transfer`): Gautier and Khalil's regrouping,
@@ -41,12 +41,12 @@ _UNITS = {"I": "kg m2", "s": "kg m", "m": "kg"}
 
 
 class RegroupingFailed(RuntimeError):
-    """Analytic regrouping and numeric rank disagree: an error of this program, not of the user."""
+    """Conflict of analytic regrouping and numeric rank: an error of the program."""
 
 
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
-    """The base parameters of a robot.
+    """Base parameters of a robot.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class BaseParameters:
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """Meaning and name, for who knows no numbers: ``gravity of axis 2 (p5)``."""
+        """Meanings with names, for readers without numbers: ``gravity of axis 2 (p5)``."""
         pairs = zip(self.meanings, self.names, strict=True)
         return tuple(f"{meaning} ({name})" for meaning, name in pairs)
 
@@ -140,7 +140,7 @@ def base_parameters(robot: Robot) -> BaseParameters:
 
 
 def link_share(robot: Robot, link: int) -> tuple[str, ...]:
-    """What one link (from 0) contributes to each base parameter: ``l1^2 m6``, or ``0``."""
+    """Return the contribution of a link (from 0) to every base parameter: ``l1^2 m6``, or ``0``."""
     heads, regrouped = _regroup(robot)
     rows = {
         robot.standard_parameters[head]: _put_in_sparsity(robot, row)
@@ -154,7 +154,7 @@ def link_share(robot: Robot, link: int) -> tuple[str, ...]:
 
 
 def _regroup(robot: Robot) -> tuple[list[int], list[Combination]]:
-    """Head and combination of every base parameter of the full robot, in standard order."""
+    """Return head and combination of every base parameter of the full robot, in standard order."""
     found = transfers(robot)
     received: list[Combination] = [{} for _ in range(10)]
     rows: list[tuple[int, Combination]] = []
@@ -174,7 +174,7 @@ def _regroup(robot: Robot) -> tuple[list[int], list[Combination]]:
 
 
 def _put_in_sparsity(robot: Robot, row: Combination) -> Combination:
-    """Drop absent parameters, merge tied ones, drop what cancels."""
+    """Drop absent parameters, merge tied parameters, drop cancelled terms."""
     names, ties, total = robot.standard_parameters, robot.ties, Combination()
     for parameter, weight in row.items():
         if names[parameter] in robot.present:
@@ -193,7 +193,7 @@ def _numeric(robot: Robot, rows: Sequence[Combination]) -> Array:
 
 
 def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int], Array]:
-    """Choose rows of `matrix` that span it, those with a present head first.
+    """Choose spanning rows of `matrix`, those with a present head first.
 
     Returns
     -------
@@ -218,7 +218,7 @@ def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int],
 
 
 def _observed(mass: Array, gravity: Array) -> Array:
-    """Elements of M and g at all configurations, per unit of each standard parameter."""
+    """Stack the elements of M and g at all configurations, per unit of every standard parameter."""
     n = mass.shape[-1]
     return np.vstack([mass.reshape(-1, n), gravity.reshape(-1, n)])
 
@@ -226,7 +226,7 @@ def _observed(mass: Array, gravity: Array) -> Array:
 def _cross_check(
     robot: Robot, mass: Array, gravity: Array, matrix: Array, placement: Array
 ) -> None:
-    """Compare with the rank of M and g, whose vanishing is that of all torques."""
+    """Compare the number of base parameters with the numeric rank of M and g."""
     observed = _observed(mass, gravity)
     stated = observed @ _sparsity(robot)
     rank = _rank(stated.T)
@@ -241,7 +241,7 @@ def _cross_check(
 
 
 def _sparsity(robot: Robot) -> Array:
-    """Matrix that writes the free parameters into all standard ones, square."""
+    """Return the square matrix from free parameters to all standard parameters."""
     names = robot.standard_parameters
     result = np.zeros((len(names), len(names)))
     for k, name in enumerate(names):
@@ -251,7 +251,7 @@ def _sparsity(robot: Robot) -> Array:
 
 
 def _rank(rows: Array) -> int:
-    """Rank of `rows` scaled to unit length, zero rows apart."""
+    """Compute the rank of `rows` scaled to unit length, without zero rows."""
     norms = np.linalg.norm(rows, axis=1)
     seen = norms > ROUNDED_OFF * norms.max(initial=0.0)
     values = np.linalg.svd(rows[seen] / norms[seen, None], compute_uv=False)

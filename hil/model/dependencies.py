@@ -1,4 +1,4 @@
-"""Which parameter occurs in which element of M(q) and g(q): Table 2, and the three groups.
+"""Dependencies of M(q) and g(q) on the parameters: Table 2, and the three groups.
 
 Both are linear in the parameters, with coefficients that are analytic in q. Such a function is
 either identically zero or nonzero at almost every q; so at random configurations a coefficient
@@ -30,15 +30,15 @@ if TYPE_CHECKING:
 
 
 GRAVITY, DIAGONAL, OFF_DIAGONAL = GROUPS = ("gravity", "diagonal", "off_diagonal")
-"""Section 4.4: p_g occurs in g(q); p_Md on the diagonal of M(q) only; p_Mod only beside it.
+"""Section 4.4: p_g occurs in g(q); p_Md on the diagonal of M(q) only; p_Mod only off the diagonal.
 
-In this order: the elements that show a group hold no parameters of the groups behind it.
+In this order, the elements that show a group hold no parameters of later groups.
 """
 
 
 @dataclass(frozen=True)
 class Dependencies:
-    """Where each base parameter occurs.
+    """Occurrence of the base parameters in M(q) and g(q).
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Dependencies:
     hidden: Mask
 
     def groups(self) -> dict[str, tuple[int, ...]]:
-        """Indices of the parameters of each of `GROUPS`, in order."""
+        """Return the indices of the parameters in every group of `GROUPS`, in order."""
         in_gravity = self.gravity.any(axis=0)
         on_diagonal = np.einsum("iik->ik", self.mass).any(axis=0) & ~in_gravity
         beside = ~in_gravity & ~on_diagonal
@@ -66,7 +66,8 @@ class Dependencies:
         }
 
     def sought(self) -> dict[str, tuple[int, ...]]:
-        """Indices of what each group's own kind of element is measured for.
+        """Return the indices of the parameters that every group's own kind of element is measured
+        for.
 
         These are the parameters of the group, and those hidden from g(q) where M(q) shows them.
         """
@@ -80,12 +81,12 @@ class Dependencies:
 
 
 def find_dependencies(mass: Array, gravity: Array) -> Dependencies:
-    """Find from `influences` of the base parameters where each one occurs."""
+    """Find the occurrence of base parameters from their coefficients (`influences`)."""
     return Dependencies(_occurs(mass), _occurs(gravity), _hidden(gravity))
 
 
 def influences(robot: Robot) -> tuple[Array, Array]:
-    """Coefficients of all standard parameters in M and g at random configurations.
+    """Compute the coefficients of the standard parameters in M and g at random configurations.
 
     Returns
     -------
@@ -132,7 +133,7 @@ def _occurs(coefficients: Array) -> Mask:
 
 
 def _hidden(gravity: Array) -> Mask:
-    """Parameters in directions that change no gravity torque by more than a constant."""
+    """Find parameters in directions without effect on gravity torques except for a constant."""
     size = np.sqrt(np.sum(gravity**2, axis=(0, 1)))
     found: Mask = size > ROUNDED_OFF * size.max(initial=0.0)
     if not found.any():

@@ -1,4 +1,4 @@
-"""A load at the last link: where its ten parameters stand, and what they do to base parameters.
+"""Load at the last link: its parameters and their effect on the base parameters.
 
 A rigid load adds its own ten parameters phi to those of the last link n, so the base parameters
 change by K_n phi: K_n are the columns of K (p = K p_standard) that belong to that link. Free are
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 
 MASS, FIRST_MOMENTS, INERTIAS = 9, (6, 7, 8), (0, 1, 2, 3, 4, 5)
-"""Where mass, first moments and inertias stand in eq. (4)."""
+"""Indices of mass, first moments and inertias in eq. (4)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadColumns:
-    """What a load changes.
+    """Effect of a load on the base parameters.
 
     Attributes
     ----------
@@ -51,12 +51,12 @@ class LoadColumns:
 
     @property
     def without_mass(self) -> Array:
-        """Columns of `free` but that of the mass."""
+        """Columns of `free` without the mass."""
         return self.free[:, self.free[MASS] == 0]
 
     @property
     def dark(self) -> tuple[str, ...]:
-        """Parameters that are present and change no base parameter."""
+        """Present parameters without effect on any base parameter."""
         lit = np.abs(self.free).max(axis=1) > 0
         rows = zip(LINK_PARAMETERS, lit.tolist(), strict=True)
         return tuple(name for name, is_lit in rows if not is_lit and name not in self.absent)
@@ -64,7 +64,7 @@ class LoadColumns:
 
 @lru_cache(maxsize=8)
 def load_columns(robot: Robot) -> LoadColumns:
-    """Columns of a load at the last link.
+    """Compute the columns of a load at the last link.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Newton and Euler's recursion in any arithmetic: of arrays of samples, of expressions, of numbers.
+"""Newton-Euler recursion in any arithmetic: arrays of samples, expressions, numbers.
 
 In frame j, with angular velocity w, angular acceleration u, acceleration a of the origin less
 gravity, and U = [u] + [w][w] (brackets: matrices of the cross product), a body with mass m, first
@@ -29,11 +29,11 @@ Matrix = tuple[Vector, Vector, Vector]
 
 
 class Exact(float):
-    """A number that is known beforehand: 0 and 1 vanish where they are added or multiplied."""
+    """Constant known in advance: 0 and 1 disappear in sums and products."""
 
     __slots__ = ()
     __array_ufunc__ = None
-    """Arrays leave operations to it."""
+    """Disables NumPy's operators, so that arrays defer to `Exact`."""
 
     def __neg__(self) -> Exact:
         return Exact(-float(self))
@@ -71,7 +71,7 @@ _ALONG: Vector = (ZERO, ZERO, Exact(1.0))
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A frame in the one before, at the joint's position.
+    """Frame of a joint relative to the previous frame, at the joint's position.
 
     Attributes
     ----------
@@ -93,11 +93,11 @@ class Joint:
 
     @property
     def axis(self) -> tuple[Vector, Vector]:
-        """Motion by the joint's own rate, in this frame: angular and linear."""
+        """Motion per unit of the joint's rate in the joint's frame: angular and linear."""
         return (_ALONG, STILL) if self.revolute else (STILL, _ALONG)
 
     def into(self, x: Vector) -> Vector:
-        """Turn a vector of the frame before into this one."""
+        """Rotate a vector from the previous frame into the joint's frame."""
         h = self.ca * x[1] + self.sa * x[2]
         return (
             self.c * x[0] + self.s * h,
@@ -106,7 +106,7 @@ class Joint:
         )
 
     def out_of(self, x: Vector) -> Vector:
-        """Turn a vector of this frame into the frame before."""
+        """Rotate a vector from the joint's frame into the previous frame."""
         h = self.s * x[0] + self.c * x[1]
         return (
             self.c * x[0] - self.s * x[1],
@@ -115,13 +115,13 @@ class Joint:
         )
 
     def carried(self, axis: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-        """Axis of a joint before, angular and linear, taken from the frame before into this one."""
+        """Transform a previous joint's axis, angular and linear, into the joint's frame."""
         turn, slide = axis
         return self.into(turn), self.into(plus(slide, cross(turn, self.arm)))
 
 
 class Motion(NamedTuple):
-    """Of a frame: w, u, a and U of the module, and the products of two components of w each."""
+    """Motion of a frame: w, u, a and U of the module, and products of the components of w."""
 
     w: Vector
     u: Vector
@@ -134,7 +134,7 @@ class Motion(NamedTuple):
 def motions(
     chain: Sequence[Joint], qd: Sequence[Scalar], qdd: Sequence[Scalar], gravity: Sequence[float]
 ) -> Iterator[Motion]:
-    """Yield the motion of each link; parameters as of `rigid_bodies`."""
+    """Yield the motion of every link; parameters as in `rigid_bodies`."""
     w, u, U = STILL, STILL, (STILL, STILL, STILL)
     a: Vector = (Exact(-gravity[0]), Exact(-gravity[1]), Exact(-gravity[2]))
     for joint, v, dv in zip(chain, qd, qdd, strict=True):
@@ -157,7 +157,7 @@ def rigid_bodies(
     qdd: Sequence[Scalar],
     gravity: Sequence[float],
 ) -> list[Scalar]:
-    """Torques on all joints.
+    """Compute the torques on all joints.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def _of_rates(w: Vector, u: Vector, a: Vector) -> Motion:
 
 
 def wrench(body: Sequence[Scalar], motion: Motion) -> tuple[Vector, Vector]:
-    """Force and moment that a link of ten parameters needs, see the module."""
+    """Compute force and moment of a link with ten parameters; see the module."""
     xx, xy, xz, yy, yz, zz, sx, sy, sz, m = body
     _, u, a, U, w2, ww = motion
     s: Vector = (sx, sy, sz)
@@ -207,17 +207,17 @@ def wrench(body: Sequence[Scalar], motion: Motion) -> tuple[Vector, Vector]:
 
 
 def plus(x: Vector, y: Vector) -> Vector:
-    """Sum of two vectors."""
+    """Add two vectors."""
     return x[0] + y[0], x[1] + y[1], x[2] + y[2]
 
 
 def dot(x: Vector, y: Vector) -> Scalar:
-    """Product of two vectors."""
+    """Compute the dot product of two vectors."""
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
 def cross(x: Vector, y: Vector) -> Vector:
-    """Cross product of two vectors."""
+    """Compute the cross product of two vectors."""
     return (
         x[1] * y[2] - x[2] * y[1],
         x[2] * y[0] - x[0] * y[2],

@@ -1,4 +1,4 @@
-"""What base parameters are, in words: gravity of an axis, inertia of an axis, a product of inertia.
+"""Meanings of base parameters in words: gravity or inertia of an axis, product of inertia.
 
 A base parameter is a sum, and its head, the standard parameter that it is named by, says what the
 torques show of it: ``sx2`` in the gravity torques is the gravity of axis 2, ``Izz3`` of a joint
@@ -26,13 +26,13 @@ _ADDED = {
     "kc": "spring of axis {}, cosine",
     "ks": "spring of axis {}, sine",
 }
-"""Of parameters that no link has (`hil.model.added_parameters`)."""
+"""Meanings of added parameters (`hil.model.added_parameters`)."""
 
 
 def meanings(
     robot: Robot, heads: Sequence[str], matrix: Array, groups: Mapping[str, Collection[int]]
 ) -> tuple[str, ...]:
-    """Say of each base parameter what it is, no two alike.
+    """Describe every base parameter by unique words.
 
     Parameters
     ----------

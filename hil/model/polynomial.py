@@ -1,4 +1,4 @@
-"""Polynomials in named lengths, and the arithmetic that a robot file may write.
+"""Polynomials in named lengths, and the arithmetic of robot files.
 
 Coefficients of regrouped parameters are products of direction cosines (mostly 0 and +-1) with
 powers of a robot's lengths. Kept as polynomials in the lengths' names they stay readable, as in
@@ -29,15 +29,15 @@ if TYPE_CHECKING:
     from hil.arrays import Array
 
 Monomial = tuple[str, ...]
-"""Sorted names, each as often as its power: ``("l1", "l1")`` is l1^2, ``()`` is 1."""
+"""Sorted names, repeated by power: ``("l1", "l1")`` is l1^2, ``()`` is 1."""
 
 
 _LENGTH_MAX = 200
-"""Longest expression that a file may write; nested products of sums have no end otherwise."""
+"""Longest permitted expression, a bound on nested products of sums."""
 
 
 class Polynomial:
-    """A sum of monomials in names, with float coefficients; immutable by convention.
+    """Sum of monomials in names, with float coefficients; immutable by convention.
 
     Parameters
     ----------
@@ -52,12 +52,12 @@ class Polynomial:
 
     @classmethod
     def constant(cls, value: float) -> Polynomial:
-        """Return the polynomial that is `value` everywhere."""
+        """Return the constant polynomial of `value`."""
         return cls({(): value})
 
     @classmethod
     def symbol(cls, name: str) -> Polynomial:
-        """Return the polynomial that is the quantity called `name`."""
+        """Return the polynomial of a single quantity, `name`."""
         return cls({(name,): 1.0})
 
     def __add__(self, other: Polynomial | float) -> Polynomial:
@@ -93,7 +93,7 @@ class Polynomial:
 
     @property
     def names(self) -> frozenset[str]:
-        """Names that the value depends on."""
+        """Names in the polynomial."""
         return frozenset(name for monomial in self.terms for name in monomial)
 
     def evaluate(self, values: Mapping[str, float]) -> float:
@@ -101,7 +101,7 @@ class Polynomial:
         return sum(c * math.prod(values[name] for name in m) for m, c in self.terms.items())
 
     def tidied(self) -> Polynomial:
-        """Return the polynomial without what rounding left of terms that cancel."""
+        """Return the polynomial with coefficients cleaned of rounding errors."""
         near = {monomial: float(round(c)) for monomial, c in self.terms.items()}
         # coefficients within 1e-12 of a whole number are meant to be it
         return Polynomial(
@@ -117,7 +117,7 @@ def _lift(value: Polynomial | float) -> Polynomial:
 
 
 def parse(text: str) -> Polynomial:
-    """Read arithmetic of numbers, ``pi`` and names: ``+ - *``, and ``/`` by a number.
+    """Parse arithmetic of numbers, ``pi`` and names: ``+ - *``, and ``/`` by a number.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def parse(text: str) -> Polynomial:
 
 
 class _NotArithmetic(Exception):
-    """A construct that the file may not write."""
+    """Unsupported construct in an expression."""
 
 
 def _tree(text: str) -> ast.expr:
@@ -179,7 +179,7 @@ def _combine(left: Polynomial, operator: ast.operator, right: Polynomial) -> Pol
 
 
 Combination = dict[int, Polynomial]
-"""Weight of each standard parameter, by its index in eq. (5)."""
+"""Weights of standard parameters, by index in eq. (5)."""
 
 
 def add(left: Combination, right: Combination) -> Combination:
@@ -208,7 +208,7 @@ def combine(weights: NDArray[np.object_] | Array, rows: Sequence[Combination]) -
 
 
 def text(row: Combination, head: int, names: Sequence[str]) -> str:
-    """Return a combination in the parameters' `names`, `head` first."""
+    """Format a combination in the parameters' `names`, `head` first."""
     order = sorted(row, key=lambda parameter: (parameter != head, parameter))
     grouped: dict[tuple[Monomial, float], list[int]] = {}
     for place, parameter in enumerate(order):

@@ -1,4 +1,4 @@
-"""The Newton-Euler recursion with NumPy's arrays, without a compiler.
+"""Newton-Euler recursion on NumPy arrays, without a compiler.
 
 Equations and their order are those of `hil.model.recursion`, so that regressors are the same to the
 last bit; torques come from a pass inwards.
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hil.model.newton_euler import Scalar, Vector
 
 _UNITS = [[Exact(value) for value in unit] for unit in np.eye(10).tolist()]
-"""Bodies of one standard parameter each."""
+"""Bodies of a single standard parameter."""
 
 
 def columns(
@@ -31,7 +31,7 @@ def columns(
     rows: Integers,
     out: Array,
 ) -> None:
-    """Torque on the joints `rows` per unit of standard parameters.
+    """Compute the torque on the joints `rows` per unit of standard parameters.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def torques(
     values: Array,
     out: Array,
 ) -> None:
-    """Torque on all joints with standard parameters of given `values`, shape (n_columns,).
+    """Compute the torques for standard parameters of the given `values`, shape (n_columns,).
 
     As `columns`; `out` has the shape (n_samples, n_joints) and must be zero.
     """
@@ -80,7 +80,7 @@ def torques(
 def _known(
     state: Sequence[Sequence[Scalar]], chain: Array
 ) -> tuple[list[Joint], list[Scalar], list[Scalar]]:
-    """Joints, velocities and accelerations; numbers are known as such."""
+    """Return joints, velocities and accelerations, with numbers as `Exact`."""
     joints, rates = [], []
     for (ca, sa, d, revolute), now in zip(chain.tolist(), state, strict=True):
         c, s, shift, *rate = (Exact(x) if isinstance(x, float) else x for x in now)

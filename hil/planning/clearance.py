@@ -49,7 +49,7 @@ class Sweep(Protocol):
     high: Array
     slack: float
 
-    def at(self, owner: Indices, parameters: Array) -> Array:
+    def configurations(self, owner: Indices, parameters: Array) -> Array:
         """Return configurations (n, n_joints); each joint is monotonic in one parameter."""
 
 
@@ -97,7 +97,7 @@ def find_hits(
         if not deepest:
             undecided &= best[owner] == 0.0
         if undecided.any():
-            cells.append(_halved(robot, owner[undecided], low[undecided], high[undecided]))
+            cells.append(_halve(robot, owner[undecided], low[undecided], high[undecided]))
     return found
 
 
@@ -143,9 +143,12 @@ def _judge(
 ) -> Mask:
     """Note hits in `best` and `found`; return the cells to be halved."""
     owner, low, high = cells
-    middle = sweep.at(owner, (low + high) / 2)
-    half = _farthest(middle, sweep.at(owner, low), sweep.at(owner, high))
-    slack = sweep.at(owner, low - sweep.slack), sweep.at(owner, high + sweep.slack)
+    middle = sweep.configurations(owner, (low + high) / 2)
+    half = _farthest(middle, sweep.configurations(owner, low), sweep.configurations(owner, high))
+    slack = (
+        sweep.configurations(owner, low - sweep.slack),
+        sweep.configurations(owner, high + sweep.slack),
+    )
     reach = capsules(robot).reach
     bound = _farthest(middle, *slack) @ reach.T
     small = (half @ reach.T).max(axis=1) < RESOLUTION
@@ -190,7 +193,7 @@ def intrusions(robot: Robot, workspace: Workspace, q: Array) -> Array:
     return depths
 
 
-def _halved(robot: Robot, owner: Indices, low: Array, high: Array) -> tuple[Indices, Array, Array]:
+def _halve(robot: Robot, owner: Indices, low: Array, high: Array) -> tuple[Indices, Array, Array]:
     """Halve cells across the parameter with the largest effect on the arm."""
     span = high - low
     if low.shape[1] == robot.n_joints:

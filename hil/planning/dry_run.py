@@ -13,13 +13,13 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil.planning.lag import check_lag, furthest
-from hil.planning.measurement import element_measurements, shows_parameters, without_law
+from hil.planning.lag import check_lag, find_largest_lag
+from hil.planning.measurement import axes_lacking_law, element_measurements, shows_parameters
 from hil.planning.path_clearance import obstacles
 from hil.planning.prediction.identifiability import Identifiability, identifiability
 from hil.planning.timetable import timetable
 from hil.planning.trajectory import check_trajectory
-from hil.planning.workspace import narrowed
+from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -133,7 +133,7 @@ def dry_run(
     lags = []
     for number, measurement in enumerate(plan.measurements):
         if following is not None and measurement.streamed:
-            lags.append(furthest(measurement, following))
+            lags.append(find_largest_lag(measurement, following))
             measurements += [
                 Problem(("measurements", number, "sine"), message)
                 for message in check_lag(measurement, robot, following)
@@ -144,7 +144,7 @@ def dry_run(
         bus=bus,
         bus_load=bus.duration / plan.sample_period if bus else 0.0,
         problems=tuple(measurements + list(_check_load(bus, plan))),
-        without_law=without_law(plan.measurements, robot.n_joints)
+        without_law=axes_lacking_law(plan.measurements, robot.n_joints)
         if any(shows_parameters(each) for each in plan.measurements)
         else {},
         lags=tuple(lags),
@@ -154,7 +154,7 @@ def dry_run(
 
 def measurement_problems(plan: Plan, robot: Robot) -> list[Problem]:
     """Return measurements beyond the limits of `robot` or of the plan's workspace."""
-    guarded = narrowed(robot, plan.workspace)
+    guarded = narrow_ranges(robot, plan.workspace)
     return [
         problem
         for number, measurement in enumerate(plan.measurements)

@@ -56,7 +56,7 @@ class Lag(NamedTuple):
     window: float
 
 
-def furthest(trajectory: Trajectory, following: Following) -> Lag:
+def find_largest_lag(trajectory: Trajectory, following: Following) -> Lag:
     """Return the axis with the largest lag relative to the window."""
     most = _lags(trajectory, following).max(axis=0)
     axis = int((most / following.window).argmax())

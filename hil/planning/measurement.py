@@ -308,7 +308,7 @@ ELEMENT_KINDS: dict[str, ElementKind] = {
 """Kinds that show elements of g(q) or M(q)."""
 
 
-def words_of(measurement: Measurement) -> tuple[str, str]:
+def describe_measurement(measurement: Measurement) -> tuple[str, str]:
     """Describe the visible motion of a measurement, and the content of the torques."""
     kind, axes = KINDS[measurement.kind], [axis + 1 for axis in measurement.moved]
     return kind.seen.format(axis=axes[0], partner=axes[-1]), kind.shows
@@ -328,7 +328,7 @@ def shows_parameters(measurement: RecordedMotion) -> bool:
     return not isinstance(measurement, Friction)
 
 
-def without_law(measurements: Iterable[RecordedMotion], n_joints: int) -> dict[int, int]:
+def axes_lacking_law(measurements: Iterable[RecordedMotion], n_joints: int) -> dict[int, int]:
     """Find axes (from 0) with too few measurements for a friction law; return the counts."""
     found = dict.fromkeys(range(n_joints), 0)
     for each in measurements:
@@ -342,7 +342,7 @@ def element_measurements(measurements: Iterable[RecordedMotion]) -> list[Element
     return [m for m in measurements if shows_element(m)]
 
 
-def recorded_as(model: type[M], recorded: Iterable[tuple[RecordedMotion, T]]) -> list[tuple[M, T]]:
+def select_kind(model: type[M], recorded: Iterable[tuple[RecordedMotion, T]]) -> list[tuple[M, T]]:
     """Return the measurements of a kind with recordings."""
     return [(m, recording) for m, recording in recorded if isinstance(m, model)]
 

@@ -43,7 +43,7 @@ class JointBoxes:
         self.low = np.minimum(start, end)
         self.high = np.maximum(start, end)
 
-    def at(self, owner: Indices, parameters: Array) -> Array:
+    def configurations(self, owner: Indices, parameters: Array) -> Array:
         """Return the parameters, which are joint coordinates."""
         del owner
         return parameters
@@ -68,7 +68,7 @@ def obstacles(plan: Plan, robot: Robot) -> Iterator[tuple[int, str]]:
             on_path = find_hits(robot, workspace, JointBoxes(path[:-1], path[1:])).values()
             hits |= {number: max(on_path, key=lambda hit: hit.depth)} if on_path else {}
     for number, hit in sorted(hits.items()):
-        yield number, f"{measurements[number].id}: {_described(hit, robot, workspace)}"
+        yield number, f"{measurements[number].id}: {_describe(hit, robot, workspace)}"
     ways = [("travel to", 1, start[:-1], start[1:], plan.travel)]
     if plan.warm_up:
         fraction, following = plan.warm_up.fraction, np.roll(start, -1, 0)
@@ -78,7 +78,7 @@ def obstacles(plan: Plan, robot: Robot) -> Iterator[tuple[int, str]]:
         hits = find_hits(robot, workspace, travels(begins, ends, fraction, robot))
         for number, hit in sorted(hits.items()):
             place = f"{what} {measurements[number + first].id}"
-            yield number + first, f"{place}: {_described(hit, robot, workspace)}"
+            yield number + first, f"{place}: {_describe(hit, robot, workspace)}"
 
 
 def refuse_travel(
@@ -101,18 +101,18 @@ def refuse_travel(
     for hit in find_hits(robot, workspace, JointBoxes(here, here)).values():
         raise LimitExceeded(
             f"the arm stands in {workspace.boxes[hit.box].name} or too near to it:"
-            f" {_described(hit, robot, workspace, _AT_THE_START)}"
+            f" {_describe(hit, robot, workspace, _AT_THE_START)}"
         )
     sweep = travels(here, np.array([end]), fraction, robot)
     for hit in find_hits(robot, workspace, sweep).values():
         where = ", ".join(f"{q:.3g}" for q in start)
         raise LimitExceeded(
-            f"travel from ({where}): {_described(hit, robot, workspace)}; bring the robot nearer"
+            f"travel from ({where}): {_describe(hit, robot, workspace)}; bring the robot nearer"
             " to its next configuration with hil drives jog"
         )
 
 
-def _described(hit: Hit, robot: Robot, workspace: Workspace, remedy: str = _IN_A_PLAN) -> str:
+def _describe(hit: Hit, robot: Robot, workspace: Workspace, remedy: str = _IN_A_PLAN) -> str:
     shapes, box = capsules(robot), workspace.boxes[hit.box]
     into = hit.depth - workspace.margin
     if into >= shapes.radii[hit.link]:

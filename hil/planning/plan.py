@@ -20,7 +20,7 @@ from checked_files.yaml_file import FileError, FileModel, load_yaml, read_text, 
 from hil.planning import LONGEST
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import KEYS, Measurement
-from hil.planning.plan_values import LONGEST_NAME, Fraction, to_millionths
+from hil.planning.plan_values import LONGEST_NAME, Fraction, round_to_millionths
 from hil.planning.workspace import Workspace
 from hil.planning.workspace_check import refuse_unfit
 
@@ -71,7 +71,9 @@ class Plan(FileModel):
 
     format: Literal[1] = 1
     robot: PlannedRobot
-    sample_period: Annotated[float, Field(ge=1e-4, le=0.1), AfterValidator(to_millionths)] = 0.004
+    sample_period: Annotated[float, Field(ge=1e-4, le=0.1), AfterValidator(round_to_millionths)] = (
+        0.004
+    )
     travel: Fraction = 0.3
     attempts: int = Field(default=3, ge=1, le=20)
     warm_up: WarmUp | None = None
@@ -106,7 +108,7 @@ class Plan(FileModel):
         return hashlib.sha256(dump_plan(self).encode()).hexdigest()
 
 
-def as_plan(
+def make_plan(
     robot: Robot,
     measurements: Iterable[Measurement],
     warm_up: float = 0.0,
@@ -148,13 +150,13 @@ def refuse_other_robot(plan: Plan, robot: Robot, path: Path | str) -> None:
     FileError
         Name, digest or number of joints differ.
     """
-    if wrong := list(islice(_of_another(plan, robot), 1)):
+    if wrong := list(islice(_find_mismatches(plan, robot), 1)):
         refuse(str(path), read_text(path), wrong)
     if plan.workspace is not None:
         refuse_unfit(plan.workspace, robot, str(path), within=("workspace",))
 
 
-def _of_another(plan: Plan, robot: Robot) -> Iterator[tuple[tuple[str | int, ...], str]]:
+def _find_mismatches(plan: Plan, robot: Robot) -> Iterator[tuple[tuple[str | int, ...], str]]:
     remedy = f"make a new plan with: hil plan {robot.name} -o plan.yaml"
     if plan.robot.name != robot.name:
         yield (
@@ -176,7 +178,7 @@ def _of_another(plan: Plan, robot: Robot) -> Iterator[tuple[tuple[str | int, ...
             )
 
 
-def repeated(plan: Plan, rounds: int) -> Plan:
+def repeat_measurements(plan: Plan, rounds: int) -> Plan:
     """Repeat the measurements of a plan, with the round's number in the ids.
 
     Raises

@@ -152,12 +152,12 @@ class Strokes(FileModel):
     @property
     def start(self) -> tuple[float, ...]:
         """Configuration at the beginning of the first strokes and the end of the last [rad]."""
-        return self._at_end(-1)
+        return self._end_configuration(-1)
 
     @property
     def end(self) -> tuple[float, ...]:
         """Configuration at the end of forward strokes [rad]."""
-        return self._at_end(1)
+        return self._end_configuration(1)
 
     def profile(self, stroke: int) -> Trapezoid:
         """Return the profile of a stroke of the axis, numbered from 0."""
@@ -185,7 +185,7 @@ class Strokes(FileModel):
         durations = (self.profile(number).duration + TURN for number in range(self.n_strokes))
         return tuple(accumulate(durations, initial=REST))
 
-    def _at_end(self, sign: int) -> tuple[float, ...]:
+    def _end_configuration(self, sign: int) -> tuple[float, ...]:
         q = list(self.q)
         q[self.index] += sign * self.stroke / 2
         for partner in self.partners:

@@ -59,7 +59,7 @@ class Travels:
         self.high = self._duration.max(axis=1, keepdims=True)
         self.low = np.zeros_like(self.high)
 
-    def at(self, owner: Indices, parameters: Array) -> Array:
+    def configurations(self, owner: Indices, parameters: Array) -> Array:
         """Return configurations at times (n, 1) since the set-points [s]."""
         duration, ramp = self._duration[owner], self._ramp[owner]
         t = np.clip(parameters, 0.0, duration)

@@ -80,7 +80,7 @@ class Workspace(FileModel):
         return value
 
 
-def narrowed(robot: Robot, workspace: Workspace | None) -> Robot:
+def narrow_ranges(robot: Robot, workspace: Workspace | None) -> Robot:
     """Return `robot` with the workspace's joint ranges, for checks only: the digest differs."""
     if workspace is None or not workspace.ranges:
         return robot

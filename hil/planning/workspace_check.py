@@ -89,7 +89,7 @@ def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
             yield from _range(joint, low, high, robot)
     sound = True
     for number, box in enumerate(workspace.boxes):
-        for place, reason in _of_box(box, robot):
+        for place, reason in _check_box(box, robot):
             sound = False
             yield ("boxes", number, *place), reason
     if sound and workspace.boxes:
@@ -132,7 +132,7 @@ def _range(joint: int, low: float, high: float, robot: Robot) -> Iterator[tuple[
     )
 
 
-def _of_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
+def _check_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
     """Check a box for nonexistent links and for coordinates in another unit than metres."""
     if any(link > robot.n_joints for link in box.ignore_links):
         yield ("ignore_links",), f"{robot.name} has links 1 to {robot.n_joints}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hil.errors import FileError, HilError, Mismatch
 from hil.estimation.identify import JOINT, METHODS, default_method
-from hil.planning.measurement import Friction, recorded_as
+from hil.planning.measurement import Friction, select_kind
 from hil.results.findings import found_in
 from hil.results.model import Model
 from hil.results.model_file import NAME, read_model_file
@@ -168,7 +168,7 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
     NotEnoughData
         No recordings of friction in a run about friction alone.
     """
-    if not recorded_as(Friction, recordings) and not _friction_alone(run):
+    if not select_kind(Friction, recordings) and not _friction_alone(run):
         return None
     # of runs that measure friction: other reports need none of this
     from hil.commands.friction import fit_friction, load_friction  # noqa: PLC0415

@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.model.capsules import capsules
-from hil.planning.workspace import narrowed
+from hil.planning.workspace import narrow_ranges
 from hil.runs.pooling import recorded
 from hil.view.along_motion import beside, distances, measured, predicted, smallest
 from hil.view.packed import shown_kinds
@@ -78,7 +78,7 @@ class Scene:
         number = {kind["name"]: n for n, kind in enumerate(kinds)}
         return {
             "title": self.title,
-            "robot": robot_data(narrowed(self.robot, self.workspace), self.visuals),
+            "robot": robot_data(narrow_ranges(self.robot, self.workspace), self.visuals),
             "workspace": workspace_data(self.workspace),
             "kinds": kinds,
             "segments": [_segment(each, number[each.kind]) for each in self.segments],

@@ -1,4 +1,4 @@
-"""From where a chain's axes lie to frames in modified Denavit-Hartenberg notation.
+"""Frames in modified Denavit-Hartenberg notation from the axes of a chain.
 
 Frame j has z along axis j and x along the common normal to axis j+1 (Khalil and Kleinfinger 1986),
 so that four numbers take it to the next one. What the notation leaves open is settled so that few
@@ -41,7 +41,7 @@ class Frames:
     base: Array
 
     def poses(self, q: Array, revolute: Mask) -> Array:
-        """All frames in the base link, shape (n_joints, 4, 4)."""
+        """Compute the frames in the base link, shape (n_joints, 4, 4)."""
         here, found = self.base, []
         theta, r = self.theta + q * revolute, self.r + q * ~revolute
         for each in zip(self.alpha, self.d, theta, r, strict=True):
@@ -51,7 +51,7 @@ class Frames:
 
 
 def frames_of(chain: UrdfChain) -> Frames:
-    """Frames for the axes of a chain."""
+    """Compute frames for the axes of a chain."""
     n = len(chain.joints)
     still = chain.frames(np.zeros(n))
     points = still[:, :3, 3]
@@ -80,7 +80,7 @@ def frames_of(chain: UrdfChain) -> Frames:
 
 
 def difference(chain: UrdfChain, robot: RobotArrays) -> str:
-    """What of a chain is not as the robot's, whole turns aside; empty where nothing is."""
+    """Describe the first difference of a chain from the robot, or return an empty string."""
     if not np.array_equal(chain.revolute, robot.revolute):
         return f"its joints are {', '.join(joint.type for joint in chain.joints)}"
     frames = frames_of(chain)
@@ -102,9 +102,9 @@ def difference(chain: UrdfChain, robot: RobotArrays) -> str:
 def _common_normal(
     p: Array, z: Array, other: Array, other_z: Array, origin: Array
 ) -> tuple[Array | None, Array]:
-    """Direction of the common normal of two axes, and where it meets the first.
+    """Compute the direction of the common normal of two axes, and the foot point on the first.
 
-    No direction where both are the same line.
+    The direction is None for coincident axes.
     """
     between = np.cross(z, other_z)
     sine = float(np.linalg.norm(between))
@@ -120,7 +120,7 @@ def _common_normal(
 
 
 def _foot(frame: Array, p: Array, z: Array) -> Array:
-    """Point of the line through `p` along `z` that lies on the x axis of `frame`, or nearest."""
+    """Compute the point of the line through `p` along `z` closest to the x axis of `frame`."""
     direction = frame[:3, 0]
     across = np.cross(direction, z)
     square = float(across @ across)
@@ -140,7 +140,7 @@ def _placed(origin: Array, x: Array, z: Array) -> Array:
 
 
 def _parameters(step: Array) -> tuple[float, float, float, float]:
-    """alpha, d, theta, r of one frame in the one before."""
+    """Return alpha, d, theta, r of a frame in the previous frame."""
     alpha = float(np.arctan2(-step[1, 2], step[2, 2]))
     theta = float(np.arctan2(-step[0, 1], step[0, 0]))
     r = float(step[2, 3] * np.cos(alpha) - step[1, 3] * np.sin(alpha))
@@ -158,7 +158,7 @@ def _clean_length(length: float) -> float:
 
 
 def _any_normal(z: Array) -> Array:
-    """Some unit vector square to z."""
+    """Return a unit vector perpendicular to z."""
     unit = np.eye(3)[int(np.argmin(np.abs(z)))]
     normal = unit - z * (unit @ z)
     return np.asarray(normal / np.linalg.norm(normal))

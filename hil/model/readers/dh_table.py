@@ -1,4 +1,4 @@
-"""Frames of a robot from a table in standard or modified Denavit-Hartenberg notation.
+"""Robot frames from a table in standard or modified Denavit-Hartenberg notation.
 
 Both write the way from joint to joint as turns and shifts about x and z (Rx, Tx, Rz, Tz). A row of
 the modified notation (Khalil and Kleinfinger 1986; Craig) is
@@ -42,11 +42,11 @@ if TYPE_CHECKING:
 
 Notation = Literal["standard", "modified"]
 FARTHEST = 20.0
-"""Longest shift that is believed [m]."""
+"""Longest plausible shift [m]."""
 _VARIABLES = {"revolute": "theta", "prismatic": "d"}
 _TYPES = {"r": "revolute", "p": "prismatic"}
 KEYS = ("alpha", "a", "d", "theta", "type")
-"""Columns that a table is made of; type is revolute where it is left out."""
+"""Columns of a table; the default type is revolute."""
 LIMITS = ("q_min", "q_max", "velocity_limit", "acceleration_limit", "torque_limit")
 _HEAD = re.compile(r"\s*([^\[\](]+?)\s*(?:[\[(]\s*(\w+)\s*[\])])?\s*")
 _GREEK = {"α": "alpha", "θ": "theta"}
@@ -55,7 +55,7 @@ _COMMENT = "#"
 
 
 class DhRow(FileModel):
-    """A joint: its row of the table, and limits where the table states some.
+    """Row of the table for a joint, with optional limits.
 
     Angles and lengths are in the table's units; a limit is in those of the joint.
     """
@@ -92,7 +92,7 @@ class DhRow(FileModel):
 
 
 def _constant(value: object, key: str, kind: str) -> float:
-    """Number in a cell, without the joint's variable: ``q2 - 90`` is -90."""
+    """Parse the number in a cell, without the joint's variable: ``q2 - 90`` is -90."""
     variable = _VARIABLES[kind]
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise ValueError(f"{value!r} must be a number")  # noqa: TRY004 - pydantic expects ValueError
@@ -109,7 +109,7 @@ def _constant(value: object, key: str, kind: str) -> float:
 
 
 class DhTable(FileModel):
-    """A table, and the units of its angles and lengths."""
+    """Denavit-Hartenberg table with units of angles and lengths."""
 
     angles: Literal["rad", "deg"]
     lengths: Literal["m", "mm"] = "m"
@@ -119,7 +119,7 @@ class DhTable(FileModel):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DhRobot:
-    """What a table says of a robot.
+    """Robot read from a table.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ class DhRobot:
 
 
 def read_dh(path: str | Path, notation: Notation) -> DhRobot:
-    """Read a table: YAML, or CSV for any other ending.
+    """Read a table from YAML, or from CSV for any other file ending.
 
     Raises
     ------
@@ -215,7 +215,7 @@ def _limited(row: DhRow, name: str, table: DhTable) -> LimitedJoint:
 
 
 def yaml_of_table(text: str, source: str) -> str:
-    """Text of a CSV as YAML of `hil.model.readers.dh_table.DhTable`, on the same lines.
+    """Convert a CSV to YAML of `hil.model.readers.dh_table.DhTable`, line by line.
 
     Raises
     ------
@@ -249,7 +249,7 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _header(names: list[str], at: str) -> tuple[list[str], dict[str, str]]:
-    """Keys of the columns, and the units of angles and lengths."""
+    """Return the keys of the columns, and the units of angles and lengths."""
     keys: list[str] = []
     units: dict[str, str] = {}
     for name in names:
@@ -275,7 +275,7 @@ def _header(names: list[str], at: str) -> tuple[list[str], dict[str, str]]:
 
 
 def _row(keys: list[str], cells: list[str], delimiter: str) -> str:
-    """A row as a mapping; an empty cell is no key."""
+    """Format a row as a mapping; empty cells are left out."""
     text = [key in ("type", "name") for key in keys]
     pairs = [
         f"{key}: {json.dumps(cell if is_text or delimiter == ',' else cell.replace(',', '.'))}"

@@ -1,4 +1,4 @@
-"""A chain of joints from an MJCF file of MuJoCo, as its own compiler understands it.
+"""Chain of joints from an MJCF file, compiled by MuJoCo.
 
 Defaults, classes, frames, angles in degrees and all orientations are the compiler's work. Axes come
 from the compiled model; names of files and lines come from the text (`MjcfText`), whose bodies and
@@ -45,7 +45,7 @@ _REFUSED = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MjcfChain(UrdfChain):
-    """Joints of a serial chain, and what else the file says of them.
+    """Joints of a serial chain, with further contents of the MJCF file.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ def read_mjcf(path: str | Path, base: str | None = None, tip: str | None = None)
 
 
 def chains_of(path: Path, n_joints: int) -> Iterator[MjcfChain]:
-    """Yield every chain from the world with so many joints; errors as of `read_mjcf`."""
+    """Yield every chain from the world with `n_joints` joints; errors as in `read_mjcf`."""
     reader = _reader(path)
     for tip in reader.tips(n_joints):
         yield reader.chain(None, tip)
@@ -160,19 +160,19 @@ class _Reader:
         )  # fmt: skip
 
     def _counts(self) -> Indices:
-        """Joints from the world to each body."""
+        """Count the joints from the world to every body."""
         counts = np.zeros(self.model.nbody, dtype=np.intp)
         for body in range(1, self.model.nbody):
             counts[body] = counts[self.model.body_parentid[body]] + self.model.body_jntnum[body]
         return counts
 
     def tips(self, n_joints: int) -> list[str]:
-        """Names of bodies with joints that so many joints lead to."""
+        """Return names of bodies at the end of `n_joints` joints."""
         there = (self._counts() == n_joints) & (self.model.body_jntnum > 0)
         return [self.name(body) for body in np.flatnonzero(there).tolist()]
 
     def _above(self, base: str | None, tip: str | None) -> list[int]:
-        """Bodies from below the base to the tip."""
+        """Return the bodies from below the base to the tip."""
         parents = self.model.body_parentid
         names = {self.name(body): body for body in range(self.model.nbody)}
         for each in filter(None, (base, tip)):
@@ -211,7 +211,7 @@ class _Reader:
     def _joint(
         self, k: int, placed: Placed, body: int, here: Array, *, last: bool
     ) -> tuple[UrdfJoint, Array]:
-        """A joint, and the pose of the body seen from it."""
+        """Return a joint, and the pose of the body relative to the joint."""
         model = self.model
         kind = placed.element.get("type", "free" if placed.element.tag == "freejoint" else "hinge")
         kind = {0: "free", 1: "ball"}.get(int(model.jnt_type[k]), kind)
@@ -246,7 +246,7 @@ def _with_before(joint: UrdfJoint, before: Array) -> UrdfJoint:
 
 
 def _snapped(directions: Array) -> Array:
-    """Directions, exact where they are those of the coordinate axes but for rounding."""
+    """Return directions, rounded to coordinate axes within the tolerance."""
     nearest = np.round(directions)
     return nearest + 0.0 if np.abs(directions - nearest).max() < ROUNDED else directions
 

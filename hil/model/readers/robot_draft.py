@@ -1,4 +1,4 @@
-"""A first robot file from a URDF or a table: frames, limits, and marks where only you know more.
+"""Draft of a robot file from a URDF or a table: frames, limits, and marks for missing values.
 
 A URDF says nothing of gears, rotors, torque constants and accelerations, and a table of
 Denavit-Hartenberg parameters as a rule nothing but frames, so these lines are marked as in a first
@@ -41,11 +41,11 @@ _ABOUT_MARKS = (
     "# SI, joint side; rotor_inertia and torque_constant on the motor's side.",
 )
 FARTHEST = round(2 * math.tau, 3)
-"""Either side of zero, where a URDF states no range: two turns, in three digits [rad or m]."""
+"""Range bound for a URDF joint without range: two turns, in three digits [rad or m]."""
 
 
 def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = None) -> str:
-    """Text of a robot file.
+    """Draft the text of a robot file.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
 def robot_as_stated(
     chain: UrdfChain, gravity: Sequence[float] | None = None, format_: str = "URDF"
 ) -> str:
-    """Text of a robot file that states no more than the URDF: enough to identify what was recorded.
+    """Convert a URDF to a robot file with unknown values, sufficient for identification.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def robot_as_stated(
 
 
 def mjcf_as_stated(chain: MjcfChain, gravity: Sequence[float] | None = None) -> str:
-    """Text of a robot file that states no more than an MJCF; what it leaves out is a comment.
+    """Convert an MJCF to a robot file with unknown values; comments list omissions.
 
     Parameters
     ----------
@@ -147,13 +147,13 @@ def _text(
 
 
 class _Lengths:
-    """Names of lengths; one that comes again keeps its name."""
+    """Names of lengths, reused for equal lengths."""
 
     def __init__(self) -> None:
         self._known: dict[str, float] = {}
 
     def expression(self, value: float, name: str) -> str:
-        """A length as frames state it, named `name` unless it is known."""
+        """Format a length for a frame, named `name` unless already known."""
         if not value:
             return "0"
         size = abs(value)
@@ -184,7 +184,7 @@ def _joint(joint: LimitedJoint, frame: str) -> Iterator[str]:
 
 
 def _to_be_stated(joint: LimitedJoint) -> Iterator[str]:
-    """Limits and drive train of a robot that is to be moved."""
+    """Yield limits and drive train with marks for missing values."""
     for key, value, what in _limits(joint):
         yield f"    {key}: {mark_unstated(what) if math.isnan(value) else number(value)}"
     yield "    drive:"
@@ -195,7 +195,7 @@ def _to_be_stated(joint: LimitedJoint) -> Iterator[str]:
 
 
 def _left_open(joint: LimitedJoint) -> Iterator[str]:
-    """Limits as far as they are known; a joint that turns for ever has two turns."""
+    """Yield the known limits; an unlimited revolute joint gets two turns."""
     endless = {"q_min": -FARTHEST, "q_max": FARTHEST}
     for key, value, _ in _limits(joint):
         stated = endless.get(key, math.nan) if math.isnan(value) else value
@@ -203,7 +203,7 @@ def _left_open(joint: LimitedJoint) -> Iterator[str]:
 
 
 def _limits(joint: LimitedJoint) -> Iterator[tuple[str, float, str]]:
-    """Key, value or NaN, and what it is."""
+    """Yield key, value or NaN, and description of the limits."""
     unit, effort = _UNITS[joint.type]
     yield "q_min", joint.lower, f"least position [{unit}]"
     yield "q_max", joint.upper, f"greatest position [{unit}]"
@@ -221,5 +221,5 @@ def _angle(angle: float) -> str:
 
 
 def _plain(name: str) -> str:
-    """Return a name as robot files may have it."""
+    """Convert a name to the characters permitted in robot files."""
     return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("._-") or "robot"

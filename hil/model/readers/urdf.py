@@ -1,4 +1,4 @@
-"""A chain of joints from a URDF file: where each axis lies, and what limits it.
+"""Chain of joints from a URDF file: axes and limits.
 
 Read is what the kinematics needs; fixed joints are merged with the next moving one, branches beside
 the chain are left out. Joints above the chain turn gravity into its base link. Angles that are a
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 
 ROUNDED = 1e-3
-"""How far an angle may be from a multiple of a quarter turn that it stands for [rad]."""
+"""Tolerance for rounding an angle to a multiple of a quarter turn [rad]."""
 MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 OTHER_TYPES = ("fixed", "floating", "planar")
-"""Types of joints that a URDF may state besides."""
+"""Further joint types of the URDF format."""
 PARALLELOGRAM = (
     "loops are not modelled. A parallelogram drive is a serial chain whose motor turns with two"
     " joints: leave its crank and rod out, and state couplings in a robot file, such as couplings:"
@@ -49,7 +49,7 @@ XACRO = "a URDF is expanded xacro: write one with: xacro FILE.xacro -o FILE.urdf
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LimitedJoint:
-    """A joint; NaN is what is not known.
+    """Joint with limits; unknown limits are NaN.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class LimitedJoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfJoint(LimitedJoint):
-    """A joint of the chain; a URDF states no accelerations.
+    """Joint of the chain; a URDF states no accelerations.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class UrdfJoint(LimitedJoint):
     place: str = ""
 
     def motion(self, q: float) -> Array:
-        """Transform of its displacement by `q`, shape (4, 4)."""
+        """Compute the transform of a displacement by `q`, shape (4, 4)."""
         moved = np.eye(4)
         if self.type == "prismatic":
             moved[:3, 3] = q * self.axis
@@ -103,7 +103,7 @@ class UrdfJoint(LimitedJoint):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfChain:
-    """Joints from one link of a URDF to another.
+    """Joints from a link of a URDF to another.
 
     Attributes
     ----------
@@ -155,11 +155,11 @@ class UrdfChain:
 
     @property
     def revolute(self) -> Mask:
-        """Which joints turn; the others slide. Shape (n_joints,)."""
+        """Mask of revolute joints, shape (n_joints,)."""
         return np.array([joint.type == "revolute" for joint in self.joints])
 
     def frames(self, q: Array) -> Array:
-        """Frames of all joints in the base link, shape (n_joints, 4, 4)."""
+        """Compute the frames of the joints in the base link, shape (n_joints, 4, 4)."""
         here, found = np.eye(4), []
         for joint, angle in zip(self.joints, q, strict=True):
             here = here @ joint.before @ joint.motion(float(angle))
@@ -169,7 +169,7 @@ class UrdfChain:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfEdge:
-    """A joint between two links, as it stands in the file."""
+    """Joint between two links, as an element of the file."""
 
     element: Element
     parent: str
@@ -194,7 +194,7 @@ def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None)
 
 
 class UrdfReader:
-    """A URDF: `links`, and joints `below` and `above` each, as elements of its `file`."""
+    """Parsed URDF: `links`, and joints `below` and `above` every link, elements of the `file`."""
 
     def __init__(self, path: Path) -> None:
         self.file = XmlFile(path)
@@ -259,7 +259,7 @@ class UrdfReader:
         )
 
     def _mount(self, base: str) -> tuple[Array, str]:
-        """Return the rotation of a link in the root, and the joint above that tilts it, if any."""
+        """Return the rotation of a link in the root, and a tilting joint above, if any."""
         turned, tilting = np.eye(3), ""
         for edge in self._between(None, base) if base in self.above else ():
             turned = turned @ self.origin(edge.element)[:3, :3]
@@ -294,7 +294,7 @@ class UrdfReader:
         return edges
 
     def _longest(self, base: str | None) -> list[UrdfEdge]:
-        """Edges of the chain with most moving joints; it ends at the last of them."""
+        """Return the chain with most moving joints, ending at the last of these."""
         chains, following = {}, []
         for tip in self.links:
             above = self.above.get(tip)
@@ -329,7 +329,7 @@ class UrdfReader:
         return chains[best[0]][1]
 
     def _mimics(self, element: Element) -> FileError:
-        """Return the error that a joint of the chain follows another one."""
+        """Return the error for a mimic joint in the chain."""
         mimic = element.find("mimic")
         other = None if mimic is None else mimic.get("joint")
         return self.file.wrong(
@@ -395,14 +395,14 @@ class UrdfReader:
         return axis / length
 
     def attached(self, link: str, pose: Array) -> Iterator[tuple[str, Array]]:
-        """Yield a link at `pose` and those that fixed joints attach to it, with their poses."""
+        """Yield a link at `pose` and links attached by fixed joints, with poses."""
         yield link, pose
         for edge in self.below.get(link, ()):
             if edge.element.get("type") == "fixed":
                 yield from self.attached(edge.child, pose @ self.origin(edge.element))
 
     def origin(self, element: Element) -> Array:
-        """Transform that a joint's <origin> states."""
+        """Compute the transform of a joint's <origin>."""
         found, origin = np.eye(4), element.find("origin")
         if origin is None:
             return found
@@ -419,7 +419,7 @@ class UrdfReader:
         return found
 
     def _angle(self, stated: float) -> float:
-        """An angle, exact where it stands for a multiple of a quarter turn."""
+        """Round an angle to a multiple of a quarter turn, within the tolerance."""
         exact = meant(stated, ROUNDED)
         self._rounded = max(self._rounded, abs(stated - exact))
         return exact
@@ -440,7 +440,7 @@ class UrdfReader:
         return UrdfEdge(element, *ends)
 
     def _greatest(self, element: Element | None, key: str) -> float:
-        """A limit of speeds or efforts, for which 0 is none."""
+        """Read a limit of speed or effort; 0 means no limit."""
         stated = self._number(element, key)
         return stated if stated > 0 else math.nan
 
@@ -450,7 +450,7 @@ class UrdfReader:
 
 
 def _limit(stated: float, greatest: float) -> float:
-    """Return a limit, or NaN where it exceeds what any joint has, in whichever unit.
+    """Return a limit, or NaN above the greatest plausible value in any unit.
 
     Published URDFs state +-10000 rad, say, where there is no limit; a value that is possible in
     degrees, mm or mN m is kept, and refused with that remark.
@@ -459,6 +459,6 @@ def _limit(stated: float, greatest: float) -> float:
 
 
 def _turned_about(axis: Array, angle: float) -> Array:
-    """Rotation matrix by Rodrigues' formula; quarter turns about a coordinate axis are exact."""
+    """Compute a rotation matrix by Rodrigues' formula, exact for quarter turns."""
     c, s = cos_sin(angle)
     return np.eye(3) * c + s * cross_matrix(axis) + (1.0 - c) * np.outer(axis, axis)

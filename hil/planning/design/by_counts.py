@@ -24,8 +24,8 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.design.measurable_elements import ELEMENTS, candidates
 from hil.planning.design.tour import guarded_tour, nearest_first
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.planning.plan import Plan, as_plan
-from hil.planning.workspace import narrowed
+from hil.planning.plan import Plan, make_plan
+from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -72,7 +72,7 @@ def design(
     """
     _refuse_few(robot, counts or {})
     sought = base_parameters(robot).dependencies.sought()
-    guarded = narrowed(robot, workspace)
+    guarded = narrow_ranges(robot, workspace)
     measurements: list[Measurement] = []
     for name, kind in ELEMENT_KINDS.items():
         columns = sought[kind.group]
@@ -90,7 +90,7 @@ def design(
             ]
     if workspace:
         measurements = guarded_tour(guarded, workspace, measurements)
-    return as_plan(robot, measurements, warm_up, workspace)
+    return make_plan(robot, measurements, warm_up, workspace)
 
 
 def greedy(rows: Array, places: Array, covariance: Array, count: int) -> list[int]:
@@ -176,10 +176,10 @@ def _shares(
         varying = [True] * len(rows)
     held = [max(1, int(np.any(np.abs(r) > 1e-12, axis=0).sum())) for r in rows]
     shown = [own if varies else 0 for own, varies in zip(held, varying, strict=True)]
-    return _divided(shown, count or usual)
+    return _divide(shown, count or usual)
 
 
-def _divided(held: Sequence[int], count: int) -> list[int]:
+def _divide(held: Sequence[int], count: int) -> list[int]:
     """Divide `count` in proportion to `held`, with a minimum share."""
     least = min(LEAST_SHARE, count // len(held))
     spare = count - least * len(held)

@@ -24,13 +24,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.planning.design.by_counts import greedy, places
-from hil.planning.design.candidates import pool, trajectories, weighed
+from hil.planning.design.candidates import pool, trajectories, weigh
 from hil.planning.design.selection import Selection
 from hil.planning.design.tour import guarded_tour, nearest_first
-from hil.planning.measurement import ELEMENT_KINDS, FOR_A_LAW, without_law
-from hil.planning.plan import Plan, as_plan
+from hil.planning.measurement import ELEMENT_KINDS, FOR_A_LAW, axes_lacking_law
+from hil.planning.plan import Plan, make_plan
 from hil.planning.timetable import timetable
-from hil.planning.workspace import narrowed
+from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -83,7 +83,7 @@ def design_within(
     ValueError
         Too little time to identify all parameters, or no clear configurations.
     """
-    guarded = narrowed(robot, workspace)
+    guarded = narrow_ranges(robot, workspace)
     options = pool(guarded, workspace, SAMPLE_PERIOD, noise)
     core = _core(guarded, options, CORE_BESIDE_TRAJECTORIES if with_trajectories else CORE)
     if with_trajectories:
@@ -94,8 +94,8 @@ def design_within(
     if not with_trajectories:  # every period of which moves all axes
         _reserve(robot, selection)
     budget, least = 60 * minutes - warm_up, len(selection.chosen)
-    order = _filled(robot, selection, budget, least, workspace)
-    return as_plan(robot, numbered(order, set()), warm_up, workspace)
+    order = _fill(robot, selection, budget, least, workspace)
+    return make_plan(robot, assign_ids(order, set()), warm_up, workspace)
 
 
 def refine(
@@ -127,15 +127,15 @@ def refine(
     ValueError
         Not even one measurement fits.
     """
-    guarded = narrowed(robot, run.workspace)
+    guarded = narrow_ranges(robot, run.workspace)
     options = pool(guarded, run.workspace, run.sample_period, noise)
-    worth = weighed(known.matrix, known.scatter)
+    worth = weigh(known.matrix, known.scatter)
     selection = Selection(guarded, options, "torque", worth)
     _reserve(robot, selection, run.measurements)
     least = max(1, len(selection.chosen))
-    order = _filled(robot, selection, 60 * minutes, least, run.workspace)
+    order = _fill(robot, selection, 60 * minutes, least, run.workspace)
     avoided = {m.id for m in run.measurements} if taken is None else taken
-    plan = as_plan(robot, numbered(order, avoided), workspace=run.workspace)
+    plan = make_plan(robot, assign_ids(order, avoided), workspace=run.workspace)
     return plan.model_copy(update={"sample_period": run.sample_period})
 
 
@@ -167,12 +167,12 @@ def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
 def _reserve(robot: Robot, selection: Selection, before: Sequence[Measurement] = ()) -> None:
     """Choose the additional measurements needed for a friction law per axis."""
     chosen = [*before, *selection.measurements]
-    for axis, there in without_law(chosen, robot.n_joints).items():
+    for axis, there in axes_lacking_law(chosen, robot.n_joints).items():
         for _ in range(FOR_A_LAW - there):
             selection.take_best(axis)
 
 
-def _filled(
+def _fill(
     robot: Robot, selection: Selection, budget: float, least: int, workspace: Workspace | None
 ) -> list[ParameterMeasurement]:
     """Fill the `budget` [s] with measurements, and drop the last ones in excess."""
@@ -183,10 +183,10 @@ def _filled(
     fits = _how_many(robot, chosen, least, budget)
     if workspace is None:
         return _tour(robot, chosen[:fits])
-    guarded = narrowed(robot, workspace)
+    guarded = narrow_ranges(robot, workspace)
     while True:
-        order = guarded_tour(guarded, workspace, _merged(chosen[:fits]))
-        excess = lasting(robot, order) - budget
+        order = guarded_tour(guarded, workspace, _merge(chosen[:fits]))
+        excess = total_duration(robot, order) - budget
         if excess <= 0 or fits <= least:
             return order
         fits = max(least, fits - max(1, round(fits * excess / budget)))
@@ -194,10 +194,10 @@ def _filled(
 
 def _tour(robot: Robot, chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
     """Merge and order the chosen measurements for an unguarded workspace."""
-    return ordered(robot, _merged(chosen))
+    return order_by_travel(robot, _merge(chosen))
 
 
-def _merged(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
+def _merge(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
     """Merge blocks of a trajectory into a measurement without stops, placed at the first."""
     periods = Counter[str]()
     for each in chosen:
@@ -222,7 +222,7 @@ def _how_many(
     ValueError
         Not even `least` of them.
     """
-    needed = lasting(robot, _tour(robot, chosen[:least]))
+    needed = total_duration(robot, _tour(robot, chosen[:least]))
     if needed > budget:
         raise ValueError(
             f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for"
@@ -231,14 +231,14 @@ def _how_many(
     fits, exceeds = least, len(chosen) + 1
     while exceeds - fits > 1:
         middle = (fits + exceeds) // 2
-        if lasting(robot, _tour(robot, chosen[:middle])) > budget:
+        if total_duration(robot, _tour(robot, chosen[:middle])) > budget:
             exceeds = middle
         else:
             fits = middle
     return fits
 
 
-def ordered(
+def order_by_travel(
     robot: Robot, measurements: Sequence[ParameterMeasurement]
 ) -> list[ParameterMeasurement]:
     """Order measurements by nearest neighbour in travel time, starting near zero joint angles."""
@@ -247,13 +247,13 @@ def ordered(
     return [measurements[number] for number in order]
 
 
-def lasting(robot: Robot, measurements: Sequence[Measurement]) -> float:
+def total_duration(robot: Robot, measurements: Sequence[Measurement]) -> float:
     """Compute the duration of measurements in this order, travels included [s]."""
-    plan = as_plan(robot, measurements[:1])
+    plan = make_plan(robot, measurements[:1])
     return sum(each.travel + each.duration for each in timetable(plan, robot, measurements))
 
 
-def numbered(
+def assign_ids(
     measurements: Sequence[ParameterMeasurement], taken: set[str]
 ) -> list[ParameterMeasurement]:
     """Assign ids in order, kind by kind, skipping `taken` ids."""

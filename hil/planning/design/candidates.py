@@ -83,7 +83,7 @@ def pool(
         No configuration of an element keeps clear of the workspace's boxes.
     """
     return [
-        Option(group, measurement, row, judged(robot, measurement, period, noise))
+        Option(group, measurement, row, judge(robot, measurement, period, noise))
         for group, measurement, row in strokes(robot, workspace, each)
     ]
 
@@ -102,7 +102,7 @@ def strokes(
                 yield kind.group, element.measure(f"{kind.letter}{number}", turned, number), row
 
 
-def judged(
+def judge(
     robot: Robot, measurement: ParameterMeasurement, period: float, noise: Noise
 ) -> tuple[tuple[Indices, Array], ...]:
     """Compute the information of a measurement sampled every `period` [s]; see `Option.worth`."""
@@ -147,18 +147,18 @@ def keeps_clear(robot: Robot, workspace: Workspace | None, q: Array) -> bool:
     return workspace is None or bool(are_clear(robot, workspace, sweep).all())
 
 
-def worth(robot: Robot, judged: Sequence[Share], noise: Noise) -> tuple[tuple[Indices, Array], ...]:
+def worth(robot: Robot, found: Sequence[Share], noise: Noise) -> tuple[tuple[Indices, Array], ...]:
     """Compute the information of shares under `noise`: indices of unknowns, and I S^-1 I."""
     return tuple(
         (
             place(robot, share.axis),
-            weighed(share.information / noise.variance[share.axis], scatter_of(share, noise)),
+            weigh(share.information / noise.variance[share.axis], scatter_of(share, noise)),
         )
-        for share in judged
+        for share in found
     )
 
 
-def weighed(information: Array, scatter: Array) -> Array:
+def weigh(information: Array, scatter: Array) -> Array:
     """Compute I S^-1 I, with the pseudoinverse of a singular S."""
     half = inverse_root(scatter).T @ information
     return half.T @ half

@@ -29,11 +29,11 @@ from hil.planning.design.standard_motions import RAMP_OF_CREEP
 from hil.planning.halton import GOLDEN, halton
 from hil.planning.measurement import Friction
 from hil.planning.path_clearance import JointBoxes
-from hil.planning.plan import as_plan
+from hil.planning.plan import make_plan
 from hil.planning.strokes import TURN
 from hil.planning.timetable import SETTLING
 from hil.planning.trapezoid import Trapezoid
-from hil.planning.workspace import narrowed
+from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -91,13 +91,13 @@ def sweep(
     bench = _Bench(robot, workspace)
     measurements = []
     for axis in axes or range(robot.n_joints):
-        order = _scattered(bench.speeds(axis, speeds, slowest))
+        order = _scatter(bench.speeds(axis, speeds, slowest))
         for number, velocity in enumerate(order, start=1):
             # 60 s of motion at about half the speed limit before an axis's sweep
             exercise = None if number > 1 else 60.0
             name = f"f{axis + 1}-{number:02d}"
             measurements.append(bench.measurement(name, axis, velocity, exercise=exercise))
-    return as_plan(robot, measurements, workspace=workspace)
+    return make_plan(robot, measurements, workspace=workspace)
 
 
 def stops(
@@ -128,7 +128,7 @@ def stops(
             history = {"rest": rest} if first else {"exercise": exercise}
             name = f"s{axis + 1}-{len(measurements) + 1:03d}"
             measurements.append(bench.measurement(name, axis, velocity, cycles=1, **history))
-    return as_plan(robot, measurements, workspace=workspace)
+    return make_plan(robot, measurements, workspace=workspace)
 
 
 def operation(
@@ -149,13 +149,13 @@ def operation(
     measurements: list[Friction] = []
     now = 0.0
     for number, time in enumerate(sorted(times), start=1):
-        for k, velocity in enumerate(_scattered(bench.speeds(axis, speeds, OPERATING_SLOWEST))):
+        for k, velocity in enumerate(_scatter(bench.speeds(axis, speeds, OPERATING_SLOWEST))):
             exercise = time - now if not k and time > now else None
             name = f"o{axis + 1}-{number}-{k + 1:02d}"
             made = bench.measurement(name, axis, velocity, exercise=exercise)
             measurements.append(made)
             now += made.duration + SETTLING
-    return as_plan(robot, measurements, workspace=workspace)
+    return make_plan(robot, measurements, workspace=workspace)
 
 
 class _Bench:
@@ -163,7 +163,7 @@ class _Bench:
 
     def __init__(self, robot: Robot, workspace: Workspace | None) -> None:
         self._robot = robot
-        self._guarded = narrowed(robot, workspace)
+        self._guarded = narrow_ranges(robot, workspace)
         self._workspace = workspace
         self._places: dict[int, tuple[float, ...]] = {}
 
@@ -238,7 +238,7 @@ class _Bench:
         return self._places[axis]
 
 
-def _scattered(speeds: Sequence[float]) -> list[float]:
+def _scatter(speeds: Sequence[float]) -> list[float]:
     """Put about half of the highest speed first, the rest in an order without a trend."""
     half = min(speeds, key=lambda v: abs(v - CONTINUOUS * max(speeds)))
     rest = [v for v in speeds if v != half]

@@ -28,16 +28,16 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.load import FIRST_MOMENTS, INERTIAS, MASS, LoadColumns, load_columns
 from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.planning.design.by_minutes import lasting, numbered, ordered
-from hil.planning.design.candidates import judged, keeps_clear, pool
+from hil.planning.design.by_minutes import assign_ids, order_by_travel, total_duration
+from hil.planning.design.candidates import judge, keeps_clear, pool
 from hil.planning.design.tour import TRAVEL, guarded_tour
 from hil.planning.measurement import shows_parameters
-from hil.planning.plan import as_plan
-from hil.planning.plan_values import with_values
+from hil.planning.plan import make_plan
+from hil.planning.plan_values import replace_values
 from hil.planning.prediction.information import forecast
 from hil.planning.strokes import Strokes
 from hil.planning.timetable import SETTLING, timetable, travel_times
-from hil.planning.workspace import narrowed
+from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -113,7 +113,7 @@ class WithoutLoad:
         return load_columns(self.robot)
 
     @cached_property
-    def at(self) -> slice:
+    def load_slice(self) -> slice:
         """Slice of the load's free parameters in the unknowns z."""
         n = n_unknowns(self.robot)
         return slice(n, n + self.columns.free.shape[1])
@@ -123,17 +123,17 @@ class WithoutLoad:
         """Embedding E, shape (n_unknowns, n_unknowns + n_free + OFFSETS n_joints)."""
         n, n_base = n_unknowns(self.robot), len(base_parameters(self.robot))
         offsets = OFFSETS * self.robot.n_joints
-        E = np.hstack([np.eye(n, self.at.stop), np.zeros((n, offsets))])
-        E[:n_base, self.at] = self.columns.shown
+        E = np.hstack([np.eye(n, self.load_slice.stop), np.zeros((n, offsets))])
+        E[:n_base, self.load_slice] = self.columns.shown
         for axis in range(self.robot.n_joints):
             for k in range(OFFSETS):
                 own = n_base + axis * N_COMMON + k
-                E[own, own], E[own, self.at.stop + OFFSETS * axis + k] = 0.0, 1.0
+                E[own, own], E[own, self.load_slice.stop + OFFSETS * axis + k] = 0.0, 1.0
         return E
 
-    def judged(self, measurement: ParameterMeasurement) -> Worth:
+    def judge(self, measurement: ParameterMeasurement) -> Worth:
         """Compute the information of a measurement (`Option.worth`)."""
-        return judged(self.robot, measurement, self.plan.sample_period, self.noise)
+        return judge(self.robot, measurement, self.plan.sample_period, self.noise)
 
     def embedded(self, worth: Worth) -> Array:
         """Compute the information about z from a measurement with load, shape (n_z, n_z)."""
@@ -157,13 +157,13 @@ class WithoutLoad:
         known[:n, :n] += self.information
         for measurement in (m for plan in measured for m in plan.measurements):
             if shows_parameters(measurement):
-                known += self.embedded(self.judged(measurement))
+                known += self.embedded(self.judge(measurement))
         return known
 
-    def of_load(self, information: Array) -> Array:
+    def load_information(self, information: Array) -> Array:
         """Compute the information about phi, eliminating the remaining unknowns."""
         inside = np.zeros(len(information), dtype=bool)
-        inside[self.at] = True
+        inside[self.load_slice] = True
         across = information[np.ix_(inside, ~inside)]
         others = information[np.ix_(~inside, ~inside)]
         own = information[np.ix_(inside, inside)]
@@ -189,7 +189,7 @@ class WithoutLoad:
         return float(np.max(shares))
 
     def bodies(self, mass: float) -> list[Array]:
-        """Return loads of this mass centred in the last frame and `REACH` off in every direction."""
+        """Return loads of this mass centred in the last frame and `REACH` off each way."""
         shown = np.abs(self.columns.free).max(axis=1) > 0
         loads = [_body(mass, np.zeros(3), shown)]
         for k, at in enumerate(FIRST_MOMENTS):
@@ -228,7 +228,7 @@ def slow_plan(
             f" calls for more than {HOLD:.0%} of a torque limit; mount a lighter load, or correct"
             " torque_limit in the robot file"
         )
-    return _chosen(bare, fitting, bare.before(fitting), 60 * SLOW_SHARE * minutes)
+    return _choose(bare, fitting, bare.before(fitting), 60 * SLOW_SHARE * minutes)
 
 
 def fast_plan(
@@ -259,10 +259,10 @@ def fast_plan(
     spent = sum(each.travel + each.duration for each in entries)
     # drives take a little longer for many short strokes than their profiles do: 9/10 of what is
     # left
-    return _chosen(bare, fitting, bare.before(fitting, [slow]), 0.9 * (60 * minutes - spent))
+    return _choose(bare, fitting, bare.before(fitting, [slow]), 0.9 * (60 * minutes - spent))
 
 
-def holds(bare: WithoutLoad, plan: Plan) -> float:
+def load_capacity(bare: WithoutLoad, plan: Plan) -> float:
     """Compute the mass held by the axes in a plan, up to `REACH` off the last frame [kg]."""
     found = np.inf
     for measurement in filter(shows_parameters, plan.measurements):
@@ -274,7 +274,7 @@ def holds(bare: WithoutLoad, plan: Plan) -> float:
     return max(found, 0.0)
 
 
-def allowed(
+def feasible_options(
     bare: WithoutLoad, found: FoundLoad | None = None, options: Sequence[Option] | None = None
 ) -> list[Option]:
     """Return candidate measurements; with a load, only those within the torque limits."""
@@ -282,7 +282,7 @@ def allowed(
     return options if found is None else _within_torque(bare, options, _possible(found))
 
 
-def at_position(
+def hold_axis(
     measurement: ParameterMeasurement, axis: int, position: float
 ) -> ParameterMeasurement:
     """Return strokes with an axis held at `position`; a trajectory is returned unchanged."""
@@ -290,22 +290,24 @@ def at_position(
         return measurement
     q = list(measurement.q)
     q[axis] = position
-    return with_values(measurement, q=tuple(q))
+    return replace_values(measurement, q=tuple(q))
 
 
 @lru_cache(maxsize=4)
 def _options(bare: WithoutLoad, poses: Poses = ()) -> list[Option]:
     """Return the candidates for both stages."""
     if poses:
-        return _held(bare, _options(bare, poses[:-1]), *poses[-1])
+        return _hold_options(bare, _options(bare, poses[:-1]), *poses[-1])
     plan = bare.plan
-    guarded = narrowed(bare.robot, plan.workspace)
+    guarded = narrow_ranges(bare.robot, plan.workspace)
     return pool(guarded, plan.workspace, plan.sample_period, bare.noise, 24)
 
 
-def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: float) -> list[Option]:
+def _hold_options(
+    bare: WithoutLoad, options: Sequence[Option], axis: int, position: float
+) -> list[Option]:
     """Return options without motion of an axis, held at a position and clear of all boxes."""
-    guarded = replace(bare, robot=narrowed(bare.robot, bare.plan.workspace))
+    guarded = replace(bare, robot=narrow_ranges(bare.robot, bare.plan.workspace))
     low, high = guarded.robot.q_min[axis], guarded.robot.q_max[axis]
     if not low <= position <= high:
         raise InvalidValue(
@@ -313,9 +315,9 @@ def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: flo
             f" {'rad' if bare.robot.revolute[axis] else 'm'}, its range; correct --pose"
         )
     still = [option for option in options if axis not in option.measurement.moved]
-    turned = [at_position(option.measurement, axis, position) for option in still]
+    turned = [hold_axis(option.measurement, axis, position) for option in still]
     found = [
-        replace(option, measurement=there, worth=guarded.judged(there))
+        replace(option, measurement=there, worth=guarded.judge(there))
         for option, there in zip(still, turned, strict=True)
         if keeps_clear(guarded.robot, bare.plan.workspace, forecast(there, _INSTANT).q)
     ]
@@ -355,9 +357,9 @@ def _within_torque(
     found = []
     for option in options:
         for share in SLOWER[:1] if _is_slow(option.measurement) else SLOWER:
-            slower = _slowed(option.measurement, share)
+            slower = _slow_down(option.measurement, share)
             if bare.strain(slower, loads) <= HOLD:
-                worth = option.worth if share == 1.0 else bare.judged(slower)
+                worth = option.worth if share == 1.0 else bare.judge(slower)
                 found.append(replace(option, measurement=slower, worth=worth))
                 break
     return found
@@ -368,7 +370,7 @@ def _is_slow(measurement: ParameterMeasurement) -> bool:
     return not measurement.streamed and not any(measurement.unit_acceleration)
 
 
-def _slowed(measurement: ParameterMeasurement, share: float) -> ParameterMeasurement:
+def _slow_down(measurement: ParameterMeasurement, share: float) -> ParameterMeasurement:
     if share == 1.0 or measurement.streamed:
         return measurement
     moved = measurement.partners[0] if measurement.partners else measurement
@@ -378,10 +380,10 @@ def _slowed(measurement: ParameterMeasurement, share: float) -> ParameterMeasure
     }
     if moved is not measurement:
         slow = {"partner": moved.model_dump() | slow}
-    return with_values(measurement, **slow)
+    return replace_values(measurement, **slow)
 
 
-def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> Plan:
+def _choose(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> Plan:
     """Choose measurements in turn within `seconds`, travels included.
 
     Parameters
@@ -403,8 +405,10 @@ def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds:
         best = int(np.argmax(np.where(free, gains / (durations + ways), -np.inf)))
         free[best] = False
         tried = [options[k].measurement for k in (*chosen, best)]
-        tried = guarded_tour(robot, workspace, tried) if workspace else ordered(robot, tried)
-        if lasting(robot, tried) > seconds:
+        tried = (
+            guarded_tour(robot, workspace, tried) if workspace else order_by_travel(robot, tried)
+        )
+        if total_duration(robot, tried) > seconds:
             break
         chosen.append(best)
         order, known = tried, known + worth[best]
@@ -412,9 +416,9 @@ def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds:
         raise InvalidValue(
             f"{seconds:.0f} s are too short for a measurement and the way to it; give more minutes"
         )
-    plan = as_plan(robot, numbered(order, set()), 0.0, workspace)
+    plan = make_plan(robot, assign_ids(order, set()), 0.0, workspace)
     return plan.model_copy(update={"sample_period": bare.plan.sample_period})
 
 
 def _log_det(bare: WithoutLoad, information: Array) -> float:
-    return float(np.linalg.slogdet(bare.of_load(information))[1])
+    return float(np.linalg.slogdet(bare.load_information(information))[1])

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.planning.design.load import FoundLoad, WithoutLoad, allowed, at_position
+from hil.planning.design.load import FoundLoad, WithoutLoad, feasible_options, hold_axis
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,7 +63,9 @@ def helpful_poses(
     columns = {name: free[LINK_PARAMETERS.index(name)] for name in names}
     search = _Search(bare, plans, found)
     poses = {
-        name: search.of(int(np.argmax(np.abs(row)))) for name, row in columns.items() if row.any()
+        name: search.best_pose(int(np.argmax(np.abs(row))))
+        for name, row in columns.items()
+        if row.any()
     }
     return {name: pose for name, pose in poses.items() if pose is not None}
 
@@ -71,19 +73,19 @@ def helpful_poses(
 class _Search:
     def __init__(self, bare: WithoutLoad, plans: Sequence[Plan], found: FoundLoad) -> None:
         self.bare, self.found = bare, found
-        self.options = allowed(bare)
+        self.options = feasible_options(bare)
         self.known = bare.before(self.options, plans)
 
     def deviation(self, k: int, more: Worth = ()) -> float:
-        left = self.bare.of_load(self.known + self.bare.embedded(more))
+        left = self.bare.load_information(self.known + self.bare.embedded(more))
         return float(np.sqrt(np.linalg.inv(left)[k, k]))
 
-    def of(self, k: int) -> Pose | None:
+    def best_pose(self, k: int) -> Pose | None:
         now = self.deviation(k)
         gains = [self.deviation(k, each.worth) for each in self.options]
         # the torques of the 40 most promising measurements are looked at
         best = [self.options[at] for at in np.argsort(gains)[:40]]
-        fitting = allowed(self.bare, self.found, best)
+        fitting = feasible_options(self.bare, self.found, best)
         if not fitting:
             return None
         measurement = fitting[0].measurement
@@ -92,7 +94,7 @@ class _Search:
         axis, places, sizes = max(curves, key=lambda each: float(each[2].max() / each[2].min()))
         # the position of an axis matters where it changes the deviation by a fifth
         if sizes.max() < 1.2 * sizes.min():
-            share = self.deviation(k, self.bare.judged(measurement)) / now
+            share = self.deviation(k, self.bare.judge(measurement)) / now
             return Pose(measurement.moved[0] + 1, None, share)
         return Pose(axis + 1, float(places[np.argmin(sizes)]), float(sizes.min() / now))
 
@@ -102,5 +104,5 @@ class _Search:
         places: Array = STEP * np.arange(math.ceil(low / STEP), math.floor(high / STEP) + 1)
         if not self.bare.robot.revolute[axis]:
             places = np.linspace(low, high, 9)
-        turned = (at_position(measurement, axis, float(at)) for at in places)
-        return places, np.array([self.deviation(k, self.bare.judged(each)) for each in turned])
+        turned = (hold_axis(measurement, axis, float(at)) for at in places)
+        return places, np.array([self.deviation(k, self.bare.judge(each)) for each in turned])

@@ -32,7 +32,7 @@ import numpy as np
 from scipy import optimize
 
 from hil.model.dynamics import regressor
-from hil.planning.plan import as_plan
+from hil.planning.plan import make_plan
 from hil.planning.prediction.precision import torque_scale
 from hil.planning.trajectory import ACCELERATION_SHARE, Trajectory
 
@@ -239,7 +239,7 @@ class Basis:
         return q + self._middle, qd, qdd
 
     def _matrix(self, q: Array, qd: Array, qdd: Array) -> Array:
-        return _stacked(regressor(self._robot, q, qd, qdd) / self._units)
+        return _stack(regressor(self._robot, q, qd, qdd) / self._units)
 
     def _slopes(self, motion: tuple[Array, Array, Array], G: Array) -> list[Array]:
         """Compute the derivative of sum G_ij W_ij by every joint's q, qd and qdd per instant."""
@@ -265,10 +265,10 @@ def units(robot: Robot) -> Array:
 def condition(robot: Robot, trajectory: Trajectory) -> float:
     """Compute the condition number of the scaled observation matrix over a period."""
     t = np.arange(1000) * trajectory.period / 1000
-    return float(np.linalg.cond(_stacked(regressor(robot, *trajectory.motion(t)) / units(robot))))
+    return float(np.linalg.cond(_stack(regressor(robot, *trajectory.motion(t)) / units(robot))))
 
 
-def _stacked(A: Array) -> Array:
+def _stack(A: Array) -> Array:
     return A.reshape(-1, A.shape[-1])
 
 
@@ -326,4 +326,4 @@ def design_validation(robot: Robot) -> Plan:
     """
     effort = Search(random=100, refined=1, steps=10)
     found = design_trajectory(robot, cycles=3, seed=22, search=effort, name="validation")
-    return as_plan(robot, [found])
+    return make_plan(robot, [found])

@@ -112,7 +112,9 @@ def group_observations(
     return np.asarray(rows / limits[:, None], dtype=np.float64)
 
 
-def of_all_kinds(rows: Array, of_gravity: Indices, columns: Sequence[int]) -> tuple[Array, Array]:
+def eliminate_others(
+    rows: Array, of_gravity: Indices, columns: Sequence[int]
+) -> tuple[Array, Array]:
     """Compute normal equations of some parameters, eliminating offsets and the rest.
 
     Parameters
@@ -156,7 +158,7 @@ def _together(plan: Plan, robot: Robot, columns: list[int]) -> tuple[Array, Arra
         own = [m for m in element_measurements(plan.measurements) if m.kind == kind.name]
         rows.append(group_observations(plan, robot, kind.group, everything))
         axes += [m.index if kind.symbol == "g" else -1 for m in own]
-    return of_all_kinds(np.vstack(rows), np.array(axes), columns)
+    return eliminate_others(np.vstack(rows), np.array(axes), columns)
 
 
 def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> Array:

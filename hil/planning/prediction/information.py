@@ -125,21 +125,23 @@ def _share(
         axis=axis,
         n=round(kept * every * int(used.sum())) - basis.shape[1],
         information=kept * every * X.T @ X,
-        white=every**2 * _thinned(white, exact @ exact * X.T @ X, kept),
+        white=every**2 * _thin(white, exact @ exact * X.T @ X, kept),
         wander=(kept * every) ** 2 * taken.period * later.T @ later,
-        rounding=every**2 * _of_rounding(X, taken.period, differences, kept),
+        rounding=every**2 * _rounding_covariance(X, taken.period, differences, kept),
     )
 
 
-def _of_rounding(X: Array, apart: float, differences: Differences | None, kept: float) -> Array:
+def _rounding_covariance(
+    X: Array, apart: float, differences: Differences | None, kept: float
+) -> Array:
     if differences is None:
         return np.zeros((X.shape[1], X.shape[1]))
     window = rounding_window(differences.period)
     whole = _smoothed_noise(X, window, max(1, round(apart / differences.period)))
-    return _thinned(whole, window @ window * X.T @ X, kept)
+    return _thin(whole, window @ window * X.T @ X, kept)
 
 
-def _thinned(whole: Array, alone: Array, kept: float) -> Array:
+def _thin(whole: Array, alone: Array, kept: float) -> Array:
     """Compute the covariance if only a random share `kept` of the samples is used.
 
     Parameters

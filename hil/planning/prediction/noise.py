@@ -125,7 +125,7 @@ class Noise:
         return self.white * (1.0 + self.excess)
 
     @property
-    def of_accelerations(self) -> Array:
+    def acceleration_variance(self) -> Array:
         """Variance of a position times the inertia squared, shape (n_joints,) [(rad kg m^2)^2]."""
         std = np.zeros_like(self.torque) if self.rounding is None else self.rounding * self.inertia
         return std**2
@@ -134,12 +134,14 @@ class Noise:
         """Return the noise at a sample period [s], with the effect of rounded positions."""
         if self.rounding is None:
             return self
-        left = self.of_accelerations * float(np.sum(rounding_window(period) ** 2))
+        left = self.acceleration_variance * float(np.sum(rounding_window(period) ** 2))
         jerk = self.rounding * float(np.linalg.norm(jerk_window(period)))
         bound = JERK * robot.acceleration_limit / (jerk * math.sqrt(2.0))
         kept = np.array([math.erf(each) for each in bound])
         excess = left / (self.white * noise_gain(period))
-        source = self.source + _of_coarse(np.flatnonzero(excess > 1.0), self.lost(robot, period))
+        source = self.source + _describe_coarse(
+            np.flatnonzero(excess > 1.0), self.lost(robot, period)
+        )
         return replace(self, differences=Differences(period, kept), excess=excess, source=source)
 
     def mean(self, n: int) -> Noise:
@@ -179,7 +181,7 @@ def stated_noise(
     return Noise(torque, wander, source, rounded / np.sqrt(12.0), _inertia(robot))
 
 
-def _of_coarse(axes: Indices, lost: Array) -> str:
+def _describe_coarse(axes: Indices, lost: Array) -> str:
     """Describe encoders with more noise than the torques, and the bias of the inertias."""
     if not axes.size:
         return ""

@@ -131,10 +131,10 @@ def information(
         s for m in useful if not m.streamed for s in shares(robot, m, each * period, differences)
     )
     trajectories = (s for m in useful if m.streamed for s in shares(robot, m, period, differences))
-    return added_up(robot, strokes, noise.mean(each)) + added_up(robot, trajectories, noise)
+    return add_up(robot, strokes, noise.mean(each)) + add_up(robot, trajectories, noise)
 
 
-def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
+def add_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
     """Sum the information of shares under `noise`."""
     n = n_unknowns(robot)
     matrix, scatter = np.zeros((n, n)), np.zeros((n, n))
@@ -150,7 +150,7 @@ def scatter_of(share: Share, noise: Noise) -> Array:
     axis = share.axis
     scatter: Array = noise.white[axis] * share.white + noise.walk[axis] * share.wander
     if noise.rounding is not None:
-        scatter += noise.of_accelerations[axis] * share.rounding
+        scatter += noise.acceleration_variance[axis] * share.rounding
     weighted: Array = scatter / noise.variance[axis] ** 2
     return weighted
 

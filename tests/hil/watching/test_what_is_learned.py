@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from checked_files.yaml_file import FileError
-from hil.planning.plan import Plan, repeated
+from hil.planning.plan import Plan, repeat_measurements
 from hil.watching.friction import FrictionLevel, columns_of
 from hil.watching.scatter import Scatter, window_lengths
 from hil.watching.turning import DISTANCES, Turning
@@ -184,12 +184,12 @@ def test_windows_grow_up_to_a_tenth_of_a_second(period: float) -> None:
 
 
 def test_rounds_of_a_plan_have_measurements_of_their_own(small_plan: Plan) -> None:
-    thrice = repeated(small_plan, 3)
+    thrice = repeat_measurements(small_plan, 3)
     assert len({m.id for m in thrice.measurements}) == 3 * len(small_plan.measurements)
-    assert repeated(small_plan, 1) == small_plan
+    assert repeat_measurements(small_plan, 1) == small_plan
 
 
 def test_an_id_that_leaves_no_room_for_a_number_is_refused(small_plan: Plan) -> None:
     long = small_plan.measurements[0].model_copy(update={"id": "x" * 63})
     with pytest.raises(FileError, match="give it a shorter id"):
-        repeated(small_plan.model_copy(update={"measurements": (long,)}), 2)
+        repeat_measurements(small_plan.model_copy(update={"measurements": (long,)}), 2)
