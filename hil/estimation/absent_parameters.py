@@ -134,7 +134,7 @@ class ModelErrors:
 
 def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
     """Test every link parameter that `robot` leaves out, and those that it states."""
-    whole = robot.with_whole_links()
+    whole = robot.free_links()
     K = base_parameters(whole).matrix
     stated = K @ base_parameters(robot).placement
     shares = SimultaneousFit(whole, prepared).shares

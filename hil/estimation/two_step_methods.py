@@ -310,7 +310,7 @@ def with_reached_limits(robot: Robot, prepared: Prepared) -> Robot:
         "torque_limit": [np.abs(s.smoothed(s.tau)).max(axis=0) for _, s in prepared],
     }
     least = np.finfo(float).tiny
-    return robot.with_limits(
+    return robot.fill_limits(
         {key: np.maximum(np.max(each, axis=0), least) for key, each in reached.items()}
     )
 

@@ -180,7 +180,7 @@ def _put_in_sparsity(robot: Robot, row: Combination) -> Combination:
         if names[parameter] in robot.present:
             carrier = names.index(ties.get(names[parameter], names[parameter]))
             total = add(total, {carrier: weight})
-    tidy = {parameter: weight.tidied() for parameter, weight in total.items()}
+    tidy = {parameter: weight.tidy() for parameter, weight in total.items()}
     return {parameter: weight for parameter, weight in sorted(tidy.items()) if weight}
 
 

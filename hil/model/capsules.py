@@ -64,7 +64,7 @@ def capsules(robot: Robot) -> Capsules:
     )
 
 
-def reaches(robot: Robot) -> Array:
+def link_reaches(robot: Robot) -> Array:
     """Compute the radius about the base origin that contains a link's capsule (n_links,) [m]."""
     shapes = capsules(robot)
     joints = np.cumsum([np.hypot(*_offset(robot, joint)) for joint in range(robot.n_joints)])

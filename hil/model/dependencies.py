@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.added_parameters import added_inertias, added_loads
-from hil.model.frames import ROUNDED_OFF, UNIT_INERTIAS, adjoint, inverse, joint_motion, pose_of
+from hil.model.frames import ROUNDED_OFF, UNIT_INERTIAS, adjoint, frame_pose, inverse, joint_motion
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
@@ -66,10 +66,9 @@ class Dependencies:
         }
 
     def sought(self) -> dict[str, tuple[int, ...]]:
-        """Return the indices of the parameters that every group's own kind of element is measured
-        for.
+        """Return the indices of the parameters sought in every group's own kind of element.
 
-        These are the parameters of the group, and those hidden from g(q) where M(q) shows them.
+        These are the parameters of the group, and those hidden from g(q) but shown by M(q).
         """
         on_diagonal = np.einsum("iik->ik", self.mass).any(axis=0)
         beside = self.mass.any(axis=(0, 1)) & ~on_diagonal
@@ -122,7 +121,7 @@ def _influences_at(robot: Robot, q: Array) -> tuple[Array, Array]:
 def _pose_at(robot: Robot, link: int, q: float) -> Array:
     turn, shift = (q, 0.0) if robot.revolute[link] else (0.0, q)
     theta, r = robot.theta[link] + turn, robot.r[link] + shift
-    return pose_of(robot.alpha[link], robot.d[link], theta, r)
+    return frame_pose(robot.alpha[link], robot.d[link], theta, r)
 
 
 def _occurs(coefficients: Array) -> Mask:

@@ -40,7 +40,7 @@ def parameter_map(pose: NDArray[Any]) -> NDArray[Any]:
     return np.array(columns, dtype=pose.dtype).T
 
 
-def meant(angle: float, within: float) -> float:
+def snap_angle(angle: float, within: float) -> float:
     """Return the nearest multiple of a quarter turn if `within` that distance, else the angle."""
     exact = round(angle / QUARTER) * QUARTER
     return exact if abs(angle - exact) <= within else angle
@@ -54,7 +54,7 @@ def cos_sin(angle: float) -> tuple[float, float]:
     return math.cos(angle), math.sin(angle)
 
 
-def pose_of(alpha: float, d: Any, theta: float, r: Any) -> NDArray[Any]:
+def frame_pose(alpha: float, d: Any, theta: float, r: Any) -> NDArray[Any]:
     """Compute the pose of a frame in the previous frame; lengths may be polynomials."""
     ca, sa = cos_sin(alpha)
     ct, st = cos_sin(theta)

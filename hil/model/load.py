@@ -50,7 +50,7 @@ class LoadColumns:
         return self.K @ self.free
 
     @property
-    def without_mass(self) -> Array:
+    def massless_columns(self) -> Array:
         """Columns of `free` without the mass."""
         return self.free[:, self.free[MASS] == 0]
 

@@ -96,7 +96,7 @@ class Joint:
         """Motion per unit of the joint's rate in the joint's frame: angular and linear."""
         return (_ALONG, STILL) if self.revolute else (STILL, _ALONG)
 
-    def into(self, x: Vector) -> Vector:
+    def rotate_in(self, x: Vector) -> Vector:
         """Rotate a vector from the previous frame into the joint's frame."""
         h = self.ca * x[1] + self.sa * x[2]
         return (
@@ -105,7 +105,7 @@ class Joint:
             self.ca * x[2] - self.sa * x[1],
         )
 
-    def out_of(self, x: Vector) -> Vector:
+    def rotate_out(self, x: Vector) -> Vector:
         """Rotate a vector from the joint's frame into the previous frame."""
         h = self.s * x[0] + self.c * x[1]
         return (
@@ -114,10 +114,10 @@ class Joint:
             self.sa * h + self.ca * x[2],
         )
 
-    def carried(self, axis: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+    def carry(self, axis: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
         """Transform a previous joint's axis, angular and linear, into the joint's frame."""
         turn, slide = axis
-        return self.into(turn), self.into(plus(slide, cross(turn, self.arm)))
+        return self.rotate_in(turn), self.rotate_in(plus(slide, cross(turn, self.arm)))
 
 
 class Motion(NamedTuple):
@@ -138,14 +138,14 @@ def motions(
     w, u, U = STILL, STILL, (STILL, STILL, STILL)
     a: Vector = (Exact(-gravity[0]), Exact(-gravity[1]), Exact(-gravity[2]))
     for joint, v, dv in zip(chain, qd, qdd, strict=True):
-        a = joint.into(plus(a, _times(U, joint.arm)))
-        w, u = joint.into(w), joint.into(u)
+        a = joint.rotate_in(plus(a, _times(U, joint.arm)))
+        w, u = joint.rotate_in(w), joint.rotate_in(u)
         if joint.revolute:
             u = (u[0] + w[1] * v, u[1] - w[0] * v, u[2] + dv)
             w = (w[0], w[1], w[2] + v)
         else:
             a = (a[0] + 2.0 * (w[1] * v), a[1] - 2.0 * (w[0] * v), a[2] + dv)
-        moved = _of_rates(w, u, a)
+        moved = _motion_from_rates(w, u, a)
         U = moved.U
         yield moved
 
@@ -176,12 +176,12 @@ def rigid_bodies(
     for joint, (f, n) in zip(reversed(chain), reversed(needs), strict=True):
         force, moment = plus(f, force), plus(n, moment)
         torques.append(moment[2] if joint.revolute else force[2])
-        force, moment = joint.out_of(force), joint.out_of(moment)
+        force, moment = joint.rotate_out(force), joint.rotate_out(moment)
         moment = plus(moment, cross(joint.arm, force))
     return torques[::-1]
 
 
-def _of_rates(w: Vector, u: Vector, a: Vector) -> Motion:
+def _motion_from_rates(w: Vector, u: Vector, a: Vector) -> Motion:
     xx, yy, zz = w[0] * w[0], w[1] * w[1], w[2] * w[2]
     xy, xz, yz = w[0] * w[1], w[0] * w[2], w[1] * w[2]
     U = (

@@ -100,7 +100,7 @@ class Polynomial:
         """Return the value at `values` of the names."""
         return sum(c * math.prod(values[name] for name in m) for m, c in self.terms.items())
 
-    def tidied(self) -> Polynomial:
+    def tidy(self) -> Polynomial:
         """Return the polynomial with coefficients cleaned of rounding errors."""
         near = {monomial: float(round(c)) for monomial, c in self.terms.items()}
         # coefficients within 1e-12 of a whole number are meant to be it

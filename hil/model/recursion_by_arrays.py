@@ -45,7 +45,7 @@ def columns(
     joints, qd, qdd = _known(state, chain)
     axes: list[tuple[Vector, Vector]] = []
     for link, motion in enumerate(motions(joints, qd, qdd, gravity.tolist())):
-        axes = [joints[link].carried(axis) for axis in axes]
+        axes = [joints[link].carry(axis) for axis in axes]
         if link in rows:
             axes.append(joints[link].axis)
         for column in np.flatnonzero(links == link).tolist() if axes else ():

@@ -98,11 +98,11 @@ class Robot(RobotArrays):
         """
         path = Path(path)
         if path.suffix.lower() in DESCRIPTIONS:
-            return _described(path, base, tip, gravity)
+            return _load_description(path, base, tip, gravity)
         if path.suffix not in {".yaml", ".yml"} and len(path.parts) == 1 and not path.is_file():
-            path = _of_name(str(path))
+            path = _find_built_in(str(path))
         if (text := read_text(path)).lstrip().startswith("<"):
-            return _described(path, base, tip, gravity)  # or states what else it is
+            return _load_description(path, base, tip, gravity)  # or states what else it is
         if any(each is not None for each in (base, tip, gravity)):
             raise InvalidValue(
                 f"{path}: is no URDF, and states its chain itself; leave base, tip and gravity out"
@@ -110,7 +110,7 @@ class Robot(RobotArrays):
         return parse_robot(text, str(path))
 
     @classmethod
-    def from_values(
+    def create(
         cls,
         name: str,
         joints: Sequence[Mapping[str, object]],
@@ -171,7 +171,7 @@ class Robot(RobotArrays):
         except OSError as error:
             raise FileError(f"{path}: cannot be written: {error.strerror}") from error
 
-    def with_limits(self, limits: Mapping[str, Sequence[float]]) -> Robot:
+    def fill_limits(self, limits: Mapping[str, Sequence[float]]) -> Robot:
         """Return the robot with values for limits unknown in the robot file.
 
         Parameters
@@ -179,7 +179,7 @@ class Robot(RobotArrays):
         limits : mapping of str to sequence (n_joints,) of float
             By key of the file, such as ``velocity_limit``; those that it states stay.
         """
-        return self.with_joints({
+        return self.replace_joints({
             axis: {
                 key: float(values[axis])
                 for key, values in limits.items()
@@ -188,15 +188,15 @@ class Robot(RobotArrays):
             for axis, joint in enumerate(self.file.joints)
         })  # fmt: skip
 
-    def with_whole_links(self, links: Iterable[int] | None = None) -> Robot:
+    def free_links(self, links: Iterable[int] | None = None) -> Robot:
         """Return the robot with all ten parameters of `links` (from 0; default all), untied."""
         whole = set(range(self.n_joints) if links is None else links)
         own = {f"{name}{link + 1}" for name in LINK_PARAMETERS for link in whole}
         ties = tuple(tie for tie in self.file.ties if not own & set(split_tie(tie)))
         joints = {link: {"parameters": LINK_PARAMETERS} for link in whole}
-        return self.with_joints(joints).changed(ties=ties)
+        return self.replace_joints(joints).changed(ties=ties)
 
-    def with_joints(self, changes: Mapping[int, Mapping[str, object]]) -> Robot:
+    def replace_joints(self, changes: Mapping[int, Mapping[str, object]]) -> Robot:
         """Return the robot with changed keys of some joints, from 0."""
         joints = enumerate(self.file.joints)
         return self.changed(
@@ -228,7 +228,7 @@ load_robot = Robot.load
 """Deprecated name of `Robot.load`, from before version 0.2."""
 
 
-def _described(
+def _load_description(
     path: Path, base: str | None, tip: str | None, gravity: Sequence[float] | None
 ) -> Robot:
     """Create a robot from a URDF or an MJCF, according to the root of the file."""
@@ -267,11 +267,11 @@ def robot_from_urdf(
         return parse_robot(robot_as_stated(chain, gravity), str(path))
     except FileError as error:
         raise FileError(
-            "\n".join(_in_urdf(chain, line) for line in str(error).split("\n"))
+            "\n".join(_locate_in_urdf(chain, line) for line in str(error).split("\n"))
         ) from error
 
 
-def _in_urdf(chain: UrdfChain, problem: str) -> str:
+def _locate_in_urdf(chain: UrdfChain, problem: str) -> str:
     """Locate a robot-file problem in the original URDF."""
     found = re.match(r".*?:\d+: joints\.(\d+)\.(\w+): (.*)", problem)
     return f"{chain.joints[int(found[1])].place}: {found[2]}: {found[3]}" if found else problem
@@ -313,7 +313,7 @@ def available_robots() -> list[str]:
     return sorted(path.stem for path in ROBOTS.glob("*.yaml") if len(path.suffixes) == 1)
 
 
-def _of_name(name: str) -> Path:
+def _find_built_in(name: str) -> Path:
     if name not in available_robots():
         raise UnknownName(
             f"{name}: unknown robot{did_you_mean(name, available_robots())}; available:"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.model.drive_train_file import NO_DRIVE, UNKNOWN, USUAL_UNCERTAINTY, Drive
-from hil.model.frames import pose_of
+from hil.model.frames import frame_pose
 from hil.model.polynomial import Polynomial, parse
 from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile, split_tie
 
@@ -188,8 +188,7 @@ class RobotArrays:
 
     @cached_property
     def usual_uncertainty(self) -> Array:
-        """Relative standard deviations from common tolerances, for values stated without
-        uncertainty.
+        """Relative standard deviations by common tolerances, for values stated without any.
 
         As `stated_uncertainty`; 0 where the file states an uncertainty or no value.
         """
@@ -227,11 +226,11 @@ class RobotArrays:
 
     def zero_pose(self, joint: int) -> Array:
         """Return the pose of frame j in frame j-1 at q_j = 0, shape (4, 4)."""
-        return pose_of(self.alpha[joint], self.d[joint], self.theta[joint], self.r[joint])
+        return frame_pose(self.alpha[joint], self.d[joint], self.theta[joint], self.r[joint])
 
     def _pose(self, joint: int, d: Any, r: Any) -> NDArray[Any]:
         theta = 0.0 if self.revolute[joint] else self.theta[joint]
-        return pose_of(self.alpha[joint], d, theta, r)
+        return frame_pose(self.alpha[joint], d, theta, r)
 
     @cached_property
     def link_parameters(self) -> tuple[str, ...]:

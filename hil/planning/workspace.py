@@ -85,4 +85,4 @@ def narrow_ranges(robot: Robot, workspace: Workspace | None) -> Robot:
     if workspace is None or not workspace.ranges:
         return robot
     ranges = workspace.ranges.items()
-    return robot.with_joints({k - 1: {"q_min": low, "q_max": high} for k, (low, high) in ranges})
+    return robot.replace_joints({k - 1: {"q_min": low, "q_max": high} for k, (low, high) in ranges})

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import parse_yaml, read_text, refuse
-from hil.model.capsules import capsules, reaches
+from hil.model.capsules import capsules, link_reaches
 from hil.planning.clearance import intrusions
 from hil.planning.workspace import Workspace
 
@@ -100,7 +100,7 @@ def remarks(workspace: Workspace | None, robot: Robot) -> list[str]:
     """Return a remark for every box beyond the reach of the links."""
     if workspace is None:
         return []
-    reach = reaches(robot)
+    reach = link_reaches(robot)
     lines = []
     for box in workspace.boxes:
         checked = [k for k in range(robot.n_joints) if k + 1 not in box.ignore_links]
@@ -136,7 +136,7 @@ def _check_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
     """Check a box for nonexistent links and for coordinates in another unit than metres."""
     if any(link > robot.n_joints for link in box.ignore_links):
         yield ("ignore_links",), f"{robot.name} has links 1 to {robot.n_joints}"
-    reach = float(reaches(robot).max())
+    reach = float(link_reaches(robot).max())
     far = FARTHEST * reach
     for key, corner in (("low", box.low), ("high", box.high)):
         worst = max(corner, key=abs)

@@ -327,7 +327,7 @@ def _beside_axis(
     newly = [k for k in FIRST_MOMENTS if LINK_PARAMETERS[k] in found.unseen]
     if not newly or runs.unknown:
         return fit, found
-    wider = runs.robot.with_whole_links([runs.robot.n_joints - 1])
+    wider = runs.robot.free_links([runs.robot.n_joints - 1])
     fit_wider = runs.fit(wider)
     beside = fit_wider()
     error = np.sqrt(np.diag(beside.covariance))[newly]

@@ -14,9 +14,9 @@ from urllib.parse import unquote
 import numpy as np
 
 from hil.errors import FileError, Mismatch
-from hil.model.capsules import capsules, reaches
+from hil.model.capsules import capsules, link_reaches
 from hil.model.frames import inverse
-from hil.model.readers.axes_to_frames import difference, frames_of
+from hil.model.readers.axes_to_frames import difference, find_frames
 from hil.model.readers.urdf import UrdfReader
 from hil.view.meshes import FINEST, box, cylinder, read_triangles, sphere, thinned
 from hil.view.packed import packed
@@ -42,7 +42,7 @@ def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object
     return {
         "name": robot.name,
         "up": _up(robot.gravity),
-        "reach": float(reaches(robot).max()),
+        "reach": float(link_reaches(robot).max()),
         "joints": [
             _joint(robot, j) | {"step": float(0.7 * shapes.radii.min() / ways[j])}
             for j in range(robot.n_joints)
@@ -186,7 +186,7 @@ def _refuse_other(chain: UrdfChain, robot: Robot, urdf: Path) -> None:
 
 def _placed(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, Element]]:
     """Links that hang on the chain: number, pose of the link's frame in the robot's, element."""
-    frames = frames_of(chain)
+    frames = find_frames(chain)
     at_zero = np.zeros(len(chain.joints))
     of_urdf, of_robot = chain.frames(at_zero), frames.poses(at_zero, chain.revolute)
     hung = [(BASE, chain.base, inverse(frames.base))]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.model.frames import QUARTER, ROUNDED_OFF, inverse, meant, pose_of
+from hil.model.frames import QUARTER, ROUNDED_OFF, frame_pose, inverse, snap_angle
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
@@ -45,12 +45,12 @@ class Frames:
         here, found = self.base, []
         theta, r = self.theta + q * revolute, self.r + q * ~revolute
         for each in zip(self.alpha, self.d, theta, r, strict=True):
-            here = here @ pose_of(*each)
+            here = here @ frame_pose(*each)
             found.append(here)
         return np.array(found)
 
 
-def frames_of(chain: UrdfChain) -> Frames:
+def find_frames(chain: UrdfChain) -> Frames:
     """Compute frames for the axes of a chain."""
     n = len(chain.joints)
     still = chain.frames(np.zeros(n))
@@ -67,12 +67,12 @@ def frames_of(chain: UrdfChain) -> Frames:
                 x, origin = (-normal if normal @ x < -ROUNDED_OFF else normal), meets
         else:
             x = placed[-1][:3, 0] if placed else x
-        placed.append(_placed(origin, x, z[j]))
+        placed.append(_place_frame(origin, x, z[j]))
     base = placed[0]
     if n > 1:
         # the last frame turns and shifts about its own axis by nothing
         alpha, d, _, _ = _parameters(inverse(placed[-2]) @ placed[-1])
-        placed[-1] = placed[-2] @ pose_of(alpha, d, 0.0, 0.0)
+        placed[-1] = placed[-2] @ frame_pose(alpha, d, 0.0, 0.0)
     before = [base, *placed[:-1]]
     steps = [inverse(a) @ b for a, b in zip(before, placed, strict=True)]
     alpha, d, theta, r = np.array([_parameters(step) for step in steps]).T
@@ -83,7 +83,7 @@ def difference(chain: UrdfChain, robot: RobotArrays) -> str:
     """Describe the first difference of a chain from the robot, or return an empty string."""
     if not np.array_equal(chain.revolute, robot.revolute):
         return f"its joints are {', '.join(joint.type for joint in chain.joints)}"
-    frames = frames_of(chain)
+    frames = find_frames(chain)
     for key in ("alpha", "d", "theta", "r"):
         found, stated = getattr(frames, key), getattr(robot, key)
         apart = np.abs(found - stated)
@@ -130,7 +130,7 @@ def _foot(frame: Array, p: Array, z: Array) -> Array:
     return p + along * z
 
 
-def _placed(origin: Array, x: Array, z: Array) -> Array:
+def _place_frame(origin: Array, x: Array, z: Array) -> Array:
     x = x - z * (x @ z)
     x = x / np.linalg.norm(x)
     frame = np.eye(4)
@@ -149,7 +149,7 @@ def _parameters(step: Array) -> tuple[float, float, float, float]:
 
 
 def _clean_angle(angle: float) -> float:
-    exact = meant(angle, ROUNDED_OFF)
+    exact = snap_angle(angle, ROUNDED_OFF)
     return QUARTER * 2 if exact == -QUARTER * 2 else exact + 0.0
 
 

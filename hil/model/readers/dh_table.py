@@ -31,7 +31,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from checked_files.yaml_file import FileError, FileModel, parse_yaml, read_text, refuse
-from hil.model.frames import QUARTER, meant
+from hil.model.frames import QUARTER, snap_angle
 from hil.model.polynomial import parse
 from hil.model.readers.axes_to_frames import Frames
 from hil.model.readers.urdf import ROUNDED, LimitedJoint
@@ -149,7 +149,7 @@ def read_dh(path: str | Path, notation: Notation) -> DhRobot:
     """
     text, source = read_text(path), str(path)
     if Path(path).suffix.lower() not in (".yaml", ".yml"):
-        text = yaml_of_table(text, source)
+        text = convert_table(text, source)
     table = parse_yaml(text, DhTable, source)
     rows = enumerate(table.joints)
     refuse(source, text, chain.from_iterable(_implausible(*row, table) for row in rows))
@@ -191,7 +191,7 @@ def _robot(table: DhTable, name: str, notation: Notation) -> DhRobot:
     radians = math.pi / 180 if table.angles == "deg" else 1.0
     rows = table.joints
     stated = np.array([[row.alpha, row.theta] for row in rows]).T * radians
-    alpha, theta = exact = np.array([[meant(x, ROUNDED) for x in row] for row in stated])
+    alpha, theta = exact = np.array([[snap_angle(x, ROUNDED) for x in row] for row in stated])
     a, d = np.array([[row.a, row.d] for row in rows]).T * _metres(table)
     if notation == "standard":
         alpha, a = (np.concatenate([[0.0], column[:-1]]) for column in (alpha, a))
@@ -214,7 +214,7 @@ def _limited(row: DhRow, name: str, table: DhTable) -> LimitedJoint:
     )
 
 
-def yaml_of_table(text: str, source: str) -> str:
+def convert_table(text: str, source: str) -> str:
     """Convert a CSV to YAML of `hil.model.readers.dh_table.DhTable`, line by line.
 
     Raises

@@ -88,7 +88,7 @@ def read_mjcf(path: str | Path, base: str | None = None, tip: str | None = None)
     return _reader(Path(path)).chain(base, tip)
 
 
-def chains_of(path: Path, n_joints: int) -> Iterator[MjcfChain]:
+def read_chains(path: Path, n_joints: int) -> Iterator[MjcfChain]:
     """Yield every chain from the world with `n_joints` joints; errors as in `read_mjcf`."""
     reader = _reader(path)
     for tip in reader.tips(n_joints):
@@ -219,7 +219,7 @@ class _Reader:
             name = model.jnt(k).name
             raise placed.wrong(f"joint {name!r} of body {self.name(body)!r}: {_REFUSED[kind]}")
         turns = int(model.jnt_type[k]) == 3
-        axis = _snapped(np.array(model.jnt_axis[k]))
+        axis = _snap(np.array(model.jnt_axis[k]))
         anchor = np.eye(4)
         anchor[:3, 3] = model.jnt_pos[k]
         joint = UrdfJoint(
@@ -236,16 +236,16 @@ class _Reader:
             place=str(placed.wrong(f"joint {model.jnt(k).name!r}")),
         )
         before = here @ anchor @ joint.motion(-float(model.qpos0[model.jnt_qposadr[k]]))
-        return _with_before(joint, before), inverse(anchor)
+        return _place_joint(joint, before), inverse(anchor)
 
 
-def _with_before(joint: UrdfJoint, before: Array) -> UrdfJoint:
+def _place_joint(joint: UrdfJoint, before: Array) -> UrdfJoint:
     exact = before.copy()
-    exact[:3, :3] = _snapped(before[:3, :3])
+    exact[:3, :3] = _snap(before[:3, :3])
     return replace(joint, before=exact)
 
 
-def _snapped(directions: Array) -> Array:
+def _snap(directions: Array) -> Array:
     """Return directions, rounded to coordinate axes within the tolerance."""
     nearest = np.round(directions)
     return nearest + 0.0 if np.abs(directions - nearest).max() < ROUNDED else directions

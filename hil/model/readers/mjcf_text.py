@@ -112,7 +112,7 @@ class MjcfText:
         return dict(item for each in self._parts("compiler") for item in each.element.items())
 
     @property
-    def from_geoms(self) -> bool:
+    def uses_geom_inertias(self) -> bool:
         """True if inertias of geoms replace stated inertials."""
         return self.compiler.get("inertiafromgeom") == "true"
 
@@ -166,7 +166,7 @@ class MjcfText:
         for each in source.children:
             tag, attributes = each.element.tag, dict(each.element.items())
             needless = tag == "geom" and (
-                (stated and not self.from_geoms) or "hfield" in attributes
+                (stated and not self.uses_geom_inertias) or "hfield" in attributes
             )
             if tag in _WITHIN and not needless:
                 attributes.pop("material", None)

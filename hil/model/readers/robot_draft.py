@@ -20,7 +20,7 @@ from checked_files.yaml_file import UNSTATED
 from checked_files.yaml_text import comment, mark_unstated, number, scalar
 from hil.model.drive_train_file import UNKNOWN
 from hil.model.frames import QUARTER, ROUNDED_OFF
-from hil.model.readers.axes_to_frames import frames_of
+from hil.model.readers.axes_to_frames import find_frames
 from hil.model.readers.urdf import UrdfChain
 from hil.model.robot_file import EARTH
 
@@ -62,7 +62,7 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
     """
     if isinstance(source, UrdfChain):
         title = [comment(f"Robot {_ends(source)}, drafted from a URDF."), *_ABOUT_MARKS]
-        return _text(source, gravity, title, _to_be_stated)
+        return _text(source, gravity, title, _limits_to_state)
     title = [
         comment(
             f"Robot {one_line(source.name)}, drafted from a table of {source.notation}"
@@ -71,7 +71,7 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
         "# parameters. Here d and r are what the table calls a and d.",
         *_ABOUT_MARKS,
     ]
-    return _text(source, gravity, title, _to_be_stated)
+    return _text(source, gravity, title, _limits_to_state)
 
 
 def robot_as_stated(
@@ -96,7 +96,7 @@ def robot_as_stated(
         comment(f"Robot {_ends(chain)}, as its {format_} says."),
         "# To move it, state what is unknown; an unknown rotor_inertia is identified.",
     ]
-    return _text(chain, gravity, title, _left_open)
+    return _text(chain, gravity, title, _known_limits)
 
 
 def mjcf_as_stated(chain: MjcfChain, gravity: Sequence[float] | None = None) -> str:
@@ -122,7 +122,7 @@ def _text(
     source: UrdfChain | DhRobot, gravity: Sequence[float] | None, title: Sequence[str], rest: _Rest
 ) -> str:
     if isinstance(source, UrdfChain):
-        name, frames, in_base = source.robot, frames_of(source), source.gravity(gravity)
+        name, frames, in_base = source.robot, find_frames(source), source.gravity(gravity)
     else:
         name, frames = source.name, source.frames
         in_base = np.array(EARTH if gravity is None else gravity, dtype=float)
@@ -183,7 +183,7 @@ def _joint(joint: LimitedJoint, frame: str) -> Iterator[str]:
         yield f"    type: {joint.type}"
 
 
-def _to_be_stated(joint: LimitedJoint) -> Iterator[str]:
+def _limits_to_state(joint: LimitedJoint) -> Iterator[str]:
     """Yield limits and drive train with marks for missing values."""
     for key, value, what in _limits(joint):
         yield f"    {key}: {mark_unstated(what) if math.isnan(value) else number(value)}"
@@ -194,7 +194,7 @@ def _to_be_stated(joint: LimitedJoint) -> Iterator[str]:
     yield f"      torque_constant: {mark_unstated('of the motor [N m/A]')}"
 
 
-def _left_open(joint: LimitedJoint) -> Iterator[str]:
+def _known_limits(joint: LimitedJoint) -> Iterator[str]:
     """Yield the known limits; an unlimited revolute joint gets two turns."""
     endless = {"q_min": -FARTHEST, "q_max": FARTHEST}
     for key, value, _ in _limits(joint):

@@ -24,7 +24,7 @@ import numpy as np
 
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
-from hil.model.frames import cos_sin, cross_matrix, meant
+from hil.model.frames import cos_sin, cross_matrix, snap_angle
 from hil.model.robot_file import EARTH, MAX_RANGE, MAX_TORQUE, MAX_VELOCITY, MOST_JOINTS
 
 if TYPE_CHECKING:
@@ -420,7 +420,7 @@ class UrdfReader:
 
     def _angle(self, stated: float) -> float:
         """Round an angle to a multiple of a quarter turn, within the tolerance."""
-        exact = meant(stated, ROUNDED)
+        exact = snap_angle(stated, ROUNDED)
         self._rounded = max(self._rounded, abs(stated - exact))
         return exact
 

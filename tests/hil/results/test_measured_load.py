@@ -162,7 +162,7 @@ def test_a_load_that_is_rigid_is_said_to_be(found):
 @pytest.fixture(scope="module")
 def beside(bare, stages, robot, tmp_path_factory):
     """The load found that is mounted beside the axis, and its first moments and mass."""
-    machine = robot.with_whole_links([robot.n_joints - 1])
+    machine = robot.free_links([robot.n_joints - 1])
     mass, centre = 4.0, np.array([0.06, -0.03, 0.1])
     about = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre)) + 0.01 * np.eye(3)
     load = {"m6": mass, "sx6": mass * 0.06, "sy6": mass * -0.03, "sz6": mass * 0.1,

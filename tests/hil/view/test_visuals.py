@@ -11,7 +11,7 @@ import pytest
 from urdf_robots import ROBOTS, urdf
 
 from hil.errors import FileError, Mismatch
-from hil.model.readers.axes_to_frames import Frames, frames_of
+from hil.model.readers.axes_to_frames import Frames, find_frames
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot import Robot
 from hil.view.meshes import read_triangles, thinned
@@ -100,7 +100,7 @@ def test_a_mesh_stands_in_the_frame_of_its_link(scara: Path) -> None:
     base, arm = found.visuals
     assert (base.link, arm.link) == (-1, 1)
     q = np.array([0.4, -0.7, 0.1, 0.2])
-    frames = Frames(robot.alpha, robot.d, robot.theta, robot.r, frames_of(chain).base)
+    frames = Frames(robot.alpha, robot.d, robot.theta, robot.r, find_frames(chain).base)
     shown = _placed(frames.poses(q, robot.revolute)[1], arm.mesh.vertices)
     origin = np.eye(4)
     roll, pitch, yaw = 0.3, 0.2, 0.1
@@ -115,7 +115,7 @@ def test_a_mesh_stands_in_the_frame_of_its_link(scara: Path) -> None:
     assert len(shown) == len(wanted) == 4
     for corner in wanted:
         assert np.linalg.norm(shown - corner, axis=1).min() < 2e-4
-    still = _placed(frames_of(chain).base, base.mesh.vertices)
+    still = _placed(find_frames(chain).base, base.mesh.vertices)
     np.testing.assert_allclose(still.max(axis=0), [0.1, 0.15, 0.2], atol=2e-4)
 
 
