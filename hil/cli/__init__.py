@@ -1,9 +1,9 @@
-"""The command line: from a robot to a plan, a run, an identified model and a report.
+"""Command line: from a robot to a plan, a run, an identified model and a report.
 
-Commands are thin: each one reads its files, calls one function of a module below and prints. What
-is wrong with files, drives or the bus ends in one message on standard error and a non-zero status,
-never in a traceback. The modules of commands are imported when one of theirs is chosen, and what
-they work with when it is called, so that help and completion load no numerics.
+Commands are thin: each one reads its files, calls one function of a module below and prints. Faults
+of files, drives or the bus end in one message on standard error and a non-zero status, never in a
+traceback. The module of a command is imported when the command is chosen, and numerics when the
+command is called, so that help and completion load quickly.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ PANELS = {
         "doctor": "Check this computer: Python, CAN, rights, clock, disk.",
     },
 }  # fmt: skip
-"""Panels of the help, the commands of each as a user meets them, and the first line of their help.
+"""Panels of the help, with commands in order of use and the first line of their help.
 
 The help repeats the commands' own docstrings; a test compares them.
 """
@@ -74,15 +74,15 @@ MODULES = {
     "watch": "beside_model", "replay": "replaying", "accept": "judging", "history": "judging",
     "doctor": "doctor", "try": "trying",
 }  # fmt: skip
-"""Module of each command, or group of them, in this package."""
+"""Module of a command, or group of commands, in this package."""
 COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}
 
 
 class _ImportedLate(TyperGroup):
-    """Shows its commands as `COMMANDS` states them, and imports the one that is chosen."""
+    """Group with the texts of `COMMANDS`, importing only the chosen command."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse an empty argument, which as a path would be the current folder."""
+        """Refuse an empty argument, which as a path would mean the current folder."""
         for before, word in pairwise(["hil", *args]):
             if not word or (word.startswith("--") and word.endswith("=")):
                 raise typer.BadParameter(
@@ -93,7 +93,7 @@ class _ImportedLate(TyperGroup):
         return parsed
 
     def get_params(self, ctx: Any) -> list[Any]:
-        """Return all options, as help shows them."""
+        """Return the options as shown in the help."""
         return without_types(super().get_params(ctx))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
@@ -103,7 +103,7 @@ class _ImportedLate(TyperGroup):
 
 
 def imported(name: str) -> Any:
-    """Import a command, or a group of them, by its name; with what all commands have."""
+    """Import a command or a group of commands by name, with the common options."""
     module = import_module(f"{__name__}.{MODULES[name]}")
     return equipped(typer.main.get_group(module.commands).commands[name], name)
 
@@ -138,14 +138,14 @@ def _program(
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help=HELP["quiet"])] = False,
     verbose: Annotated[int, typer.Option("-v", "--verbose", help=HELP["verbose"], **COUNTED)] = 0,
 ) -> None:
-    """Take the options that stand before a command."""
+    """Process the options before a command."""
     set_output(quiet=quiet, verbose=verbose)
 
 
 def main(
     arguments: Sequence[str] | None = None, program: typer.Typer = app, name: str = "hil"
 ) -> None:
-    """Entry point of `hil` or of `program`; exit status 1 after a message, 2 for wrong usage."""
+    """Run `hil` or `program`; exit status 1 after a message, 2 for wrong usage."""
     out.begin()
     try:
         program(None if arguments is None else list(arguments), prog_name=name)
@@ -161,7 +161,7 @@ def main(
 
 
 def _explained(error: Exception) -> bool:
-    """Whether an error's own message is all that the operator needs."""
+    """Return True if the error's own message is sufficient for the operator."""
     from checked_files.errors import HilError
 
     return isinstance(error, HilError)

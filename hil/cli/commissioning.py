@@ -1,4 +1,4 @@
-"""Commands about the drives themselves, before a robot is measured: check, jog, home.
+"""Commissioning commands for single drives: check, jog, home, reset faults.
 
 Each opens a bus, calls a function of `drivers.operator_tools` and shows what comes back. Motion
 needs the operator's consent, asked for at the terminal or given by ``--yes``; space, q and Esc stop
@@ -185,7 +185,7 @@ def reset_faults(
 def _commanded(
     drives_file: str, drives: DrivesFile, where: DrivesBus, *, agreed: bool
 ) -> Iterator[tuple[Fieldbus, TerminalOperator, SettingsKeeper]]:
-    """Have the bus open, an operator at the terminal, and what the drives held kept."""
+    """Open bus and terminal, and keep the drives' found settings."""
     from hil.cli import bus_access
     from hil.tasks.found_settings import keeper_of_bus
 
@@ -198,7 +198,7 @@ def _commanded(
 
 
 def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
-    """Return the torques that hold the robot of an identified run at rest."""
+    """Return the function for static torques of an identified run."""
     from hil.results.model import Model
 
     model = Model.load(run)
@@ -213,9 +213,9 @@ def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
 def _wake_ups(
     bus: Fieldbus, period: float, duration: float, *, realtime: bool
 ) -> tuple[list[Verdict], float]:
-    """Measure how late this computer wakes up, before anything moves; nothing in lock-step.
+    """Measure this computer's wake-up jitter, before any motion; skipped in lock-step.
 
-    Returns what to say of it, and how late SYNC is by it [s].
+    Returns verdicts, and the lateness of SYNC caused by the jitter [s].
     """
     from drivers.operator_tools import sync_period
 
@@ -231,17 +231,17 @@ def _wake_ups(
 
 
 def _si(drive: AxisDrive, value: float) -> float:
-    """Turn degrees into rad, or mm into m."""
+    """Convert degrees to rad, or mm to m."""
     return value / 1000 if drive.joint == "prismatic" else math.radians(value)
 
 
 STYLES = {"ok": "green", "warning": "yellow", "refused": "bold red"}
 EDGES = (0.0, 50e-6, 100e-6, 200e-6, 500e-6, 1e-3, 2e-3, 5e-3, 10e-3, 20e-3)
-"""Lower ends of the classes of lateness [s]; the last one is open."""
+"""Lower ends of the lateness classes [s]; the last is open."""
 
 
 def show_verdicts(verdicts: Iterable[Verdict], console: Console) -> bool:
-    """Print verdicts as they come, by axis, and how many have each grade; whether none refuses."""
+    """Print verdicts by axis and the count per grade; return False if any refuses."""
     counts: Counter[str] = Counter()
     place = ""
     for verdict in verdicts:
@@ -268,7 +268,7 @@ def _text(verdict: Verdict) -> Text:
 
 
 def show_wake_ups(found: WakeUps, in_time: float, console: Console) -> None:
-    """Print quantiles of the lateness, that of a share `in_time` last, and a bar for each class."""
+    """Print quantiles of the lateness, the last for the share `in_time`, and a histogram."""
     shares = {share: _ms(found.quantile(share)) for share in (0.5, 0.99, in_time)}
     quantiles = ", ".join(f"{100 * share:.4g} % {late}" for share, late in shares.items())
     console.print(

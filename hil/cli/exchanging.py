@@ -1,4 +1,4 @@
-"""Recordings of others come into a run folder; models and recordings go out for other tools."""
+"""Commands `hil import` and `hil export`: exchange with other tools."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def import_(
 def _executor(
     scheduler: str | None, workers: int | None, n_maps: int
 ) -> AbstractContextManager[Any]:
-    """What imports several maps at once; None where one comes after the other."""
+    """Return an executor for parallel imports, None for sequential ones."""
     from hil import execution
 
     if scheduler not in (None, LOCAL):
@@ -108,7 +108,7 @@ def _executor(
 
 
 def _draft(recording: Path, output: Path) -> None:
-    """Write a first map, which names the recording as it is seen from the map's folder."""
+    """Write a first map, with the recording's path relative to the map."""
     from checked_files.yaml_file import UNSTATED
     from hil.imports.draft import draft_map
     from hil.runs.atomic_file import write_file
@@ -185,7 +185,7 @@ def export(
 
 
 def _refuse(to: str, **given: object) -> None:
-    """Refuse options that a format has no use for."""
+    """Refuse options without effect on a format."""
     for name, value in given.items():
         if value:
             raise typer.BadParameter(

@@ -1,6 +1,7 @@
-"""`hil validate` judges a model by held-out data, `hil accept` a run by limits, in series.
+"""Commands `hil validate`, `hil accept` and `hil history`.
 
-`hil history` shows the condition of one machine over many runs, and what changed.
+These judge a model by held-out data, a run by limits in series production, and one machine's
+condition over many runs.
 """
 
 from __future__ import annotations
@@ -279,7 +280,7 @@ def history(
 
 
 def _identify(folders: Sequence[Path], now: Callable[[str], None]) -> None:
-    """Identify the runs among folders that have no model yet."""
+    """Identify the runs among folders without a model."""
     from hil.estimation.identify import default_method
     from hil.results.findings import found_in
     from hil.results.model_file import file_of

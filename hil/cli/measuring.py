@@ -1,7 +1,7 @@
-"""`hil run`: a plan measured into a folder, on a bus of drives or on the virtual plant.
+"""Command `hil run`: measurement of a plan, on a bus of drives or on the virtual plant.
 
-This is the one place that knows both identification and a concrete bus: simulation and hardware
-part at `open_drive_bus`, by its arguments.
+Only this module knows both identification and a concrete bus: simulation and hardware differ at
+`open_drive_bus`, by its arguments.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def run(
 
 @dataclass(frozen=True)
 class OnBus(RobotsBus):
-    """On which bus a plan is measured, and how; as the options of `hil run`.
+    """Bus and settings for measuring a plan, from the options of `hil run`.
 
     Attributes
     ----------
@@ -206,7 +206,7 @@ def _feed(
     rehearsal: float | None,
     watcher: Watcher | None,
 ) -> Feed | None:
-    """What informs listeners of the run; None where there are none."""
+    """Create the feed of the run's listeners; None without listeners."""
     feed, hand = how.feed, bool(hand_of(how.bus_option))
     if feed is None and how.listeners:
         from hil.live.feed import Feed
@@ -233,7 +233,7 @@ def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, 
 def _checked_drives(
     the_plan: Plan, the_robot: Robot, source: Path, how: OnBus, *, feeds: bool = False
 ) -> tuple[DrivesFile, str]:
-    """Drives of the robot and the text of their file; a plan that they cannot carry is refused."""
+    """Return drives of the robot and the text of the drives file; refuse an infeasible plan."""
     from hil.tasks.measuring import checked_drives
 
     refuse_no_channel(how.interface, how.channel)

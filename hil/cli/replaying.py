@@ -1,4 +1,4 @@
-"""`hil replay`: a model driven as the robot was, and its motion beside the recorded one."""
+"""Command `hil replay`: simulation of recordings with a model, against the recorded motion."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def replay(
 
 
 def _controller(robot: Robot, kp: list[float] | None, kd: list[float] | None) -> Controller | None:
-    """Return the PD controller that is stated, None without one."""
+    """Create the PD controller from the options, None without gains."""
     import numpy as np
 
     from hil.simulation.replay import Controller

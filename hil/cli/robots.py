@@ -1,4 +1,4 @@
-"""A robot: what can be identified of it, a first file of it, and its virtual twin."""
+"""Commands `hil robot` and `hil twin`: identifiable parameters, draft of a file, virtual plant."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def new(
 def _from_urdf(
     urdf: Path, base: str | None, tip: str | None, gravity: tuple[float, float, float] | None
 ) -> tuple[str, str, float]:
-    """Text of a robot file, what it is of, and how far angles were rounded [rad]."""
+    """Draft a robot file from a URDF: text, description, and rounding of angles [rad]."""
     from hil.model.readers.robot_draft import draft_robot
     from hil.model.readers.urdf import read_urdf
 
@@ -103,7 +103,7 @@ def _from_urdf(
 def _from_table(
     dh: Path | None, mdh: Path | None, gravity: tuple[float, float, float] | None
 ) -> tuple[str, str, float]:
-    """The same of a table."""
+    """Draft a robot file from a table, with the results of `_from_urdf`."""
     from hil.model.readers.dh_table import read_dh
     from hil.model.readers.robot_draft import draft_robot
 

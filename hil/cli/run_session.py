@@ -1,4 +1,4 @@
-"""What `hil run` does once it knows plan, robot and bus: folder, progress, the end of it all."""
+"""Execution of `hil run` for given plan, robot and bus: folder, progress, end."""
 
 from __future__ import annotations
 
@@ -47,25 +47,9 @@ def carry_out(
     real_time: RealTime = nullcontext,
     display: Display = shown,
 ) -> None:
-    """Run the campaign; Ctrl-C, s, space and signals stop the axes and keep what was measured.
+    """Run the campaign; Ctrl-C, s, space and signals stop the axes and keep the recordings.
 
-    Where nothing is missing no bus is opened.
-
-    Parameters
-    ----------
-    rehearsal : float, optional
-        Share of the speed limits, to pass all ways at it instead of measuring.
-    real_time : callable
-        Makes the context in which the axes are moved; yields what the system granted, if anything.
-    display : callable
-        Makes the context in which events are shown; yields what takes them.
-
-    Raises
-    ------
-    FileError
-        Another process measures into the folder.
-    typer.Exit
-        With status 130 when interrupted, 1 when drives, bus or disk failed; all has been reported.
+    The bus is opened only if measurements are missing.
     """
     if not folder.missing and rehearsal is None:
         say(f"{folder.path}: nothing is missing")
@@ -102,7 +86,7 @@ def _move(
     refuse_lost: Callable[[], None],
     display: Display,
 ) -> Event:
-    """Pass the campaign's events to the terminal; return the last one."""
+    """Pass the campaign's events to the terminal; return the last event."""
     with KeyboardStop() as keyboard, display(out) as show, real_time() as granted:
         for line in granted or ():
             say(line)
@@ -133,9 +117,9 @@ def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
 
 
 def _begun(before: float) -> str:
-    """What the gears had done before the first recording kept; empty where there is none.
+    """Describe the warm-up before the first kept recording; empty if there is none.
 
-    Up to a minute of motion they count as cold.
+    Up to a minute of motion, the gears count as cold.
     """
     if math.isnan(before):
         return ""

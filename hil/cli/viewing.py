@@ -1,4 +1,4 @@
-"""`hil view`: a page that plays a plan, a run or a robot in three dimensions."""
+"""Command `hil view`: a page with a plan, a run or a robot in three dimensions."""
 
 from __future__ import annotations
 
@@ -84,12 +84,12 @@ def view(
 
 
 def page_of_plan(plan_file: Path) -> Path:
-    """Where the page of a plan stands unless another place is named."""
+    """Return the default path of a plan's page."""
     return plan_file.with_suffix(".html")
 
 
 def refuse_page(path: Path) -> None:
-    """Refuse a place where no page can be written, or something else is."""
+    """Refuse an unwritable path, or another kind of file."""
     from hil.view.page import refuse_other_file
 
     refuse_no_folder(path)
@@ -98,7 +98,7 @@ def refuse_page(path: Path) -> None:
 
 
 def write(path: Path, make: Callable[[int], Scene]) -> None:
-    """Write a page, and state where it is."""
+    """Write a page, and state the path."""
     with working("making the page"):
         from hil.view.page import write_page
 
@@ -109,7 +109,7 @@ def write(path: Path, make: Callable[[int], Scene]) -> None:
 def scene_of_plan(
     plan: Plan, robot: Robot, model: Model | None = None, visuals: Sequence[Visual] = ()
 ) -> Callable[[int], Scene]:
-    """How the page of a plan is made, with a number of instants."""
+    """Return a function from the number of instants to a plan's scene."""
     from hil.view.scene import of_plan
 
     return partial(of_plan, plan, robot, model=model, visuals=visuals)
@@ -166,7 +166,7 @@ def _of_robot(
 
 
 def _visuals(urdf: Path | None, robot: Robot, meshes: Path | None) -> Sequence[Visual]:
-    """Visual meshes of a URDF; what of them is left out is stated."""
+    """Load the visual meshes of a URDF; state omissions."""
     if urdf is None:
         return ()
     from hil.view.visuals import visuals
@@ -178,7 +178,7 @@ def _visuals(urdf: Path | None, robot: Robot, meshes: Path | None) -> Sequence[V
 
 
 def _is_plan(path: Path) -> bool:
-    """Whether a file lists measurements, as plans do and robot files do not."""
+    """Return True if the file is a plan."""
     if path.suffix not in {".yaml", ".yml"} or not path.is_file():
         return False
     from checked_files.yaml_file import read_text

@@ -100,7 +100,7 @@ def _is_used(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:
 
 
 def _pieces(robot: Robot, used: Prepared, joint: SimultaneousFit) -> Iterator[_Piece]:
-    recorded = joint.recorded.without(ROTOR)
+    recorded = joint.recorded.drop(ROTOR)
     for (measurement, s), products, counts in zip(
         used, recorded.products, recorded.counts, strict=True
     ):

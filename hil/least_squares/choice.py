@@ -1,4 +1,4 @@
-"""Which of several models the data call for: by what they predict of groups that were held out.
+"""Model choice by the prediction error on held-out groups.
 
 Alternatives are compared by the error of prediction on groups that were held out, in turn. What is
 usual, the first of them, stands unless something richer is certainly better. An alternative that
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from hil.least_squares.normal_equations import Normal
 
 FOLDS = 12
-"""Parts of the groups that are held out in turn."""
+"""Number of folds of the groups for cross-validation."""
 NEGLIGIBLE = 0.01
-"""Growth of the held-out residual (rms) that means nothing: the filters' corners make up to 0.008
-where friction is Coulomb's and viscous exactly (two axes, white noise)."""
+"""Negligible growth of the held-out residual (rms): the filters' corners cause up to 0.008 even for
+exact Coulomb and viscous friction (two axes, white noise)."""
 
 
 def simplest(errors: Mapping[str, Array], n_channels: int = 1) -> str:
-    """Return the first alternative that predicts as well as any that the data certainly call for.
+    """Return the simplest alternative with predictions as good as the significantly better models.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def simplest(errors: Mapping[str, Array], n_channels: int = 1) -> str:
 
 
 class HeldOut:
-    """Errors of prediction on blocks that a fit did not see.
+    """Prediction errors on held-out blocks.
 
     Parameters
     ----------
@@ -81,11 +81,11 @@ class HeldOut:
         self._v = [v - fitted.v[fold].sum(axis=0) for fold in self._folds]
 
     def error(self, kept: Indices) -> Array:
-        """Squared error of each block by a fit of some unknowns to the other folds' blocks."""
+        """Compute the squared error per block, fitting the `kept` unknowns to remaining folds."""
         return self.errors({"": kept})[""]
 
     def errors(self, alternatives: Mapping[str, Indices]) -> dict[str, Array]:
-        """Errors of several sets of unknowns, with one pass over the blocks."""
+        """Compute the errors of several sets of unknowns, with one pass over the blocks."""
         scored, names = self._scored, list(alternatives)
         found = np.zeros((len(scored.v), len(names)))
         for fold, N, v in zip(self._folds, self._N, self._v, strict=True):
@@ -98,12 +98,12 @@ class HeldOut:
 
 
 def folds(n: int) -> list[slice]:
-    """Successive blocks that are held out together."""
+    """Return the successive blocks of every fold."""
     return successive(0, n, min(FOLDS, n))
 
 
 def _certainly_positive(gains: Array) -> Mask:
-    """Whether each row's mean over blocks is positive by more than chance; gains: (n_rows, n)."""
+    """Test if the mean over blocks is significantly positive, per row of gains (n_rows, n)."""
     n = gains.shape[1]
     # draws of signs: the probability is known within 0.0025
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(4096, n))
@@ -115,7 +115,7 @@ def _certainly_positive(gains: Array) -> Mask:
 
 
 def _t(gains: Array, signs: Array) -> Array:
-    """Mean over its standard error, of each row of gains with each row of signs."""
+    """Compute t of every row of gains under every row of signs."""
     n = gains.shape[1]
     mean = signs @ gains.T / n
     variance = ((gains**2).mean(axis=1) - mean**2) / max(n - 1, 1)

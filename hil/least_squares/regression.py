@@ -1,4 +1,4 @@
-"""One regression: blocks, weights of their channels, the unknowns that are kept, and its solution.
+"""Weighted regression over blocks: channel weights, kept unknowns, solution and uncertainty.
 
 The unknowns of all channels are found together,
 
@@ -59,17 +59,16 @@ if TYPE_CHECKING:
     from hil.least_squares.normal_equations import Normal
 
 Solver = Callable[["Normal"], "tuple[Normal, Array]"]
-"""What weights the equations of groups, and solves them."""
+"""Solver that weights and solves the groups' equations."""
 Covariance = Literal["jackknife", "clusters", "CR2", "white"]
 ROUNDS = 20
-"""Times that weights and solution are found from each other, at most, should they not agree before:
-an end, not an accuracy."""
+"""Maximum number of reweighting iterations; normally the loop converges earlier."""
 
 
 class Uncertainty(NamedTuple):
-    """Covariance of the kept unknowns, shape (k, k), its degrees of freedom, (k,), and cells' part.
+    """Covariance of the kept unknowns (k, k), degrees of freedom (k,), and the cells' part.
 
-    The latter is what scatters over cells, 0 without any.
+    The latter is the scatter over cells, 0 without any.
     """
 
     covariance: Array
@@ -78,13 +77,13 @@ class Uncertainty(NamedTuple):
 
 
 def least_squares(equations: Normal) -> tuple[Normal, Array]:
-    """Solve all groups' equations, as they are."""
+    """Solve the groups' equations without further weights."""
     return equations, equations.solution()
 
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """A regression over blocks.
+    """Regression over blocks.
 
     Attributes
     ----------
@@ -110,7 +109,7 @@ class Regression:
         first: Array | None = None,
         rounds: int = ROUNDS,
     ) -> Regression:
-        """Regression with weights from what it leaves of each channel.
+        """Fit a regression with weights from the channels' residual variances.
 
         Parameters
         ----------
@@ -123,7 +122,7 @@ class Regression:
         """
         if kept is None:
             kept = np.arange(blocks.layout.size)
-        channels = blocks.by_channel.only(kept)
+        channels = blocks.channel_equations.only(kept)
         counts, heard = np.maximum(blocks.counts.sum(axis=0), 1.0), channels.square > 0
         squares = np.where(heard, channels.square, 1.0)
         # below this share of the torque nothing is left but rounding
@@ -137,13 +136,13 @@ class Regression:
 
         return cls(blocks, reweighted(weigh, first, rounds), kept)
 
-    def of(self, blocks: Blocks) -> Regression:
-        """The same of other blocks, with these weights."""
+    def transfer(self, blocks: Blocks) -> Regression:
+        """Create a regression of other blocks with the current weights."""
         return Regression(blocks, self.weights, self.kept, self.solver)
 
     @property
     def layout(self) -> Layout:
-        """All unknowns, whether they are kept or not."""
+        """Layout of the unknowns, kept or not."""
         return self.blocks.layout
 
     @cached_property
@@ -152,16 +151,16 @@ class Regression:
 
     @property
     def normal(self) -> Normal:
-        """Normal equations of the kept unknowns by group, as the solver weights them."""
+        """Normal equations of the kept unknowns by group, with the solver's weights."""
         return self._solved[0]
 
     @cached_property
     def solution(self) -> Array:
-        """All unknowns, shape (n,)."""
+        """Solution for the whole layout, shape (n,), zero for unknowns not kept."""
         return embedded(self._solved[1], self.kept, self.layout.size)
 
     def moved(self, torques: Blocks) -> Array:
-        """Change of all unknowns by what is added to the torque of one axis at a time.
+        """Compute the change of the unknowns by additional torque on one axis at a time.
 
         Parameters
         ----------
@@ -185,7 +184,7 @@ class Regression:
         cells: Blocks | None = None,
         most: int | None = None,
     ) -> Uncertainty:
-        """How uncertain the kept unknowns are.
+        """Compute covariance and degrees of freedom of the kept unknowns.
 
         Parameters
         ----------
@@ -223,7 +222,7 @@ class Regression:
         cells: Blocks | None = None,
         most: int | None = None,
     ) -> Fit:
-        """Solve, and ask what the solution is worth; parameters as of `uncertainty`."""
+        """Solve and compute the uncertainty; parameters as in `uncertainty`."""
         error, n = self.uncertainty(covariance, cells, most), self.layout.size
         return Fit(
             layout=self.layout,
@@ -237,7 +236,7 @@ class Regression:
 
 
 class ByName:
-    """Unknowns by name: values, standard errors and intervals, in SI."""
+    """Named unknowns: values, standard errors and intervals, in SI."""
 
     @property
     def _found(self) -> dict[str, tuple[float, float]]:
@@ -245,12 +244,12 @@ class ByName:
         raise NotImplementedError
 
     def _half_widths(self, level: float) -> dict[str, float]:
-        """Half-widths by name, of those that have degrees of freedom; others are normal."""
+        """Return half-widths by name for unknowns with degrees of freedom; the rest are normal."""
         raise NotImplementedError
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all that was found."""
+        """Names of the estimated unknowns."""
         return tuple(self._found)
 
     @property
@@ -265,11 +264,11 @@ class ByName:
 
     @property
     def tvalues(self) -> dict[str, float]:
-        """Values over their standard errors, by name."""
+        """Values divided by standard errors, by name."""
         return {n: x / error if error else float("nan") for n, (x, error) in self._found.items()}
 
     def conf_int(self, alpha: float = 0.05) -> dict[str, tuple[float, float]]:
-        """Return confidence intervals by name, after Student where degrees of freedom are few.
+        """Compute confidence intervals by name, from Student's t for few degrees of freedom.
 
         Parameters
         ----------
@@ -295,7 +294,7 @@ class ByName:
 
 @dataclass(frozen=True, eq=False)
 class Fit(ByName):
-    """Unknowns by name, with their uncertainty; those that were not kept have no name.
+    """Named unknowns with uncertainty; unknowns not kept are left out.
 
     Attributes
     ----------

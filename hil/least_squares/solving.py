@@ -1,4 +1,4 @@
-"""Linear least squares over unknowns whose units and sizes differ by orders of magnitude.
+"""Linear least squares with unknowns of very different units and sizes.
 
 Observations ``W x = y``, shape (m, n), and their normal equations ``N x = v`` with N = W'W and
 v = W'y say the same. Every function here scales the unknowns first, so that the columns of W have
@@ -34,47 +34,37 @@ if TYPE_CHECKING:
 
 Number = TypeVar("Number", np.float64, np.complex128)
 RANK = 1e-12
-"""Share of the largest eigenvalue of R; the square of that of columns of unit length."""
+"""Rank tolerance as share of the largest eigenvalue of R, squared share of singular values."""
 IDENTIFIABLE = 1e-8
-"""The same for unknowns that somebody wants to know, measured and not made up: a condition number
-of columns of unit length of 1e4. Beyond, an error of 1e-4 of the torque, which noise and friction
-always leave, makes the worst combination of unknowns as uncertain as its own torque is large, no
-standard error holds what a misfit does to it, and normal equations have lost half of 16 digits."""
+"""Rank tolerance for unknowns of interest, as opposed to auxiliary ones: a condition number of unit
+columns of 1e4. Beyond, a torque error of 1e-4, always present in noise and friction, makes the
+worst combination of unknowns as uncertain as its own torque is large, standard errors do not cover
+the effect of misfit, and normal equations have lost half of 16 digits."""
 SILENT = 1e-12
-"""Length of a column, as share of the longest, that rounding alone may leave of zero."""
+"""Largest norm of a zero column by rounding, as share of the longest."""
 RIDGE = 1e-12
-"""Added to the unit diagonal of R, so that unknowns without excitation stay zero."""
+"""Ridge added to the unit diagonal of R, so that unknowns without excitation stay zero."""
 
 
 def solved(N: Array, side: Array) -> Array:
-    """Solve normal equations ``N x = side``; unknowns that nothing excites stay zero.
+    """Solve normal equations ``N x = side``; unknowns without excitation stay zero.
 
-    Quick enough to leave out one measurement after the other.
-
-    Parameters
-    ----------
-    N : ndarray, shape (n, n)
-        Symmetric, positive semi-definite.
-    side : ndarray, shape (n,) or (n, k)
-
-    Returns
-    -------
-    x : ndarray, shape of `side`
+    Fast enough for leave-one-out loops.
     """
-    scale = _to_unit(np.diag(N))
+    scale = _unit_scale(np.diag(N))
     scaled = N * np.outer(scale, scale) + RIDGE * np.eye(len(N))
     return (np.linalg.solve(scaled, (side.T * scale).T).T * scale).T
 
 
 def solved_each(N: Array, sides: Array) -> Array:
-    """The same of a stack of equations, shapes (k, n, n) and (k, n)."""
-    scale = _to_unit(np.diagonal(N, axis1=1, axis2=2))
+    """Solve a stack of equations, shapes (k, n, n) and (k, n)."""
+    scale = _unit_scale(np.diagonal(N, axis1=1, axis2=2))
     scaled = N * scale[:, :, np.newaxis] * scale[:, np.newaxis] + RIDGE * np.eye(N.shape[-1])
     return np.linalg.solve(scaled, (sides * scale)[..., np.newaxis])[..., 0] * scale
 
 
 def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
-    """B of ``B'N B = 1`` and ``B B' = N^+``, shape (n, number of determined directions).
+    """Compute B with ``B'N B = 1`` and ``B B' = N^+``, shape (n, number of determined directions).
 
     If N is a covariance, B' whitens.
 
@@ -95,13 +85,13 @@ def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Arr
 
 
 def inverse(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
-    """N^+, shape (n, n), zero in what is not determined; parameters as of `inverse_root`."""
+    """Compute N^+, shape (n, n), zero in undetermined directions; cf. `inverse_root`."""
     root = inverse_root(N, rank, size)
     return root @ root.T
 
 
 def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> Mask:
-    """Unknowns with a part in directions that are not determined, shape (n,)."""
+    """Return True for unknowns with a part in undetermined directions, shape (n,)."""
     _, values, vectors = _scaled(N, size)
     part = np.linalg.norm(vectors[:, ~_determined(values, rank)], axis=1)
     # part of an unknown in directions that are not determined, from which on it is not either
@@ -110,7 +100,7 @@ def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> Mas
 
 
 def undetermined_beside(N: Array, n: int) -> Mask:
-    """Of the first `n` unknowns those that are not `IDENTIFIABLE` beside all others, shape (n,).
+    """Return True for the first `n` unknowns not `IDENTIFIABLE` beside the rest, shape (n,).
 
     What elimination of the others leaves is compared with what there was before.
 
@@ -118,12 +108,12 @@ def undetermined_beside(N: Array, n: int) -> Mask:
     ----------
     N : ndarray, shape (n + k, n + k)
     """
-    left = without_nuisance(N, n) @ N[:, :n]
+    left = nuisance_elimination(N, n) @ N[:, :n]
     return undetermined(left, IDENTIFIABLE, np.diag(N)[:n])
 
 
 def condition(N: Array) -> float:
-    """Condition number of columns of unit length; those that are zero do not count, inf of none.
+    """Compute the condition number of columns of unit length, without zero columns; inf if empty.
 
     Parameters
     ----------
@@ -137,7 +127,7 @@ def condition(N: Array) -> float:
 
 
 def projected_out(Q: Array, x: NDArray[Number]) -> NDArray[Number]:
-    """What of `x` lies outside the span of orthonormal columns `Q`, shape of `x`.
+    """Project `x` onto the complement of the span of orthonormal columns `Q`, shape of `x`.
 
     Parameters
     ----------
@@ -148,7 +138,7 @@ def projected_out(Q: Array, x: NDArray[Number]) -> NDArray[Number]:
 
 
 def orthonormal(W: Array, rank: float = RANK) -> tuple[Array, Array]:
-    """Q = W B with orthonormal columns that span those of W, and B.
+    """Compute Q = W B with orthonormal columns of the same span as W, and B.
 
     Parameters
     ----------
@@ -160,7 +150,7 @@ def orthonormal(W: Array, rank: float = RANK) -> tuple[Array, Array]:
     B : ndarray, shape (n, r)
         Root of the inverse of W'W, from W itself, not from its square.
     """
-    scale = _to_unit(np.sum(W**2, axis=0))
+    scale = _unit_scale(np.sum(W**2, axis=0))
     Q, sizes, turned = np.linalg.svd(W * scale, full_matrices=False)
     kept = _determined(sizes[::-1] ** 2, rank)[::-1]
     return Q[:, kept], scale[:, np.newaxis] * turned[kept].T / sizes[kept]
@@ -183,7 +173,7 @@ def fitted(W: Array, y: Array) -> Array:
 
 
 def eliminated(product: Array, k: int) -> tuple[Array, int]:
-    """Inner products of columns with the span of the last `k` projected out, and its rank.
+    """Eliminate the last `k` columns from inner products; return these and the eliminated rank.
 
     Parameters
     ----------
@@ -199,8 +189,8 @@ def eliminated(product: Array, k: int) -> tuple[Array, int]:
     return product[:n, :n] - within @ within.T, within.shape[1]
 
 
-def without_nuisance(N: Array, n: int) -> Array:
-    """P, which combines normal equations so that all unknowns but the first `n` drop out.
+def nuisance_elimination(N: Array, n: int) -> Array:
+    """Compute P, the elimination of all unknowns but the first `n` from normal equations.
 
     Parameters
     ----------
@@ -214,42 +204,30 @@ def without_nuisance(N: Array, n: int) -> Array:
 
 
 def shares_without_nuisance(shares: Array, sides: Array, n: int) -> tuple[Array, Array]:
-    """Shares of measurements in the normal equations of the first `n` unknowns.
+    """Compute the measurements' normal equations for the first `n` unknowns.
 
-    Their sums are the normal equations without nuisance; that is held at the solution of all.
-
-    Parameters
-    ----------
-    shares : ndarray, shape (n_measurements, n + k, n + k)
-        N of each measurement.
-    sides : ndarray, shape (n_measurements, n + k)
-        v of each.
-
-    Returns
-    -------
-    shares : ndarray, shape (n_measurements, n, n)
-    sides : ndarray, shape (n_measurements, n)
+    Their sums are the normal equations without nuisance, which is fixed at the solution of all.
     """
     N, v = shares.sum(axis=0), sides.sum(axis=0)
-    P, nuisance = without_nuisance(N, n), inverse(N[n:, n:]) @ v[n:]
+    P, nuisance = nuisance_elimination(N, n), inverse(N[n:, n:]) @ v[n:]
     rows = P @ shares
     return rows @ P.T, sides @ P.T - rows[:, :, n:] @ nuisance
 
 
-def _to_unit(squares: Array) -> Array:
-    """Reciprocal lengths of columns, from their squares; zero for those that are silent."""
+def _unit_scale(squares: Array) -> Array:
+    """Compute reciprocal lengths of columns from squares; zero for negligible columns."""
     heard = squares > SILENT**2 * squares.max(axis=-1, initial=0.0, keepdims=True)
     return np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, squares, 1.0))
 
 
 def _scaled(N: Array, size: Array | None) -> tuple[Array, Array, Array]:
-    """D^-1, eigenvalues of R from the smallest, and its eigenvectors as columns."""
-    scale = _to_unit(np.diag(N) if size is None else size)
+    """Compute D^-1, eigenvalues of R in ascending order, and eigenvectors as columns."""
+    scale = _unit_scale(np.diag(N) if size is None else size)
     values, vectors = np.linalg.eigh(N * np.outer(scale, scale))
     return scale, values, vectors
 
 
 def _determined(values: Array, rank: float) -> Mask:
-    """Which of the eigenvalues of R, from the smallest, belong to determined directions."""
+    """Return True for eigenvalues of R, in ascending order, of determined directions."""
     found: Mask = values > rank * max(1.0, values.max(initial=0.0))
     return found

@@ -1,4 +1,4 @@
-"""How uncertain a least-squares solution is: what scatters, and what that does to the unknowns.
+"""Uncertainty of a least-squares solution from the scatter between measurements.
 
 Unknowns x solve ``N x = v``; measurement k has the share S_k in N and s_k in v. Its *score* is what
 its own normal equations leave at the solution of all, ``s_k - S_k x``.
@@ -40,21 +40,21 @@ if TYPE_CHECKING:
 
 
 TWICE = 1.96
-"""Standard errors of an interval of 95 %, of a variance that is known."""
+"""Half-width of a 95 % interval in standard errors, for a known variance."""
 UNCERTAIN = 0.5
-"""Standard error over value from which on a parameter may count as not identifiable: its interval
-of 95 % then holds zero."""
+"""Ratio of standard error to value above which a parameter may count as not identifiable: the 95 %
+interval contains zero."""
 FEWEST = 2.0
-"""Degrees of freedom, at least: of Student's t with fewer, intervals are too wide to be of use."""
+"""Minimum degrees of freedom: for fewer, Student's t gives useless intervals."""
 ALMOST_NONE = 1.0
-"""Degrees of freedom, at least: a variance that a single measurement carries is evidence of next to
-nothing."""
+"""Minimum degrees of freedom for a variance carried by a single measurement, which is almost no
+evidence."""
 _ALONE = 1e-6
-"""Of a direction that one measurement alone determines, what rounding leaves of 1 - H."""
+"""Floor of 1 - H, for directions determined by a single measurement."""
 
 
 class Solved(NamedTuple):
-    """A solution and how uncertain what differs between measurements makes it.
+    """Solution with uncertainty from the differences between measurements.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Solved(NamedTuple):
 
 
 def scatter(scores: Array, *, few: bool = False) -> Array:
-    """Covariance of the normal equations' right-hand side, from measurements' scores.
+    """Compute the covariance of the normal equations' right-hand side from measurements' scores.
 
     Parameters
     ----------
@@ -88,12 +88,12 @@ def scatter(scores: Array, *, few: bool = False) -> Array:
 
 
 def sandwich(inverse: Array, meat: Array) -> Array:
-    """Covariance of x, shape (n, n), from the inverse of N and the right-hand side's covariance."""
+    """Compute the covariance of x, shape (n, n), from N^-1 and the right-hand side's covariance."""
     return inverse @ meat @ inverse.T
 
 
 def classical(J: Array, variance: float) -> Array:
-    """Covariance of x for white residuals, inf on the diagonal where x is not determined.
+    """Compute the covariance of x for white residuals; inf on the diagonal if undetermined.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def classical(J: Array, variance: float) -> Array:
 
 
 def jackknife(changes: Array) -> Array:
-    """Covariance of x, shape (n, n).
+    """Compute the jackknife covariance of x, shape (n, n).
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def jackknife(changes: Array) -> Array:
 
 
 def left_out(shares: Array, scores: Array) -> Array:
-    """Change of x by leaving out each measurement, shape (n_measurements, n).
+    """Compute the change of x without every single measurement, shape (n_measurements, n).
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def left_out(shares: Array, scores: Array) -> Array:
 
 
 def effective_degrees(shares: Array, fewest: float = FEWEST) -> Array:
-    """Effective degrees of freedom of variances to which measurements contribute `shares`.
+    """Compute effective degrees of freedom of variances with the measurements' `shares`.
 
     Parameters
     ----------
@@ -153,32 +153,19 @@ def effective_degrees(shares: Array, fewest: float = FEWEST) -> Array:
 
 
 def degrees_if_white(inverse: Array, shares: Array, fewest: float = FEWEST) -> Array:
-    """Effective degrees of freedom by each measurement's share of the variance of white noise.
+    """Compute effective degrees of freedom from the shares of measurements in white noise.
 
-    After Bell and McCaffrey, Survey Methodology 28 (2002) 169-181. Shares taken from the residuals
-    instead are as uncertain as the variance itself: with them a ratio of 14 between an unknown and
-    its standard error came out as chance.
-
-    Parameters
-    ----------
-    inverse : ndarray, shape (n, n)
-        Of N.
-    shares : ndarray, shape (n_measurements, n, n)
-    fewest : float
-        As of `effective_degrees`.
+    After Bell and McCaffrey, Survey Methodology 28 (2002) 169-181. Shares from the residuals are as
+    uncertain as the variance itself: a ratio of 14 between an unknown and its standard error then
+    looked random.
     """
     return effective_degrees(((inverse @ shares) * inverse.T).sum(axis=-1), fewest)
 
 
 def leave_one_out(shares: Array, sides: Array) -> Solved:
-    """Solve normal equations with all measurements, and without each of them.
+    """Solve normal equations, and compute the jackknife covariance by measurement.
 
     Degrees of freedom are those of `degrees_if_white`.
-
-    Parameters
-    ----------
-    shares : ndarray, shape (n_measurements, n, n)
-    sides : ndarray, shape (n_measurements, n)
     """
     N = shares.sum(axis=0)
     x = solved(N, sides.sum(axis=0))
@@ -188,15 +175,10 @@ def leave_one_out(shares: Array, sides: Array) -> Solved:
 
 
 def bias_reduced(shares: Array, sides: Array) -> Solved:
-    """Solve normal equations whose noise is about white, of variance 1.
+    """Solve normal equations with nearly white noise of variance 1.
 
-    No variance is less than that of such noise: of what one measurement alone determines it leaves
-    no score. Degrees of freedom are those of `degrees_if_white`.
-
-    Parameters
-    ----------
-    shares : ndarray, shape (n_measurements, n, n)
-    sides : ndarray, shape (n_measurements, n)
+    No variance is less than that of such noise: a direction determined by a single measurement
+    leaves no score. Degrees of freedom are those of `degrees_if_white`.
     """
     N = shares.sum(axis=0)
     B = inverse_root(N)
@@ -211,7 +193,7 @@ def bias_reduced(shares: Array, sides: Array) -> Solved:
 
 
 def correlation_of(covariance: Array) -> Array:
-    """Correlations, shape (n, n); zero with what has no variance or an infinite one."""
+    """Compute correlations, shape (n, n); zero for unknowns with zero or infinite variance."""
     variance = np.diag(covariance)
     finite = np.isfinite(variance) & (variance > 0)
     scale = np.where(finite, 1.0, 0.0) / np.sqrt(np.where(finite, variance, 1.0))

@@ -85,7 +85,7 @@ class Interim:
         if not self._open.any():
             yield from (self._predicted(motion, each, s) for axes in stacks for each in axes)
         if any(stacks):
-            self._blocks.append(condensed_blocks(self._robot, stacks).without(ROTOR))
+            self._blocks.append(condensed_blocks(self._robot, stacks).drop(ROTOR))
 
     def parameters(self) -> Line:
         """Estimate; return what stands in the line ``estimate``."""

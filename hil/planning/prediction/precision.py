@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.friction.equation import n_unknowns, place
-from hil.least_squares.solving import IDENTIFIABLE, inverse, undetermined, without_nuisance
+from hil.least_squares.solving import IDENTIFIABLE, inverse, nuisance_elimination, undetermined
 from hil.least_squares.uncertainty import sandwich
 from hil.least_squares.window import APART
 from hil.model.base_parameters import base_parameters
@@ -157,7 +157,7 @@ def scatter_of(share: Share, noise: Noise) -> Array:
 
 def covariance(known: Information, n_base: int) -> Array:
     """Compute the covariance of the base parameters, shape (n_base, n_base); inf if unknown."""
-    P = without_nuisance(known.matrix, n_base)
+    P = nuisance_elimination(known.matrix, n_base)
     left, alone = P @ known.matrix[:, :n_base], np.diag(known.matrix)[:n_base]
     found = sandwich(inverse(left, IDENTIFIABLE, alone), sandwich(P, known.scatter))
     lost = undetermined(left, IDENTIFIABLE, alone)
