@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperGroup
 
 from checked_files.foreign_text import shown
-from hil.cli.equipment import COUNTED, HELP, epilog, equipped, set_output, without_types
+from hil.cli.equipment import COUNTED, HELP, epilog, equip, hide_flag_types, set_output
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
@@ -94,18 +94,18 @@ class _ImportedLate(TyperGroup):
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the options as shown in the help."""
-        return without_types(super().get_params(ctx))
+        return hide_flag_types(super().get_params(ctx))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return name, command and arguments, in the classes of typer's own copy of click."""
         name, command, rest = super().resolve_command(ctx, args)
-        return name, imported(name) if name in COMMANDS else command, rest
+        return name, import_command(name) if name in COMMANDS else command, rest
 
 
-def imported(name: str) -> Any:
+def import_command(name: str) -> Any:
     """Import a command or a group of commands by name, with the common options."""
     module = import_module(f"{__name__}.{MODULES[name]}")
-    return equipped(typer.main.get_group(module.commands).commands[name], name)
+    return equip(typer.main.get_group(module.commands).commands[name], name)
 
 
 def _show_version(wanted: bool) -> None:
@@ -154,13 +154,13 @@ def main(
         sys.stderr.write(f"{shown(message)}\n")
         sys.exit(1)
     except Exception as error:
-        if not _explained(error) or out.verbose:
+        if not _is_explained(error) or out.verbose:
             raise
         sys.stderr.write(f"{shown(str(error))}\n")
         sys.exit(1)
 
 
-def _explained(error: Exception) -> bool:
+def _is_explained(error: Exception) -> bool:
     """Return True if the error's own message is sufficient for the operator."""
     from checked_files.errors import HilError
 

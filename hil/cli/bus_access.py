@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 SUFFIX = ".drives.yaml"
 
 
-def selected(name: str, axes: list[str] | None = None) -> DrivesFile:
+def select_axes(name: str, axes: list[str] | None = None) -> DrivesFile:
     """Load a drives file, optionally reduced to some axes."""
     drives = load_drives(drives_path(name))
     if not axes:
@@ -94,14 +94,16 @@ def _product(axis: AxisDrive) -> tuple[int, int, int]:
     return axis.node, axis.identity.vendor, axis.identity.product
 
 
-def opened_bus(name: str, drives: DrivesFile, where: DrivesBus) -> Fieldbus:
+def open_bus(name: str, drives: DrivesFile, where: DrivesBus) -> Fieldbus:
     """Open the bus of a drives file; the default is the plant with these drives."""
     refuse_no_channel(where.interface, where.channel)
     channel = where.channel or _plant_of(drives, name)
-    return opened(where.interface, channel, drives.bitrate, where.bus_option)
+    return open_interface(where.interface, channel, drives.bitrate, where.bus_option)
 
 
-def opened(interface: str, channel: str, bitrate: int | None, pairs: list[str] | None) -> Fieldbus:
+def open_interface(
+    interface: str, channel: str, bitrate: int | None, pairs: list[str] | None
+) -> Fieldbus:
     """Open a bus with the options of the command line, to be used as a context manager."""
     return open_fieldbus(interface, channel, {"bitrate": bitrate, **bus_options(pairs)})
 

@@ -72,11 +72,11 @@ def check(
     from drivers.operator_tools.check_powered import SmallMoves
     from hil.cli import bus_access
 
-    drives = bus_access.selected(drives_file, axis)
+    drives = bus_access.select_axes(drives_file, axis)
     gravity = None if model is None else _gravity(model, drives)
     moves = SmallMoves(angle=math.radians(angle), angular_velocity=math.radians(speed))
     with (
-        _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper),
+        _open_session(drives_file, drives, where, agreed=yes) as (bus, operator, keeper),
         bus_access.real_time_if(realtime, lock_step=bus.lock_step) as granted,
     ):
         for line in granted:
@@ -106,9 +106,9 @@ def jog(
     from drivers.operator_tools.small_move import format_coordinate
     from hil.cli import bus_access
 
-    drives = bus_access.selected(drives_file)
+    drives = bus_access.select_axes(drives_file)
     drive = bus_access.find_axis(drives, axis)
-    with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
+    with _open_session(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
         way, velocity = _si(drive, by), _si(drive, speed)
         stroke = jogging.jog(bus, drives, drive, way, velocity, operator, keeper=keeper)
     torque = drive.effort_unit
@@ -147,13 +147,13 @@ def home(
     from drivers.operator_tools.small_move import format_coordinate
     from hil.cli import bus_access
 
-    drives = bus_access.selected(drives_file)
+    drives = bus_access.select_axes(drives_file)
     drive = bus_access.find_axis(drives, axis)
     if drive.homing is None:
         path = bus_access.drives_path(drives_file)
         raise FileError(f"{path}: {drive.name}: homing is missing; state method, position, speeds")
     how = drive.homing if method is None else drive.homing.model_copy(update={"method": method})
-    with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
+    with _open_session(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
         q = homing.home(bus, drives, drive, how, operator, patience=patience, keeper=keeper)
     give(axis=drive.name, method=how.method, q=float(q))
     say(f"{drive.name}: homed by method {how.method}, stands at {format_coordinate(drive, q)}; off")
@@ -174,15 +174,15 @@ def reset_faults(
     from drivers.operator_tools.reset_faults import reset_faults as reset
     from hil.cli import bus_access
 
-    drives = bus_access.selected(drives_file, axis)
-    with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, _):
+    drives = bus_access.select_axes(drives_file, axis)
+    with _open_session(drives_file, drives, where, agreed=yes) as (bus, operator, _):
         serves = show_verdicts(reset(bus, drives, operator), out)
     if not serves:
         raise typer.Exit(1)
 
 
 @contextmanager
-def _commanded(
+def _open_session(
     drives_file: str, drives: DrivesFile, where: DrivesBus, *, agreed: bool
 ) -> Iterator[tuple[Fieldbus, TerminalOperator, SettingsKeeper]]:
     """Open bus and terminal, and keep the drives' found settings."""
@@ -190,7 +190,7 @@ def _commanded(
     from hil.tasks.found_settings import keeper_of_bus
 
     with (
-        bus_access.opened_bus(drives_file, drives, where) as bus,
+        bus_access.open_bus(drives_file, drives, where) as bus,
         bus_access.operator_at_terminal(agreed=agreed) as operator,
         keeper_of_bus(where.interface, where.channel) as keeper,
     ):

@@ -62,7 +62,7 @@ def scan(
     nodes: Nodes = None,
 ) -> None:
     """Find the drives on a bus and what they lack for measuring; only reads."""
-    found = _scanned(DrivesBus(interface, channel, bus_option), bitrate, _numbers(nodes))
+    found = _scan(DrivesBus(interface, channel, bus_option), bitrate, _numbers(nodes))
     _show_nodes(list(found.nodes.values()))
     if found.syncs:
         say(
@@ -106,11 +106,11 @@ def new(
     if interface is None:
         if esi:
             interface, bitrate = ETHERCAT, bitrate or BITRATE
-        axes = _from_sheets(eds or esi or [], _numbers(nodes), interface)
+        axes = _read_sheets(eds or esi or [], _numbers(nodes), interface)
     else:
         bitrate = bitrate or BITRATE
         where = DrivesBus(interface, channel, bus_option)
-        axes = _from_bus(where, bitrate, _numbers(nodes))
+        axes = _read_bus(where, bitrate, _numbers(nodes))
     text = draft_drives(axes, find_rules(interface), bitrate)
     write_file(output, text.encode())
     choices: dict[str, list[str]] = {}
@@ -131,7 +131,7 @@ for _command in (
     drives_commands.command()(_command)
 
 
-def _from_sheets(
+def _read_sheets(
     files: Sequence[Path], nodes: tuple[int, ...], interface: str | None
 ) -> list[DraftedAxis]:
     """Read data sheets: a single sheet for all nodes, or a sheet per node."""
@@ -156,11 +156,11 @@ def _from_sheets(
     return axes
 
 
-def _from_bus(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> list[DraftedAxis]:
+def _read_bus(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> list[DraftedAxis]:
     """Read the dictionaries of the drives: the given nodes, or all drives found."""
     from drivers.operator_tools.draft import DraftedAxis
 
-    found = _scanned(where, bitrate, nodes).nodes
+    found = _scan(where, bitrate, nodes).nodes
     silent = [node for node in nodes or found if node not in found or not found[node].dictionary]
     if silent and nodes:
         raise NodeSilent(
@@ -181,14 +181,14 @@ def _from_bus(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> list[Dr
     return axes
 
 
-def _scanned(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> Scan:
+def _scan(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> Scan:
     from hil.cli import bus_access
 
     refuse_no_channel(where.interface, where.channel)
     interface, channel = where.interface, where.channel or PLANT
     with (
         working(f"asking {len(nodes) or HIGHEST_NODE} nodes on {interface} {channel}"),
-        bus_access.opened(interface, channel, bitrate, where.bus_option) as bus,
+        bus_access.open_interface(interface, channel, bitrate, where.bus_option) as bus,
     ):
         found = bus.scan(nodes or None)
     if not found.nodes:

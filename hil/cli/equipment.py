@@ -62,15 +62,15 @@ def examples_of(path: str) -> Sequence[str]:
     return inner[:2]
 
 
-def equipped(command: Any, path: str) -> Any:
+def equip(command: Any, path: str) -> Any:
     """Add examples and common options to a command, and to subcommands."""
     command.epilog = epilog(path)
     parameters = command.get_params
-    command.get_params = lambda context: without_types(parameters(context))
+    command.get_params = lambda context: hide_flag_types(parameters(context))
     paragraphs = (command.help or "").split("\n\n")  # of which rich keeps the ends of lines
     command.help = "\n\n".join(" ".join(each.split()) for each in paragraphs)
     for name, member in getattr(command, "commands", {}).items():
-        equipped(member, f"{path} {name}")
+        equip(member, f"{path} {name}")
     if hasattr(command, "commands"):
         return command
     command.params += _common_options()
@@ -78,7 +78,7 @@ def equipped(command: Any, path: str) -> Any:
     return command
 
 
-def without_types(parameters: list[Any]) -> list[Any]:
+def hide_flag_types(parameters: list[Any]) -> list[Any]:
     """Hide the type of flags in the help, which some versions of typer show like a value."""
     for each in parameters:
         if getattr(each, "is_flag", False):

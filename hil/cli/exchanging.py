@@ -170,7 +170,7 @@ def export(
     refuse_unknown(to)
     if to in RECORDINGS:
         _refuse(to, urdf=None if to == "mcap" else urdf, patch=patch, mass=masses, force=force)
-        paths = _recordings_written(source, to, output, urdf, without)
+        paths = _write_recordings(source, to, output, urdf, without)
     elif to not in SIMULATORS and (urdf or patch or masses):
         raise typer.BadParameter(
             f"--urdf, --patch and --mass are about bodies, which {to} has not; they go with"
@@ -179,7 +179,7 @@ def export(
         )
     else:
         _refuse(to, without=without)
-        paths = _model_written(source, to, output, urdf, patch, masses, force)
+        paths = _write_model(source, to, output, urdf, patch, masses, force)
     for path in paths:
         say(f"written: {path}")
 
@@ -193,7 +193,7 @@ def _refuse(to: str, **given: object) -> None:
             )
 
 
-def _model_written(
+def _write_model(
     source: Path,
     to: str,
     output: Path,
@@ -229,7 +229,7 @@ def _model_written(
     return paths
 
 
-def _recordings_written(
+def _write_recordings(
     source: Path, to: str, output: Path, urdf: Path | None, without: list[str] | None
 ) -> tuple[Path, ...]:
     with working("reading the run") as now:

@@ -36,7 +36,7 @@ def _address(value: str | None) -> str | None:
     return value
 
 
-def _served(option: str, what: str, elsewhere: str) -> tuple[OptionInfo, OptionInfo]:
+def _address_options(option: str, what: str, elsewhere: str) -> tuple[OptionInfo, OptionInfo]:
     """Create the options for port and address of a live display."""
     port = typer.Option(
         option, metavar="PORT", min=0, max=65535,
@@ -54,12 +54,12 @@ def hand_of(bus_option: Sequence[str] | None) -> str:
     return given[-1] if given else ""
 
 
-_LIVE, _LIVE_ADDRESS = _served(
+_LIVE, _LIVE_ADDRESS = _address_options(
     "--live",
     "Show the run on a page in the browser of this computer",
     "Serve the live page to other computers at this IP address; its URL holds a secret.",
 )
-_FOXGLOVE, _FOXGLOVE_ADDRESS = _served(
+_FOXGLOVE, _FOXGLOVE_ADDRESS = _address_options(
     "--foxglove",
     "Stream the run to Foxglove on this computer",
     "Stream to Foxglove on other computers at this IP address; whoever reaches it can look.",
@@ -71,11 +71,11 @@ class PortsOptional(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse arguments after the insertion of default ports."""
-        parsed: list[str] = super().parse_args(ctx, with_ports(args))
+        parsed: list[str] = super().parse_args(ctx, insert_ports(args))
         return parsed
 
 
-def with_ports(arguments: list[str]) -> list[str]:
+def insert_ports(arguments: list[str]) -> list[str]:
     """Insert the default port after every option in `PORTS` without a number."""
     found = []
     for word, after in zip(arguments, [*arguments, ""][1:], strict=True):

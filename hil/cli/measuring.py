@@ -194,7 +194,7 @@ def measure(
             bus,
             BusName(how.interface, channel),
             rehearsal,
-            lambda: bus_access.real_time_if(how.realtime, lock_step=_in_lock_step(how)),
+            lambda: bus_access.real_time_if(how.realtime, lock_step=_uses_lock_step(how)),
             display if feed is None else partial(feed.display, display),
         )
 
@@ -225,7 +225,7 @@ def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, 
     channel = how.channel or the_robot.name
     bus_options(how.bus_option)
     kept = kept_in(output, how.interface, channel)
-    with bus_access.opened(how.interface, channel, drives.bitrate, how.bus_option) as bus:
+    with bus_access.open_interface(how.interface, channel, drives.bitrate, how.bus_option) as bus:
         drive_settings.show_changes(drives, bus, kept)
     say("nothing was written, nothing was powered")
 
@@ -248,5 +248,5 @@ def _gate(folder: Path, the_robot: Robot) -> None:
         say(line, style="yellow")
 
 
-def _in_lock_step(how: OnBus) -> bool:
+def _uses_lock_step(how: OnBus) -> bool:
     return how.pacing == "lock-step" or (how.pacing == "auto" and how.interface == SIMULATED)

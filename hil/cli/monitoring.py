@@ -51,9 +51,9 @@ def monitor(
     """Show states, positions, torques and emergencies live; only listens."""
     from hil.cli import bus_access
 
-    drives = bus_access.selected(drives_file)
+    drives = bus_access.select_axes(drives_file)
     with (
-        bus_access.opened_bus(drives_file, drives, where) as bus,
+        bus_access.open_bus(drives_file, drives, where) as bus,
         interruptible(lambda: "stopped watching"),
         Keys() as keys,
     ):

@@ -106,7 +106,7 @@ def _refused(text: str) -> FileError:
     return FileError(text)
 
 
-def _taken_unless(*refuse: Callable[[Path], None]) -> Callable[..., Path | None]:
+def _path_callback(*refuse: Callable[[Path], None]) -> Callable[..., Path | None]:
     """Create the callback of an option: the path unchanged, or an error from a check."""
 
     def take(ctx: typer.Context, path: Path | None) -> Path | None:
@@ -118,15 +118,15 @@ def _taken_unless(*refuse: Callable[[Path], None]) -> Callable[..., Path | None]
     return take
 
 
-new_file = _taken_unless(refuse_no_folder, refuse_existing)
+new_file = _path_callback(refuse_no_folder, refuse_existing)
 """Accept a new file in an existing folder."""
-file_to_write = _taken_unless(refuse_no_folder, refuse_unwritable)
+file_to_write = _path_callback(refuse_no_folder, refuse_unwritable)
 """Accept a file, existing or new; an existing one is overwritten."""
-folder_to_write = _taken_unless(_refuse_no_way)
+folder_to_write = _path_callback(_refuse_no_way)
 """Accept a folder, existing or to be created with parents."""
-place_to_write = _taken_unless(lambda path: _refuse_no_way(path, path.absolute().parent))
+place_to_write = _path_callback(lambda path: _refuse_no_way(path, path.absolute().parent))
 """Accept a folder or a file, depending on another option."""
-new_folder = _taken_unless(refuse_existing, _refuse_no_way)
+new_folder = _path_callback(refuse_existing, _refuse_no_way)
 """Accept a folder to be created, with parents."""
 
 

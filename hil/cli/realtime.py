@@ -150,12 +150,12 @@ def real_time(system: Linux | None = None) -> Iterator[tuple[str, ...]]:
     """
     system = Linux() if system is None else system
     with ExitStack() as undo:
-        memory = _asked(undo, system.lock_memory, "memory", "locked", _MEMORY)
-        idle = _asked(undo, system.stay_awake, "idle states", "shallow only", _IDLE)
-        core = _pinned(undo, system)
+        memory = _request(undo, system.lock_memory, "memory", "locked", _MEMORY)
+        idle = _request(undo, system.stay_awake, "idle states", "shallow only", _IDLE)
+        core = _pin(undo, system)
         by = f"SCHED_FIFO, priority {PRIORITY}"
         schedule = partial(system.schedule, PRIORITY)
-        scheduling = _asked(undo, schedule, "scheduling", by, _SCHEDULING)
+        scheduling = _request(undo, schedule, "scheduling", by, _SCHEDULING)
         yield scheduling, memory, core, idle
 
 
@@ -168,7 +168,7 @@ _CORE = "set one aside with isolcpus=N among the kernel's parameters"
 _IDLE = "let this user write /dev/cpu_dma_latency, or limit idle states in the firmware"
 
 
-def _asked(
+def _request(
     undo: ExitStack, ask: Callable[[], Callable[[], None]], name: str, granted: str, remedy: str
 ) -> str:
     try:
@@ -178,7 +178,7 @@ def _asked(
     return f"{name}: {granted}"
 
 
-def _pinned(undo: ExitStack, system: Linux) -> str:
+def _pin(undo: ExitStack, system: Linux) -> str:
     """Pin the thread to an isolated core; on a shared core other threads would block the thread."""
     try:
         isolated = sorted(system.isolated())

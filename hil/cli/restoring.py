@@ -52,7 +52,9 @@ def restore(
         stack.enter_context(locked(file.parent))
         if bus_name[0] != SIMULATED:
             stack.enter_context(BusState(*bus_name).locked())
-        bus = stack.enter_context(bus_access.opened(*bus_name, settings.bitrate, bus_option))
+        bus = stack.enter_context(
+            bus_access.open_interface(*bus_name, settings.bitrate, bus_option)
+        )
         ended = "stopped; run the same command again to go on"
         stack.enter_context(interruptible(lambda: ended))
         settings, failed = _put_back(bus, settings, file)

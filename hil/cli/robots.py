@@ -76,9 +76,9 @@ def new(
     if urdf is None and (base or tip):
         raise typer.BadParameter("--from and --to name links of a URDF; leave them out")
     if urdf is not None:
-        text, found, rounded = _from_urdf(urdf, base, tip, gravity)
+        text, found, rounded = _draft_from_urdf(urdf, base, tip, gravity)
     else:
-        text, found, rounded = _from_table(dh, mdh, gravity)
+        text, found, rounded = _draft_from_table(dh, mdh, gravity)
     write_file(output, text.encode())
     say(found)
     if rounded > 0:
@@ -87,7 +87,7 @@ def new(
     say(f"{output}: {marks} lines marked {UNSTATED} are yours to fill in")
 
 
-def _from_urdf(
+def _draft_from_urdf(
     urdf: Path, base: str | None, tip: str | None, gravity: tuple[float, float, float] | None
 ) -> tuple[str, str, float]:
     """Draft a robot file from a URDF: text, description, and rounding of angles [rad]."""
@@ -100,10 +100,10 @@ def _from_urdf(
     return draft_robot(chain, gravity), found, chain.rounded
 
 
-def _from_table(
+def _draft_from_table(
     dh: Path | None, mdh: Path | None, gravity: tuple[float, float, float] | None
 ) -> tuple[str, str, float]:
-    """Draft a robot file from a table, with the results of `_from_urdf`."""
+    """Draft a robot file from a table, with the results of `_draft_from_urdf`."""
     from hil.model.readers.dh_table import read_dh
     from hil.model.readers.robot_draft import draft_robot
 

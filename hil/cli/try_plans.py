@@ -37,7 +37,7 @@ def measured_plan(robot: Robot) -> Plan:
     """Create a plan with early information about every parameter, regardless of travel times."""
     counts = {kind: round(SHARE * number) for kind, number in COUNTS.items()}
     planned = design(robot, counts).measurements
-    return make_plan(robot, mixed([*planned, *_slow_strokes(robot, planned)]))
+    return make_plan(robot, interleave([*planned, *_slow_strokes(robot, planned)]))
 
 
 def _slow_strokes(robot: Robot, planned: Sequence[Measurement]) -> Iterator[Gravity]:
@@ -52,7 +52,7 @@ def _slow_strokes(robot: Robot, planned: Sequence[Measurement]) -> Iterator[Grav
                 yield Gravity(id=f"s{axis + 1}{k + 1}", axis=axis + 1, q=each.q, **motion)
 
 
-def mixed(measurements: Sequence[Measurement]) -> list[Measurement]:
+def interleave(measurements: Sequence[Measurement]) -> list[Measurement]:
     """Interleave kinds, axes and configurations of measurements.
 
     Within a kind and axis the order follows the golden section, which leaves no part of a sequence

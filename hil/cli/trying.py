@@ -108,7 +108,7 @@ def try_(
         from hil.live.feed import Feed
         from hil.terminal.interruption import interruptible
 
-        folder = _claimed(output)
+        folder = _claim_folder(output)
         left.callback(lambda: _remove_if_empty(folder))
         left.enter_context(interruptible(lambda: f"stopped; what was measured stays in {folder}"))
         hand = f"{left.enter_context(TemporaryDirectory(prefix='hil-'))}/hand"
@@ -220,7 +220,7 @@ def _push(
         watcher = Watcher(model, plan.sample_period, LEARNING)
         view = WatchView(watcher, robot)
 
-    def in_front(bus: DriveBus) -> DriveBus:
+    def wrap(bus: DriveBus) -> DriveBus:
         paced = PacedBus(bus, FASTEST_LEARNING)
 
         def take(alarm: Alarm | None) -> None:
@@ -248,7 +248,7 @@ def _push(
         with suppress(_TimeUp):
             measure(
                 plan, robot, Path("the motion"), path / "run", how,
-                in_front=in_front, display=display, rounds=rounds, watcher=watcher,
+                in_front=wrap, display=display, rounds=rounds, watcher=watcher,
             )  # fmt: skip
     finally:
         keep_watch(path, plan, watcher, str(folder / "measured" / model_file.NAME))
@@ -256,7 +256,7 @@ def _push(
     return f"{count or 'no'} push{'es' * (count != 1)} found in {watcher.watched:.0f} s"
 
 
-def _claimed(output: Path | None) -> Path:
+def _claim_folder(output: Path | None) -> Path:
     """Create the requested folder, or the first unused default folder."""
     if output is not None:
         output.mkdir(parents=True)

@@ -69,14 +69,14 @@ def view(
     if path.is_dir():
         _refuse(robot_file, "--robot", "a run, which has its own")
         _refuse(workspace, "--workspace", "a run, which has its own")
-        read, page = partial(_of_run, path, model_path, urdf, meshes), path / RUN_PAGE
+        read, page = partial(_read_run, path, model_path, urdf, meshes), path / RUN_PAGE
     elif _is_plan(path):
-        read = partial(_of_plan, path, robot_file, workspace, model_path, urdf, meshes)
+        read = partial(_read_plan, path, robot_file, workspace, model_path, urdf, meshes)
         page = page_of_plan(path)
     else:
         _refuse(robot_file, "--robot", "a robot")
         _refuse(model_path, "--model", "a robot, which stands still")
-        read, page = partial(_of_robot, what, workspace, urdf, meshes), Path(f"{path.stem}.html")
+        read, page = partial(_read_robot, what, workspace, urdf, meshes), Path(f"{path.stem}.html")
     refuse_page(output or page)
     with working(f"reading {what}"):
         make = read()
@@ -115,7 +115,7 @@ def scene_of_plan(
     return partial(of_plan, plan, robot, model=model, visuals=visuals)
 
 
-def _of_plan(
+def _read_plan(
     path: Path,
     robot_file: str | None,
     workspace: Path | None,
@@ -131,7 +131,7 @@ def _of_plan(
     return scene_of_plan(plan, robot, model, _visuals(urdf, robot, meshes))
 
 
-def _of_run(
+def _read_run(
     path: Path, model_path: Path | None, urdf: Path | None, meshes: Path | None
 ) -> Callable[[int], Scene]:
     from hil.results.model import loaded
@@ -146,7 +146,7 @@ def _of_run(
     return partial(of_run, run, model=model, visuals=_visuals(urdf, run.robot, meshes))
 
 
-def _of_robot(
+def _read_robot(
     name: str, workspace: Path | None, urdf: Path | None, meshes: Path | None
 ) -> Callable[[int], Scene]:
     from hil.cli.plan_files import load_guard

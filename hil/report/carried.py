@@ -1,7 +1,7 @@
-"""What a page carries with it: recordings behind the points of plots, parameters as files.
+"""Data carried by a page: recordings behind the points of plots, parameters as files.
 
-Recordings are as on the page of `hil view`, with what the model predicts of them, thinned to what a
-screen shows. Base parameters are CSV for tables and JSON for programs.
+Recordings and predicted torques are as on the page of `hil view`, thinned to the resolution of a
+screen. Base parameters are CSV for tables and JSON for programs.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> str:
-    """What a page's script reads (`hil.view.packed`), compressed; empty where there is nothing.
+    """Pack the data for a page's script (`hil.view.packed`), compressed; empty without data.
 
     Parameters
     ----------
@@ -55,11 +55,11 @@ def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> 
 
 
 Downloads = tuple[tuple[str, str, str], ...]
-"""Name of each file, what it holds, and an address with its content."""
+"""File name, format and data address of downloads."""
 
 
 def downloads(model: Model) -> Downloads:
-    """Return the base parameters of a model as files."""
+    """Convert the base parameters of a model to files."""
     rows = _rows(model)
     name = f"{model.robot.name}-parameters"
     return (

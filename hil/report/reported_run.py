@@ -1,4 +1,4 @@
-"""What a report is about: a run, read once, its friction, and what `hil identify` finds in it."""
+"""Subject of a report: a run with friction and identification results, computed on demand."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class ShownTorques(NamedTuple):
-    """Torques that are drawn.
+    """Torques to draw.
 
     Attributes
     ----------
@@ -50,21 +50,10 @@ class ShownTorques(NamedTuple):
 
 
 class ReportedRun:
-    """A run, whatever it measures; its recordings are read, and it is identified, where asked for.
+    """Run of any content; recordings are read, and the identification is computed, on demand.
 
-    What is not kept of the run is identified as `hil identify` does, and kept; a run about friction
+    Results missing in the run are identified as by `hil identify`, and kept; a run about friction
     alone is not identified.
-
-    Attributes
-    ----------
-    source : Run
-
-    Raises
-    ------
-    FileError
-        A damaged recording.
-    NotIdentifiable, NotEnoughData
-        Recordings that do not suffice; no recording of friction in a run about friction alone.
     """
 
     def __init__(self, source: Run) -> None:
@@ -72,47 +61,47 @@ class ReportedRun:
 
     @property
     def robot(self) -> Robot:
-        """The robot as its file states it."""
+        """Robot of the robot file."""
         return self.source.robot
 
     @property
     def is_identified(self) -> bool:
-        """Whether there is more in it than friction."""
+        """True if the run contains more than friction measurements."""
         return not _friction_alone(self.source)
 
     @cached_property
     def campaign(self) -> tuple[Measured, ...]:
-        """All that was recorded, in the plan's order."""
+        """Recordings in the plan's order."""
         return tuple(self.source)
 
     @cached_property
     def recordings(self) -> Recordings:
-        """The same on one time line."""
+        """Motions and recordings on a common time line."""
         return tuple(recorded(self.campaign))
 
     @cached_property
     def friction(self) -> FrictionResult | None:
-        """Where friction was measured."""
+        """Result of the friction measurements, None without any."""
         return friction_of_run(self.source, self.recordings)
 
     @cached_property
     def found(self) -> Findings:
-        """What `hil identify` finds, by the method of its model."""
+        """Results of `hil identify`, by the method of the kept model."""
         return found_in(self.source, *_method(self.source), self.campaign)
 
     @property
     def estimate(self) -> Estimate:
-        """What the report is about."""
+        """Estimate shown in the report."""
         return self.found.estimate
 
     @property
     def model(self) -> Model:
-        """Of that estimate."""
+        """Model of the estimate."""
         return self.found.model
 
     @cached_property
     def kept_model(self) -> Model | None:
-        """The model in the run's folder; None where it is not the one that the report is about."""
+        """Model in the run's folder, None if different from the report's model."""
         with suppress(HilError):
             kept = Model.load(self.source.path / NAME)
             if not same_parameters(kept.values.tolist(), self.model.values):
@@ -127,7 +116,7 @@ class ReportedRun:
 
     @cached_property
     def shown_torques(self) -> ShownTorques:
-        """Torques of the run that the model was validated on last; its own without one."""
+        """Torques of the run used for the last validation, or the run's own torques."""
         for each in reversed(self.kept_model.validations if self.kept_model else ()):
             with suppress(HilError):
                 other = tuple(recorded(Run.open(self.source.path / each.run)))
@@ -136,14 +125,14 @@ class ReportedRun:
         return self.own_torques
 
     def local_values(self, kind: str) -> list[LocalValue]:
-        """Measurements of one kind by themselves, in the order of the plan."""
+        """Return the local values of a kind of measurement, in the order of the plan."""
         return [value for value in self.estimate.local if value.kind == kind]
 
 
 def _method(run: Run) -> tuple[str, tuple[Run, ...]]:
-    """Method of the model that `hil identify` wrote, and runs of other kinds that it was of, too.
+    """Return the method of the kept model, and jointly identified runs.
 
-    Without a model it is the method for what was recorded.
+    Without a model, the method follows from the recordings.
     """
     method, together = default_method(run.motions)[0], tuple[str, ...]()
     with suppress(FileError):
@@ -154,19 +143,14 @@ def _method(run: Run) -> tuple[str, tuple[Run, ...]]:
 
 
 def _friction_alone(run: Run) -> bool:
-    """Whether a run measures nothing but friction."""
+    """Return True if a run contains only friction measurements."""
     return all(isinstance(each, Friction) for each in run.plan.measurements)
 
 
 def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
-    """Evaluate the friction of a run as `hil friction` did it last; None where there is none.
+    """Evaluate the friction of a run with the settings of the last `hil friction`, None if absent.
 
-    The model of gravity, if it is still there, and the bound of asymmetry are the same.
-
-    Raises
-    ------
-    NotEnoughData
-        No recordings of friction in a run about friction alone.
+    The settings are the model of gravity, if it still exists, and the bound of asymmetry.
     """
     if not select_kind(Friction, recordings) and not _friction_alone(run):
         return None

@@ -1,4 +1,4 @@
-"""Pages: one HTML file each with everything in it, which needs neither server nor network."""
+"""Self-contained HTML pages, without server and network."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def write_outcome(path: Path, found: Outcome) -> Path:
-    """Write the page of what a command found, whole or not at all, and return its path.
+    """Write the page of a result atomically, and return the path.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def write_outcome(path: Path, found: Outcome) -> Path:
 
 
 def write_html(path: Path, template: str, player: str = "", **values: object) -> None:
-    """Write a page, whole or not at all, with when and by which version it is written.
+    """Write a page atomically, with time and version.
 
     Parameters
     ----------
@@ -58,5 +58,5 @@ def write_html(path: Path, template: str, player: str = "", **values: object) ->
 
 
 def _hash(script: str) -> str:
-    """Source of a script by its content, as a policy names it."""
+    """Return the hash of a script for a content security policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"

@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
 
 BETWEEN = 3
-"""Characters between two columns."""
+"""Characters between columns."""
 
 
 class DrawnTable(RichTable):
-    """What rich prints of a table, which it knows."""
+    """Rich table with the source table."""
 
     source: Table
 
 
 def rich_table(table: Table, width: int) -> DrawnTable:
-    """Return what rich prints of a table; names of parts stand in the first column that folds.
+    """Create the rich table; names of parts are in the first folding column.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def rich_table(table: Table, width: int) -> DrawnTable:
 
 
 def show(table: Table, console: Console) -> None:
-    """Print a table, if it has rows, with its notes below."""
+    """Print a table with rows, and notes below."""
     if table:
         made = rich_table(table, console.width)
         # what has no room even so goes on in the terminal's next line, and nothing is lost
@@ -74,18 +74,18 @@ def show(table: Table, console: Console) -> None:
 
 
 def show_sentence(text: str, console: Console) -> None:
-    """Print a line beside a table; none if it is empty."""
+    """Print a line next to a table; nothing if empty."""
     if text:
         console.print(Text(text), highlight=False, soft_wrap=True)
 
 
 def show_remark(text: str, console: Console) -> None:
-    """Print a line that restricts what stands above."""
+    """Print a remark about the result above."""
     console.print(Text(text, style="yellow"), highlight=False, soft_wrap=True)
 
 
 def _widths(table: Table, folding: list[bool], broken: bool, least: int = 12) -> list[int]:
-    """Characters that each column needs, with what is between columns; what folds needs `least`."""
+    """Compute column widths in characters, spacing included; folding columns need `least`."""
     found = []
     for k, (column, folds) in enumerate(zip(table.columns, folding, strict=True)):
         head = _broken(column.head) if broken else column.head
@@ -96,7 +96,7 @@ def _widths(table: Table, folding: list[bool], broken: bool, least: int = 12) ->
 
 
 def _broken(head: str) -> str:
-    """Words of a head below each other, its unit in one line."""
+    """Break the words of a heading into lines, with the unit on a line."""
     name, comma, unit = head.rpartition(", ")
     return f"{name.replace(' ', chr(10))},\n{unit}" if comma else head.replace(" ", "\n")
 

@@ -1,11 +1,11 @@
-"""A motion in time: what a run has measured, torques by a model, links nearest to boxes.
+"""Motion over time: recordings, predicted torques, distances from boxes.
 
 The clock of the page is not that of the run: pauses, repetitions and time between sessions are left
-out, and the ways between recordings, of which nothing is recorded, take as long as the dry run
-reckons and are drawn straight.
+out, and the unrecorded travels between recordings last as long as in the dry run and are drawn
+straight.
 
-Distances are by what the safety check computes with. The check bounds them between the instants too
-(`hil.planning.clearance`); here they are those of the capsules at the instants themselves.
+Distances use the capsules of the safety check. The check also bounds distances between the instants
+(`hil.planning.clearance`); here they hold at the instants themselves.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 class Predicted(NamedTuple):
-    """Torque of each joint, what it consists of, and half-widths of its intervals of 95 %."""
+    """Predicted joint torques, description, and half-widths of 95 % intervals."""
 
     tracks: tuple[Track, ...]
     words: str
@@ -48,7 +48,7 @@ class Predicted(NamedTuple):
 
 
 class MeasuredTracks(NamedTuple):
-    """Recordings in time: tracks of each joint."""
+    """Tracks of recordings, by joint."""
 
     segments: tuple[Segment, ...]
     position: tuple[Track, ...]
@@ -59,7 +59,7 @@ class MeasuredTracks(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """A recording that is shown, and what a model predicts of it, by axis from 0."""
+    """Displayed recording with predicted torques by axis from 0."""
 
     motion: RecordedMotion
     recording: Recording
@@ -70,7 +70,7 @@ def beside(
     recorded: Iterable[tuple[RecordedMotion, Recording]],
     found: Mapping[tuple[str, int], PredictedTorque],
 ) -> Iterator[Shown]:
-    """Put what a model predicts of recordings beside them."""
+    """Combine recordings with predicted torques."""
     of: defaultdict[str, dict[int, PredictedTorque]] = defaultdict(dict)
     for (name, axis), each in found.items():
         of[name][axis] = each
@@ -79,7 +79,7 @@ def beside(
 
 
 def measured(robot: Robot, shown: Sequence[Shown], most: int) -> MeasuredTracks:
-    """Lay recordings behind each other, with about `most` instants in all."""
+    """Concatenate recordings, with about `most` instants in total."""
     segments: list[Segment] = []
     pieces: list[tuple[Array, ...]] = []
     samples = sum(each.recording.n_samples for each in shown)
@@ -120,7 +120,7 @@ def _words(shown: Sequence[Shown]) -> str:
 
 
 def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
-    """Duration of the way from `place` to where a motion begins [s]; 1 s where it is not known."""
+    """Compute the travel time from `place` to the start of a motion [s]; 1 s if unknown."""
     if isinstance(motion, FreeMotion):
         return 1.0
     start = np.where(np.isfinite(place), place, motion.start).tolist()
@@ -128,7 +128,7 @@ def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
 
 
 def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
-    """Samples of one recording, thinned: time on the page's clock, arrays (n, n_joints).
+    """Return the thinned samples of a recording: time on the page's clock, arrays (n, n_joints).
 
     Positions, velocities, torques, set-points, predicted torques and half-widths of their
     intervals, NaN where nothing was planned or is predicted.
@@ -150,7 +150,7 @@ def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
 
 
 def _velocity(recording: Recording, time: Array) -> Array:
-    """As it was recorded, or from positions over some samples on either side."""
+    """Return the recorded velocity, or a central difference of positions over some samples."""
     if recording.qd is not None:
         return recording.qd
     n = len(time)
@@ -163,7 +163,7 @@ def _velocity(recording: Recording, time: Array) -> Array:
 
 
 def _means(values: Array, every: int) -> Array:
-    """Means of `every` successive rows; what is missing is left out."""
+    """Compute means of `every` successive rows, ignoring missing values."""
     there = np.isfinite(values)
     starts = np.arange(0, len(values), every)
     sums = np.add.reduceat(np.where(there, values, 0.0), starts)
@@ -188,7 +188,7 @@ def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Pre
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Distances:
-    """The least distance of any capsule to any box.
+    """Smallest distance between capsules and boxes.
 
     Attributes
     ----------
@@ -203,18 +203,18 @@ class Distances:
     box: NDArray[np.intp]
 
     def data(self) -> dict[str, object]:
-        """As a page has it, to a tenth of a millimetre."""
+        """Convert to the page's data, rounded to a tenth of a millimetre."""
         numbers = {"link": self.link.tolist(), "box": self.box.tolist()}
         return self.track.data(1e-4) | numbers
 
     @property
     def least(self) -> int:
-        """Number of the instant at which the distance is smallest."""
+        """Index of the instant of smallest distance."""
         return int(self.track.value.argmin())
 
 
 def distances(robot: Robot, workspace: Workspace | None, time: Array, q: Array) -> Distances | None:
-    """Find the distances at configurations q (n, n_joints); None where there is nothing to be near.
+    """Compute distances at configurations q (n, n_joints); None without boxes or checked links.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def distances(robot: Robot, workspace: Workspace | None, time: Array, q: Array) 
 
 
 def smallest(found: Distances, workspace: Workspace) -> str:
-    """Return the smallest distance in words: between what, and when."""
+    """Describe the smallest distance: link, box and time."""
     at, depth = found.least, found.track.value[found.least]
     name = workspace.boxes[int(found.box[at])].name
     where = f"link {found.link[at] + 1}, {round(found.track.time[at] / INSTANT) * INSTANT:.1f} s"
@@ -242,12 +242,12 @@ def smallest(found: Distances, workspace: Workspace) -> str:
 
 
 def _nearest(robot: Robot, workspace: Workspace, q: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Least distance at each configuration, and the number of its link and box."""
+    """Compute the smallest distance per configuration, and the number of link and box."""
     free = workspace.margin - intrusions(robot, workspace, q).reshape(len(q), -1)
     nearest = free.argmin(axis=1)
     return free[np.arange(len(q)), nearest], nearest
 
 
 def _parts(n: int, most: int = 4096) -> list[slice]:
-    """Parts of n instants that are computed at a time."""
+    """Divide n instants into parts computed at a time."""
     return [slice(begin, begin + most) for begin in range(0, n, most)]

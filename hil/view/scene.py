@@ -1,4 +1,4 @@
-"""What a page shows: of a robot, a plan or a run."""
+"""Content of a page for a robot, a plan or a run."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ WITHOUT_MODEL = "No torque without a model; --model RUN adds the torque that it 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """All of a page.
+    """Content of a page.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Scene:
     simulated: bool = False
 
     def data(self) -> dict[str, object]:
-        """As the page's scripts read it."""
+        """Convert to the data read by the page's scripts."""
         kinds = shown_kinds(segment.kind for segment in self.segments)
         number = {kind["name"]: n for n, kind in enumerate(kinds)}
         return {
@@ -103,7 +103,7 @@ class Scene:
 def of_robot(
     robot: Robot, workspace: Workspace | None = None, visuals: Sequence[Visual] = ()
 ) -> Scene:
-    """A robot whose joints the reader sets."""
+    """Create the scene of a robot with adjustable joints."""
     return Scene(
         title=f"{robot.name}: {robot.n_joints} joints",
         robot=robot,
@@ -120,7 +120,7 @@ def of_plan(
     model: Model | None = None,
     visuals: Sequence[Visual] = (),
 ) -> Scene:
-    """A plan as the dry run reckons it.
+    """Create the scene of a plan, with the timing of the dry run.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def of_plan(
 def of_run(
     run: Run, most: int, model: Model | None = None, visuals: Sequence[Visual] = ()
 ) -> Scene:
-    """What a run has measured, beside its set-points.
+    """Create the scene of a run's recordings, with set-points.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def _of_virtual_plant(model: Model | None) -> bool:
 
 
 def _instants(duration: float, most: int) -> Array:
-    """Instants at which torques and distances are computed, 10 ms apart, `most` at most."""
+    """Return instants for torques and distances, 10 ms apart, at most `most`."""
     n = int(min(max(duration / 0.01, 1), most))
     return np.linspace(0.0, duration, n + 1)
 
@@ -225,7 +225,7 @@ def _of_distance(found: Distances | None, workspace: Workspace | None) -> tuple[
 
 
 def _of_capsules(robot: Robot) -> tuple[str, ...]:
-    """State which capsules are no more than assumed."""
+    """Describe capsules that are only assumed."""
     stated = capsules(robot).stated
     if all(stated):
         return ()
@@ -241,7 +241,7 @@ def _segment(segment: Segment, kind: int) -> dict[str, object]:
 def _tracks(
     tracks: Sequence[Track] | None, step: float | None = None
 ) -> list[dict[str, object]] | None:
-    """Tracks as the page has them, by default to 5e-4 of the greatest value."""
+    """Convert tracks to the page's data, by default to 5e-4 of the largest value."""
     if tracks is None:
         return None
     return [

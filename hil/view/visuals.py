@@ -1,4 +1,4 @@
-"""A robot as a page draws it: frames by constant poses, capsules, limits, visual meshes of a URDF.
+"""Drawing data of a robot: frames, capsules, limits, visual meshes of a URDF.
 
 A URDF's links have frames of their own; each is fixed in one frame of the robot, or in its base
 frame, where the pose follows from the zero configuration. What cannot be shown (a format that is
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object]:
-    """As a page has it; `visuals` are shown in place of the capsules.
+    """Convert a robot to the page's data; `visuals` replace capsules.
 
     Two capsules of a swept volume are 0.7 of the smallest radius apart.
     """
@@ -52,7 +52,7 @@ def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object
 
 
 def workspace_data(workspace: Workspace | None) -> dict[str, object] | None:
-    """Boxes and margin as a page has them."""
+    """Convert boxes and margin to the page's data."""
     if workspace is None:
         return None
     boxes = [{"name": b.name, "low": b.low, "high": b.high} for b in workspace.boxes]
@@ -82,19 +82,19 @@ def _known(limit: float) -> float | None:
 
 
 def _up(gravity: Array) -> list[float]:
-    """Against gravity; along z where there is none."""
+    """Return the direction against gravity, or z without gravity."""
     strength = float(np.linalg.norm(gravity))
     return [0.0, 0.0, 1.0] if strength == 0.0 else (-gravity / strength).tolist()
 
 
 MOST_TRIANGLES = 40_000
-"""Of all meshes of a page."""
+"""Maximum number of triangles in the meshes of a page."""
 BASE = -1
-"""Number of what stands still."""
+"""Link number of the base."""
 
 
 class Visual(NamedTuple):
-    """A mesh in the frame of a link.
+    """Mesh in the frame of a link.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Visual(NamedTuple):
     mesh: Mesh
 
     def data(self) -> dict[str, object]:
-        """As a page has it."""
+        """Convert to the page's data."""
         return {
             "link": self.link,
             "vertices": packed(self.mesh.vertices, FINEST),
@@ -116,14 +116,14 @@ class Visual(NamedTuple):
 
 
 class Visuals(NamedTuple):
-    """Meshes that can be shown, and in words what is left out."""
+    """Displayable meshes, and descriptions of omissions."""
 
     visuals: tuple[Visual, ...]
     left_out: tuple[str, ...]
 
 
 def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
-    """Read the visual meshes of a URDF that `robot` was made from.
+    """Read the visual meshes of the URDF that `robot` was made from.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
 
 
 def _allowance(sizes: list[int]) -> int:
-    """Triangles that each mesh may have; what small ones leave is for the large ones."""
+    """Compute the maximum number of triangles per mesh; small meshes leave more for large ones."""
     left, most = MOST_TRIANGLES, MOST_TRIANGLES
     for number, size in enumerate(sorted(sizes)):
         most = left // (len(sizes) - number)
@@ -176,7 +176,7 @@ def _coarse(found: list[Visual]) -> Iterator[str]:
 
 
 def _refuse_other(chain: UrdfChain, robot: Robot, urdf: Path) -> None:
-    """Refuse a URDF whose frames are not those of the robot file."""
+    """Refuse a URDF with frames different from the robot file."""
     if difference(chain, robot):
         raise Mismatch(
             f"{urdf}: its joints from {chain.base} to {chain.tip} are not where those of"
@@ -185,7 +185,7 @@ def _refuse_other(chain: UrdfChain, robot: Robot, urdf: Path) -> None:
 
 
 def _placed(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, Element]]:
-    """Links that hang on the chain: number, pose of the link's frame in the robot's, element."""
+    """Yield links attached to the chain: number, pose in the robot's frame, element."""
     frames = find_frames(chain)
     at_zero = np.zeros(len(chain.joints))
     of_urdf, of_robot = chain.frames(at_zero), frames.poses(at_zero, chain.revolute)
@@ -198,7 +198,7 @@ def _placed(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, 
 
 
 def _triangles(reader: UrdfReader, visual: Element, urdf: Path, meshes: Path | None) -> Array:
-    """Triangles (n, 3, 3) of a visual in its own frame [m]."""
+    """Return triangles (n, 3, 3) of a visual in the visual's frame [m]."""
     geometry = visual.find("geometry")
     shape = geometry[0] if geometry is not None and len(geometry) else None
     if shape is None:
@@ -220,7 +220,7 @@ def _triangles(reader: UrdfReader, visual: Element, urdf: Path, meshes: Path | N
 
 
 def _file(stated: str, urdf: Path) -> tuple[Path, Path]:
-    """Path of a mesh, and the folder that it must be in: the URDF's, or that of the package.
+    """Return the path of a mesh, and the permitted folder: the URDF's or the package's.
 
     A package's folder is at or above the URDF, by its name or by its package.xml.
     """
@@ -238,7 +238,7 @@ def _file(stated: str, urdf: Path) -> tuple[Path, Path]:
 
 
 def _inside(found: tuple[Path, Path], meshes: Path | None) -> Path:
-    """Return the path of a mesh that is in its folder, or in one that the user names.
+    """Return the path of a mesh inside the permitted folders.
 
     Raises
     ------

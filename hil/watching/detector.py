@@ -1,4 +1,4 @@
-"""Finds pushes in the torques of moving axes, sample by sample.
+"""Detection of pushes in the torques of moving axes, sample by sample.
 
 Newton's law holds within every short time: what the drives and the model's friction, gravity and
 Coriolis forces have done to the momentum of the axes, and what has become of it by the encoders,
@@ -55,7 +55,7 @@ SLOW = 0.01
 
 
 class Judged(NamedTuple):
-    """What some samples show.
+    """Result of judging some samples.
 
     Attributes
     ----------
@@ -80,12 +80,12 @@ class Judged(NamedTuple):
     moving: Flags
 
     def after(self, first: int) -> Judged:
-        """Return it without the first samples."""
+        """Return the result without the first samples."""
         return Judged(*(values[first:] for values in self))  # type: ignore[arg-type]
 
 
 class _Learned(NamedTuple):
-    """What a block of samples shows for the next ones; arrays as in `Judged`, shares of limits."""
+    """Results of a block for later learning; arrays as in `Judged`, relative to the limits."""
 
     columns: Array
     left: Array
@@ -95,7 +95,7 @@ class _Learned(NamedTuple):
 
 
 class Detector:
-    """Judges samples in their order, one or many at a time with the same result.
+    """Detector of samples in order, in any block size with equal results.
 
     Parameters
     ----------
@@ -140,11 +140,11 @@ class Detector:
 
     @property
     def distance(self) -> Array:
-        """Presliding distances that are taken, shape (n_joints,) [rad or m]."""
+        """Presliding distances in use, shape (n_joints,) [rad or m]."""
         return self._turning.distance
 
     def take(self, time: Array, q: Array, tau: Array) -> Iterator[Judged]:
-        """Take the next samples.
+        """Judge further samples.
 
         Parameters
         ----------
@@ -169,7 +169,7 @@ class Detector:
             yield from self._go_on(time[part], q[part], tau[part])
 
     def _go_on(self, time: Array, q: Array, tau: Array) -> Iterator[Judged]:
-        """Judge samples that follow each other, and the last two before."""
+        """Judge successive samples, together with the last two."""
         kept = slice(len(self._q) - len(self._time), None)
         time = np.concatenate([self._time, time])
         q, tau = np.concatenate([self._q[kept], q]), np.concatenate([self._tau[kept], tau])
@@ -220,13 +220,13 @@ class Detector:
         return Judged(time, measured, predicted, *shown, moving)
 
     def _parameter_variance(self, robot: Robot, q: Array, qd: Array) -> Array:
-        """Of the torque by the base parameters, as share of the limit; without accelerations."""
+        """Compute the relative torque variance from base parameters, at constant speed."""
         A = regressor(robot, q, qd, np.zeros_like(qd))
         variance = np.einsum("njk,njk->nj", A @ self._model.covariance, A)
         return np.asarray(variance.clip(0.0) / self._limit**2)
 
     def _windows(self, left: Array, band: Array) -> tuple[Array, Array]:
-        """Means over the windows that end with each sample, shape (n, n_windows, n_joints)."""
+        """Compute means over windows ending at the samples, shape (n, n_windows, n_joints)."""
         longest = self.windows[-1]
         rows = np.concatenate([self._recent, np.stack([left, band])], axis=1)
         self._recent = rows[:, -longest:]
@@ -236,10 +236,9 @@ class Detector:
         return means[0], means[1]
 
     def _learn(self, longest: float = 10.0) -> None:
-        """Let what a block has shown count.
+        """Learn from the results of a block.
 
-        What lasts for the `longest` time [s] is learned all the same: a load, or friction that has
-        changed.
+        A deviation for the `longest` time [s] is learned as well: a load, or changed friction.
         """
         shown = [np.concatenate(values) for values in zip(*self._learned, strict=True)]
         columns, left, means, doubtful, sure = shown

@@ -1,4 +1,4 @@
-"""The friction of a model while axes are watched: tables by speed, and what it has become since.
+"""Friction during a watch: tables of the model's law by speed, and the tracked deviation.
 
 Friction at a speed is known for either direction. Half of their sum is no friction but an offset,
 half of their difference is the level: friction is ``offset + direction * level``, whatever way the
@@ -37,7 +37,7 @@ NODES = 401
 
 
 class FrictionTables:
-    """Friction of all axes by speed.
+    """Friction of the axes, tabulated by speed.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class FrictionTables:
         self.uncertainty = self._relative_error(speeds, free[1])
 
     def at(self, qd: Array, load: Array) -> tuple[Array, Array]:
-        """Offset and level of friction of samples, each of shape (n, n_joints) [N m or N].
+        """Return offset and level of friction, shapes (n, n_joints) [N m or N].
 
         Parameters
         ----------
@@ -89,12 +89,12 @@ class FrictionTables:
         return offset + heavy * offset_by_load, np.maximum(level + heavy * level_by_load, 0.0)
 
     def _both_ways(self, speeds: Array, load: float) -> Array:
-        """Offset and level at a load, shape (2, NODES, n_joints)."""
+        """Compute offset and level at a load, shape (2, NODES, n_joints)."""
         forth, back = (self._one_way(sign, speeds, load) for sign in (1.0, -1.0))
         return np.stack([forth + back, forth - back]) / 2
 
     def _one_way(self, sign: float, speeds: Array, load: float, angles: int = 16) -> Array:
-        """Friction in one direction; ripple is averaged out over angles of the motor."""
+        """Compute friction in one direction, with torque ripple averaged over motor angles."""
         robot = self._model.robot
         turn = 2 * np.pi / np.nan_to_num(robot.gear_ratio, nan=1.0)
         direction = [Direction(np.full(NODES, sign), np.zeros(NODES))] * robot.n_joints
@@ -115,17 +115,17 @@ class FrictionTables:
 
 
 SPEEDS = np.array([0.0, 0.01, 0.03, 0.07, 0.15, 0.3, 0.6, 1.2])
-"""Shares of the velocity limit at which friction is unknown; faster is as fast as the last."""
+"""Speeds of the unknown friction deviation, as shares of the velocity limit; constant beyond."""
 LEVEL, SHAPE, OFFSET = 0.02, 0.05, 0.01
-"""Standard deviations at the beginning, at least: shares of the level, and of the torque limit."""
+"""Minimum initial standard deviations, as shares of the level and of the torque limit."""
 LEVEL_WANDER, SHAPE_WANDER, OFFSET_WANDER = 0.05, 0.04, 0.005
-"""Standard deviations of what they wander in a minute."""
+"""Standard deviations of the random walk per minute."""
 N_UNKNOWNS = len(SPEEDS) + 1
-"""Friction beside the law's at each of the speeds, and the offset."""
+"""Number of unknowns: friction deviation by speed, and offset."""
 
 
 class FrictionLevel:
-    """Follows the friction of all axes.
+    """Kalman filter for the friction of the axes.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ class FrictionLevel:
         self._wander = _covariance(LEVEL_WANDER, even, OFFSET_WANDER)
 
     def at(self, columns: Array) -> tuple[Array, Array]:
-        """What friction adds to the law's, and its standard error, as shares of the torque limit.
+        """Return friction deviation and standard error, as shares of the torque limit.
 
         Parameters
         ----------
@@ -162,7 +162,7 @@ class FrictionLevel:
     def follow(
         self, columns: Array, left: Array, used: Array, duration: float, error: float = 0.004
     ) -> None:
-        """Take one block of samples.
+        """Update by a block of samples.
 
         Parameters
         ----------
@@ -186,7 +186,7 @@ class FrictionLevel:
 
 
 def columns_of(direction: Array, level: Array, speed: Array) -> Array:
-    """Columns of the unknowns, shape (n, n_joints, n_unknowns).
+    """Return the columns of the unknowns, shape (n, n_joints, n_unknowns).
 
     Parameters
     ----------
@@ -202,9 +202,9 @@ def columns_of(direction: Array, level: Array, speed: Array) -> Array:
 
 
 def _covariance(level: float, shape: Array, offset: float, alike: float = 2.0) -> Array:
-    """Of the unknowns, shape (n_unknowns, n_unknowns); `shape` is of each speed.
+    """Compute the covariance of the unknowns, shape (n_unknowns, n_unknowns).
 
-    After `alike` places in the row of speeds it has half gone over into something else.
+    The correlation between speeds halves within `alike` places.
     """
     found = np.zeros((N_UNKNOWNS, N_UNKNOWNS))
     number = np.arange(len(SPEEDS))

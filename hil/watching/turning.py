@@ -1,4 +1,4 @@
-"""How friction turns round after a reversal, while it is not known over what distance.
+"""Friction after a reversal, with unknown presliding distance.
 
 Teeth and bristles bend before they slip: friction's direction follows the velocity's sign over a
 presliding distance d, after Dahl
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     Flags = NDArray[np.bool_]
 
 DISTANCES = 5e-5 * 2.0 ** np.arange(9)
-"""Presliding distances that are tried [rad or m]."""
+"""Candidate presliding distances [rad or m]."""
 
 
 class Turned(NamedTuple):
-    """Friction while it turns round; each of shape (n, n_joints).
+    """Friction during a reversal, with shapes (n, n_joints).
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Turned(NamedTuple):
 
 
 class Turning:
-    """Directions of friction of all axes, and the distance and damping of each.
+    """Friction directions of the axes, with presliding distance and damping.
 
     Parameters
     ----------
@@ -83,18 +83,18 @@ class Turning:
 
     @property
     def distance(self) -> Array:
-        """Presliding distances that are taken, shape (n_joints,) [rad or m]."""
+        """Presliding distances in use, shape (n_joints,) [rad or m]."""
         return np.asarray(DISTANCES[self._taken])
 
     @property
     def damping(self) -> Array:
-        """Dampings that are taken, shape (n_joints,) [N m s/rad or N s/m]."""
+        """Damping in use, shape (n_joints,) [N m s/rad or N s/m]."""
         return self._damping
 
     def take(
         self, step: Array, qd: Array, friction: Array, level: Array, damping_doubt: float = 0.3
     ) -> Turned:
-        """Take samples in their order.
+        """Process samples in order.
 
         Parameters
         ----------
@@ -124,9 +124,9 @@ class Turning:
         return Turned(rows[:, self._taken, self._axes], damping, doubt)
 
     def settle(self, used: Flags | bool = True, enough: int = 25) -> None:
-        """Let the samples since last time count, of axes that are `used`.
+        """Use the new samples of `used` axes for fitting.
 
-        Takes the distance and damping that fit best of each axis, after `enough` samples.
+        The best fitting distance and damping of each axis are selected after `enough` samples.
         """
         self._sums += np.where(used, self._new, 0.0)
         self._new[:] = 0.0
@@ -139,11 +139,11 @@ class Turning:
 
     @property
     def _neighbours(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Slower and faster neighbours of what is taken, in the row."""
+        """Slower and faster neighbours of the distances in use."""
         return np.minimum(self._taken + 1, len(DISTANCES) - 1), np.maximum(self._taken - 1, 0)
 
     def _still(self, step: Array) -> Flags:
-        """Whether an axis has stayed within the shortest distance, shape (n, n_joints)."""
+        """Return True for axes within the shortest distance, shape (n, n_joints)."""
         length = len(self._recent)
         way = np.concatenate([self._recent, self._recent[-1] + step.cumsum(axis=0)])
         self._recent = way[-length:] - way[-1]
@@ -151,7 +151,7 @@ class Turning:
         return np.asarray(np.ptp(windows, axis=-1) < DISTANCES[0])
 
     def _directions(self, step: Array, still: Flags) -> tuple[Array, Array]:
-        """Directions with every distance, and what a standstill has left unknown of the one taken.
+        """Compute directions for every distance, and the doubt from standstills for the one in use.
 
         Shapes (n, n_distances, n_joints) and (n, n_joints).
         """

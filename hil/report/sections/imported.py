@@ -1,6 +1,6 @@
-"""What was identified of imported recordings: parameters and friction.
+"""Results from imported recordings: parameters and friction.
 
-Of axes that move back and forth by themselves, half-sums and half-differences are drawn.
+For axes moving back and forth alone, half-sums and half-differences are drawn.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def identified(run: ReportedRun) -> Section | None:
-    """All that `hil identify` shows of the model, and plots of what it was found from."""
+    """Create the section of the identified model, with plots of the data."""
     if run.found.effect is not None:
         return None
     shown = run.model.summary()
@@ -52,9 +52,9 @@ def _plots(run: ReportedRun) -> Iterator[Plot]:
 
 
 def shown_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
-    """Torque of the rigid bodies over the position, measured and modelled, axis by axis.
+    """Draw measured and modelled torques of the rigid bodies over position, by axis.
 
-    Of each axis the six recordings with the longest ways.
+    The six recordings with the longest strokes are shown per axis.
     """
     axes = sorted({each.axis for each in half_sums})
     return chart(
@@ -77,7 +77,7 @@ def _half_sums(own: Sequence[HalfSums]) -> Iterator[Item]:
 
 
 def friction_curves(curves: Sequence[FrictionCurve], robot: Robot) -> Chart:
-    """Friction over the speed, axis by axis."""
+    """Draw friction over speed, by axis."""
     return chart(_curve(curve, robot) for curve in curves)
 
 

@@ -1,7 +1,7 @@
-"""What one sees first: measured and predicted torque over time, and friction over the speed.
+"""Leading section: measured and predicted torque over time, and friction over speed.
 
-The recordings are those that the model was validated on last, which it was not made from; without a
-validation, those that it was made from, and the page says so.
+The recordings are held out, from the model's last validation; without a validation they are those
+of the identification, as stated on the page.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ if TYPE_CHECKING:
     from hil.show.charts.chart import Item
 
 POINTS = 150
-"""Points of friction that are drawn of an axis: more of them cover each other."""
+"""Maximum number of friction points per axis; more would overlap."""
 
 
 def torque(run: ReportedRun) -> Section | None:
-    """Torques over time, and friction over the speed."""
+    """Create the section of torques over time and friction over speed."""
     plots = (*_over_time(run), *_friction(run))
     return Section("Torque", "torque.html", plots=plots, leads=True) if plots else None
 
@@ -104,9 +104,9 @@ def _law_plot(draw: object, words: str) -> Plot:
 
 
 def over_speed(model: Model, found: Iterable[PredictedTorque], *, linked: bool) -> Chart:
-    """Friction over the speed, measured and by the model's law, of axes that have one.
+    """Draw friction over speed, measured and from the model's law.
 
-    Points lead to recordings where these are `linked`: of the run itself, whose ids they have.
+    Points link to recordings if `linked`, for recordings of the run itself.
     """
     by_axis: dict[int, list[PredictedTorque]] = {}
     for each in found:

@@ -1,9 +1,8 @@
-"""Charts as SVG: panels for a page, each a picture that takes the width it is given; or one file.
+"""Charts as SVG: responsive panels for a page, or a stand-alone file.
 
 Text stays text, and colours are classes that the page's style sheet gives for light and dark paper.
 Points carry the id of their measurement (``data-m``), which ``web/src/report.js`` shows and
-follows.
-A file is for papers: light, with its legend, needing nothing else.
+follows. A file is for papers: light, with its legend, self-contained.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ _TYPESET = (
     r'<tspan class="symbol">\1</tspan><tspan class="index" dy="3">\2</tspan>'
     '<tspan dy="-3">\u200b</tspan>'
 )
-"""A symbol with its index, and a space of no width that goes back to the line."""
+"""Symbol with subscript, and a zero-width space on the baseline."""
 _ROUND = "m{-s} 0a{s} {s} 0 1 0 {2s} 0a{s} {s} 0 1 0 {-2s} 0"
 _SHAPES = {
     "x": "m{-s} {-s}l{2s} {2s}m0 {-2s}l{-2s} {2s}",
@@ -46,19 +45,19 @@ _FILLED = {"x": "", "ring": ' class="ring"'}
 
 
 def number(value: float) -> str:
-    """Write a length: a tenth is finer than a screen."""
+    """Format a length with a decimal."""
     return f"{value:.1f}".removesuffix(".0")
 
 
 def text(x: float, y: float, words: str, kind: str, *, turned: bool = False) -> str:
-    """Write `words`, of which ``$g_{1}$`` is a symbol with its index; `kind`: a class."""
+    """Draw `words` with class `kind`; ``$g_{1}$`` is a symbol with subscript."""
     turn = f' transform="rotate(-90 {number(x)} {number(y)})"' if turned else ""
     typeset = _INDEX.sub(_TYPESET, str(escape(words)))
     return f'<text class="{kind}" x="{number(x)}" y="{number(y)}"{turn}>{typeset}</text>'
 
 
 def item_on(item: Item, x: Scale, y: Scale) -> Iterator[str]:
-    """Draw an item by a pair of axes."""
+    """Draw an item in a pair of axes."""
     if isinstance(item, Line):
         yield _line(item, x.place(item.x), y.place(item.y))
     elif isinstance(item, Band):
@@ -72,7 +71,7 @@ def item_on(item: Item, x: Scale, y: Scale) -> Iterator[str]:
 
 
 def key(item: Item) -> Iterator[str]:
-    """Draw what stands for an item in a legend, 26 by 12."""
+    """Draw the legend symbol of an item, 26 by 12."""
     if isinstance(item, Points):
         yield from _points(
             Points(
@@ -94,7 +93,7 @@ def key(item: Item) -> Iterator[str]:
 
 
 def _area(item: Band, x: Array, low: Array, high: Array) -> str:
-    """Draw an area, a closed path for each stretch of it without a hole."""
+    """Draw an area, with a closed path for every stretch without gaps."""
     there = np.isfinite(x + low + high)
     parts = np.split(np.arange(len(x)), np.flatnonzero(np.diff(there)) + 1)
     edges = (
@@ -117,7 +116,7 @@ def _line(item: Line, x: ArrayLike, y: ArrayLike) -> str:
 
 
 def _path(x: ArrayLike, y: ArrayLike) -> str:
-    """Commands of a path through points, interrupted at those that are no numbers."""
+    """Format the path through points, interrupted at NaN."""
     words, begun = [], False
     for a, b in np.column_stack([np.asarray(x), np.asarray(y)]).tolist():
         there = np.isfinite(a) and np.isfinite(b)
@@ -141,7 +140,7 @@ def _points(item: Points, x: Scale, y: Scale) -> Iterator[str]:
 
 
 def _bars(item: Points, x: Scale, y: Scale) -> str:
-    """Commands of a path of all bars of points."""
+    """Format the path of error bars."""
     value = np.asarray(item.x if item.along else item.y, dtype=float)
     error = np.nan_to_num(np.asarray(item.error, dtype=float))
     own, places = (x, y.place(item.y)) if item.along else (y, x.place(item.x))
@@ -157,29 +156,29 @@ def _colour(colour: str) -> str:
 
 
 RIGHT, TOP, BOTTOM, BETWEEN = 16.0, 24.0, 38.0, 9.0
-"""Margins around the field of a panel, beside its own on the left, and of the strip below it."""
+"""Margins around the field of a panel (left: see the panel), and gap above the strip below."""
 LETTER, BESIDE = 7.6, 28.0
-"""Width of a figure of 13 px, and of the axis's name with what is free around the figures."""
+"""Width of a 13 px digit, and of the axis label with spacing."""
 
 
 def panels(chart: Chart) -> list[Markup]:
-    """Each panel of a chart as an ``svg`` element."""
+    """Draw the panels of a chart as ``svg`` elements."""
     return [_svg(*size_of(each), "".join(drawn(each)), _clock(each)) for each in chart.panels]
 
 
 def legend(chart: Chart) -> list[tuple[Markup, str]]:
-    """What explains a chart's marks: a small picture and its label."""
+    """Return legend symbols and labels."""
     return [(_svg(26, 12, "".join(key(item))), label) for label, item in chart.legend.items()]
 
 
 def size_of(panel: Panel) -> tuple[float, float]:
-    """Width and height of a panel's picture."""
+    """Return width and height of a panel's picture."""
     strip = 0.0 if panel.below is None else panel.below.height + BETWEEN
     return panel.width, TOP + panel.height + strip + BOTTOM
 
 
 def drawn(panel: Panel) -> Iterator[str]:
-    """All elements of a panel."""
+    """Draw the elements of a panel."""
     left = _left(panel)
     x = Scale(*_reach(panel), left, panel.width - RIGHT, panel.decades)
     marks = x.marks(int((x.end - x.begin) / 55.0), whole=panel.whole)  # about so far apart
@@ -198,14 +197,14 @@ def drawn(panel: Panel) -> Iterator[str]:
 
 
 def _left(panel: Panel) -> float:
-    """Room for what is written at the vertical axis, which may be more than a panel states."""
+    """Return the left margin, enlarged for long labels of the vertical axis."""
     fields = (panel, *([panel.below] if panel.below else []))
     longest = max(len(words) for each in fields for _, words in _up(each, 0.0))
     return max(panel.left, BESIDE + LETTER * longest)
 
 
 def _up(panel: Panel, top: float) -> list[tuple[float, str]]:
-    """Marks of the vertical axis; an empty one where there is none."""
+    """Return positions and labels of the vertical axis; an empty label without marks."""
     y = _upright(panel, top)
     # about so far apart; of three marks about zero two have a value that says how large it is
     marks = y.marks(max(3, int(panel.height / 26.0)))
@@ -223,7 +222,7 @@ def _reach(panel: Panel) -> Range:
 
 
 def _field(panel: Panel, x: Scale, top: float, along: list[float]) -> Iterator[str]:
-    """Draw the field inside a pair of axes, with the marks of the vertical one."""
+    """Draw the field inside the axes, with marks of the vertical axis."""
     bottom = top + panel.height
     y, up = _upright(panel, top), _up(panel, top)
     across = f"{number(x.begin)} {{}}H{number(x.end)}"
@@ -241,7 +240,7 @@ def _field(panel: Panel, x: Scale, top: float, along: list[float]) -> Iterator[s
 
 
 def _clock(panel: Panel) -> str:
-    """Attributes by which a page finds an instant of a recording on the horizontal axis."""
+    """Format the attributes that map the horizontal axis to a recording's time."""
     if not panel.recording:
         return ""
     low, high = _reach(panel)
@@ -258,7 +257,7 @@ STYLE = Path(__file__).parents[1] / "templates" / "chart.css"
 
 
 def file(chart: Chart) -> bytes:
-    """Draw a chart into a file."""
+    """Draw a chart as a file."""
     placed = list(_placed(chart))
     width = max((x + size_of(panel)[0] for x, _, panel in placed), default=1.0)
     height = max((y + size_of(panel)[1] for _, y, panel in placed), default=1.0)
@@ -277,7 +276,7 @@ def file(chart: Chart) -> bytes:
 
 
 def _placed(chart: Chart) -> Iterator[tuple[float, float, Panel]]:
-    """Where each panel begins, below a legend of height 26, in rows of at most 1080."""
+    """Yield positions of panels, below a legend of height 26, in rows of at most 1080."""
     x, y, row = 0.0, 26.0 if chart.legend else 0.0, 0.0
     for panel in chart.panels:
         width, height = size_of(panel)
