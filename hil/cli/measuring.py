@@ -183,7 +183,7 @@ def measure(
             feed_forward=feeds,
         )  # fmt: skip
         found = found if in_front is None else in_front(found)
-        return found if feed is None else feed.in_front(found)
+        return found if feed is None else feed.wrap_bus(found)
 
     with keeper_of_run(output, how.interface, channel) as keeper:
         folder, damaged = prepared_folder(output, planned, the_robot, text, resume=resume)

@@ -72,6 +72,11 @@ def refuse_unwritable(output: Path) -> None:
     """Refuse a result that could not be saved, before computation.
 
     A missing folder is not refused here: reading from it has an error of its own.
+
+    Raises
+    ------
+    FileError
+        A folder has its name, or its own folder takes no files.
     """
     if output.is_dir() and not output.is_symlink():
         raise _refused(f"{output}: is a folder, and a file is to be written there; move it away")

@@ -50,6 +50,22 @@ def carry_out(
     """Run the campaign; Ctrl-C, s, space and signals stop the axes and keep the recordings.
 
     The bus is opened only if measurements are missing.
+
+    Parameters
+    ----------
+    rehearsal : float, optional
+        Share of the speed limits, to pass all ways at it instead of measuring.
+    real_time : callable
+        Makes the context in which the axes are moved; yields what the system granted, if anything.
+    display : callable
+        Makes the context in which events are shown; yields what takes them.
+
+    Raises
+    ------
+    FileError
+        Another process measures into the folder.
+    typer.Exit
+        With status 130 when interrupted, 1 when drives, bus or disk failed; all has been reported.
     """
     if not folder.missing and rehearsal is None:
         say(f"{folder.path}: nothing is missing")

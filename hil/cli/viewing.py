@@ -110,9 +110,9 @@ def scene_of_plan(
     plan: Plan, robot: Robot, model: Model | None = None, visuals: Sequence[Visual] = ()
 ) -> Callable[[int], Scene]:
     """Return a function from the number of instants to a plan's scene."""
-    from hil.view.scene import of_plan
+    from hil.view.scene import plan_scene
 
-    return partial(of_plan, plan, robot, model=model, visuals=visuals)
+    return partial(plan_scene, plan, robot, model=model, visuals=visuals)
 
 
 def _read_plan(
@@ -137,13 +137,13 @@ def _read_run(
     from hil.results.model import loaded
     from hil.results.model_file import NAME
     from hil.runs.run import Run
-    from hil.view.scene import of_run
+    from hil.view.scene import run_scene
 
     run = Run.open(path)
     if model_path is None and (path / NAME).exists():
         model_path = path / NAME
     model = loaded(model_path, run.robot) if model_path else None
-    return partial(of_run, run, model=model, visuals=_visuals(urdf, run.robot, meshes))
+    return partial(run_scene, run, model=model, visuals=_visuals(urdf, run.robot, meshes))
 
 
 def _read_robot(
@@ -151,7 +151,7 @@ def _read_robot(
 ) -> Callable[[int], Scene]:
     from hil.cli.plan_files import load_guard
     from hil.model.robot import DESCRIPTIONS, Robot
-    from hil.view.scene import of_robot
+    from hil.view.scene import robot_scene
 
     robot = Robot.load(name)
     guard = load_guard(workspace, robot)
@@ -160,7 +160,7 @@ def _read_robot(
     visuals = _visuals(urdf, robot, meshes)
 
     def make(_most: int) -> Scene:
-        return of_robot(robot, guard, visuals)
+        return robot_scene(robot, guard, visuals)
 
     return make
 

@@ -13,7 +13,7 @@ from rich.text import Text
 from hil.show.rounding import clock, significant
 from hil.terminal.console import say
 from hil.terminal.progress import doing, shown
-from hil.watching.watcher import in_words
+from hil.watching.watcher import describe_alarm
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -45,7 +45,7 @@ class WatchView:
     def take(self, alarm: Alarm | None, period: float = 0.1) -> None:
         """Show an alarm; redraw the table after a period [s]."""
         if alarm is not None:
-            say(in_words(alarm, self._watcher.unit(alarm)), style="bold red")
+            say(describe_alarm(alarm, self._watcher.unit(alarm)), style="bold red")
         if self._live is not None and time.monotonic() >= self._next:
             self._next = time.monotonic() + period
             self._live.update(self.table(), refresh=True)

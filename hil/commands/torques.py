@@ -10,10 +10,10 @@ from hil.planning.workspace import Workspace, narrow_ranges
 from hil.runs.pooling import recorded
 from hil.show.charts.arm import arm
 from hil.show.charts.chart import MEASURED, MODEL, Band, Chart, Line, Panel, Rule, chart
-from hil.show.deflated import deflated
+from hil.show.deflated import deflate
 from hil.show.outcome import Played
 from hil.show.section import Plot
-from hil.view.along_motion import beside, measured
+from hil.view.along_motion import concatenate_recordings, join_predictions
 from hil.view.page import view_script
 from hil.view.scene import Scene
 from hil.view.stretches import most_demanding, stretches
@@ -51,7 +51,7 @@ def played(model: Model, runs: Sequence[Run], words: str = "") -> Played:
         return Played()
     chosen = most_demanding(found)
     names = dict.fromkeys(each.measurement for each in chosen)
-    shown = tuple(beside((pairs[name] for name in names), found))
+    shown = tuple(join_predictions((pairs[name] for name in names), found))
     plot = Plot(
         "torque",
         lambda: over_time(chosen, model.robot),
@@ -106,7 +106,7 @@ def packed_recordings(
     """Return recordings as `hil.view.packed` has them, compressed; empty where there are none."""
     if not recordings:
         return ""
-    tracks = measured(robot, recordings, EACH * len(recordings))
+    tracks = concatenate_recordings(robot, recordings, EACH * len(recordings))
     scene = Scene(
         title=robot.name,
         robot=_with_limits(robot, recordings),
@@ -115,7 +115,7 @@ def packed_recordings(
         measured=tracks,
         predicted=tracks.predicted,
     )
-    return deflated(scene.data() | {"parameters": dict(parameters or {})})
+    return deflate(scene.data() | {"parameters": dict(parameters or {})})
 
 
 def first_pose(robot: Robot, recording: Recording) -> Array:

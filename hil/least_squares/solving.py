@@ -50,6 +50,16 @@ def solved(N: Array, side: Array) -> Array:
     """Solve normal equations ``N x = side``; unknowns without excitation stay zero.
 
     Fast enough for leave-one-out loops.
+
+    Parameters
+    ----------
+    N : ndarray, shape (n, n)
+        Symmetric, positive semi-definite.
+    side : ndarray, shape (n,) or (n, k)
+
+    Returns
+    -------
+    x : ndarray, shape of `side`
     """
     scale = _unit_scale(np.diag(N))
     scaled = N * np.outer(scale, scale) + RIDGE * np.eye(len(N))
@@ -207,6 +217,18 @@ def shares_without_nuisance(shares: Array, sides: Array, n: int) -> tuple[Array,
     """Compute the measurements' normal equations for the first `n` unknowns.
 
     Their sums are the normal equations without nuisance, which is fixed at the solution of all.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n_measurements, n + k, n + k)
+        N of each measurement.
+    sides : ndarray, shape (n_measurements, n + k)
+        v of each.
+
+    Returns
+    -------
+    shares : ndarray, shape (n_measurements, n, n)
+    sides : ndarray, shape (n_measurements, n)
     """
     N, v = shares.sum(axis=0), sides.sum(axis=0)
     P, nuisance = nuisance_elimination(N, n), inverse(N[n:, n:]) @ v[n:]

@@ -158,6 +158,14 @@ def degrees_if_white(inverse: Array, shares: Array, fewest: float = FEWEST) -> A
     After Bell and McCaffrey, Survey Methodology 28 (2002) 169-181. Shares from the residuals are as
     uncertain as the variance itself: a ratio of 14 between an unknown and its standard error then
     looked random.
+
+    Parameters
+    ----------
+    inverse : ndarray, shape (n, n)
+        Of N.
+    shares : ndarray, shape (n_measurements, n, n)
+    fewest : float
+        As of `effective_degrees`.
     """
     return effective_degrees(((inverse @ shares) * inverse.T).sum(axis=-1), fewest)
 
@@ -166,6 +174,11 @@ def leave_one_out(shares: Array, sides: Array) -> Solved:
     """Solve normal equations, and compute the jackknife covariance by measurement.
 
     Degrees of freedom are those of `degrees_if_white`.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n_measurements, n, n)
+    sides : ndarray, shape (n_measurements, n)
     """
     N = shares.sum(axis=0)
     x = solved(N, sides.sum(axis=0))
@@ -179,6 +192,11 @@ def bias_reduced(shares: Array, sides: Array) -> Solved:
 
     No variance is less than that of such noise: a direction determined by a single measurement
     leaves no score. Degrees of freedom are those of `degrees_if_white`.
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n_measurements, n, n)
+    sides : ndarray, shape (n_measurements, n)
     """
     N = shares.sum(axis=0)
     B = inverse_root(N)

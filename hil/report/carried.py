@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from hil.commands.torques import packed_recordings
 from hil.model.base_parameters import base_parameters
 from hil.show.section import data_uri
-from hil.view.along_motion import beside
+from hil.view.along_motion import join_predictions
 from hil.view.stretches import carriers
 
 if TYPE_CHECKING:
@@ -42,10 +42,10 @@ def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> 
     shown = run.shown_torques if run.is_identified else None
     wanted |= set(played) if shown is own else set()
     pairs = (pair for pair in run.recordings if pair[0].id in wanted)
-    recordings = [*beside(pairs, found)]
+    recordings = [*join_predictions(pairs, found)]
     if shown is not None and shown is not own:  # behind the run's own, whose ids they may have
         others = (pair for pair in shown.recordings if pair[0].id in played)
-        recordings += beside(others, shown.stretches)
+        recordings += join_predictions(others, shown.stretches)
     titles = base_parameters(run.robot).titles if of else ()
     parameters = {
         name: {"title": title, "by": [[each, round(100 * share, 1)] for each, share in by]}

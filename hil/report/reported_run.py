@@ -54,6 +54,17 @@ class ReportedRun:
 
     Results missing in the run are identified as by `hil identify`, and kept; a run about friction
     alone is not identified.
+
+    Attributes
+    ----------
+    source : Run
+
+    Raises
+    ------
+    FileError
+        A damaged recording.
+    NotIdentifiable, NotEnoughData
+        Recordings that do not suffice; no recording of friction in a run about friction alone.
     """
 
     def __init__(self, source: Run) -> None:
@@ -151,6 +162,11 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
     """Evaluate the friction of a run with the settings of the last `hil friction`, None if absent.
 
     The settings are the model of gravity, if it still exists, and the bound of asymmetry.
+
+    Raises
+    ------
+    NotEnoughData
+        No recordings of friction in a run about friction alone.
     """
     if not select_kind(Friction, recordings) and not _friction_alone(run):
         return None

@@ -7,7 +7,7 @@ import gzip
 import json
 
 
-def deflated(data: object) -> str:
+def deflate(data: object) -> str:
     """Return compressed JSON of `data`, as text safe in HTML."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return base64.b64encode(gzip.compress(text.encode(), compresslevel=6, mtime=0)).decode()

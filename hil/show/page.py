@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now, versions
-from hil.show.deflated import deflated
+from hil.show.deflated import deflate
 from hil.show.html import TEMPLATES, environment
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def write_html(path: Path, template: str, player: str = "", **values: object) ->
     """
     own = (TEMPLATES / "report.js").read_text(encoding="utf-8")
     about = {
-        "bundle": deflated(player),
+        "bundle": deflate(player),
         "written": now(),
         "version": versions()["canopen-robot-identification"],
         "script": Markup(own),  # noqa: S704 - our own

@@ -44,7 +44,7 @@ def rich_table(table: Table, width: int) -> DrawnTable:
     made = DrawnTable(title=title, box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=narrow)
     made.source = table
     for column, folds, least in zip(table.columns, folding, widths, strict=True):
-        head = Text(_broken(column.head) if narrow else column.head)
+        head = Text(_break_heading(column.head) if narrow else column.head)
         made.add_column(
             head,
             justify=column.align,
@@ -88,14 +88,14 @@ def _widths(table: Table, folding: list[bool], broken: bool, least: int = 12) ->
     """Compute column widths in characters, spacing included; folding columns need `least`."""
     found = []
     for k, (column, folds) in enumerate(zip(table.columns, folding, strict=True)):
-        head = _broken(column.head) if broken else column.head
+        head = _break_heading(column.head) if broken else column.head
         cells = [*head.split("\n"), *(row[k] for row in table.rows)]
         longest = max(map(cell_len, cells))
         found.append(BETWEEN + (min(longest, least) if folds else longest))
     return found
 
 
-def _broken(head: str) -> str:
+def _break_heading(head: str) -> str:
     """Break the words of a heading into lines, with the unit on a line."""
     name, comma, unit = head.rpartition(", ")
     return f"{name.replace(' ', chr(10))},\n{unit}" if comma else head.replace(" ", "\n")

@@ -23,7 +23,14 @@ from hil.planning.clearance import intrusions
 from hil.planning.free_motion import FreeMotion
 from hil.planning.timetable import SETTLING, travel_time
 from hil.runs.set_points import set_points
-from hil.view.packed import INSTANT, Segment, Track, all_simplified, described, with_holes
+from hil.view.packed import (
+    INSTANT,
+    Segment,
+    Track,
+    describe_motion,
+    simplify_columns,
+    simplify_with_gaps,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -66,7 +73,7 @@ class Shown(NamedTuple):
     predicted: Mapping[int, PredictedTorque]
 
 
-def beside(
+def join_predictions(
     recorded: Iterable[tuple[RecordedMotion, Recording]],
     found: Mapping[tuple[str, int], PredictedTorque],
 ) -> Iterator[Shown]:
@@ -78,7 +85,7 @@ def beside(
         yield Shown(motion, recording, of[motion.id])
 
 
-def measured(robot: Robot, shown: Sequence[Shown], most: int) -> MeasuredTracks:
+def concatenate_recordings(robot: Robot, shown: Sequence[Shown], most: int) -> MeasuredTracks:
     """Concatenate recordings, with about `most` instants in total."""
     segments: list[Segment] = []
     pieces: list[tuple[Array, ...]] = []
@@ -91,19 +98,19 @@ def measured(robot: Robot, shown: Sequence[Shown], most: int) -> MeasuredTracks:
             segments.append(Segment("travel", f"travel to {motion.id}, not recorded", begin, end))
             begin = end
         pieces.append(_piece(each, begin, every))
-        words, end = described(motion), float(pieces[-1][0][-1])
+        words, end = describe_motion(motion), float(pieces[-1][0][-1])
         axes = motion.read or motion.moved
         segments.append(Segment(motion.kind, words, begin, end, axes, recorded=True, id=motion.id))
     time, q, qd, tau, planned, torque, half = map(np.concatenate, zip(*pieces, strict=True))
     angle = 2e-5  # by which a drawn position may be off [rad or m]
     known = bool(np.isfinite(planned).all())
-    holed = partial(all_simplified, time, by=with_holes)
+    holed = partial(simplify_columns, time, by=simplify_with_gaps)
     return MeasuredTracks(
         tuple(segments),
-        all_simplified(time, q, angle),
-        all_simplified(time, qd),
-        all_simplified(time, tau),
-        all_simplified(time, planned, angle) if known else None,
+        simplify_columns(time, q, angle),
+        simplify_columns(time, qd),
+        simplify_columns(time, tau),
+        simplify_columns(time, planned, angle) if known else None,
         Predicted(holed(torque), _words(shown), holed(half)) if np.isfinite(torque).any() else None,
     )
 
@@ -139,14 +146,14 @@ def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
     planned = np.full_like(recording.q, np.nan) if planned is None else planned
     velocity, torque = _velocity(recording, time)[kept], _means(recording.tau, every)
     time = time[kept]
-    beside, half = np.full_like(torque, np.nan), np.full_like(torque, np.nan)
+    join_predictions, half = np.full_like(torque, np.nan), np.full_like(torque, np.nan)
     for axis, each in predicted.items():
-        low_passed, beside[:, axis], half[:, axis] = (
+        low_passed, join_predictions[:, axis], half[:, axis] = (
             np.interp(time, each.time, values, np.nan, np.nan)
             for values in (each.measured, each.predicted, each.half)
         )
         torque[:, axis] = np.where(np.isfinite(low_passed), low_passed, torque[:, axis])
-    return begin + time, recording.q[kept], velocity, torque, planned[kept], beside, half
+    return begin + time, recording.q[kept], velocity, torque, planned[kept], join_predictions, half
 
 
 def _velocity(recording: Recording, time: Array) -> Array:
@@ -183,7 +190,7 @@ def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Pre
             torque = [model.drive_torque(q[p], qd[p], qdd[p]) for p in parts]
     of = "" if len(lack) == n else f" of axis {', '.join(map(str, lack))}"
     words = f"predicted, without friction{of}" if lack else "predicted"
-    return Predicted(all_simplified(time, np.concatenate(torque)), words)
+    return Predicted(simplify_columns(time, np.concatenate(torque)), words)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -124,7 +124,7 @@ def box(size: Sequence[float]) -> Array:
 
 def cylinder(radius: float, length: float) -> Array:
     """Return triangles (n, 3, 3) of a cylinder along z about the origin [m]."""
-    return _turned(
+    return _revolve(
         [(0.0, -length / 2), (radius, -length / 2), (radius, length / 2), (0.0, length / 2)]
     )
 
@@ -132,10 +132,10 @@ def cylinder(radius: float, length: float) -> Array:
 def sphere(radius: float, sides: int = 24) -> Array:
     """Return triangles (n, 3, 3) of a sphere about the origin [m]."""
     angles = np.linspace(-np.pi / 2, np.pi / 2, sides // 2 + 1)
-    return _turned([(radius * np.cos(a), radius * np.sin(a)) for a in angles.tolist()])
+    return _revolve([(radius * np.cos(a), radius * np.sin(a)) for a in angles.tolist()])
 
 
-def _turned(outline: Sequence[tuple[float, float]], sides: int = 24) -> Array:
+def _revolve(outline: Sequence[tuple[float, float]], sides: int = 24) -> Array:
     """Return triangles of the surface of revolution of an outline (radius, height) about z."""
     angles = np.linspace(0.0, 2 * np.pi, sides + 1)
     rings = [
@@ -163,20 +163,20 @@ class Mesh(NamedTuple):
     cell: float
 
 
-def thinned(corners: Array, most: int) -> Mesh:
+def merge_corners(corners: Array, most: int) -> Mesh:
     """Merge the corners of triangles (n, 3, 3) in cells, down to at most `most` triangles.
 
     Degenerate and duplicate triangles are removed.
     """
     cell = FINEST
     while True:
-        mesh = _gathered(corners, cell)
+        mesh = _merge(corners, cell)
         if len(mesh.triangles) <= most:
             return mesh
         cell *= 1.5
 
 
-def _gathered(corners: Array, cell: float) -> Mesh:
+def _merge(corners: Array, cell: float) -> Mesh:
     whole = np.rint(corners.reshape(-1, 3) / cell).astype(np.int64)
     cells, numbers = np.unique(whole, axis=0, return_inverse=True)
     triangles = numbers.reshape(-1, 3)

@@ -150,7 +150,7 @@ class Track:
         return found if self.slope is None else found | {"slope": packed(self.slope, step)}
 
 
-def simplified(time: Array, value: Array, tolerance: float) -> Track:
+def simplify(time: Array, value: Array, tolerance: float) -> Track:
     """Simplify samples to a polyline within `tolerance` (swinging door algorithm).
 
     The range of slopes from a knot that pass all later samples within the tolerance narrows from
@@ -184,12 +184,12 @@ def swinging_door(t: list[float], x: list[float], tolerance: float, kept: Mask) 
             high = min(high, (x[i] + tolerance - x[begin]) / way)
 
 
-def with_holes(time: Array, value: Array, tolerance: float) -> Track:
+def simplify_with_gaps(time: Array, value: Array, tolerance: float) -> Track:
     """Simplify samples as in `simplified`, with a NaN knot in every gap."""
     there = np.isfinite(value)
     runs = np.split(np.arange(len(time)), np.flatnonzero(np.diff(there)) + 1)
     parts = [
-        simplified(time[own], value[own], tolerance)
+        simplify(time[own], value[own], tolerance)
         if there[own[0]]
         else Track(time[own[:1]], value[own[:1]])
         for own in runs
@@ -197,12 +197,12 @@ def with_holes(time: Array, value: Array, tolerance: float) -> Track:
     return Track(*(np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "value")))
 
 
-def all_simplified(
+def simplify_columns(
     time: Array,
     values: Array,
     tolerance: float | None = None,
     share: float = 1e-3,
-    by: Callable[[Array, Array, float], Track] = simplified,
+    by: Callable[[Array, Array, float], Track] = simplify,
 ) -> tuple[Track, ...]:
     """Simplify columns of values (n, n_joints), by default within a share of the maximum."""
     greatest = np.where(np.isfinite(values), np.abs(values), 0.0).max(axis=0, initial=1e-9)
@@ -212,6 +212,6 @@ def all_simplified(
     )
 
 
-def described(motion: RecordedMotion) -> str:
+def describe_motion(motion: RecordedMotion) -> str:
     """Format id, kind and axes of a motion."""
     return f"{motion.id}: {motion.kind}, {motion.axes_in_words}"

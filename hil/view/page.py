@@ -15,7 +15,7 @@ from checked_files.yaml_file import FileError
 from hil.errors import InvalidValue
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import versions
-from hil.show.deflated import deflated
+from hil.show.deflated import deflate
 from hil.show.html import TEMPLATES, environment
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def html(scene: Scene) -> str:
         .get_template("page.html")
         .render(
             scene=scene,
-            data=deflated(scene.data()),
+            data=deflate(scene.data()),
             style=_asset("curves.css", TEMPLATES) + _asset("view.css"),
             script=_asset("view.js"),
             mark=Markup(MARK),  # noqa: S704 - our own

@@ -21,7 +21,7 @@ from hil.planning.prediction.information import partner_strokes
 from hil.planning.strokes import REST
 from hil.planning.timetable import SETTLING, travel_time
 from hil.planning.trapezoid import Trapezoid
-from hil.view.packed import Segment, Track, described
+from hil.view.packed import Segment, Track, describe_motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -41,7 +41,7 @@ class Planned(NamedTuple):
     tracks: tuple[Track, ...]
     segments: tuple[Segment, ...]
 
-    def at(self, time: Array) -> tuple[Array, Array, Array]:
+    def evaluate(self, time: Array) -> tuple[Array, Array, Array]:
         """Compute q, qd and qdd at instants (n,), shapes (n, n_joints)."""
         found = [_cubic(track, time) for track in self.tracks]
         q, qd, qdd = (np.column_stack(each) for each in zip(*found, strict=True))
@@ -65,7 +65,7 @@ def planned(plan: Plan, robot: Robot) -> Planned:
         passage.note("travel", f"travel to {measurement.id}")
         passage.measure(measurement)
         passage.note(
-            measurement.kind, described(measurement), measurement.read,
+            measurement.kind, describe_motion(measurement), measurement.read,
             recorded=True, problem=problems.get(number),
         )  # fmt: skip
     tracks = tuple(Track(*np.array(knots).T) for knots in passage.knots)

@@ -11,7 +11,13 @@ from hil.errors import NotEnoughData
 from hil.model.capsules import capsules
 from hil.planning.workspace import narrow_ranges
 from hil.runs.pooling import recorded
-from hil.view.along_motion import beside, distances, measured, predicted, smallest
+from hil.view.along_motion import (
+    concatenate_recordings,
+    distances,
+    join_predictions,
+    predicted,
+    smallest,
+)
 from hil.view.packed import shown_kinds
 from hil.view.planned import planned
 from hil.view.stretches import stretches
@@ -100,7 +106,7 @@ class Scene:
         }
 
 
-def of_robot(
+def robot_scene(
     robot: Robot, workspace: Workspace | None = None, visuals: Sequence[Visual] = ()
 ) -> Scene:
     """Create the scene of a robot with adjustable joints."""
@@ -109,11 +115,11 @@ def of_robot(
         robot=robot,
         workspace=workspace,
         visuals=visuals,
-        notes=_of_capsules(robot),
+        notes=_describe_capsules(robot),
     )
 
 
-def of_plan(
+def plan_scene(
     plan: Plan,
     robot: Robot,
     most: int,
@@ -136,7 +142,7 @@ def of_plan(
     """
     passed = planned(plan, robot)
     time = _instants(passed.segments[-1].end, most)
-    q, qd, qdd = passed.at(time)
+    q, qd, qdd = passed.evaluate(time)
     near = distances(robot, plan.workspace, time, q)
     torque = predicted(model, time, q, qd, qdd) if model else None
     return Scene(
@@ -151,15 +157,15 @@ def of_plan(
         notes=(
             "As the dry run reckons it; it begins with all joints at 0, since where the robot"
             " stands is not known.",
-            *_of_distance(near, plan.workspace),
-            *_of_capsules(robot),
+            *_describe_distance(near, plan.workspace),
+            *_describe_capsules(robot),
             *(() if torque else (WITHOUT_MODEL,)),
         ),
-        simulated=_of_virtual_plant(model),
+        simulated=_is_simulated(model),
     )
 
 
-def of_run(
+def run_scene(
     run: Run, most: int, model: Model | None = None, visuals: Sequence[Visual] = ()
 ) -> Scene:
     """Create the scene of a run's recordings, with set-points.
@@ -181,8 +187,8 @@ def of_run(
     pairs = tuple(recorded(run))
     if not pairs:
         raise NotEnoughData(f"{run.path}: no recordings to show; measure them with --resume")
-    shown = tuple(beside(pairs, stretches(model, pairs) if model else {}))
-    found = measured(run.robot, shown, most)
+    shown = tuple(join_predictions(pairs, stretches(model, pairs) if model else {}))
+    found = concatenate_recordings(run.robot, shown, most)
     workspace = None if run.imported else run.planned.workspace
     time = _instants(found.segments[-1].end, most)
     q = np.column_stack([np.interp(time, each.time, each.value) for each in found.position])
@@ -200,14 +206,14 @@ def of_run(
         notes=(
             "As it was measured. Pauses are left out, and ways between recordings, which are not"
             " recorded, are drawn straight.",
-            *_of_distance(near, workspace),
-            *_of_capsules(run.robot),
+            *_describe_distance(near, workspace),
+            *_describe_capsules(run.robot),
         ),
-        simulated=run.journal.simulated or _of_virtual_plant(model),
+        simulated=run.journal.simulated or _is_simulated(model),
     )
 
 
-def _of_virtual_plant(model: Model | None) -> bool:
+def _is_simulated(model: Model | None) -> bool:
     return model is not None and model.provenance.of_virtual_plant
 
 
@@ -217,14 +223,14 @@ def _instants(duration: float, most: int) -> Array:
     return np.linspace(0.0, duration, n + 1)
 
 
-def _of_distance(found: Distances | None, workspace: Workspace | None) -> tuple[str, ...]:
+def _describe_distance(found: Distances | None, workspace: Workspace | None) -> tuple[str, ...]:
     if found is None or workspace is None:
         return ()
     words = smallest(found, workspace)
     return (f"{words[0].upper()}{words[1:]}.",)
 
 
-def _of_capsules(robot: Robot) -> tuple[str, ...]:
+def _describe_capsules(robot: Robot) -> tuple[str, ...]:
     """Describe capsules that are only assumed."""
     stated = capsules(robot).stated
     if all(stated):

@@ -47,11 +47,11 @@ def stretches(
             whole = predict_whole(model, in_si(model, motion, recording), motion.id, motion.moved)
             whole = replace(whole, time=whole.time - recording.time[0])
             for axis in motion.moved:
-                found[motion.id, axis] = _drawn(model, whole.of_axis(axis))
+                found[motion.id, axis] = _select_moving(model, whole.of_axis(axis))
     return found
 
 
-def _drawn(model: Model, found: PredictedTorque) -> PredictedTorque:
+def _select_moving(model: Model, found: PredictedTorque) -> PredictedTorque:
     """Return one axis's prediction during motion, with fitted friction if the model has none."""
     axis, speed, predicted = found.axis, found.qd, found.predicted
     moves = np.abs(speed) > SLOW * max(float(np.abs(speed).max(initial=0.0)), 1e-300)

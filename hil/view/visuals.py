@@ -18,7 +18,7 @@ from hil.model.capsules import capsules, link_reaches
 from hil.model.frames import inverse
 from hil.model.readers.axes_to_frames import difference, find_frames
 from hil.model.readers.urdf import UrdfReader
-from hil.view.meshes import FINEST, box, cylinder, read_triangles, sphere, thinned
+from hil.view.meshes import FINEST, box, cylinder, merge_corners, read_triangles, sphere
 from hil.view.packed import packed
 
 if TYPE_CHECKING:
@@ -145,16 +145,16 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
     _refuse_other(chain, robot, urdf)
     shapes: list[tuple[int, Array]] = []
     left_out = []
-    for link, pose, element in _placed(reader, chain):
+    for link, pose, element in _attached_links(reader, chain):
         for visual in element.findall("visual"):
             try:
                 corners = _triangles(reader, visual, urdf, meshes)
             except FileError as error:
                 left_out.append(f"{error}; left out")
                 continue
-            shapes.append((link, _moved(corners, pose @ reader.origin(visual))))
+            shapes.append((link, _transform(corners, pose @ reader.origin(visual))))
     most = _allowance([len(corners) for _, corners in shapes])
-    found = [Visual(link, thinned(corners, most)) for link, corners in shapes]
+    found = [Visual(link, merge_corners(corners, most)) for link, corners in shapes]
     return Visuals(tuple(v for v in found if len(v.mesh.triangles)), (*left_out, *_coarse(found)))
 
 
@@ -184,7 +184,7 @@ def _refuse_other(chain: UrdfChain, robot: Robot, urdf: Path) -> None:
         )
 
 
-def _placed(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, Element]]:
+def _attached_links(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, Element]]:
     """Yield links attached to the chain: number, pose in the robot's frame, element."""
     frames = find_frames(chain)
     at_zero = np.zeros(len(chain.joints))
@@ -255,6 +255,6 @@ def _inside(found: tuple[Path, Path], meshes: Path | None) -> Path:
     return path
 
 
-def _moved(corners: Array, pose: Array) -> Array:
+def _transform(corners: Array, pose: Array) -> Array:
     moved: Array = corners @ pose[:3, :3].T + pose[:3, 3]
     return moved

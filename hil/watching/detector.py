@@ -194,12 +194,12 @@ class Detector:
         qd, qdd = (step[1:] + step[:-1]) / (2 * period), np.diff(step, axis=0) / period**2
         q = q[1:-1]
         rigid = inverse_dynamics(robot, self._model.values, q, qd, qdd)
-        offset, level = self._tables.at(qd, rigid)
+        offset, level = self._tables.evaluate(qd, rigid)
         frictionless = rigid + motor_torque(robot, q, qd, qdd) + offset
         turn = self._turning.take(step[:-1], qd, measured - frictionless, level)
         speed = np.abs(qd) / self._speed
         columns = columns_of(turn.direction, level / self._limit, speed)
-        drifted, spread = self._level.at(columns)
+        drifted, spread = self._level.evaluate(columns)
         predicted = frictionless + turn.direction * level + turn.damping + drifted * self._limit
         left = (measured - predicted) / self._limit
         rest = np.clip(1.0 - speed / SLOW, 0.0, 1.0) * (1.0 + np.abs(turn.direction))

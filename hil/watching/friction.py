@@ -73,7 +73,7 @@ class FrictionTables:
         )
         self.uncertainty = self._relative_error(speeds, free[1])
 
-    def at(self, qd: Array, load: Array) -> tuple[Array, Array]:
+    def evaluate(self, qd: Array, load: Array) -> tuple[Array, Array]:
         """Return offset and level of friction, shapes (n, n_joints) [N m or N].
 
         Parameters
@@ -148,7 +148,7 @@ class FrictionLevel:
         even = np.full(len(SPEEDS), SHAPE_WANDER)
         self._wander = _covariance(LEVEL_WANDER, even, OFFSET_WANDER)
 
-    def at(self, columns: Array) -> tuple[Array, Array]:
+    def evaluate(self, columns: Array) -> tuple[Array, Array]:
         """Return friction deviation and standard error, as shares of the torque limit.
 
         Parameters

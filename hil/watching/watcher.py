@@ -142,7 +142,7 @@ class Watcher:
         return self._moved * self._period
 
     @property
-    def to_learn(self) -> float:
+    def required(self) -> float:
         """Required time of motion for learning thresholds [s]."""
         return self._needed * self._period
 
@@ -339,13 +339,15 @@ class WatchingBus(BusInFront):
             alarms = self._watcher.take(*self._held)
             self._held.clear()
         if alarms and self._stop:
-            raise Tripped(f"{in_words(alarms[0], self._watcher.unit(alarms[0]))}; all axes stop")
+            raise Tripped(
+                f"{describe_alarm(alarms[0], self._watcher.unit(alarms[0]))}; all axes stop"
+            )
         for alarm in alarms or (None,):
             self._show(alarm)
         return sample
 
 
-def in_words(alarm: Alarm, unit: str) -> str:
+def describe_alarm(alarm: Alarm, unit: str) -> str:
     """Describe an alarm: axis, time, size and threshold."""
     return (
         f"axis {alarm.axis}: {alarm.torque:+.3g} {unit} from outside at {alarm.time:.3f} s, in a"

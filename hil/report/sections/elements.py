@@ -65,7 +65,7 @@ def torques(run: ReportedRun) -> Section | None:
         return None
     kinds = {value.kind for value in run.estimate.local}
     over_angles = (
-        _over_angles_plot(name, kind, run)
+        _angles_plot(name, kind, run)
         for name, kind in ELEMENT_KINDS.items()
         if name in kinds and not kind.pair
     )
@@ -93,7 +93,7 @@ def _all(run: ReportedRun) -> Plot:
     )
 
 
-def _over_angles_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
+def _angles_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
     of_gravity = (
         " (Fig. 7 for all pairs). A pattern over an angle is something that the robot file leaves"
         " out; hil diagnose tests what."

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hil.results.tables import excluded as tables
-from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, chart, in_turn
+from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, chart, ordered_colours
 from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
@@ -75,6 +75,6 @@ def _bar(limit: Limit, row: int, n_joints: int) -> Item:
     torque = 100.0 * limit.unnoticed
     if limit.size is None:
         return Points([torque], [at], "ring", MODEL, "never shows", size=2.4)
-    colour = in_turn(n_joints)[limit.axis - 1] if limit.axis else MODEL
+    colour = ordered_colours(n_joints)[limit.axis - 1] if limit.axis else MODEL
     label = f"axis {limit.axis}" if limit.axis else "no axis in particular"
     return Line([LEAST, torque], [at, at], colour, label, width=3.0)

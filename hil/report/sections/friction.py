@@ -100,14 +100,14 @@ def _friction_plots(result: FrictionResult) -> Iterator[Plot]:
     if result.drifts:
         yield Plot(
             "over-time",
-            partial(plots.over_time, result.drifts),
+            partial(plots.draw_levels, result.drifts),
             "Friction level over time, one panel an axis.",
             "Friction level in the course of time (Fig. 2a).",
         )
     if plots.axes_in_operation(result):
         yield Plot(
             "in-operation",
-            partial(plots.in_operation, result),
+            partial(plots.operation_curves, result),
             "Friction characteristics after several times of operation.",
             "Friction characteristics after several times of continuous operation (Fig. 2b).",
         )

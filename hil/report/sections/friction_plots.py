@@ -20,7 +20,7 @@ from hil.show.charts.chart import (
     Points,
     Rule,
     chart,
-    in_turn,
+    ordered_colours,
 )
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def _models(result: FrictionResult, fit: AxisCurves) -> Panel:
     )
 
 
-def over_time(drifts: Sequence[Drift]) -> Chart:
+def draw_levels(drifts: Sequence[Drift]) -> Chart:
     """Draw friction levels over time with the fitted drift model: Fig. 2a."""
     return chart(
         Panel(
@@ -106,26 +106,26 @@ def _levels_in_time(drift: Drift) -> Iterator[Item]:
         own = np.array([g == group for g in groups])
         base = measured[own].mean()
         yield Points(minutes[own], measured[own] / base, "o", label="measured", size=1.8)
-        yield Line(minutes[own], _interrupted(minutes[own], drift.fitted[own] / base),
+        yield Line(minutes[own], _insert_gaps(minutes[own], drift.fitted[own] / base),
                    label="two states, three time constants")  # fmt: skip
 
 
-def _interrupted(minutes: Array, fitted: Array) -> Array:
+def _insert_gaps(minutes: Array, fitted: Array) -> Array:
     """Insert gaps where the pause exceeds three times the usual interval."""
     pauses = np.diff(minutes, prepend=minutes[:1])
     return np.where(pauses > 3.0 * np.median(pauses), np.nan, fitted)
 
 
-def in_operation(result: FrictionResult) -> Chart:
+def operation_curves(result: FrictionResult) -> Chart:
     """Draw characteristics after several times of continuous operation: Fig. 2b."""
-    return chart(_in_operation(result, axis) for axis in axes_in_operation(result))
+    return chart(_operation_panel(result, axis) for axis in axes_in_operation(result))
 
 
-def _in_operation(result: FrictionResult, axis: int) -> Panel:
+def _operation_panel(result: FrictionResult, axis: int) -> Panel:
     curves = characteristics(result, axis)
     begin = curves[0][0].time
     items: list[Item] = [Rule(0.0, colour=INK)]
-    for curve, colour in zip(curves, in_turn(len(curves)), strict=True):
+    for curve, colour in zip(curves, ordered_colours(len(curves)), strict=True):
         own = sorted(curve, key=lambda p: p.velocity)
         after = f"after {(curve[0].time - begin) / 60:.0f} min of operation"
         items += _characteristic(own, colour, after)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.results.tables.friction import campaign_friction
-from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, chart, in_turn
+from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, chart, ordered_colours
 from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def _plots(run: ReportedRun) -> Iterator[Plot]:
     if run.estimate.half_sums:
         yield Plot(
             "half-sums",
-            partial(shown_half_sums, run.estimate.half_sums, run.robot),
+            partial(draw_half_sums, run.estimate.half_sums, run.robot),
             "Torque of the rigid bodies over the position of each axis, measured and modelled.",
             "Half the sum of the torques forth and back over the position, less what differs by"
             " direction: gravity and, where the axis accelerates, its inertia. Means over the pairs"
@@ -51,7 +51,7 @@ def _plots(run: ReportedRun) -> Iterator[Plot]:
         )
 
 
-def shown_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
+def draw_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
     """Draw measured and modelled torques of the rigid bodies over position, by axis.
 
     The six recordings with the longest strokes are shown per axis.
@@ -70,7 +70,7 @@ def shown_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
 
 def _half_sums(own: Sequence[HalfSums]) -> Iterator[Item]:
     longest = sorted(own, key=lambda each: -float(np.ptp(each.q)))[:6]
-    for each, colour in zip(longest, in_turn(len(longest)), strict=True):
+    for each, colour in zip(longest, ordered_colours(len(longest)), strict=True):
         error = np.nan_to_num(each.standard_error)
         yield Points(each.q, each.measured, "o", colour, error=error, size=1.6)
         yield Line(each.q, each.model, colour)

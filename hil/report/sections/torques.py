@@ -45,11 +45,11 @@ POINTS = 150
 
 def torque(run: ReportedRun) -> Section | None:
     """Create the section of torques over time and friction over speed."""
-    plots = (*_over_time(run), *_friction(run))
+    plots = (*_torque_plots(run), *_friction(run))
     return Section("Torque", "torque.html", plots=plots, leads=True) if plots else None
 
 
-def _over_time(run: ReportedRun) -> Iterator[Plot]:
+def _torque_plots(run: ReportedRun) -> Iterator[Plot]:
     found = run.shown_torques if run.is_identified else None
     if found is None or not found.stretches:
         return
@@ -84,7 +84,7 @@ def _friction(run: ReportedRun) -> Iterator[Plot]:
         )
     elif run.model.friction_law is not None and run.shown_torques.stretches:
         yield _law_plot(
-            lambda: over_speed(
+            lambda: draw_friction(
                 run.model,
                 run.shown_torques.stretches.values(),
                 linked=run.shown_torques is run.own_torques,
@@ -103,7 +103,7 @@ def _law_plot(draw: object, words: str) -> Plot:
     )
 
 
-def over_speed(model: Model, found: Iterable[PredictedTorque], *, linked: bool) -> Chart:
+def draw_friction(model: Model, found: Iterable[PredictedTorque], *, linked: bool) -> Chart:
     """Draw friction over speed, measured and from the model's law.
 
     Points link to recordings if `linked`, for recordings of the run itself.

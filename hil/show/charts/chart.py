@@ -27,7 +27,7 @@ NAMES = {
 _STOPS = ((124, 104, 214), (62, 130, 204), (32, 150, 140), (92, 160, 72), (192, 146, 40))
 
 
-def in_turn(n: int) -> list[str]:
+def ordered_colours(n: int) -> list[str]:
     """Return colours for `n` ordered items, from violet to amber, for light and dark paper."""
     return [_between(k * (len(_STOPS) - 1) / max(n - 1, 1)) for k in range(n)]
 

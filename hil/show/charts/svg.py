@@ -65,7 +65,7 @@ def item_on(item: Item, x: Scale, y: Scale) -> Iterator[str]:
     elif isinstance(item, Rule):
         ends = [x.begin, x.end], [y.begin, y.end]
         at = [float((x if item.upright else y).place(item.at))] * 2
-        yield _line(_as_line(item), *((at, ends[1]) if item.upright else (ends[0], at)))
+        yield _line(_convert_rule(item), *((at, ends[1]) if item.upright else (ends[0], at)))
     elif isinstance(item, Points):
         yield from _points(item, x, y)
 
@@ -89,7 +89,9 @@ def key(item: Item) -> Iterator[str]:
     elif isinstance(item, Band):
         yield _area(item, np.array([1.0, 25.0]), np.full(2, 11.0), np.full(2, 1.0))
     elif isinstance(item, Line | Rule):
-        yield _line(item if isinstance(item, Line) else _as_line(item), [1.0, 25.0], [6.0, 6.0])
+        yield _line(
+            item if isinstance(item, Line) else _convert_rule(item), [1.0, 25.0], [6.0, 6.0]
+        )
 
 
 def _area(item: Band, x: Array, low: Array, high: Array) -> str:
@@ -104,7 +106,7 @@ def _area(item: Band, x: Array, low: Array, high: Array) -> str:
     return f'<g{_colour(item.colour)}><path class="band" d="{"".join(edges)}"/></g>'
 
 
-def _as_line(rule: Rule) -> Line:
+def _convert_rule(rule: Rule) -> Line:
     return Line((), (), rule.colour, dash=rule.dash, width=1.0)
 
 
@@ -163,7 +165,7 @@ LETTER, BESIDE = 7.6, 28.0
 
 def panels(chart: Chart) -> list[Markup]:
     """Draw the panels of a chart as ``svg`` elements."""
-    return [_svg(*size_of(each), "".join(drawn(each)), _clock(each)) for each in chart.panels]
+    return [_svg(*size_of(each), "".join(draw(each)), _clock(each)) for each in chart.panels]
 
 
 def legend(chart: Chart) -> list[tuple[Markup, str]]:
@@ -177,7 +179,7 @@ def size_of(panel: Panel) -> tuple[float, float]:
     return panel.width, TOP + panel.height + strip + BOTTOM
 
 
-def drawn(panel: Panel) -> Iterator[str]:
+def draw(panel: Panel) -> Iterator[str]:
     """Draw the elements of a panel."""
     left = _left(panel)
     x = Scale(*_reach(panel), left, panel.width - RIGHT, panel.decades)
@@ -258,7 +260,7 @@ STYLE = Path(__file__).parents[1] / "templates" / "chart.css"
 
 def file(chart: Chart) -> bytes:
     """Draw a chart as a file."""
-    placed = list(_placed(chart))
+    placed = list(_place_panels(chart))
     width = max((x + size_of(panel)[0] for x, _, panel in placed), default=1.0)
     height = max((y + size_of(panel)[1] for _, y, panel in placed), default=1.0)
     size = f'width="{number(width)}" height="{number(height)}"'
@@ -269,13 +271,13 @@ def file(chart: Chart) -> bytes:
             f"<style>{STYLE.read_text(encoding='utf-8')}</style>",
             '<rect width="100%" height="100%" fill="#fff"/>',
             *_legend(chart),
-            *(_moved(x, y, "".join(drawn(panel))) for x, y, panel in placed),
+            *(_translate(x, y, "".join(draw(panel))) for x, y, panel in placed),
             "</svg>\n",
         )
     ).encode()
 
 
-def _placed(chart: Chart) -> Iterator[tuple[float, float, Panel]]:
+def _place_panels(chart: Chart) -> Iterator[tuple[float, float, Panel]]:
     """Yield positions of panels, below a legend of height 26, in rows of at most 1080."""
     x, y, row = 0.0, 26.0 if chart.legend else 0.0, 0.0
     for panel in chart.panels:
@@ -289,9 +291,9 @@ def _placed(chart: Chart) -> Iterator[tuple[float, float, Panel]]:
 def _legend(chart: Chart) -> Iterator[str]:
     x = 52.0
     for label, item in chart.legend.items():
-        yield _moved(x, 6, "".join(key(item)) + text(31, 10, label, "begin"))
+        yield _translate(x, 6, "".join(key(item)) + text(31, 10, label, "begin"))
         x += 45.0 + 7.2 * len(label)  # about the width of a letter
 
 
-def _moved(x: float, y: float, content: str) -> str:
+def _translate(x: float, y: float, content: str) -> str:
     return f'<g transform="translate({number(x)} {number(y)})">{content}</g>'

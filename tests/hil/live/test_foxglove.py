@@ -225,7 +225,7 @@ def published(manutec: Robot, small_plan: Plan) -> Callable[..., dict[str, Any]]
     store = get_typestore(Stores.ROS2_HUMBLE)
 
     def take(kind: str, **values: object) -> dict[str, Any]:
-        line = json.loads(lines.encoded(kind, **values))
+        line = json.loads(lines.encode(kind, **values))
         found = {said.topic: said for said in ros.take(line)}
         return {
             topic: store.deserialize_cdr(said.data, TOPICS[topic]) for topic, said in found.items()

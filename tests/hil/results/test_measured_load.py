@@ -120,7 +120,7 @@ def test_slow_strokes_come_first_and_all_of_it_takes_the_time_that_it_may(
     assert 120.0 < lasts(slow, robot) + lasts(fast, robot) <= 60 * MINUTES
     known = bare.known
     first, both = (
-        np.linalg.inv(known.of_load(known.before(feasible_options(known), plans)))
+        np.linalg.inv(known.load_information(known.before(feasible_options(known), plans)))
         for plans in ((slow,), (slow, fast))
     )
     assert np.all(np.diag(both) < np.diag(first))

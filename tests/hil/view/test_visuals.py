@@ -14,7 +14,7 @@ from hil.errors import FileError, Mismatch
 from hil.model.readers.axes_to_frames import Frames, find_frames
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot import Robot
-from hil.view.meshes import read_triangles, thinned
+from hil.view.meshes import merge_corners, read_triangles
 from hil.view.visuals import MOST_TRIANGLES, _allowance, visuals
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ def test_a_fine_mesh_is_thinned_within_the_cell_that_is_stated() -> None:
     angles = np.linspace(0.0, 2 * np.pi, 201)
     ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(201)])
     fan = np.array([[np.zeros(3), a, b] for a, b in pairwise(ring)])
-    mesh = thinned(fan, 60)
+    mesh = merge_corners(fan, 60)
     assert 20 <= len(mesh.triangles) <= 60
     off = [np.linalg.norm(mesh.vertices - corner, axis=1).min() for corner in ring]
     assert max(off) <= mesh.cell * np.sqrt(3) / 2
