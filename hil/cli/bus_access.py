@@ -56,7 +56,7 @@ def drives_path(name: str) -> Path:
     Raises
     ------
     FileError
-        It is neither.
+        Neither a built-in robot nor a drives file.
     """
     packaged, path = ROBOTS / f"{name}{SUFFIX}", Path(name)
     if packaged.is_file():

@@ -55,20 +55,20 @@ class Readings:
     system : str
         Name of the operating system.
     socketcan, vcan : bool
-        Whether the kernel opens CAN sockets, and has the module of virtual interfaces.
+        True if the kernel opens CAN sockets, and has the module of virtual interfaces.
     interfaces : tuple of CanInterface
     administrator : bool
-        Whether interfaces may be set up by this user.
+        True if this user may set up interfaces.
     priority : int
         Highest real-time priority that this user may have; 0 for none.
     resolution : float
-        Of the clock [s].
+        Resolution of the clock [s].
     folder : str
-        Where free space was looked at.
+        Folder with the checked free space.
     disk, memory : float
         Free [bytes].
     writable : bool
-        Whether the folder may be written to.
+        True if the folder is writable.
     extras : mapping of str to bool
         Optional packages, and whether each is there.
     """
@@ -206,7 +206,7 @@ def read_computer(folder: Path, extras: Mapping[str, str]) -> Readings:
     Parameters
     ----------
     folder : Path
-        Where runs are to be written.
+        Folder for runs.
     extras : mapping of str to str
         Names of optional extras, and a module that each brings.
     """

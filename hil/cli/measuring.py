@@ -115,7 +115,7 @@ class OnBus(RobotsBus):
     listeners : sequence of Listener
         Processes informed of what happens, not started yet.
     feed : Feed, optional
-        What informs listeners of this run among others, in their place.
+        Existing feed for listeners, shared with other runs.
     """
 
     frame_log: Path | None = None
@@ -149,11 +149,11 @@ def measure(
     in_front : callable, optional
         Puts a bus in front of that of the drives, which passes everything on and adds its own.
     feeds : bool
-        Whether the drives must take what is fed forward.
+        True if the drives must accept feed-forward values.
     display : callable, optional
         See `hil.cli.run_session.carry_out`.
     rounds : int
-        How often the whole plan is measured, as measurements of their own.
+        Number of repetitions of the plan, as separate measurements.
     watcher : Watcher, optional
         Whose torques are shown to listeners.
     """

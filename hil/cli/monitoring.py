@@ -86,9 +86,9 @@ def follow(
     keys : Keys
         Entered; p pauses the table and goes on, q ends.
     console : Console
-        Where to draw.
+        Console for the table.
     duration : float or None
-        How long at most [s].
+        Maximum duration [s].
     every : float
         Time between two tables [s].
     """

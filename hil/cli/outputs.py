@@ -50,7 +50,7 @@ def refuse_existing(output: Path) -> None:
     Raises
     ------
     FileError
-        It is there.
+        An existing file.
     """
     if os.path.lexists(output):
         raise _refused(f"{output}: is there already; remove it or choose another name with -o")

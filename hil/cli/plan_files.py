@@ -38,7 +38,7 @@ def load_guard(path: Path | None, robot: Robot) -> Workspace | None:
     Raises
     ------
     FileError
-        It cannot be used.
+        An unusable workspace file.
     """
     guard = None if path is None else load_workspace(path, robot)
     _show_remarks(guard, robot)

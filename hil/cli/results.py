@@ -246,7 +246,7 @@ def refuse_unknown(method: str | None) -> None:
     Raises
     ------
     typer.BadParameter
-        With the known ones.
+        An unknown method; the message lists the known ones.
     """
     from hil.estimation.identify import METHODS, RIVALS
 

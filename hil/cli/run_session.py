@@ -65,7 +65,8 @@ def carry_out(
     FileError
         Another process measures into the folder.
     typer.Exit
-        With status 130 when interrupted, 1 when drives, bus or disk failed; all has been reported.
+        Status 130 when interrupted, 1 when drives, bus or disk failed; everything has been
+        reported.
     """
     if not folder.missing and rehearsal is None:
         say(f"{folder.path}: nothing is missing")

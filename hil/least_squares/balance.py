@@ -49,13 +49,13 @@ class Kind(NamedTuple):
     ----------
     regression : Regression
     cells : Blocks, optional
-        The same samples in cells of states, where the model's lacks show.
+        Samples grouped in cells of states, which show model error.
     beside : ndarray, shape (n, n)
-        Covariance of the first shared unknowns, were they found from this kind alone, that no group
-        shows, such as from one law of friction to another; none where n is 0.
+        Covariance of the first shared unknowns, estimated from this kind alone, not visible between
+        groups, such as from one friction law to another; none where n is 0.
     effect : ndarray, shape (n, m)
-        Change of these per unit of what no group shows either, such as a torque constant; none
-        where n is 0.
+        Change of these unknowns per unit of a quantity not visible either, such as a torque
+        constant; none where n is 0.
     """
 
     regression: Regression
@@ -71,7 +71,7 @@ class Balanced(NamedTuple):
     ----------
     whole : Kind
     parts : tuple of ndarray, shape (n, n)
-        What of the shared unknowns that each kind alone would have is in those of all; together 1.
+        Contribution of each kind's own estimate to the shared unknowns; the sum is 1.
     """
 
     whole: Kind

@@ -40,18 +40,18 @@ class Blocks:
     Attributes
     ----------
     shared, own : tuple of str
-        Columns whose unknowns all channels share, then columns of each channel alone.
+        Columns of unknowns shared by the channels, then columns of each channel alone.
     products : ndarray, shape (n_groups, n_channels, m, m)
-        Of the torque, the shared and the own columns, in this order.
+        Inner products of the torque, the shared and the own columns, in this order.
     counts : ndarray, shape (n_groups, n_channels)
-        Samples, less coefficients that were eliminated.
+        Samples, less eliminated coefficients.
     channels : tuple of str
-        Their names; by default those of axes.
+        Names of the channels; by default those of axes.
     labels : mapping of str to ndarray of int, shape (n_groups,)
-        What each group is of, such as its recording.
+        Labels of the groups, such as the recording.
     owners : mapping of str to str
-        Whose own unknowns a channel has, where they are not its own: those of its axis, where
-        half-sums and half-differences of one torque are two channels.
+        Owner of a channel's own unknowns, if different from the channel: the axis, if half-sums and
+        half-differences of one torque are two channels.
     """
 
     shared: tuple[str, ...]
@@ -198,7 +198,7 @@ class Blocks:
         Parameters
         ----------
         torque : ndarray, shape (n_channels, m), optional
-            What is to be explained, by the columns of `products`; by default the torque as it is.
+            Dependent variable, by the columns of `products`; by default the torque.
         added : mapping of str to ndarray, shape (n_channels, m) or (n_groups, n_channels, m)
             Shared columns that come behind the others, likewise.
         dropped : sequence of str

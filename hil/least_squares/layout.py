@@ -20,9 +20,9 @@ class Layout:
     Attributes
     ----------
     shared : tuple of str
-        Of all channels.
+        Names of unknowns shared by all channels.
     own : tuple of str
-        Of each channel alone, the same for all.
+        Names of each channel's own unknowns.
     channels : tuple of str
         Names of the channels, such as ``axis 2``.
     """
@@ -80,7 +80,7 @@ def axis_place(n_shared: int, n_own: int, axis: int) -> Indices:
     n_own : int
         Unknowns of each axis alone.
     axis : int
-        From 0.
+        Index from 0.
     """
     first = n_shared + axis * n_own
     return np.concatenate([np.arange(n_shared), np.arange(first, first + n_own)])

@@ -165,7 +165,7 @@ class Regression:
         Parameters
         ----------
         torques : Blocks
-            The same columns, with what is added in place of the torque.
+            Blocks with the additional torque in place of the torque.
 
         Returns
         -------
@@ -189,9 +189,9 @@ class Regression:
         Parameters
         ----------
         covariance : str
-            By which rule.
+            Covariance rule.
         cells : Blocks, optional
-            The same samples in other groups, the scatter of which is added; white noise has none.
+            Samples grouped in cells, whose scatter is added; white noise has none.
         most : int, optional
             Groups, at most: successive ones are added up, so what lasts longer counts.
         """
@@ -307,7 +307,7 @@ class Fit(ByName):
     residual : ndarray, shape (n_channels,)
         Root mean square of what is left of each channel.
     condition : float
-        Of the weighted columns at unit length.
+        Condition number of the weighted columns at unit length.
     """
 
     layout: Layout

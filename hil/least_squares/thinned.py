@@ -32,7 +32,7 @@ def smoothed_at(
     x : ndarray, shape (n_samples, k)
         Samples every `period` [s].
     passes : int
-        How often the window is taken.
+        Number of passes of the window.
 
     Returns
     -------

@@ -100,7 +100,7 @@ def classical(J: Array, variance: float) -> Array:
     J : ndarray, shape (m, n)
         Change of the residuals per change of x.
     variance : float
-        Of the residuals.
+        Variance of the residuals.
     """
     N = J.T @ J
     covariance = variance * inverse(N)
@@ -114,7 +114,7 @@ def jackknife(changes: Array) -> Array:
     Parameters
     ----------
     changes : ndarray, shape (n_measurements, n)
-        Of x, each by leaving out one measurement.
+        Changes of x without one measurement each.
     """
     n = len(changes)
     return (n - 1) / n * (changes.T @ changes)
@@ -162,7 +162,7 @@ def degrees_if_white(inverse: Array, shares: Array, fewest: float = FEWEST) -> A
     Parameters
     ----------
     inverse : ndarray, shape (n, n)
-        Of N.
+        Inverse of N.
     shares : ndarray, shape (n_measurements, n, n)
     fewest : float
         As of `effective_degrees`.

@@ -65,9 +65,9 @@ class Feed:
     Parameters
     ----------
     listeners : sequence of Listener
-        Not started yet.
+        Listeners, to be started.
     simulated : bool
-        Whether it is the virtual plant that moves.
+        True for the virtual plant.
     """
 
     def __init__(self, listeners: Sequence[Listener], *, simulated: bool) -> None:
@@ -95,7 +95,7 @@ class Feed:
         rehearsal : float or None
             Share of the speed limits at which all ways are only passed.
         hand : bool
-            Whether the plant's arm can be pushed from the live page.
+            True if the plant's arm can be pushed from the live page.
         watcher : Watcher or None
             Whose torques are passed on.
         """

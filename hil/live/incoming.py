@@ -38,7 +38,7 @@ class Incoming:
     Attributes
     ----------
     connection : socket
-        It does not block.
+        Non-blocking socket.
     data : bytearray
     ends : float
         When its time is over, on the monotonic clock [s].

@@ -58,7 +58,7 @@ class Interim:
     Parameters
     ----------
     robot : Robot
-        With known limits.
+        Robot with known limits.
     """
 
     def __init__(self, robot: Robot) -> None:

@@ -209,13 +209,13 @@ def torque(axes: Sequence[int], time: Array, *torques: Array, measurement: str =
     Parameters
     ----------
     axes : sequence of int
-        From 0.
+        Indices from 0.
     time : ndarray, shape (n,)
         [s].
     *torques : ndarray, shape (n, n_axes)
         Measured, predicted and band [N m or N].
     measurement : str
-        Of the recording.
+        Id of the recording.
     """
     names = ("torque", "predicted", "band")
     tracks = ([Track(time, column).data(TORQUE) for column in each.T] for each in torques)

@@ -43,20 +43,20 @@ class Listener:
     Parameters
     ----------
     what : str
-        Its name in messages, such as "the live page".
+        Name in messages, such as "the live page".
     module : str
-        What Python runs; it must need neither numerics nor the bus.
+        Python module to run; it must need neither numerics nor the bus.
     arguments : str
-        Of the module's command line.
+        Arguments of the module's command line.
     answers : bool
-        Whether it has lines for the others, which a run that has finished waits for.
+        True if it has lines for the others, awaited after the run.
 
     Attributes
     ----------
     what : str
     answers : bool
     gone : bool
-        Whether the process has ended; noticed when something is written, or by itself.
+        True once the process has ended, detected at a write or by the reader.
     dropped : int
         Lines left out because the reader was behind.
     said : SimpleQueue of dict
@@ -84,12 +84,12 @@ class Listener:
         stop : callable
             Called, from another thread, where the process asks for a stop; once at most.
         patience : float
-            How long the process may take to be ready [s]; nothing moves before.
+            Maximum time until the process is ready [s]; nothing moves before.
 
         Raises
         ------
         ListenerFailed
-            It cannot serve.
+            A process unable to serve.
         """
         self._process = subprocess.Popen(  # noqa: S603 - our own program
             self._command,
@@ -129,7 +129,7 @@ class Listener:
         Parameters
         ----------
         patience : float
-            How long its own end is waited for [s].
+            Maximum wait for the process's end [s].
         """
         if self._process is None:
             return

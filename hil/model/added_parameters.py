@@ -82,14 +82,15 @@ def merge_added(robot: Robot, observed: Array, placement: Array) -> tuple[Array,
     observed : ndarray, shape (n, n_standard)
         Elements of M and g at many configurations, per unit of each standard parameter.
     placement : ndarray, shape (10 n_joints, n_link_base)
-        Of the links' base parameters.
+        Placement of the links' base parameters.
 
     Returns
     -------
     weights : ndarray, shape (n_base, n_added)
-        Of each in each base parameter: those of the links first, then one headed by each of `own`.
+        Weights of added parameters in the base parameters: those of the links first, then one for
+        each of `own`.
     own : list of int
-        Those, by index, that no other base parameters stand for.
+        Indices of added parameters not expressed by other base parameters.
     """
     first = 10 * robot.n_joints
     known = observed[:, :first] @ placement

@@ -53,22 +53,22 @@ class BaseParameters:
     names : tuple of str, length n_base
         ``p1`` and so on.
     meanings : tuple of str
-        What each is, in words (`hil.model.parameter_meanings`).
+        Meanings in words (`hil.model.parameter_meanings`).
     expressions : tuple of str
-        Each as a sum of standard parameters, in the lengths' names.
+        Sums of standard parameters, with named lengths.
     units : tuple of str
         ``kg m2``, ``kg m`` or ``kg``.
     heads : tuple of str
-        The standard parameter that heads each.
+        Standard parameters at the head of each sum.
     groups : dict
         Indices of the parameters in ``gravity``, ``diagonal`` and ``off_diagonal``.
     dependencies : Dependencies
-        Where each occurs in M(q) and g(q).
+        Occurrence in M(q) and g(q).
     matrix : array, shape (n_base, n_standard)
-        K of p_base = K p_standard, for standard parameters that are as sparse and tied as the
-        robot file says: ten of each link, then those that no link has.
+        K of p_base = K p_standard, for standard parameters as sparse and tied as in the robot file:
+        ten of each link, then the added parameters.
     placement : array, shape (n_standard, n_base)
-        Standard parameters that act as given base parameters do: mostly the value in the head.
+        Standard parameters equivalent to given base parameters: mostly the value at the head.
     """
 
     names: tuple[str, ...]

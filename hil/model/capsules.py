@@ -38,7 +38,7 @@ class Capsules:
     radii : array (n_links,)
         [m].
     stated : tuple of bool
-        Which of them the robot file states.
+        True for capsules stated in the robot file.
     reach : array (n_links, n_joints)
         Greatest way of the segment's points per change of each joint [m/rad; 1 if prismatic].
     """

@@ -43,11 +43,11 @@ class Dependencies:
     Attributes
     ----------
     mass : bool array, shape (n_joints, n_joints, n_base)
-        Whether parameter k occurs in M_ij(q).
+        True if parameter k occurs in M_ij(q).
     gravity : bool array, shape (n_joints, n_base)
-        Whether parameter k occurs in g_i(q).
+        True if parameter k occurs in g_i(q).
     hidden : bool array, shape (n_base,)
-        Whether it does, yet g(q) with an unknown offset of each torque leaves it open.
+        True if it occurs in g(q), yet is not determined by g(q) with unknown torque offsets.
     """
 
     mass: Mask

@@ -33,7 +33,7 @@ class Drive(FileModel):
     gear_ratio : float
         Motor angle over joint coordinate [1, or rad/m].
     rotor_inertia, torque_constant : float
-        Of the motor [kg m^2, N m/A].
+        Rotor inertia and torque constant, motor side [kg m^2, N m/A].
     rotor_inertia_uncertainty, torque_constant_uncertainty : float
         Relative standard deviations; 0 where none is stated.
     encoder_resolution : float, optional

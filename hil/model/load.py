@@ -35,9 +35,9 @@ class LoadColumns:
     K : ndarray, shape (n_base, 10)
         Change of the base parameters by each of the ten.
     free : ndarray, shape (10, n_free)
-        How the free parameters make up the ten.
+        Map from the free parameters to the ten.
     absent : tuple of str
-        Of the ten those that the robot file takes as zero.
+        Names of the ten that the robot file takes as zero.
     """
 
     K: Array

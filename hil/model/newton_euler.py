@@ -78,9 +78,9 @@ class Joint:
     ca, sa : scalar
         Cosine and sine of alpha.
     c, s : scalar
-        Of the turn about the joint's axis.
+        Cosine and sine of the rotation about the joint's axis.
     arm : vector
-        Of the frame's origin, in the frame before [m].
+        Origin of the frame in the previous frame [m].
     revolute : bool
     """
 

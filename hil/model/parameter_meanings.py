@@ -40,7 +40,7 @@ def meanings(
     heads : sequence of str, length n_base
         Standard parameters that head them.
     matrix : ndarray, shape (n_base, n_standard)
-        Of the base parameters in standard ones.
+        Matrix from standard to base parameters.
     groups : mapping
         As of `hil.model.base_parameters.BaseParameters`.
     """

@@ -36,7 +36,7 @@ def columns(
     Parameters
     ----------
     state : sequence
-        Of each joint cosine and sine of the angle about its axis, shift along it, velocity and
+        For each joint cosine and sine of the angle about its axis, shift along it, velocity and
         acceleration: each an array of shape (n_samples,) or a number.
     chain, gravity, kinds, links, rows, out
         As of `hil.model.recursion.columns`.

@@ -51,7 +51,7 @@ class Robot(RobotArrays):
     Attributes
     ----------
     source : str
-        Where the file stands; `text` is what stands there, to be copied into run folders.
+        Path of the file; `text` is the content, to be copied into run folders.
     """
 
     source: str
@@ -124,7 +124,7 @@ class Robot(RobotArrays):
         ----------
         name : str
         joints : sequence of mapping
-            Of each joint what `hil.model.robot_file.Joint` names: frame, limits, drive.
+            Values of each joint, named as in `hil.model.robot_file.Joint`: frame, limits, drive.
         gravity : sequence of three floats
             In the base frame [m/s^2].
         lengths : mapping, optional
@@ -161,7 +161,7 @@ class Robot(RobotArrays):
         Raises
         ------
         FileError
-            It cannot be written, or is there already.
+            An existing file, or a write error.
         """
         path = Path(path)
         if path.exists():

@@ -65,7 +65,7 @@ class RobotArrays:
     Attributes
     ----------
     file : RobotFile
-        What its file says.
+        Content of the robot file.
     """
 
     file: RobotFile

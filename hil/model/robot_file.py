@@ -46,9 +46,9 @@ class Joint(FileModel):
     Attributes
     ----------
     name : str, optional
-        As in the URDF, for the reader; the digest of the robot is without it.
+        Name as in the URDF, for the reader; not part of the robot's digest.
     type : {"revolute", "prismatic"}
-        What q is: an angle [rad] or a displacement [m].
+        Type of q: an angle [rad] or a displacement [m].
     parameters : tuple of str
         Link parameters that are present; the others are zero or negligible. All ten by default.
     q_min, q_max : float

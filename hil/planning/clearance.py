@@ -40,9 +40,9 @@ class Sweep(Protocol):
     Attributes
     ----------
     low, high : array (n_owners, n_parameters)
-        Ranges of the parameters that a set is passed by.
+        Ranges of the parameters of each set.
     slack : float
-        How far a parameter may be off.
+        Uncertainty of a parameter.
     """
 
     low: Array
@@ -59,11 +59,11 @@ class Hit(NamedTuple):
     Attributes
     ----------
     link, box : int
-        From 0.
+        Indices from 0.
     depth : float
-        How far the capsule and the margin about it reach into the box, at most [m].
+        Largest depth of the capsule with margin in the box [m].
     q : array (n_joints,)
-        Where [rad or m].
+        Configuration of the intrusion [rad or m].
     """
 
     link: int

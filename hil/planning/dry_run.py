@@ -53,11 +53,11 @@ class BusCycle(NamedTuple):
     Attributes
     ----------
     duration : float
-        How long these frames occupy the bus [s].
+        Time on the bus per cycle [s].
     bitrate : int
         [bit/s].
     frames : str
-        Which frames these are, for readers.
+        Description of the frames.
     most : float
         Share of the bus that they may take.
     """
@@ -79,19 +79,19 @@ class DryRun:
     durations : dict
         Time of each kind, of travels and of the warm-up [s].
     bus : BusCycle or None
-        What a cycle puts on the bus, where that is known.
+        Bus traffic per cycle, if known.
     bus_load : float
         Share of the bus that it takes at the sample period.
     problems : tuple of Problem
         Why the plan must not be run; empty when it may.
     without_law : dict
-        Axes, from 0, of which too few measurements are planned for a law of friction, and how many
-        these are; empty where no parameters are identified.
+        Axes, from 0, with too few measurements for a friction law, and the number of measurements;
+        empty if no parameters are identified.
     lags : tuple of Lag
-        Where each trajectory comes nearest to what its drives allow; empty where that is unknown.
+        Largest relative lag of each trajectory; empty if unknown.
     groups : tuple of Identifiability
-        What each group of base parameters can expect; empty where there are problems with the
-        measurements, or where all of them are about friction or trajectories.
+        Identifiability of each group of base parameters; empty if measurements have problems, or if
+        all of them are about friction or trajectories.
     """
 
     counts: dict[str, int]
@@ -119,9 +119,9 @@ def dry_run(
     plan, robot : Plan, Robot
         The plan was made for this robot.
     bus : BusCycle, optional
-        What a cycle puts on the bus.
+        Bus traffic per cycle.
     following : Following, optional
-        How closely the axes must follow trajectories, and how late they do.
+        Following error limits and delays, to check trajectories.
     """
     of_groups = bool(element_measurements(plan.measurements))
     measurements = measurement_problems(plan, robot)

@@ -23,19 +23,18 @@ class FreeMotion(FileModel):
     q : tuple of float
         Mean configuration [rad or m].
     duration : float
-        From the first to the last sample [s].
+        Time from the first to the last sample [s].
     cycles : int
-        Groups of the recording, blocks of about equal length: friction may change from one to the
-        next.
+        Number of blocks of about equal length; friction may change between blocks.
     alone : int, optional
-        The axis that moves back and forth while all others stand still, if it is such a motion; the
-        recording then numbers its strokes, and its groups are pairs of these.
+        Axis moving back and forth while all others stand still, if any; strokes are then numbered,
+        and blocks are pairs of strokes.
     cut_off : float, optional
-        Of the low-pass that its samples are to pass [Hz]; by default it is chosen from them.
+        Cut-off frequency of the low-pass [Hz]; by default chosen from the samples.
     unknown_gains : tuple of int, optional
-        Axes, from 1, whose torques are in units of unknown worth, the same in all motions of a run.
+        Axes, from 1, with torques in an unknown unit, common to all motions of a run.
     source : str
-        File and rows that it comes from.
+        Source file and rows.
     """
 
     streamed: ClassVar[Literal[True]] = True

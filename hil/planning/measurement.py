@@ -140,9 +140,9 @@ class Friction(Strokes):
     Attributes
     ----------
     rest : float, optional
-        How long all axes stand still beforehand [s].
+        Standstill of all axes before the recording [s].
     exercise : float, optional
-        How long the same strokes go on beforehand, after the rest, without a recording [s].
+        Duration of unrecorded strokes before the recording, after the rest [s].
     """
 
     kind: Literal["friction"] = "friction"
@@ -191,9 +191,9 @@ class Kind:
     ----------
     model : type
     seen : str
-        What a spectator of the robot sees, for `str.format` with `axis` and `partner`, from 1.
+        Visible motion, for `str.format` with `axis` and `partner`, from 1.
     shows : str
-        What the torques of this motion show, for readers who do not know base parameters.
+        Content of the torques, for readers unfamiliar with base parameters.
     """
 
     model: type[Strokes | Trajectory]
@@ -213,22 +213,22 @@ class ElementKind(Kind):
     Attributes
     ----------
     group : str
-        Group of base parameters that it serves (`hil.model.dependencies`).
+        Group of base parameters shown by the kind (`hil.model.dependencies`).
     letter : str
-        First letter of the ids that `hil plan` gives.
+        First letter of ids in `hil plan`.
     count : int
-        Measurements of a plan by counts unless asked for. Section 8 has 64, 92 and 9; of the last,
-        which the off-diagonal group depends on, that was too few.
+        Default number of measurements in a plan by counts. Section 8 has 64, 92 and 9; the last was
+        too few for the off-diagonal group.
     symbol : {"g", "M"}
-        Vector or matrix that the element stands in.
+        Vector or matrix of the element.
     quantity, unit : str
-        What it is, of joints that turn.
+        Quantity and unit, for revolute joints.
     pair : bool
-        Whether it belongs to two axes: one creeps and is read, the other one accelerates.
+        True for an element of two axes: one creeps and is read, the other accelerates.
     colour, marker : str
-        In plots of all kinds.
+        Colour and marker in plots.
     elements, figure, caption : str
-        For the report: the elements as a phrase, the paper's figure of them, what is drawn.
+        Texts of the report: the elements as a phrase, the paper's figure, caption.
     """
 
     group: str

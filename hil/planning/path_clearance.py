@@ -93,7 +93,7 @@ def refuse_travel(
     Raises
     ------
     LimitExceeded
-        Which link, which box; nothing was commanded.
+        Names link and box; nothing was commanded.
     """
     if workspace is None:
         return

@@ -37,7 +37,7 @@ class PlannedRobot(FileModel):
     Attributes
     ----------
     name, digest : str
-        Of the robot, and of its file's content.
+        Name of the robot, and digest of the file's content.
     file : str, optional
         Path of its file, from the plan's folder; none for a robot that comes along.
     """
@@ -64,9 +64,9 @@ class Plan(FileModel):
     travel : float
         Share of the velocity and acceleration limits used between configurations.
     attempts : int
-        How often a measurement is tried before its best recording is kept with its findings.
+        Maximum number of attempts; afterwards the best recording is kept with its findings.
     workspace : Workspace, optional
-        What the arm must keep clear of, checked along every path.
+        Workspace to keep clear along every path.
     """
 
     format: Literal[1] = 1
@@ -143,7 +143,7 @@ def refuse_other_robot(plan: Plan, robot: Robot, path: Path | str) -> None:
     Parameters
     ----------
     path : path or str
-        Of the plan's file, which messages name with the line.
+        Path of the plan's file, named in messages with the line.
 
     Raises
     ------

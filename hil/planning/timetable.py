@@ -40,9 +40,9 @@ class Travels:
     Parameters
     ----------
     start, end : array (n, n_joints)
-        Where each travel begins and ends [rad or m].
+        Begin and end of each travel [rad or m].
     velocity, acceleration : array (n_joints,)
-        Of its axes [rad/s, rad/s^2].
+        Limits of the axes in the travels [rad/s, rad/s^2].
     """
 
     slack = SKEW
@@ -104,7 +104,7 @@ def timetable(
     Parameters
     ----------
     start : sequence (n_joints,), optional
-        Where the robot stands [rad]; all joints at 0 where it is not known.
+        Present configuration [rad]; all joints at 0 by default.
     """
     entries = []
     place: Sequence[float] = start if start is not None else [0.0] * robot.n_joints

@@ -29,7 +29,7 @@ class Trapezoid:
     Attributes
     ----------
     start, end : float
-        Where it begins and ends [rad, or m].
+        Positions at the beginning and the end [rad, or m].
     velocity, acceleration : float
         Profile velocity and acceleration, both positive [rad/s, rad/s^2].
     """

@@ -41,7 +41,7 @@ def load_workspace(path: Path | str, robot: Robot) -> Workspace:
     Raises
     ------
     FileError
-        It is no workspace, or not one for this robot.
+        No workspace file, or one for another robot.
     """
     text = read_text(path)
     workspace = parse_yaml(text, Workspace, str(path))

@@ -77,7 +77,7 @@ def plot_torque(model: Model, run: Run | Path | str, measurement: str | None = N
     model : Model
     run : Run or path
     measurement : str, optional
-        Its id; by default the first that can be predicted.
+        Id of the measurement; by default the first predictable one.
 
     Raises
     ------

@@ -48,7 +48,7 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     Returns
     -------
     Path
-        Of the report.
+        Path of the report.
 
     Raises
     ------

@@ -41,7 +41,7 @@ class ShownTorques(NamedTuple):
     recordings : tuple
         Motions and recordings.
     words : str
-        Whether the model was made from them, a sentence.
+        Sentence on the recordings' relation to the model.
     """
 
     stretches: dict[tuple[str, int], PredictedTorque]

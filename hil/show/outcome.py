@@ -36,7 +36,7 @@ class Verdict(NamedTuple):
     kind : {"good", "doubtful", "failed"}
         Colour of the sentence.
     word : str
-        What stands out on a page: the kind itself, or a word of the command.
+        Highlighted word on a page: the kind itself, or a word of the command.
     text : str
     """
 
@@ -71,24 +71,24 @@ class Outcome:
     Attributes
     ----------
     tables : tuple of Table
-        Those without rows are not shown.
+        Tables; those without rows are hidden.
     remarks : tuple of str
-        What restricts the tables.
+        Restrictions of the tables.
     sentences : tuple of str
-        What no table says.
+        Further sentences.
     verdicts : tuple of Verdict
-        What the result is worth, the worst first; notes behind.
+        Verdicts on the result, the worst first; notes last.
     plots : tuple of Plot
     title : str
-        Of the page: the robot, and what it is about.
+        Title of the page: robot and subject.
     facts : mapping of str to str
-        What the page states at its top, by name.
+        Facts at the top of the page, by name.
     note : str
-        At the foot of the page.
+        Note at the foot of the page.
     simulated : bool
-        Whether any of it was measured on the virtual plant.
+        True if any data comes from the virtual plant.
     played : callable
-        Returns what the page plays.
+        Function returning the recordings to play.
     """
 
     tables: tuple[Table, ...] = ()

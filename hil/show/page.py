@@ -43,7 +43,7 @@ def write_html(path: Path, template: str, player: str = "", **values: object) ->
     player : str
         Script that plays the recordings; empty where the page carries none.
     **values : object
-        What else the template shows.
+        Further values for the template.
     """
     own = (TEMPLATES / "report.js").read_text(encoding="utf-8")
     about = {

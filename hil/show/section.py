@@ -26,11 +26,11 @@ class Plot:
     Attributes
     ----------
     name : str
-        Of its file; unique within a report.
+        Name of the plot's file; unique within a report.
     draw : callable
         Returns the chart.
     alternative : str
-        What it shows, for those who do not see it.
+        Alternative text for readers who cannot see the plot.
     caption : str
     """
 
@@ -78,10 +78,10 @@ class Section:
     template : str
         File of `hil/report/sections` with its text; its plots are there as ``plots``, by name.
     values : mapping
-        What else the template shows.
+        Further values for the template.
     plots : tuple of Plot
     leads : bool
-        Whether it stands at the top of the page, where one looks first, and needs no heading.
+        True for the section at the top of the page, without heading.
     """
 
     heading: str

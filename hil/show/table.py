@@ -27,9 +27,9 @@ class Column:
     align : {"left", "right"}
         Figures stand to the right.
     folds : bool
-        Whether cells may take several lines.
+        True if cells may take several lines.
     symbols : bool
-        Whether cells are names and expressions of parameters, such as ``l1^2 Izz2``.
+        True if cells are names and expressions of parameters, such as ``l1^2 Izz2``.
     """
 
     head: str
@@ -58,9 +58,9 @@ class Table:
         The first names the rows.
     parts : tuple of Part
     explanation : str
-        What the columns mean, in sentences, where there is room for them: on a page.
+        Meaning of the columns, in sentences, shown on pages.
     notes : tuple of str
-        What restricts the figures, a line each.
+        Restrictions of the figures, a line each.
 
     Raises
     ------

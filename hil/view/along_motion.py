@@ -202,7 +202,7 @@ class Distances:
     track : Track
         [m]; negative by how far a capsule reaches into a box.
     link, box : array (n,)
-        Between which it is, from 0.
+        Nearest link and box, from 0.
     """
 
     track: Track

@@ -64,19 +64,19 @@ class Segment:
     Attributes
     ----------
     kind : str
-        Of measurement, or ``travel`` or ``warm-up``.
+        Kind of measurement, or ``travel`` or ``warm-up``.
     words : str
-        What happens, for readers.
+        Description for readers.
     begin, end : float
         [s].
     axes : tuple of int
         Whose torque is read, from 0.
     recorded : bool
-        Whether it is a measurement.
+        True for a measurement.
     problem : str, optional
         Why the dry run refuses it.
     id : str
-        Of the measurement.
+        Id of the measurement.
     """
 
     kind: str

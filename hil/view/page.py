@@ -45,7 +45,7 @@ def write_page(path: Path, make: Callable[[int], Scene], largest: int = 3_000_00
     FileError
         The file is there and is no such page, or cannot be written.
     InvalidValue
-        It is too large with the fewest instants.
+        A page too large even with the fewest instants.
     """
     refuse_other_file(path)
     size = 0

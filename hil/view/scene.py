@@ -61,9 +61,9 @@ class Scene:
     predicted : Predicted, optional
     distances : Distances, optional
     notes : tuple of str
-        What the reader should know of it.
+        Remarks for the reader.
     simulated : bool
-        Whether anything shown was measured on the virtual plant, or follows from what was.
+        True if anything shown comes from the virtual plant.
     """
 
     title: str

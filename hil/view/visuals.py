@@ -99,7 +99,7 @@ class Visual(NamedTuple):
     Attributes
     ----------
     link : int
-        From 0; `BASE` for the base frame.
+        Index from 0; `BASE` for the base frame.
     mesh : Mesh
     """
 
@@ -138,7 +138,7 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
     FileError
         No URDF.
     Mismatch
-        Its joints are not those of the robot.
+        Joints different from those of the robot.
     """
     reader = UrdfReader(urdf)
     chain = reader.chain(None, None)
@@ -243,7 +243,7 @@ def _inside(found: tuple[Path, Path], meshes: Path | None) -> Path:
     Raises
     ------
     FileError
-        It is elsewhere: a file of the user's that a stranger's URDF names.
+        A file elsewhere: a user's file named by a stranger's URDF.
     """
     path, root = found
     allowed = [each.resolve() for each in (root, meshes) if each is not None]

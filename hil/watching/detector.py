@@ -60,14 +60,14 @@ class Judged(NamedTuple):
     Attributes
     ----------
     time : ndarray, shape (n,)
-        Of the samples with which it was known [s].
+        Time of the samples that completed the judgement [s].
     measured, predicted : ndarray, shape (n, n_joints)
-        Of the samples one period before [N m or N].
+        Torques of the samples one period earlier [N m or N].
     outside, threshold : ndarray, shape (n, n_windows, n_joints)
-        Mean torque from outside in each window that ends with these, and the threshold of its
-        size, infinite where nothing is seen [N m or N].
+        Mean external torque in each window ending there, and the threshold of its size, infinite
+        where nothing can be seen [N m or N].
     band : ndarray, of the same shape
-        Within which 95 % of such means lie about 0 while nobody pushes [N m or N].
+        Half-width of the band about 0 with 95 % of such means without contact [N m or N].
     moving : ndarray of bool, shape (n, n_joints)
     """
 
@@ -100,7 +100,7 @@ class Detector:
     Parameters
     ----------
     model : Model
-        With a law of friction.
+        Model with a friction law.
     period : float
         Time between two samples [s].
     sigmas : float

@@ -130,7 +130,7 @@ class FrictionLevel:
     Parameters
     ----------
     uncertainty : ndarray, shape (n_joints,)
-        Of the law's level, as a share of it.
+        Uncertainty of the law's level, relative to the level.
     slowest : ndarray, shape (n_joints,)
         Speeds from which the law was found, as shares of the velocity limit.
     """
@@ -154,7 +154,7 @@ class FrictionLevel:
         Parameters
         ----------
         columns : ndarray, shape (n, n_joints, n_unknowns)
-            Those of `columns_of`.
+            Columns from `columns_of`.
         """
         spread = np.einsum("njk,jkl,njl->nj", columns, self._covariance, columns)
         return np.einsum("njk,jk->nj", columns, self._x), np.sqrt(spread)
@@ -171,7 +171,7 @@ class FrictionLevel:
             Measured less predicted, with what was followed before, as shares of the torque limit.
         used : ndarray of bool, shape (n, n_joints)
         duration : float
-            Of the block [s].
+            Duration of the block [s].
         error : float
             Share of the torque limit by which the mean of a block errs that is no friction.
         """

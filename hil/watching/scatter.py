@@ -33,7 +33,7 @@ class Scatter:
     Parameters
     ----------
     lengths : ndarray of int, shape (n_windows,)
-        Of the windows [samples].
+        Lengths of the windows [samples].
     n_joints : int
     period : float
         Time between two samples [s].

@@ -43,11 +43,11 @@ class Turned(NamedTuple):
     Attributes
     ----------
     direction : ndarray
-        From -1 to 1.
+        Direction from -1 to 1.
     damping : ndarray
         Torque of the damping, beside that of the direction [N m or N].
     doubt : ndarray
-        What both may be wrong by, as a share of friction's level.
+        Possible error of both, relative to the friction level.
     """
 
     direction: Array
@@ -99,16 +99,16 @@ class Turning:
         Parameters
         ----------
         step : ndarray, shape (n, n_joints)
-            By how much positions have changed since the sample before [rad or m].
+            Change of position since the last sample [rad or m].
         qd : ndarray, shape (n, n_joints)
             [rad/s or m/s].
         friction, level : ndarray, shape (n, n_joints)
-            What friction was, and its level by the law [N m or N].
+            Observed friction, and its level by the law [N m or N].
         damping_doubt : float
-            Of the damping, as a share of it. The customary damping goes with the root of the
-            stiffness, so a distance that is wrong by a place in the row makes 0.41 of it; 0.5
-            blinds more and 0.3 raises no alarm (`benchmarks/pushes.py` with seeds 31 to 33; eight
-            minutes of strokes with seeds 964 and 965).
+            Uncertainty of the damping, relative to the damping. The customary damping is
+            proportional to the square root of the stiffness, so a distance wrong by one step of the
+            row changes it by a factor of 0.41; 0.5 blinds more, and 0.3 raises no alarm in
+            `benchmarks/pushes.py`.
         """
         still = self._still(step)
         rows, unknown = self._directions(step, still)

@@ -35,10 +35,10 @@ class Course(NamedTuple):
     Attributes
     ----------
     time : ndarray, shape (n,)
-        Of the last sample of each [s].
+        Time of the last sample in each mean [s].
     measured, predicted, band : ndarray, shape (n, n_joints)
-        Band about the predicted torque in which 95 % of the measured means lie while nobody pushes;
-        infinite where that is not known [N m or N].
+        Band about the predicted torque with 95 % of the measured means without contact; infinite if
+        unknown [N m or N].
     """
 
     time: Array
@@ -53,7 +53,7 @@ class Watcher:
     Parameters
     ----------
     model : Model
-        With a law of friction.
+        Model with a friction law.
     period : float
         Time between two samples [s].
     learning : float
@@ -173,7 +173,7 @@ class Watcher:
         Parameters
         ----------
         plan_digest, model : str
-            Of what was watched, and path of the model's file; to be kept.
+            Digest of the watched plan, and path of the model's file.
         """
         return Watched(
             robot_digest=self._robot.digest,

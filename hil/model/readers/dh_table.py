@@ -145,7 +145,7 @@ def read_dh(path: str | Path, notation: Notation) -> DhRobot:
     Raises
     ------
     FileError
-        It cannot be read or used: one line for each problem, with its place.
+        An unreadable or invalid table: one line for each problem, with its place.
     """
     text, source = read_text(path), str(path)
     if Path(path).suffix.lower() not in (".yaml", ".yml"):
@@ -220,7 +220,7 @@ def convert_table(text: str, source: str) -> str:
     Raises
     ------
     FileError
-        It has no header with the columns and their units, or a row of another length.
+        A header without the columns or their units, or a row of another length.
     """
     lines = text.splitlines()
     used = [(k, line) for k, line in enumerate(lines) if _is_row(line)]

@@ -58,7 +58,7 @@ class MjcfChain(UrdfChain):
     springs : tuple of int
         Joints, from 1, with a stiffness.
     not_taken : tuple of str
-        What of the file is left out, with line.
+        Omitted contents of the file, with line.
     """
 
     text: MjcfText

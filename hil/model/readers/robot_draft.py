@@ -50,7 +50,7 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
     Parameters
     ----------
     source : UrdfChain or DhRobot
-        Of a URDF, or of a table.
+        Chain of a URDF, or table.
     gravity : sequence of three floats, optional
         In the URDF's base link, or in the table's frame 0 [m/s^2]. By default that of the earth:
         along -z of the URDF's root, turned by the joints above the base link, or of frame 0.
@@ -85,7 +85,7 @@ def robot_as_stated(
     gravity : sequence of three floats, optional
         As of `draft_robot`.
     format_ : str
-        What the chain was read from.
+        Format of the chain's source.
 
     Raises
     ------

@@ -79,7 +79,7 @@ class UrdfJoint(LimitedJoint):
     link : str
         Name of the link that it carries.
     before : ndarray, shape (4, 4)
-        Its frame in that of the joint before (the first one's: in the base link) at q = 0.
+        Frame in that of the previous joint (first joint: in the base link) at q = 0.
     axis : ndarray, shape (3,)
         Unit vector in its frame.
     place : str
@@ -140,7 +140,7 @@ class UrdfChain:
         Raises
         ------
         FileError
-            It is not stated, and a joint above the base link tilts that as it moves.
+            Gravity is not stated, and a joint above the base link tilts the base as it moves.
         """
         if stated is not None:
             return np.array(stated, dtype=float)

@@ -57,13 +57,12 @@ def design(
     ----------
     robot : Robot
     counts : mapping, optional
-        Number of measurements by kind. A kind that is not named gets its own of `COUNTS`, more
-        where there are many parameters, and few of gravity where that is the same everywhere. A
-        kind without parameters is left out.
+        Number of measurements by kind. The default of a kind is in `COUNTS`, increased for many
+        parameters, and reduced for constant gravity. A kind without parameters is left out.
     warm_up : float
         Motion before the first measurement; 0 for none [s].
     workspace : Workspace, optional
-        What the arm must keep clear of; the plan carries it.
+        Workspace to keep clear, stored in the plan.
 
     Raises
     ------

@@ -70,11 +70,11 @@ def design_within(
     minutes : float
         Travel and warm-up included [min].
     noise : Noise
-        What disturbs the torques.
+        Disturbances of the torques.
     warm_up : float
         Motion before the first measurement; 0 for none [s].
     workspace : Workspace, optional
-        What the arm must keep clear of; the plan carries it.
+        Workspace to keep clear, stored in the plan.
     with_trajectories : bool
         Choose among trajectories too, which need drives that follow streams of set-points.
 
@@ -114,11 +114,11 @@ def refine(
     minutes : float
         Travel included [min].
     noise : Noise
-        What disturbs the torques, best as the run showed it.
+        Disturbances of the torques, best from the run.
     known : Information
-        That of the run's measurements.
+        Information of the run's measurements.
     run : Plan
-        That of the run, from which workspace and sampling are taken.
+        Plan of the run, source of workspace and sampling.
     taken : set of str, optional
         Ids to be avoided; those of the run by default.
 

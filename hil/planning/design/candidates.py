@@ -59,9 +59,9 @@ class Option:
     group : str
         Group of base parameters that its kind serves; empty where it serves all.
     measurement : ParameterMeasurement
-        Its id is provisional.
+        Measurement with a provisional id.
     row : ndarray, shape (n_row,)
-        What it shows of the group, over the torque limit.
+        Row of the group's regressor, relative to the torque limit.
     worth : tuple of (indices, matrix)
         For each axis that it moves: which unknowns, and what it is worth about them.
     """

@@ -81,7 +81,7 @@ def sweep(
     slowest : float
         Lowest speed as share of the limit.
     workspace : Workspace, optional
-        What the arm must keep clear of; the plan carries it.
+        Workspace to keep clear, stored in the plan.
 
     Raises
     ------

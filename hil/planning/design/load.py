@@ -91,7 +91,7 @@ class WithoutLoad:
     ----------
     robot : Robot
     plan : Plan
-        Of that run: its workspace and sample period.
+        Plan of the run: source of workspace and sample period.
     p : ndarray, shape (n_base,)
     friction : ndarray, shape (n_joints,)
         Highest friction of each axis [N m or N].
@@ -148,7 +148,8 @@ class WithoutLoad:
         Parameters
         ----------
         options : sequence of Option
-            As small as counts as nothing beside one of them is what is known of a load otherwise.
+            Options; a negligible fraction of their mean information serves as the prior of the
+            load.
         """
         n = n_unknowns(self.robot)
         mean = np.mean([np.diag(self.embedded(option.worth)) for option in options], axis=0)
@@ -206,7 +207,7 @@ def slow_plan(
     Parameters
     ----------
     minutes : float
-        Of both stages, ways included.
+        Duration of both stages, travels included.
     heaviest : float, optional
         Mass that the load has at most [kg].
     poses : tuple of (int, float)

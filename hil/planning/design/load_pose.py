@@ -38,7 +38,7 @@ class Pose(NamedTuple):
     position : float or None
         [rad or m]; None where no position matters.
     share : float
-        Of the predicted standard deviation, with one such measurement more.
+        Predicted standard deviation after another measurement, relative to the present one.
     """
 
     axis: int
@@ -54,10 +54,9 @@ def helpful_poses(
     Parameters
     ----------
     plans : sequence of Plan
-        What was measured.
+        Plans measured so far.
     names : sequence of str
-        As the robot file has them, without the link's number; those that it leaves out are not
-        looked at.
+        Names as in the robot file, without the link's number; names absent there are ignored.
     """
     free = bare.columns.free
     columns = {name: free[LINK_PARAMETERS.index(name)] for name in names}

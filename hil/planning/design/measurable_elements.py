@@ -176,8 +176,8 @@ def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> A
 def _pairs(robot: Robot, columns: list[int]) -> list[tuple[int, int]]:
     """Return creeping and accelerated axis for every off-diagonal parameter.
 
-    Of the elements that hold a parameter the one is taken whose torque stands out most: much
-    acceleration on one side, little torque range (so little noise and friction) on the other.
+    Of the elements with a parameter, the one with the clearest torque is taken: large acceleration
+    on one side, small torque range (so little noise and friction) on the other.
     """
     mass = base_parameters(robot).dependencies.mass
     found = []

@@ -79,19 +79,19 @@ def design_trajectory(
     Parameters
     ----------
     period : float
-        Of the fundamental [s].
+        Period of the fundamental [s].
     cycles : int
         Periods to be measured.
     criterion : {"condition", "singular", "det"}
-        What shall be small, see the module.
+        Criterion to minimise, see the module.
     seed : int
-        The same seed gives the same trajectory.
+        Seed of the search; equal seeds give equal trajectories.
     search : Search, optional
-        How much is tried.
+        Search effort.
     name : str
         Id of the measurement.
     harmonics : int
-        Of the Fourier series of each joint, at least 2.
+        Harmonics of each joint's Fourier series, at least 2.
     speed : ndarray, shape (n_joints,), optional
         Above which an axis would lag too far behind its set-points [rad/s or m/s].
 
@@ -121,7 +121,7 @@ class Basis:
     ----------
     robot : Robot
     period : float
-        Of the fundamental [s].
+        Period of the fundamental [s].
     harmonics : int
         At least 2.
     speed : ndarray, shape (n_joints,), optional

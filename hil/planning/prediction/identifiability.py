@@ -49,11 +49,11 @@ class Identifiability:
     group : str
         gravity, diagonal or off_diagonal.
     names : tuple of str
-        Its parameters.
+        Parameters of the group.
     rows : int
         Measurements that serve it.
     rank : int
-        Of the observation matrix; all parameters can be identified when it is ``len(names)``.
+        Rank of the observation matrix; full at ``len(names)``.
     condition : float
         Ratio of its largest to its smallest singular value; inf where the rank is short.
     poorly_identifiable : tuple of str
@@ -130,7 +130,7 @@ def eliminate_others(
     -------
     N : ndarray, shape (n_columns, n_columns)
     size : ndarray, shape (n_columns,)
-        Its diagonal before anything was eliminated, with which what is left is to be compared.
+        Diagonal of the normal equations before the elimination, as reference for N.
     """
     axes = np.unique(of_gravity[of_gravity >= 0])
     offsets = (of_gravity[:, np.newaxis] == axes).astype(float)

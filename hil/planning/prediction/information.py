@@ -66,7 +66,7 @@ class Share:
         X'X, and the covariance of X'e for white noise of 1 N m and for friction whose level walks
         by 1 N m in 1 s [1/(N m)^2 times that of the parameters].
     rounding : ndarray, of the same shape
-        The same for positions whose error is white, of 1 rad on an inertia of 1 kg m^2.
+        Covariance of X'e for white position errors of 1 rad on an inertia of 1 kg m^2.
     """
 
     axis: int
@@ -95,9 +95,9 @@ def shares(
     Parameters
     ----------
     period : float
-        Between the samples that are looked at [s].
+        Interval between samples [s].
     differences : Differences, optional
-        Of rounded positions; exact ones without.
+        Differences of rounded positions; exact positions by default.
     """
     planned = forecast(measurement, period)
     found = (_share(robot, planned, axis, differences) for axis in measurement.moved)
@@ -147,9 +147,9 @@ def _thin(whole: Array, alone: Array, kept: float) -> Array:
     Parameters
     ----------
     whole : ndarray
-        With all of them.
+        Covariance with all samples.
     alone : ndarray
-        The same if no two samples had noise in common: what chance leaves cannot cancel.
+        Covariance of samples without common noise: noise of a random selection does not cancel.
     """
     return kept**2 * whole + kept * (1.0 - kept) * alone
 
@@ -171,7 +171,7 @@ class Forecast:
     Attributes
     ----------
     period : float
-        Between samples [s].
+        Sample period [s].
     time : ndarray, shape (n,)
         [s].
     q, qd, qdd : ndarray, shape (n, n_joints)

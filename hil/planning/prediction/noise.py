@@ -64,9 +64,9 @@ class Differences(NamedTuple):
     Attributes
     ----------
     period : float
-        Between samples [s].
+        Sample period [s].
     kept : ndarray, shape (n_joints,)
-        Share of the samples whose jerk, noisy as it is, does not look like a corner.
+        Share of the samples with a noisy jerk below the threshold for corners.
     """
 
     period: float
@@ -84,15 +84,15 @@ class Noise:
     wander : ndarray, shape (n_joints,)
         Standard deviation of the change of the friction level within a minute [N m].
     source : str
-        Where the figures come from, in words for the operator.
+        Description of the figures' source, for the operator.
     rounding : ndarray, shape (n_joints,), optional
         Standard deviation of a position, by the encoder's increments [rad].
     inertia : ndarray, shape (n_joints,), or 0
-        That each axis accelerates [kg m^2].
+        Inertia accelerated by each axis [kg m^2].
     differences : Differences, optional
-        What the estimator makes of rounded positions; see `sampled`.
+        Effect of rounded positions on the estimator; see `sampled`.
     excess : ndarray, shape (n_joints,), or 0
-        Variance that the rounding adds to what the low-pass leaves of a torque, as share of it.
+        Variance added by rounding, relative to the variance after the low-pass.
     """
 
     torque: Array

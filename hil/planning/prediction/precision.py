@@ -53,7 +53,7 @@ class Information:
     Attributes
     ----------
     matrix : ndarray, shape (n, n)
-        Of the weighted normal equations.
+        Matrix of the weighted normal equations.
     scatter : ndarray, shape (n, n)
         Covariance of their right-hand side.
     """
@@ -72,13 +72,13 @@ class Precision:
     Attributes
     ----------
     names, meanings, units : tuple of str
-        Of the base parameters.
+        Names, meanings and units of the base parameters.
     deviation : ndarray, shape (n_base,)
         Standard deviations, inf where a parameter is not identifiable.
     effect : ndarray, shape (n_base,)
         Torque that a standard deviation amounts to, as share of the axis's limit.
     source : str
-        Where the noise comes from.
+        Source of the noise figures.
     """
 
     names: tuple[str, ...]

@@ -41,9 +41,9 @@ def current(
     read : callable
         Returns what is kept in a folder, or None.
     name : str
-        Of its file.
+        Name of the result's file.
     command : str
-        Which makes it anew.
+        Command to make the result anew.
 
     Returns
     -------

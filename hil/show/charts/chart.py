@@ -52,7 +52,7 @@ class Points:
     error : array_like, shape (n,), optional
         Half-lengths of bars through the marks, upright or `along` the horizontal axis.
     ids : sequence of str
-        Of the measurement behind each point, where there is one; a reader may open its recording.
+        Ids of the measurements behind the points, if any, as links to recordings.
     label : str
         In the legend; a label stands there once.
     """
@@ -113,26 +113,25 @@ class Panel:
     Attributes
     ----------
     items : sequence of Item
-        From the back to the front.
+        Items from the back to the front.
     x_range, y_range : pair of float, optional
-        What the axes show at least; by default what the items take.
+        Minimum ranges of the axes; by default the extent of the items.
     ticks : mapping, optional
-        Places with a mark along the horizontal axis and what stands there.
+        Positions and labels of marks on the horizontal axis.
     rows : mapping, optional
-        The same along the vertical axis.
+        Positions and labels of marks on the vertical axis.
     decades : bool
-        Whether the horizontal axis is logarithmic.
+        True for a logarithmic horizontal axis.
     whole : bool
-        Whether only whole numbers are marked along it.
+        True to mark only whole numbers on the horizontal axis.
     below : Panel, optional
         A strip over the same horizontal axis.
     width, height : float
-        Of the whole panel, and of the field inside its axes.
+        Width of the whole panel, and height of the field inside the axes.
     left : float
-        Room for what is written at the vertical axis.
+        Space for labels of the vertical axis.
     recording : str
-        Id of the recording whose time since its beginning the horizontal axis shows [s], if it
-        does.
+        Id of the recording with its time on the horizontal axis [s], if any.
     """
 
     items: Sequence[Item]
