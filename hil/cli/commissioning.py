@@ -220,7 +220,7 @@ def _wake_ups(
     from drivers.operator_tools import sync_period
 
     if duration and not bus.lock_step:
-        # in words alone: a line that moves would itself keep the computer from waking up in time
+        # plain text: an animated line would disturb the measured wake-ups
         say(f"measuring this computer's wake-ups for {duration:g} s")
     found = sync_period.wake_ups_on(bus, period, duration) if duration else None
     if found is None:

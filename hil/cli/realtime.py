@@ -61,8 +61,8 @@ class Linux:
         os.sched_setscheduler(0, policy, os.sched_param(priority))
 
         def undo() -> None:
-            # who has no right but that of rtprio may not take the flag back: a normal thread with
-            # it is as good
+            # without rights beyond rtprio the flag cannot be cleared: a normal thread with the flag
+            # is equivalent
             os.sched_setscheduler(0, before | os.SCHED_RESET_ON_FORK, parameters)
             with suppress(PermissionError):
                 os.sched_setscheduler(0, before, parameters)

@@ -119,8 +119,8 @@ def twin(
     output: Annotated[Path, output_option(folder_to_write, "Folder to write both files into.")],
 ) -> None:
     """Write a virtual plant of a robot and its drives file, to rehearse without it."""
-    # the plant is a program of its own, of which nothing is imported here: its model of the arm
-    # must not be the one that is tested against it
+    # the plant runs as a separate program: its arm model must stay independent of the model tested
+    # with it
     with working("scaling a plant to the limits of the robot"):
         from hil.model.robot import Robot
 

@@ -70,7 +70,7 @@ def interleave(measurements: Sequence[Measurement]) -> list[Measurement]:
 
 
 def _golden(n: int) -> list[int]:
-    # golden section: multiples of it, less whole numbers, are spread most evenly at any length
+    # fractional parts of multiples of the golden section are evenly spread at any length
     return sorted(range(n), key=lambda k: k * 0.6180339887 % 1.0)
 
 
@@ -79,7 +79,7 @@ def pushed_plan(robot: Robot, duration: float) -> tuple[Plan, int]:
 
     There is one attempt: a push is the result, and no reason to repeat.
     """
-    # share of the velocity limit that the motion uses
+    # fraction of the velocity limit for the motion
     basis = Basis(robot, PERIOD, HARMONICS, 0.3 * robot.velocity_limit)
     drawn = basis.random(np.random.default_rng(2))
     plan = make_plan(robot, [basis.trajectory(drawn, CYCLES, "motion")])

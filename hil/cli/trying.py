@@ -227,7 +227,7 @@ def _push(
             paced.fastest = FASTEST_LEARNING if watcher.learning else 1.0
             view.take(alarm)
 
-        # samples that are judged together, every 20 ms: in real time on a busy computer, too
+        # 5 samples (20 ms) are judged together, to keep real time on a busy computer
         return WatchingBus(paced, watcher, take, at_once=5)
 
     @contextmanager
@@ -285,6 +285,6 @@ def _open_browser(stated: Sequence[str]) -> bool:
     if sys.platform.startswith("linux") and not any(map(os.environ.get, screens)):
         return False
     address = stated[0].partition("http")[1:]
-    # some browsers are waited for until they are closed
+    # some browsers block until they are closed
     Thread(target=webbrowser.open, args=("".join(address),), daemon=True).start()
     return True

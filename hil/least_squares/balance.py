@@ -220,7 +220,7 @@ def _shares(part: Regression, shared: Sequence[str]) -> _Equations:
     of = [(to, place[name]) for to, name in enumerate(shared) if name in place]
     to, at = np.array(of, dtype=np.intp).T
     own = np.setdiff1d(np.arange(len(part.kept)), at)
-    # what its own unknowns are where the shared ones are zero, and how they follow these
+    # own unknowns are `alone` for zero shared unknowns, and depend on these by T
     T, alone = np.zeros((len(N), len(shared))), np.zeros(len(N))
     own_inverse = inverse(N[np.ix_(own, own)])
     T[at, to] = 1.0

@@ -210,7 +210,8 @@ class Blocks:
         made = np.stack([np.broadcast_to(x, (*lead, m)) for x in (first, *new.values())], axis=-1)
         stay = tuple(name for name in self.shared if name not in dropped)
         kept, k = self.place(*stay, *self.own), len(stay)
-        # where columns stand in the result: those that are made, and those that stay
+        # positions in the result: new columns first and after the shared ones, kept columns
+        # elsewhere
         n_made, size = made.shape[-1], made.shape[-1] + len(kept)
         at = np.concatenate([[0], np.arange(1 + k, k + n_made)])
         place = np.setdiff1d(np.arange(size), at)

@@ -105,12 +105,12 @@ def folds(n: int) -> list[slice]:
 def _certainly_positive(gains: Array) -> Mask:
     """Test if the mean over blocks is significantly positive, per row of gains (n_rows, n)."""
     n = gains.shape[1]
-    # draws of signs: the probability is known within 0.0025
+    # number of sign draws: standard error of the probability 0.0025
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(4096, n))
     t = _t(gains, np.ones((1, n)))[0]
     greatest = _t(gains, signs).max(axis=1, keepdims=True)
     by_chance = greatest >= t * (1.0 - np.sqrt(np.finfo(float).eps))
-    # probability of a difference by chance below which it is none: of 5 %, either side
+    # significance level of 5 %, two-sided
     return np.asarray((t > 0.0) & (by_chance.mean(axis=0) <= 0.025))
 
 

@@ -103,7 +103,7 @@ def reweighted(weigh: Callable[[Array], Array], first: Array, rounds: int = 20) 
     weights = first
     for _ in range(rounds):
         before, weights = weights, weigh(weights)
-        # relative change at which that ends before
+        # convergence tolerance
         if np.allclose(before, weights, rtol=1e-6, atol=0.0):
             break
     return weights

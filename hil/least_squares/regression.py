@@ -125,7 +125,7 @@ class Regression:
         channels = blocks.channel_equations.only(kept)
         counts, heard = np.maximum(blocks.counts.sum(axis=0), 1.0), channels.square > 0
         squares = np.where(heard, channels.square, 1.0)
-        # below this share of the torque nothing is left but rounding
+        # lower bound of a residual variance: rounding error of the torque
         least = np.finfo(float).eps * squares / counts
         if first is None:
             first = np.where(heard, counts / squares, 0.0)

@@ -104,7 +104,7 @@ def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> Mas
     """Return True for unknowns with a part in undetermined directions, shape (n,)."""
     _, values, vectors = _scaled(N, size)
     part = np.linalg.norm(vectors[:, ~_determined(values, rank)], axis=1)
-    # part of an unknown in directions that are not determined, from which on it is not either
+    # tolerance on the component in undetermined directions
     found: Mask = part > 1e-3
     return found
 

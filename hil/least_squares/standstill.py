@@ -53,8 +53,8 @@ def moving(extents: Sequence[Extent]) -> Mask:
     """Find the moving axes from the extents of the recordings, shape (n_joints,)."""
     low, high, noise = (np.array(each) for each in zip(*extents, strict=True))
     reach = high.max(axis=0) - low.min(axis=0)
-    # width of the band that noise alone fills, in standard deviations: 5 to either side, which one
-    # of two million samples exceeds
+    # width of the noise band: 5 standard deviations to either side, exceeded by one of two million
+    # samples
     return np.asarray(reach > np.maximum(10.0 * noise.max(axis=0), CARRIED * reach.max()))
 
 

@@ -36,7 +36,7 @@ def main(folder: str) -> None:
     first = recorded.get()
     if first is None:
         return
-    # only now, that a run begins at once
+    # import numerics only now, when a run is certain
     from hil.live.interim import Interim  # noqa: PLC0415
     from hil.runs.run import Run  # noqa: PLC0415
 

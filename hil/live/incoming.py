@@ -84,8 +84,8 @@ def is_ours(connection: socket.socket) -> bool:
     theirs, ours = connection.getpeername()[:2], connection.getsockname()[:2]
     wanted = f"{_format_address(family, *theirs)} {_format_address(family, *ours)}".encode()
     try:
-        # each line: number: local address, remote address, state, queues, timers, retries, user,
-        # timeout, inode (0 of what was closed)
+        # columns: number, local address, remote address, state, queues, timers, retries, user,
+        # timeout, inode (0 for closed sockets)
         table = Path("/proc/net/tcp6" if family == socket.AF_INET6 else "/proc/net/tcp")
         lines = table.read_bytes().splitlines()
     except OSError:

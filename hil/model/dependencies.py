@@ -93,7 +93,7 @@ def influences(robot: Robot) -> tuple[Array, Array]:
     gravity : array, shape (n_configurations, n_joints, n_standard)
     """
     random = np.random.default_rng(22)
-    # 12 random configurations, of which one would do
+    # 12 random configurations; one would suffice
     configurations = random.uniform(-np.pi, np.pi, (12, robot.n_joints))
     found = [_influences_at(robot, q) for q in configurations]
     added = np.moveaxis(added_inertias(robot), 0, -1)
@@ -140,6 +140,6 @@ def _hidden(gravity: Array) -> Mask:
     varying = (gravity - gravity.mean(axis=0))[:, :, found] / size[found]
     _, values, directions = np.linalg.svd(varying.reshape(-1, int(found.sum())))
     rank = int(np.sum(values > ROUNDED_OFF))
-    # a parameter counts from a millionth of it in a direction on
+    # a parameter is hidden if its component in the null space exceeds a millionth
     found[found] = np.linalg.norm(directions[rank:], axis=0) > 1e-6
     return found

@@ -79,7 +79,7 @@ def load_columns(robot: Robot) -> LoadColumns:
          for carrier in carriers] for name in names
     ]).reshape(10, len(carriers))  # fmt: skip
     K = base_parameters(robot).matrix[:, own]
-    # coefficients up to 1e-9 are rounding of K
+    # coefficients up to 1e-9 are rounding errors of K
     free = free[:, np.abs(K @ free).max(axis=0, initial=0.0) > 1e-9]
     if not free.size:
         raise NoLoad(

@@ -103,7 +103,7 @@ class Polynomial:
     def tidy(self) -> Polynomial:
         """Return the polynomial with coefficients cleaned of rounding errors."""
         near = {monomial: float(round(c)) for monomial, c in self.terms.items()}
-        # coefficients within 1e-12 of a whole number are meant to be it
+        # round coefficients within 1e-12 of a whole number
         return Polynomial(
             {m: near[m] if abs(c - near[m]) < 1e-12 else c for m, c in self.terms.items()}
         )
@@ -217,7 +217,7 @@ def text(row: Combination, head: int, names: Sequence[str]) -> str:
     pieces = [
         (len(monomial), places, weight, monomial)
         for (monomial, weight), together in grouped.items()
-        # parameters of equal weight in brackets, unless the weight is a mere sign
+        # parameters of equal weight in brackets, unless the weight is only a sign
         for places in ([together] if monomial or abs(weight) != 1 else [[k] for k in together])
     ]
     terms = [_term(m, w, [names[order[k]] for k in places]) for _, places, w, m in sorted(pieces)]

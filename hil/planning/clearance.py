@@ -1,14 +1,14 @@
 """Clearance between a moving arm and boxes: links as capsules, checked over continuous sweeps.
 
-A sweep is a set of configurations: all angles that a stroke passes, all instants of a travel. It is
-cut into cells. A cell spans a small box of joint angles; the arm is placed in the middle of the
-cell's parameters, which is a configuration of the sweep, and no point of a link is farther from
-there, anywhere in the cell, than the sum of the joints' ways to its ends times their reach
-(`hil.model.capsules`). So a cell is clear for certain where the distance of a link's segment from a
-box exceeds radius, margin and that bound; otherwise it is halved. Cells that are down to
-`RESOLUTION` and still not clear count as hits: what passes is safe, what fails may miss by a
-centimetre. Cells that cannot beat the deepest hit found so far are left out, and where only the
-answer counts (`are_clear`) so are all cells of a sweep that has one.
+A sweep is a set of configurations: all angles of a stroke, all instants of a travel. It is cut into
+cells. A cell spans a small box of joint angles; the arm is placed at the middle of the cell's
+parameters, a configuration of the sweep. Within the cell no point of a link moves farther than the
+sum of the joints' half-ranges times their reach (`hil.model.capsules`). So a cell is clear for
+certain if the distance between a link's segment and a box exceeds radius, margin and that bound;
+otherwise it is halved. Cells of size `RESOLUTION` not proven clear count as hits: an accepted sweep
+is safe, a rejected one may miss the box by a centimetre. Cells that cannot exceed the deepest hit
+so far are skipped; if only the answer matters (`are_clear`), so are all further cells of a sweep
+with a hit.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Dry run of a plan: problems, duration, bus load and identifiability, without bus and motion.
 
-Three questions are answered. Does every configuration, stroke and profile keep inside the robot's
-limits and the arm out of forbidden boxes, and is each stroke long enough for what it is to show
-(`Problem`)? How long will it take and how much of the bus will it use? What can be identified from
-it (`hil.planning.prediction.identifiability`)?
+It answers three questions. Do all configurations, strokes and profiles keep inside the robot's
+limits and outside forbidden boxes, with strokes long enough for their purpose (`Problem`)? How long
+will the plan take, and how much bus load will it cause? Which parameters will it identify
+(`hil.planning.prediction.identifiability`)?
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Motion imported from a foreign recording, as data.
 
-It cannot be measured again: a plan that holds one describes a run that was imported.
+It cannot be measured again: a plan with such a motion describes an imported run.
 """
 
 from __future__ import annotations

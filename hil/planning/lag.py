@@ -1,9 +1,9 @@
 """Lag of axes behind the set-points of a trajectory, compared with the drives' windows.
 
-An axis at constant speed is behind its set-points by that speed times a time: what the drive takes
-from one set-point to the next, and the lag of its position loop, one over its gain, where it does
-not feed the demand's velocity forward. A drive faults where the following error leaves its window
-(6065) for longer than its time (6066), and the driver's own corridor is as wide.
+At constant speed an axis lags by the speed times a delay: the drive's interpolation from one
+set-point to the next, and one over the gain of its position loop unless it feeds the velocity
+forward. A drive faults if the following error exceeds its window (6065) for longer than its timeout
+(6066), and the driver's own corridor is as wide.
 """
 
 from __future__ import annotations

@@ -8,16 +8,15 @@ gravity
 inertia
     a large share of acceleration: M_ii(q) by eq. (19) and (20);
 coupling
-    the axis whose torque is read creeps, so that it never sticks, while a partner accelerates back
-    and forth: M_ij(q) by eq. (21);
+    the read axis creeps, so that it never sticks, while a partner accelerates back and forth:
+    M_ij(q) by eq. (21);
 friction
-    constant velocity again, at any speed of the axis, with the history that friction depends on:
-    how long the axis stood still, and how long it was kept in motion, just before (section 3).
+    constant velocity at any speed of the axis, with a defined history of standstill and motion
+    just before (section 3).
 
-A further kind is a model and a row of `KINDS` here, and an entry wherever a stage has functions by
-kind: how it moves (`hil.measuring.motion`), what its recordings must show
-(`hil.measuring.checks.recording_checks`), what is estimated from it alone
-(`hil.estimation.local_fits`) and, if `hil plan` chooses it, where
+A new kind is a model and a row of `KINDS` here, and an entry in each stage with functions by kind:
+motion (`hil.measuring.motion`), checks of recordings (`hil.measuring.checks.recording_checks`),
+local estimates (`hil.estimation.local_fits`) and, if `hil plan` chooses it, configurations
 (`hil.planning.design.measurable_elements`).
 """
 

@@ -1,10 +1,10 @@
 """Clearance of a plan's paths from the forbidden boxes: measurements and travels.
 
-A measurement sweeps all that its strokes can reach: the way of its axis, with a partner the whole
-rectangle of both. A travel moves all axes at once, each with a trapezoid of its own duration; the
-axes count as up to `SKEW` apart in time, since each drive begins when it has taken its set-point.
-Where the robot stands before the first travel is known on the spot only, so the sequencer asks
-about every travel again before it commands it (`refuse_travel`).
+The sweep of a measurement is the stroke of its axis, with a partner the whole rectangle of both. A
+travel moves all axes at once, each with a trapezoid of its own duration; the axes may start up to
+`SKEW` apart, since each drive begins when it has taken its set-point. The robot's configuration
+before the first travel is only known at run time, so the sequencer checks every travel again before
+commanding it (`refuse_travel`).
 """
 
 from __future__ import annotations

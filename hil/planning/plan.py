@@ -1,9 +1,9 @@
 """Plan of a campaign, as data.
 
-A plan is a frozen, validated document that never touches hardware. A dry run is a fold over it,
-the sequencer carries it out, two plans are compared with `diff`: one short block a measurement
-(`measurement`), numbers rounded, and a plan read back equals the plan written. It names the
-robot file that it was made for by digest, so that it never moves another robot.
+A plan is a frozen, validated document that never touches hardware. A dry run checks it, the
+sequencer carries it out, and `diff` compares two plans: a short block per measurement
+(`measurement`), rounded numbers, and a plan read back equals the plan written. It names its robot
+file by digest, so that it never moves another robot.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Rounded numbers and names in plans.
 
-Numbers are rounded to a millionth as they enter, far below an encoder's increment, so that what is
-read back equals what was written.
+Numbers are rounded to a millionth on input, far below an encoder's increment, so that values read
+back equal those written.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Timetable: duration of travels, measurements and whole plans.
 
-Used by the dry run, which states it beforehand, and by the sequencer, which states what is left.
+The dry run uses it for the total, the sequencer for the remaining time.
 """
 
 from __future__ import annotations

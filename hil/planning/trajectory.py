@@ -186,7 +186,7 @@ def check_trajectory(trajectory: Trajectory, robot: Robot, period: float) -> Ite
             ("velocity", qd, float(robot.velocity_limit[joint]), ROUNDED * order.sum()),
             ("acceleration", qdd, float(robot.acceleration_limit[joint]), ROUNDED * order @ order),
         ):
-            # a period may begin with a thousandth of the limits of velocity and acceleration
+            # tolerance: a thousandth of the limits of velocity and acceleration
             if abs(values[0, joint]) > max(1e-3 * limit, rounding):
                 yield (
                     f"{trajectory.id}: joint {joint + 1} begins with {what}"

@@ -1,10 +1,9 @@
 """Velocity trapezoids: motion of a drive in profile position mode.
 
 A move from `start` to `end` accelerates with a constant acceleration to the profile velocity,
-cruises and decelerates alike. Where the distance is shorter than both ramps the trapezoid becomes
-a triangle and the profile velocity is never reached. Everything that has to know beforehand how
-long a move lasts, where it cruises or what it excites (plan, dry run, checks of a recording) asks
-here.
+cruises and decelerates likewise. If the distance is shorter than both ramps, the trapezoid becomes
+a triangle and the profile velocity is never reached. Plan, dry run and checks of a recording
+compute durations, windows and excitation from here.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Guarded workspace: permitted joint ranges and forbidden boxes.
 
-A workspace belongs to the place where a robot stands, so it is a file of its own. It may narrow
+A workspace belongs to a robot's place of installation, so it is a file of its own. It may narrow
 joint ranges, and it lists boxes that no link may enter: table, fence, controller cabinet, operator.
 A plan made with a workspace carries it, so that it is checked again wherever the plan is used.
 
-The boxes stand in the robot's base frame, in which the robot file gives gravity; their edges are
-parallel to its axes. A turned obstacle takes several boxes.
+Boxes are in the robot's base frame, in which the robot file gives gravity, with edges parallel to
+its axes. A rotated obstacle takes several boxes.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Validation of a workspace against a robot: joints, units, boxes within reach.
 
-A box in millimetres would lie far beyond the arm and guard nothing. No point of a link is farther
-from the base frame's origin than the lengths of the chain in between, so the arm itself bounds the
-numbers that a box can have: a coordinate beyond `FARTHEST` times that reach is refused as one in
-another unit, and so is a box smaller than a screw. What lies nearer, yet where no link comes, is
-accepted with a remark (`remarks`). A box that a link stands in wherever the joints are is refused
-with the remedy for that, rather than through every measurement of a plan.
+A box in millimetres would be far beyond the arm and guard nothing. No point of a link is farther
+from the base frame's origin than the lengths of the chain in between, so the arm bounds the
+plausible coordinates: one beyond `FARTHEST` times the reach is refused as a wrong unit, and so is a
+box smaller than a screw. A box nearer, yet beyond the reach of all links, is accepted with a remark
+(`remarks`). A box that contains a link at every configuration is refused with a specific remedy,
+instead of errors in every measurement of a plan.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ def _check_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
 
 def _always_inside(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
     """Yield boxes with a link inside at every sampled configurations."""
-    # 256, spread over the joint ranges, in which a link must stand clear of a box once
+    # 256 configurations over the joint ranges; a link must be clear of a box in at least one
     spread = np.random.default_rng(0).uniform(size=(256, robot.n_joints))
     q = robot.q_min + spread * (robot.q_max - robot.q_min)
     inside = np.all(intrusions(robot, workspace, q) > 0.0, axis=0)

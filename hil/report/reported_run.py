@@ -170,7 +170,7 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
     """
     if not select_kind(Friction, recordings) and not _friction_alone(run):
         return None
-    # of runs that measure friction: other reports need none of this
+    # imported only for runs with friction measurements
     from hil.commands.friction import fit_friction, load_friction  # noqa: PLC0415
     from hil.estimation.friction.symmetry import BOUND  # noqa: PLC0415
 

@@ -36,7 +36,7 @@ def rich_table(table: Table, width: int) -> DrawnTable:
         Characters that there is room for; where they are few, heads take several lines.
     """
     title = Text(table.title, style="table.title") if table.title else None
-    # figures are never to be cropped: where no column folds by itself, the first one does
+    # figures must never be cropped: without a folding column, fold the first one
     folding = [column.folds for column in table.columns]
     folding[:1] = [folding[0] or not any(folding)]
     narrow = sum(_widths(table, folding, broken=False)) > width
@@ -65,7 +65,7 @@ def show(table: Table, console: Console) -> None:
     """Print a table with rows, and notes below."""
     if table:
         made = rich_table(table, console.width)
-        # what has no room even so goes on in the terminal's next line, and nothing is lost
+        # a table too wide for the terminal wraps instead of being cropped
         needed = console.measure(made, options=console.options.update(max_width=10_000)).minimum
         made.width = needed if needed > console.width else None
         console.print(made, highlight=False, crop=False)

@@ -207,7 +207,7 @@ class Detector:
         means, bands = self._windows(left, wrong * level / self._limit)
         error = 4 * (spread**2 + self._parameter_variance(robot, q, qd))[:, np.newaxis]
         scatter = self._scatter.bound
-        # standard deviations within which 95 % of what is normal lies
+        # standard deviations of the alarm threshold, and of the displayed 95 % band
         threshold, band = (
             np.sqrt((sigmas * scatter) ** 2 + error) + bands for sigmas in (self._sigmas, 1.96)
         )
@@ -244,7 +244,7 @@ class Detector:
         columns, left, means, doubtful, sure = shown
         self._learned.clear()
         duration = len(left) * self._period
-        # before scatter is known everything is doubtful, and the quietest blocks would be chosen
+        # without a known scatter every block is doubtful, and only the quietest would be used
         doubted = doubtful.any(axis=0) & self._scatter.known
         self._doubted = np.where(doubted, self._doubted + duration, 0.0)
         trusted = (self._doubted == 0) | (self._doubted > longest)

@@ -63,14 +63,14 @@ def find_frames(chain: UrdfChain) -> Frames:
         if j + 1 < n:
             normal, meets = _common_normal(points[j], z[j], points[j + 1], z[j + 1], origin)
             if normal is not None:
-                # the way round that turns least; the length between the axes may be negative
+                # take the smaller rotation; the length between the axes may be negative
                 x, origin = (-normal if normal @ x < -ROUNDED_OFF else normal), meets
         else:
             x = placed[-1][:3, 0] if placed else x
         placed.append(_place_frame(origin, x, z[j]))
     base = placed[0]
     if n > 1:
-        # the last frame turns and shifts about its own axis by nothing
+        # the last frame has neither rotation nor shift about its own axis
         alpha, d, _, _ = _parameters(inverse(placed[-2]) @ placed[-1])
         placed[-1] = placed[-2] @ frame_pose(alpha, d, 0.0, 0.0)
     before = [base, *placed[:-1]]
@@ -90,7 +90,7 @@ def difference(chain: UrdfChain, robot: RobotArrays) -> str:
         if key in {"alpha", "theta"}:
             apart = np.minimum(apart % math.tau, -apart % math.tau)
         worst = int(np.argmax(apart))
-        # frames that differ by up to 1e-6 [rad, m] are the same
+        # tolerance 1e-6 [rad, m]
         if apart[worst] > 1e-6:
             return (
                 f"{key} of joint {worst + 1} is {found[worst]:.6g}, of the model"

@@ -264,7 +264,7 @@ class UrdfReader:
         for edge in self._between(None, base) if base in self.above else ():
             turned = turned @ self.origin(edge.element)[:3, :3]
             kind = edge.element.get("type")
-            # what turns about the vertical keeps gravity
+            # rotation about the vertical leaves gravity unchanged
             upright = MOVING.get(str(kind)) == "revolute" and (
                 abs((turned @ self._axis(edge.element))[2]) > math.cos(ROUNDED)
             )

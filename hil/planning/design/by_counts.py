@@ -1,17 +1,17 @@
 """Choice of configurations and motions from g(q) and M(q), section 6.2.
 
-From the candidates of an element (`hil.planning.design.measurable_elements`) those are taken, one
-after the other, that add most to the determinant of the group's information matrix (Fedorov's
-greedy D-optimal choice). The elements share the number of measurements as their rows hold
-parameters. How many measurements of each kind there are is given; `hil.planning.design.by_minutes`
-chooses that too.
+From the candidates of an element (`hil.planning.design.measurable_elements`) those with the largest
+increase of the determinant of the group's information matrix are taken in turn (Fedorov's greedy
+D-optimal choice). Each element gets measurements in proportion to the number of parameters in its
+rows. The number of measurements of each kind is given; `hil.planning.design.by_minutes` chooses it
+too.
 
-Measurements are for what they can show. A gravity torque that is the same everywhere is like an
-offset of the torque, however often it is measured: such an axis gets few measurements, and what
-they leave open is sought in moments of inertia (`Dependencies.hidden`).
+A constant gravity torque cannot be distinguished from a torque offset, however often it is
+measured: such an axis gets few measurements, and its parameters are determined from moments of
+inertia (`Dependencies.hidden`).
 
-The order is one of short travels, in a guarded workspace one in which they keep clear of the
-forbidden boxes (`hil.planning.design.tour`).
+The order minimises travel; in a guarded workspace travels also keep clear of the forbidden boxes
+(`hil.planning.design.tour`).
 """
 
 from __future__ import annotations
@@ -77,8 +77,7 @@ def design(
         columns = sought[kind.group]
         if columns:
             elements = ELEMENTS[name](guarded, list(columns))
-            # measurements of a kind, unless asked for otherwise: 3 at least for each parameter that
-            # it shows
+            # by default at least 3 measurements per parameter
             usual = max(COUNTS[name], 3 * len(columns))
             chosen = _choose(guarded, elements, (counts or {}).get(name), usual, workspace)
             middle = (guarded.q_min + guarded.q_max) / 2
@@ -108,7 +107,7 @@ def greedy(rows: Array, places: Array, covariance: Array, count: int) -> list[in
         best = int(np.argmax(np.where(left, gain, -1.0)))
         direction = covariance @ rows[best]
         covariance -= np.outer(direction, direction) / (1.0 + gain[best])
-        # least distance between configurations in one joint at least: 6 % of its range
+        # minimum distance between configurations: 6 % of the range in at least one joint
         left &= np.abs(places - places[best]).max(axis=1, initial=0.0) > 0.06
         picked.append(best)
     return picked

@@ -1,18 +1,18 @@
 """Design of a campaign of limited duration: the most informative measurements of all kinds.
 
-A budget counts everything: measurements, the ways between them, a warm-up. First of all each group
-of base parameters gets the measurements that its rows call for (`CORE` for each parameter), so that
-the group can be identified by its own kind, as the two-step method wants it, and any measurement
-can be left out. Then each axis gets the measurements that its law of friction calls for. The rest
-of the time goes to whatever adds most to log det of the information about
-all base parameters in its time (`hil.planning.design.selection`).
+The budget includes measurements, travels and warm-up. First each group of base parameters gets
+`CORE` measurements of its own kind per parameter, so that the group can be identified by its own
+kind, as in the two-step method, and any measurement can be left out. Then each axis gets the
+measurements needed for its friction law. The rest of the time is filled with the largest increase
+per second of log det of the information about all base parameters
+(`hil.planning.design.selection`).
 
-With trajectories the core is half as large, and most time goes to them as a rule: in a minute all
-axes show more than strokes of one do. What they cannot do remains to strokes: friction alike forth
-and back, which cancels.
+With trajectories the core is half as large, and they usually get most of the time: in a minute all
+axes show more than strokes of one axis do. Strokes remain necessary where friction, equal forth and
+back, must cancel.
 
-A refinement begins with the information of an earlier run. It goes for the imprecise parameters:
-for what most lowers the variance of torques.
+A refinement starts with the information of an earlier run, and adds measurements for the imprecise
+parameters, by the decrease of the variance of torques.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
         q = np.array([options[k].measurement.q for k in numbers])
         covariance = 1e3 * np.eye(len(scale))
         wanted = each * rows.shape[1]
-        # strokes of another axis at the same place show something else: no spacing between them
+        # strokes of another axis at the same configuration are independent: no spacing needed
         moved = [options[k].measurement.moved for k in numbers]
         apart = [sorted(set(moved)).index(axes) for axes in moved]
         spread = np.column_stack([places(robot, q), apart])
@@ -176,7 +176,7 @@ def _fill(
     robot: Robot, selection: Selection, budget: float, least: int, workspace: Workspace | None
 ) -> list[ParameterMeasurement]:
     """Fill the `budget` [s] with measurements, and drop the last ones in excess."""
-    # measurements are chosen for 15 % more than the budget before they are put in order
+    # choose for 15 % more than the budget; the travels in order decide what fits
     while selection.duration < 1.15 * budget or len(selection.chosen) < least:
         selection.take_best()
     chosen = selection.measurements

@@ -1,16 +1,16 @@
 """Candidate measurements with information and duration.
 
-Trajectories are among them where drives take streams of set-points: a few different ones, each in
-blocks of some periods, of which as many may be chosen as there is time for.
+For drives with streams of set-points, trajectories are included: a few different ones, each in
+blocks of some periods, of which as many may be chosen as the time permits.
 
 For every element of g(q) and M(q) the first configurations of its sequence are taken
 (`hil.planning.design.measurable_elements`). Each is planned as a measurement and judged by the
-simultaneous estimator's own information (`hil.planning.prediction.information`), so that kinds can
-be compared with each other: an inertia measurement says a good deal about gravity too.
+information of the simultaneous estimator (`hil.planning.prediction.information`), so that kinds are
+comparable: an inertia measurement also shows gravity.
 
-Least squares does not weigh noise that differs within an axis, such as friction that wanders. What
-a measurement is worth under its noise is I S^-1 I, with information I and scatter S: less than I
-where friction's wander counts.
+Least squares does not weight noise that differs within an axis, such as wandering friction. The
+effective information of a measurement is I S^-1 I, with information I and scatter S: less than I if
+friction wanders.
 """
 
 from __future__ import annotations

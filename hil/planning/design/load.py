@@ -1,15 +1,15 @@
 """Plan of a few minutes with a load: the most informative measurements beside an unloaded run.
 
 Both runs share base parameters p, torque ripple and friction of the transmitted torque; the loaded
-one has p + K phi and offsets of its own, since friction's asymmetry changes from day to day. Its
-normal equations over the unknowns x of `hil.friction.equation` become those of both runs by
+one has p + K phi and offsets of its own, since the asymmetry of friction changes from day to day.
+Its normal equations over the unknowns x of `hil.friction.equation` become those of both runs by
 
     x = E z,    z = (x of the run without, phi, offsets of the loaded run).
 
-Chosen is whatever adds most in its time to log det of the information about phi, all else
-eliminated, which no scale of mass or inertia sways: slow strokes first, then as fast as the axes
-can move the load that these find. What the axes must give in a measurement is computed with the
-loads that are possible; strokes of acceleration that call for too much are made slower.
+Measurements are chosen by the largest increase per second of log det of the information about phi,
+all else eliminated, a criterion independent of the scales of mass and inertia: slow strokes first,
+then strokes as fast as the axes can move the load estimated from these. Torques of a measurement
+are computed for the possible loads; accelerations beyond the torque limits are reduced.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ class WithoutLoad:
         """
         n = n_unknowns(self.robot)
         mean = np.mean([np.diag(self.embedded(option.worth)) for option in options], axis=0)
-        # information that counts as nothing: a millionth of a mean option's
+        # negligible information: a millionth of the mean option's
         known = np.diag(np.where(mean > 0, 1e-6 * mean, 1.0))
         known[:n, :n] += self.information
         for measurement in (m for plan in measured for m in plan.measurements):
@@ -258,8 +258,7 @@ def fast_plan(
         )
     entries = timetable(slow, bare.robot, slow.measurements)
     spent = sum(each.travel + each.duration for each in entries)
-    # drives take a little longer for many short strokes than their profiles do: 9/10 of what is
-    # left
+    # 0.9: for many short strokes, drives take longer than their profiles
     return _choose(bare, fitting, bare.before(fitting, [slow]), 0.9 * (60 * minutes - spent))
 
 
@@ -335,7 +334,7 @@ def _possible(found: FoundLoad) -> list[Array]:
     shown = np.abs(found.phi) + np.diag(found.covariance) > 0
     shown[list(INERTIAS)] = True
     error = float(np.sqrt(found.covariance[MASS, MASS]))
-    # heavier by three standard errors
+    # upper bound of the mass: three standard errors
     most = max(found.phi[MASS] + 3.0 * error, 0.1)
     centre = found.phi[list(FIRST_MOMENTS)] / max(found.phi[MASS], most / 2)
     return [_body(mass, centre, shown) for mass in (max(found.phi[MASS], 0.0), most)]

@@ -1,8 +1,8 @@
 """Search for the axis position that best determines an imprecise load parameter.
 
-Of all measurements that the load allows, the one is taken that lessens the predicted standard
-deviation of the parameter most, beside what was measured. Then one axis at a time is turned that it
-does not move: the one whose position matters most is the answer, at the position that is best.
+From all measurements feasible with the load, the one with the largest decrease of the parameter's
+predicted standard deviation is taken. Then each axis at rest in it is turned in turn: the axis with
+the largest effect, at its best position, is the answer.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class _Search:
     def best_pose(self, k: int) -> Pose | None:
         now = self.deviation(k)
         gains = [self.deviation(k, each.worth) for each in self.options]
-        # the torques of the 40 most promising measurements are looked at
+        # torques are checked only for the 40 most promising measurements, for speed
         best = [self.options[at] for at in np.argsort(gains)[:40]]
         fitting = feasible_options(self.bare, self.found, best)
         if not fitting:
@@ -91,7 +91,7 @@ class _Search:
         still = [a for a in range(self.bare.robot.n_joints) if a not in measurement.moved]
         curves = [(a, *self._curve(k, measurement, a)) for a in still]
         axis, places, sizes = max(curves, key=lambda each: float(each[2].max() / each[2].min()))
-        # the position of an axis matters where it changes the deviation by a fifth
+        # an axis's position matters if it changes the deviation by a fifth
         if sizes.max() < 1.2 * sizes.min():
             share = self.deviation(k, self.bare.judge(measurement)) / now
             return Pose(measurement.moved[0] + 1, None, share)

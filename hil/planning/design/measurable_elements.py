@@ -1,14 +1,14 @@
 """Measurable elements of g(q) and M(q), and configurations to measure them.
 
-What a measurement determines is one row: that of the axis's gravity torque (and of a torque offset,
-which only configurations of different gravity distinguish from it), of its moment of inertia, or of
-the coupling inertia with its partner. The rows depend on few joints, found by moving one joint at a
+A measurement determines one row: of the axis's gravity torque (and of a torque offset,
+distinguishable only by configurations of different gravity), of its moment of inertia, or of the
+coupling inertia with its partner. The rows depend on few joints, found by moving one joint at a
 time. Candidates spread these joints over their ranges by a low-discrepancy sequence and leave the
-others in the middle. In a guarded workspace only those count whose strokes keep clear of the boxes.
+others at mid-range. In a guarded workspace only candidates with clear strokes count.
 
-Every measurement of an axis has a number. By it it begins at another angle of its motor, spread by
-the golden ratio: torque ripple then averages out over the configurations instead of biasing all of
-them alike. Its corners fall at other instants between two samples for the same reason
+Successive measurements of an axis start at motor angles spread by the golden ratio: torque ripple
+then averages out over the configurations instead of biasing all of them alike. Their corners fall
+at different instants between two samples for the same reason
 (`hil.planning.design.standard_motions`).
 """
 
@@ -244,7 +244,7 @@ def _clear(robot: Robot, workspace: Workspace, strokes: dict[int, float], q: Arr
 
 def _turn(robot: Robot, axis: int) -> float:
     """Return the range over which motor angles are spread: a turn, if possible."""
-    # a fifth of the range at most
+    # at most a fifth of the range
     most = 0.2 * float(robot.q_max[axis] - robot.q_min[axis])
     return min(math.tau / float(robot.gear_ratio[axis]), most)
 

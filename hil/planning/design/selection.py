@@ -169,5 +169,5 @@ def _prior(options: Sequence[Option], n: int) -> Array:
     for option in options:
         for at, worth in option.worth:
             diagonal[at] += np.diag(worth) / len(options)
-    # information that counts as nothing: a millionth of a mean option's
+    # negligible information: a millionth of the mean option's
     return np.diag(np.where(diagonal > 0, 1e-6 * diagonal, 1.0))

@@ -1,19 +1,19 @@
-"""Standard motions per kind of measurement, as shares of the robot's limits.
+"""Standard motions of each kind of measurement, as shares of the robot's limits.
 
-Gravity is read at constant velocity, slowly. The sooner the axis comes back the less has friction
-wandered meanwhile, so a window lasts a second; but a stroke is at least `GRAVITY_STROKE` long, over
-which torque ripple and the encoder's error average out, unless that takes too long. Inertias are
-read with as much acceleration as leaves room for the load; couplings with an axis that creeps while
-its partner accelerates. Ramps shorter than `INERTIA_RAMP` hold too few samples where SYNC is slow.
+Gravity is measured at a low constant velocity. A short time between forward and backward motion
+limits the drift of friction, so a window lasts a second; but a stroke is at least `GRAVITY_STROKE`
+long, over which torque ripple and encoder error average out, unless that takes too long. Inertias
+are measured with the largest acceleration that leaves room for the load; couplings with a creeping
+axis while its partner accelerates. Ramps shorter than `INERTIA_RAMP` hold too few samples at slow
+SYNC.
 
-Where a joint's range leaves less room an axis moves so slowly that its ramps and its constant
-velocity find their place. Below `SLOWEST` of its velocity limit the estimator does not use its
-samples, so an axis that had to be slower is refused.
+In a short range an axis moves slowly enough for ramps and constant velocity to fit. Below `SLOWEST`
+of its velocity limit the estimator uses no samples, so a slower motion is refused.
 
-Measurements of the same axis differ a little in stroke and acceleration, so that the corners of
-their profiles fall anywhere between two samples. Strokes begin with a SYNC; were all alike, every
-corner would come at the same instant after one, and what sampling does to it would bias the lag of
-the torque, by 0.08 ms of 4 ms, instead of averaging out.
+Measurements of the same axis differ slightly in stroke and acceleration, so that the corners of
+their profiles fall anywhere between two samples. Strokes begin with a SYNC; with equal profiles
+every corner would come at the same instant after one, and the sampling error would bias the delay
+of the torque, by 0.08 ms of 4 ms, instead of averaging out.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def gravity_motion(robot: Robot, axis: int) -> dict[str, Any]:
         "stroke": stroke,
         "velocity": velocity,
         "acceleration": velocity / _ramp(robot, axis, velocity),
-        # windows of one direction last 5 s together, at least
+        # total window per direction of at least 5 s
         "cycles": math.ceil(5.0 / window),
     }
 
@@ -95,7 +95,7 @@ def inertia_motion(robot: Robot, axis: int, number: int = 0) -> dict[str, Any]:
         _refuse_slow(robot, axis, velocity / 2, f"an inertia, in strokes of {room:.3g}")
     acceleration = min(limit, velocity / INERTIA_RAMP)
     ramp = velocity**2 / (2 * acceleration)
-    # the first corner comes up to SPREAD later, the second one up to SPREAD earlier
+    # the first corner is up to SPREAD later, the second up to SPREAD earlier
     later, earlier = (SPREAD * (number * step % 1.0) for step in SEQUENCE)
     return {
         "stroke": min(RAMPS * ramp, LONGEST_STROKE, room) - velocity * earlier,
@@ -162,5 +162,5 @@ def _refuse_slow(robot: Robot, axis: int, velocity: float, what: str) -> None:
 
 
 def _room(robot: Robot, axis: int) -> float:
-    # half of a joint's range at most; the rest is left to choose from
+    # at most half of a joint's range; the rest is left for the choice of configurations
     return 0.5 * float(robot.q_max[axis] - robot.q_min[axis])

@@ -1,8 +1,8 @@
 """Order of measurements by nearest neighbour.
 
-In a guarded workspace every travel keeps clear of the forbidden boxes: from each configuration the
-nearest one is next that a clear travel leads to. Those that nothing led to are put in afterwards,
-between two measurements where both ways are clear.
+In a guarded workspace every travel keeps clear of the forbidden boxes: the next configuration is
+the nearest one with a clear travel. Configurations not reached this way are inserted afterwards,
+between two measurements with clear travels.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def guarded_tour(robot: Robot, workspace: Workspace, measurements: Sequence[M]) 
     starts = np.array([measurement.start for measurement in measurements])
     ways = _Ways(robot, workspace, starts)
     tour: list[int] = []
-    # as the first one 8 measurements are tried
+    # try up to 8 measurements as the first
     for first in range(min(8, len(measurements))):
         tour = max(tour, ways.greedy(first), key=len)
         if len(tour) == len(measurements):

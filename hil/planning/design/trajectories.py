@@ -1,25 +1,25 @@
-"""Exciting trajectories: Fourier amplitudes that make the regression well conditioned.
+"""Exciting trajectories: Fourier amplitudes optimised for a well-conditioned regression.
 
-Judged is the observation matrix W of section 5: the regressor of the base parameters along one
-period, each row over the torque limit of its axis, stacked, and each column over what a unit of its
-parameter amounts to in torque (`hil.planning.prediction.precision.torque_scale`). Without the
-latter a kg m^2 of the base would count as much as one of the hand, and the smallest condition
-number is that of a motion in which the wrist rests. Criteria, all to be small: the condition number
-of W (Armstrong 1989, Gautier and Khalil 1992), the reciprocal of its smallest singular value, or
--log det W'W (Swevers 1997, D-optimal).
+The observation matrix W of section 5 is judged: the regressor of the base parameters along one
+period, each row divided by the torque limit of its axis, stacked, and each column divided by the
+torque per unit of its parameter (`hil.planning.prediction.precision.torque_scale`). Without the
+column scaling a kg m^2 of the base would count as much as one of the hand, and the smallest
+condition number would be that of a motion with a resting wrist. Criteria to minimise: the condition
+number of W (Armstrong 1989, Gautier and Khalil 1992), the reciprocal of its smallest singular
+value, or -log det W'W (Swevers 1997, D-optimal).
 
-The last is taken where nobody chooses: no scale of columns matters to it, and it counts all
-combinations of parameters, the others only the worst or the worst and the best. On the manutec-r15
-the predicted error of torques after ten minutes is 0.019 to 0.024 % by it, 0.028 to 0.033 % by the
-smallest singular value and 0.071 % by the condition number.
+The last is the default: it is independent of column scales, and it counts all combinations of
+parameters, the others only the worst, or the worst and the best. On the manutec-r15 the predicted
+error of torques after ten minutes is 0.019 to 0.024 % with it, 0.028 to 0.033 % with the smallest
+singular value and 0.071 % with the condition number.
 
 For W = sum_k s_k u_k v_k', the derivative of a singular value is u_k' dW v_k, and that of a
-criterion is sum_ij G_ij dW_ij with G known from the decomposition. dW depends on the motion at its
-own sample alone. So the gradient needs, whatever the number of amplitudes, central differences of
-the regressor in q, qd and qdd of each joint, and then the linear map from amplitudes to motion.
-Limits enter as quadratic penalties; what is left beyond them at the end is scaled away. The search
-(L-BFGS) begins from the best of many random trajectories, and ends after a stated number of steps,
-so that the same seed gives the same trajectory on any machine.
+criterion is sum_ij G_ij dW_ij with G known from the decomposition. dW depends only on the motion at
+its own sample. So the gradient needs, for any number of amplitudes, central differences of the
+regressor in q, qd and qdd of each joint, and then the linear map from amplitudes to motion. Limits
+enter as quadratic penalties; a remaining excess is scaled away at the end. The search (L-BFGS)
+starts from the best of many random trajectories, and ends after a fixed number of steps, so that a
+seed gives the same trajectory on any machine.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ class Basis:
         k = np.arange(1, harmonics + 1)
         order = 2 * np.pi / period * k
         phase = np.outer(np.arange(self._n_samples) * period / self._n_samples, order)
-        # amplitudes per unit of velocity, free to choose but for rest at t = 0
+        # amplitudes per unit of velocity, constrained to rest at t = 0
         self._sines = _null(np.ones((1, harmonics))) / order[:, np.newaxis]
         self._cosines = _null(k[np.newaxis].astype(float)) / order[:, np.newaxis]
         s, c = np.sin(phase), np.cos(phase)
@@ -163,8 +163,8 @@ class Basis:
         )
         self._middle = (robot.q_max + robot.q_min) / 2
         self._reach = SHARE * (robot.q_max - robot.q_min) / 2
-        # 0.98: between these instants acceleration is up to 1.2 % more, 1 - cos(pi / SAMPLES), and
-        # drives round their limits
+        # 0.98: between these instants acceleration is up to 1.2 % larger, 1 - cos(pi / SAMPLES),
+        # and drives round their limits
         acceleration = 0.98 * ACCELERATION_SHARE * robot.acceleration_limit
         fastest = np.minimum(SHARE * robot.velocity_limit, np.inf if speed is None else speed)
         self._limits = np.stack([self._reach, fastest, acceleration])
@@ -244,7 +244,7 @@ class Basis:
     def _slopes(self, motion: tuple[Array, Array, Array], G: Array) -> list[Array]:
         """Compute the derivative of sum G_ij W_ij by every joint's q, qd and qdd per instant."""
         n = self._robot.n_joints
-        # central differences by 1e-5 of a limit: about the third root of doubles' rounding
+        # central differences by 1e-5 of a limit, about the cube root of the rounding error
         steps = (1e-5 * np.maximum(self._limits, 1e-9)).ravel()
         moved = np.repeat(np.stack(motion)[:, np.newaxis], 6 * n, axis=1)
         for k, step in enumerate(steps):

@@ -1,14 +1,14 @@
 """Identifiability of base parameters by a plan, from observation matrices.
 
-Each measurement gives one row of an observation matrix: gravity measurements the row of the
-axis's gravity torque, eq. (14), inertia measurements that of M_ii and coupling measurements that
-of M_ij, eq. (17), each over the base parameters of its own group and weighted with the axis's
-torque limit, eq. (16). The rank of a group's matrix W states whether every parameter can be
-distinguished from the others, its condition number how well the worst combination can, and, with
-columns scaled to unit length, sqrt(diag((W'W)^-1)) how many times larger a parameter's standard
-error is than if all the others were known.
+Each measurement gives one row of an observation matrix: gravity measurements the row of the axis's
+gravity torque, eq. (14), inertia measurements that of M_ii and coupling measurements that of M_ij,
+eq. (17), each over the base parameters of its own group and weighted with the axis's torque limit,
+eq. (16). The rank of a group's matrix W states whether every parameter can be distinguished from
+the others, its condition number how well the worst combination can, and, with columns scaled to
+unit length, sqrt(diag((W'W)^-1)) is the ratio of a parameter's standard error to that with all
+other parameters known.
 
-Where gravity parameters are hidden from g(q), behind offsets of the torque say
+If gravity parameters are hidden from g(q), for example by torque offsets
 (`hil.model.dependencies`), their group is judged by the rows of all kinds together: over all base
 parameters and an offset of each axis's gravity torque, everything but the group eliminated.
 """
@@ -188,7 +188,7 @@ def _judge(
     rank, condition = inverse_root(N, IDENTIFIABLE, size).shape[1], float("inf")
     lost = undetermined(N, IDENTIFIABLE, size)
     if rank == n:
-        # a standard error that grows tenfold, by the others being unknown too, is too much
+        # limit: a tenfold standard error due to the other unknowns
         lost = np.sqrt(np.diag(N) * np.diag(inverse(N))) > 10.0
         condition = float(np.sqrt(np.linalg.cond(N)))
     poorly = tuple(name for name, is_lost in zip(names, lost, strict=True) if is_lost)

@@ -1,28 +1,27 @@
 """Information of a measurement about all base parameters, with friction eliminated.
 
 The columns X of base parameters and common terms, and those of the friction of one measurement,
-need no torque (`hil.friction.equation`). So the information X'X, friction's columns projected out
-of X as the simultaneous estimator does it (`hil.estimation.condensed`), is known as soon as the
-motion is planned.
+need no torque (`hil.friction.equation`). So the information X'X, with friction's columns projected
+out of X as in the simultaneous estimator (`hil.estimation.condensed`), follows from the planned
+motion.
 
-What noise leaves of it is a matter of three more matrices. The estimator is least squares, so the
-covariance of X'e is X' E(e e') X, with e
+Three more matrices describe the noise. The estimator is least squares, so the covariance of X'e is
+X' E(e e') X, with e
 
-- white in the torque as it is read, but smoothed like everything (`white`),
-- an inertia times the error of accelerations that are second differences of rounded positions,
+- white torque noise, smoothed like all signals (`white`),
+- an inertia times the error of accelerations from second differences of rounded positions,
   smoothed (`rounding`): of high frequency, so that much of it cancels where X changes slowly, and
-- friction that wanders: sign(v) times a random walk of the level, of which sign(v) and sign(v) t
-  take the larger part away (`wander`, for a walk of unit intensity).
+- wandering friction: sign(v) times a random walk of the level, mostly absorbed by the terms
+  sign(v) and sign(v) t (`wander`, for a walk of unit intensity).
 
-As the estimator does, this takes one of the samples within `APART`. Smoothed are not the columns
-but the motion that they are functions of, which comes to the same where samples count.
+As in the estimator, one of the samples within `APART` is used. The motion is smoothed instead of
+the columns, which is equivalent for the samples used.
 
-What a measurement will sample follows from its profiles alone, of a trajectory from one period.
-Every axis follows its trapezoids exactly, strokes follow each other after the expected turn, and a
-partner keeps to the sequencer's rule: its strokes lie between two ramps of the creeping axis. Real
-servos round the corners of the trapezoids; samples there are of no use to the estimator anyway and
-are left out here by the same rules (`hil.friction.equation`): close to a reversal, and where the
-acceleration changes fast.
+The samples follow from the planned profiles, for a trajectory from one period. Every axis follows
+its trapezoids exactly, strokes follow each other after the expected turn, and a partner's strokes
+are between two ramps of the creeping axis, as in the sequencer. Real servos round the corners of
+the trapezoids; the estimator excludes samples there, and so does this prediction by the same rules
+(`hil.friction.equation`): close to a reversal, and where the acceleration changes fast.
 """
 
 from __future__ import annotations

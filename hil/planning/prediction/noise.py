@@ -1,26 +1,26 @@
 """Expected disturbances of the torques, before the measurement.
 
-Two things count. The torque as it is read scatters from sample to sample (current sensors, current
-loop, the torque's resolution): white noise. And friction changes by itself while one measures; what
-the estimator's terms for friction leave of that is small, but it lasts, so it does not average out
-as white noise does. It is described as a random walk of the friction level.
+Two disturbances count. Torque readings scatter from sample to sample (current sensors, current
+loop, resolution): white noise. And friction changes slowly during a measurement; the part not
+covered by the estimator's friction terms is small but persistent, so it does not average out like
+white noise. It is modelled as a random walk of the friction level.
 
-Both stand in the robot file if somebody knows them, `torque_noise` and `friction_wander`. Else they
-are expectations, stated here, or learnt from an earlier run (`hil.estimation.noise_levels`).
+Both may be stated in the robot file, `torque_noise` and `friction_wander`. Otherwise they are the
+defaults stated here, or estimates from an earlier run (`hil.estimation.noise_levels`).
 
-A third thing is the increments of the encoders. Accelerations are second differences of rounded
+A third disturbance are the encoder increments. Accelerations are second differences of rounded
 positions, and an inertia times their error is missing in the torque. Behind a gear the smoothing
-leaves little of it, 1 % of the variance of the rest on the manutec-r15; on a direct drive it may be
-all that counts, and jerks, third differences, then look like corners where there are none, so that
-the estimator leaves samples out (`Differences`). The increments stand in the drives file, or in the
-robot file as `encoder_resolution`; where they do not, there is no such term, and it is said. The
-inertia is not known before it is identified. Taken is the motor's, and what the limits leave for
-the links: `INERTIA` of the torque limit over the acceleration limit.
+leaves little of it, 1 % of the variance of the rest on the manutec-r15; on a direct drive it may
+dominate, and jerks, third differences, then look like corners, so that the estimator leaves samples
+out (`Differences`). The increments are in the drives file, or in the robot file as
+`encoder_resolution`; if neither states them, there is no such term, and the source says so. The
+inertia is not known before the identification. It is assumed as the larger of the motor's inertia
+and `INERTIA` of the torque limit over the acceleration limit.
 
-Errors of the accelerations are errors in the columns of the regression too, and there they do not
-average out: least squares finds inertias too small, by the share that the errors have of the square
-of what it takes for acceleration. That is a shift and no scatter, so no standard deviation counts
-it; its size is stated where encoders are coarse.
+Errors of the accelerations are errors in the regression's columns too, and there they do not
+average out: least squares estimates inertias too small, by the ratio of the errors' mean square to
+that of the accelerations. That is a bias, not included in standard deviations; its size is stated
+for coarse encoders.
 """
 
 from __future__ import annotations

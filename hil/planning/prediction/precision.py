@@ -1,18 +1,18 @@
 """Predicted standard deviation of every base parameter for a plan.
 
-The information of the measurements is added up as the simultaneous estimator does it
+The information of the measurements is summed as in the simultaneous estimator
 (`hil.estimation.simultaneous`): each axis weighted with the reciprocal of its torque noise,
-friction eliminated measurement by measurement (`hil.planning.prediction.information`), the common
-terms of each axis as nuisance. With the information N and the covariance S of the noise in the
-normal equations, the estimate's covariance is N^-1 S N^-1. For white noise alone that is N^-1;
-friction that wanders makes S larger, and most so for measurements of gravity, which live on the
-difference between strokes.
+friction eliminated by measurement (`hil.planning.prediction.information`), the common terms of each
+axis as nuisance. With the information N and the covariance S of the noise in the normal equations,
+the estimate's covariance is N^-1 S N^-1. For white noise alone that is N^-1; wandering friction
+makes S larger, most of all for measurements of gravity, which depend on the difference between
+strokes.
 
-A parameter's standard deviation says little by itself. Its effect is the torque that it amounts to,
-as share of the torque limit of the axis where that is largest, root mean square over motions that
-use the whole range of the robot. Imprecise is a parameter whose effect is above `IMPRECISE`.
+A parameter's standard deviation says little without a scale. Its effect is the equivalent torque,
+as share of the torque limit of the axis with the largest share, root mean square over motions
+through the whole range of the robot. A parameter with an effect above `IMPRECISE` is imprecise.
 
-Not counted is what no plan can predict: uncertain torque constants, and a lag of the currents.
+Uncertain torque constants and delays of the currents cannot be predicted and are not included.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ def torque_scale(robot: Robot) -> Array:
 def whole_range(robot: Robot) -> tuple[Array, Array, Array]:
     """Return instants spread over ranges, speeds and accelerations of all joints: q, qd and qdd."""
     n = robot.n_joints
-    # relative error of a mean over 512 instants: some 1/512 by a low-discrepancy sequence
+    # relative error of a mean over 512 points of a low-discrepancy sequence: some 1/512
     points = 2 * halton(512, 3 * n) - 1
     middle, half = (robot.q_min + robot.q_max) / 2, (robot.q_max - robot.q_min) / 2
     return (

@@ -125,7 +125,7 @@ def _law(
     speed, residual = (
         np.concatenate([getattr(each, name) for each in own]) for name in ("qd", "residual")
     )
-    # speeds that the law was found from, or of the law's speed above 5 %
+    # speed range of the law, or above a share of its reference speed
     low, high = law.speeds or (SLOW * law.speed, np.inf)
     there = (low <= np.abs(speed)) & (np.abs(speed) <= high) & np.isfinite(residual)
     ids = np.repeat([each.measurement for each in own], [len(each.time) for each in own])[there]

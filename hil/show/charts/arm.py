@@ -49,7 +49,7 @@ def _view(gravity: Array) -> Array:
     """Return unit vectors right, up and toward the viewer in the base frame, as rows (3, 3)."""
     strength = float(np.linalg.norm(gravity))
     up = -gravity / strength if strength else np.array([0.0, 0.0, 1.0])
-    # the least turn that brings z to where up is
+    # smallest rotation from z to up
     first = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     x = first - up * (first @ up)
     frame = np.array([x / np.linalg.norm(x), np.cross(up, x / np.linalg.norm(x)), up])

@@ -208,7 +208,7 @@ def _left(panel: Panel) -> float:
 def _up(panel: Panel, top: float) -> list[tuple[float, str]]:
     """Return positions and labels of the vertical axis; an empty label without marks."""
     y = _upright(panel, top)
-    # about so far apart; of three marks about zero two have a value that says how large it is
+    # approximate spacing; at least three marks, so that two of them show the scale
     marks = y.marks(max(3, int(panel.height / 26.0)))
     return text_of(marks if panel.rows is None else panel.rows, y) or [(top, "")]
 
