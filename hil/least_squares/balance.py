@@ -1,21 +1,21 @@
 """Joint regression over several kinds of recordings, with a weight factor per kind.
 
-Within one kind of recordings weights follow from what the solution leaves, as if that were noise.
-But strokes and free motions leave different things besides: friction that drifts, laws that lack a
-shape. What these do to the unknowns shows where groups are left out, not in the size of residuals.
-So each kind counts by a factor c_k on all of its weights, such that leaving out groups in turn
-changes the torque of the recorded motions least,
+Within one kind of recordings weights are reciprocal residual variances, as for noise. But strokes
+and free motions also differ in model error: friction drift, missing terms of friction laws. The
+effect on the unknowns shows in groups left out, not in the size of residuals. So each kind has a
+factor c_k on all of its weights, chosen to minimise the change of the recorded motions' torque when
+groups are left out in turn,
 
     sum over kinds k of (n_k - 1) / n_k, sum over groups g of k:  d_g' Q d_g,
     d_g = (N - c_k S_g)^-1 c_k (s_g - S_g x),    N x = v,    N = sum_k c_k N_k,
 
-the jackknife's variance of that torque (`hil.least_squares.uncertainty`). It also counts what
-single groups carry: a kind with few of them for an unknown is worth less than its residuals say.
-What repeats with the motion shows in no group of time, but in cells of states; noise is in both, so
-of a kind that has cells the larger variance counts; intervals add both, to be too wide rather than
-too narrow. And what a kind alone would leave uncertain besides, B_k, comes to
-N^-1 c_k N_k B_k (N^-1 c_k N_k)' of all. Q has the inner products of the recorded columns, each
-channel over the square of its torque. The own unknowns of each kind are eliminated first.
+the jackknife's variance of that torque (`hil.least_squares.uncertainty`). It also accounts for the
+weight of single groups: a kind with few groups for an unknown gets a smaller weight than its
+residuals suggest. Errors that repeat with the motion show in no group of time, but in cells of
+states; noise is in both, so of a kind with cells the larger variance counts; intervals add both, to
+be too wide rather than too narrow. The additional uncertainty of a kind alone, B_k, propagates to
+N^-1 c_k N_k B_k (N^-1 c_k N_k)'. Q has the inner products of the recorded columns, each channel
+divided by the square of its torque. The own unknowns of each kind are eliminated first.
 """
 
 from __future__ import annotations

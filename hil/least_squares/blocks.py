@@ -1,20 +1,19 @@
 """Inner products of a torque and named columns: sufficient data for least squares.
 
-A *group* is what is left out, held out or clustered together: a measurement, a period, a pair of
-strokes, a piece of time. A *channel* is what has a residual variance of its own: the torque of an
-axis. Of the samples of channel j in group k, with torque y and columns W, a block holds
+A *group* is left out, held out or clustered as a whole: a measurement, a period, a pair of strokes,
+a piece of time. A *channel* has a residual variance of its own: the torque of an axis. From the
+samples of channel j in group k, with torque y and columns W, a block holds
 
     P_kj = [y W]'[y W].
 
-Blocks add up over groups. They follow any change of columns without another pass over samples,
+Blocks are summed over groups. A change of columns needs no second pass over the samples,
 
     [y W] -> [y W] T    so    P -> T' P T,
 
-which is how unknown gains, drifting levels and a load beside a known robot enter. Columns that
-belong to a group alone are eliminated by whoever makes its block (`hil.least_squares.solving`) by
-orthogonal projection (Frisch, Waugh and Lovell). So recordings of any kind and rate make one
-regression: what they share are the unknowns of the same names; an axis whose torque was recorded in
-two ways is two channels.
+as used for unknown gains, drifting levels and a load beside a known robot. Columns of a single
+group are eliminated when its block is made (`hil.least_squares.solving`) by orthogonal projection
+(Frisch, Waugh and Lovell). So recordings of any kind and rate form one regression: unknowns of
+equal names are shared; an axis with its torque recorded in two ways has two channels.
 """
 
 from __future__ import annotations

@@ -1,17 +1,16 @@
 """Model choice by the prediction error on held-out groups.
 
-Alternatives are compared by the error of prediction on groups that were held out, in turn. What is
-usual, the first of them, stands unless something richer is certainly better. An alternative that
-is not certainly better than the usual one is never chosen, however little the best one beats it by:
-with few groups nearly nothing beats anything, and the simplest of those that are left would be one
-that is as bad as the usual one. Of many alternatives that are worth nothing, the best looks better,
-too: so what counts is the greatest t of all differences of squared errors, against the greatest t
-of the same differences with signs of groups drawn at random (White, A reality check for data
-snooping, Econometrica 68 (2000) 1097-1126; studentised, since alternatives scatter differently).
-Alternatives that predict alike cost little in this way, and fewer than six groups show nothing. Up
-to `NEGLIGIBLE` less of the residual of the channel concerned is none. Of those that are certainly
-better than the usual one, the simplest that none of them beats shows what can be predicted; chosen
-is the simplest of all that predicts as well, up to `NEGLIGIBLE`.
+Alternatives are compared by the error of prediction on groups held out in turn. The first
+alternative, the usual one, is kept unless a richer one is significantly better. An alternative not
+significantly better than the usual one is never chosen, even if no other is significantly better
+than it: with few groups almost no difference is significant. The best of many useless alternatives
+looks better by chance, too: so the test statistic is the largest t of all differences of squared
+errors, compared with the largest t of the same differences with random signs of groups (White, A
+reality check for data snooping, Econometrica 68 (2000) 1097-1126; studentised, since alternatives
+scatter differently). Alternatives with equal predictions cost little in this way, and fewer than
+six groups show nothing. A decrease of up to `NEGLIGIBLE` of the channel's residual is ignored. Of
+the significantly better alternatives, the simplest not beaten by another sets the standard; the
+simplest of all with equal predictions, up to `NEGLIGIBLE`, is chosen.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Position differences of fourth order in the sampling period, used for velocities.
 
-Whatever measures takes them (`hil.estimation.signals`); whatever predicts asks what they make of
-the increments of an encoder (`hil.planning.prediction.information`).
+The estimator applies them (`hil.estimation.signals`); predictions compute their effect on encoder
+increments (`hil.planning.prediction.information`).
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     N x = v,    N = sum_j w_j W_j'W_j,    v = sum_j w_j W_j'y_j.
 
-Groups add up, and what x leaves of one is ``y'y - 2 v'x + x'N x``. With instruments Z in place of
-the left columns N is not symmetric.
+Groups are summed, and the squared residual of a group is ``y'y - 2 v'x + x'N x``. With instruments
+Z in place of the left columns N is not symmetric.
 """
 
 from __future__ import annotations

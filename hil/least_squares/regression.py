@@ -1,32 +1,30 @@
 """Weighted regression over blocks: channel weights, kept unknowns, solution and uncertainty.
 
-The unknowns of all channels are found together,
+The unknowns of all channels are estimated together,
 
     N x = v,    N = sum_j w_j W_j'W_j,    v = sum_j w_j W_j'y_j,
 
-each channel weighted with the reciprocal of its residual variance w_j, which follows from the
-solution as the solution does from it; they are found from each other again and again (`weighed`).
-What the solution is worth is asked with the covariance as an argument (`fit`); rules are those of
-`hil.least_squares.uncertainty`, and what they hold for is decided by the groups:
+each channel weighted with the reciprocal of its residual variance, w_j, iterated with the solution
+(`weighed`). The uncertainty depends on the assumed covariance, an argument of `fit`; the rules are
+those of `hil.least_squares.uncertainty`, and the groups decide what they account for:
 
 jackknife
-    groups left out in turn: whatever differs from one group to the next;
+    groups left out in turn: all differences between groups;
 clusters
-    Huber's sandwich over groups: the same to first order, cheaper where there are many;
+    Huber's sandwich over groups: equal to first order, faster for many groups;
 CR2
-    scores corrected for the solution's having come to meet them: few groups carry an unknown;
+    scores corrected for the influence of a group on the solution: for few groups per unknown;
 white
-    the residuals are white noise: what is foreseen, and for comparison.
+    white residuals: for predictions and for comparison.
 
-What a model lacks, such as a shape of friction, repeats with the motion and shows in no group of
-time. But it differs from one part of the space of states to the next. Cells of that space are to it
-what groups of time are to noise: each leaves a score, and were the model complete these would sum
-up to as little. So the covariance is the sum of two where cells are given,
+Model error, such as a missing shape of friction, repeats with the motion and shows in no group of
+time. But it differs between parts of the state space. Cells of that space are for model error what
+groups of time are for noise: each leaves a score, and with a complete model these would be small.
+So with cells the covariance is the sum of two,
 
     V = V_groups + N^-1 (sum of score score' over cells) N^-1,
 
-with the degrees of freedom of the groups. Over-all it is too large rather than too small: noise
-counts in both.
+with the degrees of freedom of the groups. It is too large rather than too small: noise is in both.
 """
 
 from __future__ import annotations

@@ -1,21 +1,21 @@
 """Linear least squares with unknowns of very different units and sizes.
 
-Observations ``W x = y``, shape (m, n), and their normal equations ``N x = v`` with N = W'W and
-v = W'y say the same. Every function here scales the unknowns first, so that the columns of W have
+Observations ``W x = y``, shape (m, n), and their normal equations ``N x = v`` with N = W'W and v =
+W'y are equivalent. Every function here scales the unknowns first, so that the columns of W have
 unit length,
 
     N = D R D,    D = diag(sqrt(N_jj)),    R = V S V',
 
-and neither a unit nor a size decides what counts as small (van der Sluis, Numer. Math. 14 (1969)
-14-23: no other diagonal scaling has a much better condition). A direction of R is *determined* if
-its eigenvalue is above `RANK` times the largest one; what is not determined is set to zero. With
-the determined directions V_r, all else follows from one matrix, the root of the inverse,
+and neither units nor sizes affect rank decisions (van der Sluis, Numer. Math. 14 (1969) 14-23: no
+other diagonal scaling has a much better condition). A direction of R is *determined* if its
+eigenvalue is above `RANK` times the largest one; undetermined components are set to zero. With the
+determined directions V_r, all else follows from one matrix, the root of the inverse,
 
     B = D^-1 V_r S_r^(-1/2),    B'N B = 1,    B B' = N^+,    x = B B'v,
 
-and W B is an orthonormal basis of what the columns of W span. Some unknowns c are nuisance. With
-the others p, the matrix P = [1, -N_pc N_cc^+] takes them out of the normal equations (Schur
-complement; in terms of columns, orthogonal projection after Frisch, Waugh and Lovell):
+and W B is an orthonormal basis of the span of W. Some unknowns c are nuisance. With the others p,
+the matrix P = [1, -N_pc N_cc^+] eliminates them from the normal equations (Schur complement; in
+terms of columns, orthogonal projection after Frisch, Waugh and Lovell):
 
     (P N)_p p = P v,    (P N)_c = 0.
 """

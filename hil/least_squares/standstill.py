@@ -1,8 +1,8 @@
 """Detection of moving axes: position ranges compared with the measurement noise.
 
-Noise is what positions scatter about parabolas over spans so short that no robot turns round within
-them, or what an encoder's increments leave. An axis moves where its range, with noise averaged over
-these spans, is wider than the band that noise alone fills; a locked axis of a noisy encoder stands.
+Noise is the scatter of positions about parabolas over spans too short for a robot to reverse, or
+the rounding to encoder increments. An axis moves if its range, with noise averaged over these
+spans, is wider than the noise band; a locked axis with a noisy encoder counts as standing.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Low-pass of the improved method at selected samples, for several columns at once.
 
-Of samples that follow each other faster than the window is wide, few are used: the window leaves
-nothing in between. Means are taken there alone, which is a product with a matrix of few elements.
+Few of the samples are used, since the window makes samples closer than its width redundant. Means
+are computed only there, by multiplication with a sparse matrix.
 """
 
 from __future__ import annotations

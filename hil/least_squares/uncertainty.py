@@ -1,29 +1,29 @@
 """Uncertainty of a least-squares solution from the scatter between measurements.
 
-Unknowns x solve ``N x = v``; measurement k has the share S_k in N and s_k in v. Its *score* is what
-its own normal equations leave at the solution of all, ``s_k - S_k x``.
+Unknowns x solve ``N x = v``; measurement k contributes S_k to N and s_k to v. Its *score* is the
+residual of its own normal equations at the solution of all, ``s_k - S_k x``.
 
 sandwich
-    To first order the solution moves by N^-1 times the right-hand side's error. So with the
+    To first order the solution changes by N^-1 times the right-hand side's error. So with the
     covariance M of that error (the meat), the covariance of x is N^-1 M N^-1. The scores estimate
-    it, M = sum of score score' (Huber, Proc. 5th Berkeley Symp. 1 (1967) 221-233), whatever noise
-    within a measurement is like; for white noise of variance s^2, M = s^2 N and s^2 N^-1 remains.
+    it, M = sum of score score' (Huber, Proc. 5th Berkeley Symp. 1 (1967) 221-233), for any noise
+    within a measurement; for white noise of variance s^2, M = s^2 N and s^2 N^-1 remains.
 jackknife
-    How far the solution moves when a measurement is left out, exactly
-    ``x_(k) - x = -(N - S_k)^-1 (s_k - S_k x)``, says the same without first order: the covariance
-    is (n - 1) / n times the sum of the changes' squares (Efron and Tibshirani, *An Introduction to
-    the Bootstrap*, 1993, chapter 11). It holds whatever differs from one measurement to the next,
-    but where single measurements carry much it is too large: the solution without one of them is
-    worse than the solution is.
+    The exact change of the solution without a measurement,
+    ``x_(k) - x = -(N - S_k)^-1 (s_k - S_k x)``, needs no first order: the covariance is
+    (n - 1) / n times the sum of the squared changes (Efron and Tibshirani, *An Introduction to
+    the Bootstrap*, 1993, chapter 11). It includes all differences between measurements, but is
+    too large for few influential measurements: the solution without one of them is worse than
+    the solution itself.
 bias-reduced
-    In between: scores made as large as they were before the solution came to meet them, by the
-    root of what it leaves of their variance were the noise white, which is then without bias (CR2
-    of Bell and McCaffrey, Survey Methodology 28 (2002) 169-181). For white noise and B of
-    ``B'N B = 1`` measurement k has the share ``H = B'S_k B`` of the solution, and changes it by
-    ``B (1 - H)^(-1/2) B'(s_k - S_k x)``; the jackknife's has (1 - H)^-1 and the sandwich's 1.
+    In between: scores enlarged to undo the fit to them, by the root of their variance's remaining
+    share for white noise, for which the result is unbiased (CR2 of Bell and McCaffrey, Survey
+    Methodology 28 (2002) 169-181). For white noise and B of ``B'N B = 1`` measurement k has the
+    share ``H = B'S_k B`` of the solution, and changes it by ``B (1 - H)^(-1/2) B'(s_k - S_k x)``;
+    the jackknife has (1 - H)^-1 and the sandwich 1.
 
-How many measurements carry an unknown decides what such a covariance is worth. If they have the
-shares v_k of a variance, it has the effective degrees of freedom ``(sum v)^2 / sum v^2 - 1``
+The accuracy of such a covariance depends on the number of measurements that carry an unknown. With
+the shares v_k of a variance, it has the effective degrees of freedom ``(sum v)^2 / sum v^2 - 1``
 (Satterthwaite, Biometrics Bull. 2 (1946) 110-114).
 """
 

@@ -1,8 +1,8 @@
 """Low-pass of the improved method: a Blackman window.
 
-It is phase-neutral and ends after `HALF_WIDTH`: a sample further than that from a reversal knows
-nothing of it. What is measured passes it, and so does what is foreseen of a measurement. NumPy
-alone does it: plans and dry runs would wait longer for SciPy than they take.
+It is phase-neutral and ends after `HALF_WIDTH`: a sample further than that from a reversal is not
+affected by it. Recordings and predictions pass the same window. It uses NumPy alone, since
+importing SciPy would take longer than a plan or dry run.
 """
 
 from __future__ import annotations

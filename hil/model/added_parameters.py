@@ -1,11 +1,11 @@
 """Parameters of drives and springs, identified together with the links' parameters.
 
-A rotor inertia that the robot file states is compensated (`hil.model.motors`). One that it leaves
-unknown is a parameter like those of the links: ``Ia<j>``, the inertia of motor j as joint j feels
-it. A coupled motor m, which the motion of joint j turns as well (`Robot.couplings`), has another
-one: ``Iam<m>``, which joins the accelerations of both joints (Gautier's name for the Staubli's
-wrist, where a single rotor and its gears are not all that turns). These are constant and carry no
-weight: ``tau = H_k qdd`` per unit of parameter k.
+A rotor inertia stated in the robot file is compensated (`hil.model.motors`). An unknown one is a
+parameter like those of the links: ``Ia<j>``, the inertia of motor j reflected to joint j. A coupled
+motor m, also turned by joint j (`Robot.couplings`), has a second parameter: ``Iam<m>``, which
+couples the accelerations of both joints (Gautier's name for the Staubli's wrist, where more than a
+single rotor with its gears turns). These are constant and without weight: ``tau = H_k qdd`` per
+unit of parameter k.
 
 A spring or counterbalance at joint j is a function of its position alone, ``k<j>`` times q_j, or
 ``kc<j>`` times cos q_j, or ``ks<j>`` times sin q_j, and so a part of g(q).

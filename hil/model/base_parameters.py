@@ -1,15 +1,15 @@
 """Base parameters: minimal set of parameters of the torques, with readable expressions.
 
-The ten standard parameters of each link are more than any motion distinguishes. From the tip down
-each link gives what it can to the link before (`model.transfer`): Gautier and Khalil's regrouping,
-analytic and for any serial chain of revolute and prismatic joints. What is left, in the order of
-eq. (5), heads one base parameter each. Then the robot's own sparsity is put in: absent parameters
-vanish, tied ones merge, and of base parameters that have thereby become linearly dependent those
-without a present head are given up. Absent parameters do not change which torques are possible, so
-the values of base parameters may be put into their heads, all other standard parameters being
-zero: `BaseParameters.placement`. At last come parameters that no
-link has (`hil.model.added_parameters`): one that acts as links do merges with them, the others are
-base parameters of their own.
+The ten standard parameters of each link cannot all be distinguished by motion. From the tip down
+each link transfers parameters to the previous link (`hil.model.transfer`): Gautier and Khalil's
+regrouping, analytic and for any serial chain of revolute and prismatic joints. The remaining ones,
+in the order of eq. (5), head one base parameter each. Then the robot's own sparsity is applied:
+absent parameters vanish, tied ones merge, and of base parameters that have thereby become linearly
+dependent those without a present head are dropped. Absent parameters do not change the set of
+possible torques, so the values of base parameters may be assigned to their heads, with all other
+standard parameters zero: `BaseParameters.placement`. Finally parameters of drives and springs are
+added (`hil.model.added_parameters`): one equivalent to link parameters merges with them, the others
+are base parameters of their own.
 
 Every result is checked against a numeric rank of M(q) and g(q) in all standard parameters.
 """

@@ -1,13 +1,14 @@
 """Capsule geometry of the links, for collision avoidance.
 
-A capsule is a segment in the link's frame with a radius about it. A robot file may state it; where
-it does not, the segment leads from the link's own origin to that of the next joint, the last link
-is a ball about its origin, and the radius is `DEFAULT_RADIUS`. That follows the frames, not the
-castings: measure the links of a real robot, tools and cables included.
+A capsule is a segment in the link's frame with a radius. A robot file may state it; otherwise the
+segment leads from the link's own origin to that of the next joint, the last link is a sphere about
+its origin, and the radius is `DEFAULT_RADIUS`. The default follows the frames, not the castings:
+measure the links of a real robot, tools and cables included.
 
-`reach` bounds how far a link moves when joints do. By turning joint j alone, no point of a link's
-segment moves farther than its distance from that joint's axis times the angle, and the distance is
-at most the sum of the lengths in between; turning the joints one after the other gives the sum.
+`reach` bounds the motion of a link per motion of a joint. With only joint j turning, no point of a
+link's segment moves farther than its distance from that joint's axis times the angle, and the
+distance is at most the sum of the lengths in between; turning the joints one after the other gives
+the sum.
 """
 
 from __future__ import annotations

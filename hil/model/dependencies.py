@@ -1,17 +1,16 @@
 """Dependencies of M(q) and g(q) on the parameters: Table 2, and the three groups.
 
-Both are linear in the parameters, with coefficients that are analytic in q. Such a function is
-either identically zero or nonzero at almost every q; so at random configurations a coefficient
-that vanishes is zero everywhere, but for a set of measure zero and for rounding, some 1e-15 of the
-largest coefficient, against which the threshold leaves six orders of magnitude. Several
-configurations are taken, of which one would do.
+Both are linear in the parameters, with coefficients analytic in q. An analytic function is either
+identically zero or nonzero at almost every q; so a coefficient that vanishes at random
+configurations is zero everywhere, except for a set of measure zero and for rounding errors of some
+1e-15 of the largest coefficient, six orders of magnitude below the threshold.
 
 Not every parameter in g(q) is identified from it. A constant gravity torque, such as that of a
-vertical sliding axis, is like the offset of a torque, and several masses may occur in one sum only.
-Of such a hidden parameter M(q) must say the rest: where an axis accelerates, no offset follows.
+vertical prismatic axis, is like a torque offset, and several masses may occur in one sum only. Such
+a hidden parameter must be identified from M(q): acceleration is not affected by offsets.
 
-The coefficients are computed from the joints' axes seen in each link, apart from the recursion of
-`hil.model.recursion`: M_ab = S_a' I S_b, g_a = S_a' I (0, -gravity).
+The coefficients are computed from the joints' axes in each link's frame, independently of the
+recursion of `hil.model.recursion`: M_ab = S_a' I S_b, g_a = S_a' I (0, -gravity).
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
 """Inverse dynamics, linear in the base parameters: A(q, qd, qdd) p of eq. (6).
 
-Everything comes from one recursion (`model.recursion`), so that A p, M qdd + c + g and the inverse
-dynamics agree to rounding. Where it could not be compiled, NumPy evaluates the same equations
-(`model.recursion_by_arrays`); which of both does so never changes in a process. Base parameters
-enter in
-the standard parameters that head their groups, all others being zero (`base_parameters`), so that a
-robot costs no more than the parameters that it has. Besides rigid bodies there are springs and what
-of the motors' inertia is unknown; what is known of it is `hil.model.motors`.
+Everything comes from one recursion (`hil.model.recursion`), so that A p, M qdd + c + g and the
+inverse dynamics agree to rounding. Without a compiled recursion NumPy evaluates the same equations
+(`hil.model.recursion_by_arrays`); the choice never changes within a process. Base parameters are
+assigned to the standard parameters at their heads, all others being zero
+(`hil.model.base_parameters`), so that the cost depends on the number of the robot's parameters.
+Besides rigid bodies there are springs and unknown rotor inertias; known ones are in
+`hil.model.motors`.
 
 Shapes: q, qd, qdd are (n_samples, n_joints), or (n_joints,) for a single sample, and the results
 have the same leading axes: none for a single sample. Torques in N m (forces in N), joint side.

@@ -1,9 +1,9 @@
 """Frames in modified Denavit-Hartenberg notation, and transformations between frames.
 
-Frame j stands in frame j-1 as turn by alpha and shift by d about x, then turn by theta and shift
-by r about z (Khalil and Kleinfinger 1986); joint j moves about or along its own z. From the pose
-follow the maps of velocities (angular, linear) and of a body's ten standard parameters. Everything
-comes as numbers and, for readable expressions, as polynomials in the lengths' names.
+Frame j results from frame j-1 by a rotation alpha and shift d about x, then a rotation theta and
+shift r about z (Khalil and Kleinfinger 1986); joint j moves about or along its own z. The pose
+determines the maps of velocities (angular, linear) and of a body's ten standard parameters. Entries
+are numbers or, for readable expressions, polynomials in named lengths.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Known inertia of the motors, eq. (7), to be compensated.
 
-A drive train is stated by gear ratio N and rotor inertia Im alone. Each motor then turns N times
-as fast as its own joint and with nothing else, so that H is diagonal and constant, N^2 Im, and c_m
-vanishes. What that leaves out: the motors' gyroscopic torques as they are carried along, a factor N
-smaller, and their masses, which count with the links that carry them. Inertias that the robot file
-leaves unknown are identified instead (`hil.model.added_parameters`).
+A drive train is described by gear ratio N and rotor inertia Im alone. Each motor then turns N times
+as fast as its own joint and with no other joint, so that H is diagonal and constant, N^2 Im, and
+c_m vanishes. This omits the motors' gyroscopic torques from their carrying links, smaller by a
+factor N, and their masses, which count with the links. Inertias unknown in the robot file are
+identified instead (`hil.model.added_parameters`).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Meanings of base parameters in words: gravity or inertia of an axis, product of inertia.
 
-A base parameter is a sum, and its head, the standard parameter that it is named by, says what the
-torques show of it: ``sx2`` in the gravity torques is the gravity of axis 2, ``Izz3`` of a joint
-that turns the inertia about its own axis. So the words follow for any robot.
+A base parameter is a sum, and its head, the standard parameter that names it, determines its role
+in the torques: ``sx2`` in the gravity torques is the gravity of axis 2, ``Izz3`` of a revolute
+joint the inertia about its own axis. So the words follow for any robot.
 """
 
 from __future__ import annotations

@@ -1,14 +1,13 @@
 """Polynomials in named lengths, and the arithmetic of robot files.
 
 Coefficients of regrouped parameters are products of direction cosines (mostly 0 and +-1) with
-powers of a robot's lengths. Kept as polynomials in the lengths' names they stay readable, as in
-``l1^2 (m3 + m4)``, and need no computer algebra system. A robot file writes its frames in the same
-terms, as in ``pi/2``, ``l2`` or ``l1 + 0.05``; `parse` reads these without evaluating any code.
+powers of a robot's lengths. As polynomials in named lengths they stay readable, as in ``l1^2 (m3 +
+m4)``, and need no computer algebra system. A robot file states its frames in the same terms, as in
+``pi/2``, ``l2`` or ``l1 + 0.05``; `parse` reads these without evaluating any code.
 
-A row of the regrouping is a linear combination of standard parameters with polynomial weights.
-Printed as the paper prints eq. (22): first what carries no length, the head leading, then by rising
-power of the lengths, parameters of equal weight in brackets: ``Izz1 + Iyy2 + Iyy3 + l1^2 (m3 +
-m4)``.
+A row of the regrouping is a linear combination of standard parameters with polynomial weights. The
+format is that of eq. (22): first terms without lengths, the head leading, then by increasing power
+of the lengths, parameters of equal weight in brackets: ``Izz1 + Iyy2 + Iyy3 + l1^2 (m3 + m4)``.
 """
 
 from __future__ import annotations

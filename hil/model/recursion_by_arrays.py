@@ -1,7 +1,7 @@
 """Newton-Euler recursion on NumPy arrays, without a compiler.
 
-Equations and their order are those of `hil.model.recursion`, so that regressors are the same to the
-last bit; torques come from a pass inwards.
+Equations and their order are those of `hil.model.recursion`, so that regressors are equal to the
+last bit; torques come from an inward pass.
 """
 
 from __future__ import annotations

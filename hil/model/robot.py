@@ -1,9 +1,8 @@
 """Robot model, loaded from a robot file, a URDF, an MJCF or values.
 
-A `Robot` is immutable. It comes by name from those that come along, from a file, from a URDF, or
-from values; what one field alone cannot show (names of lengths, ties between parameters) is checked
-here. Its digest is that of the content, not of the text: plans keep it, so that no plan moves a
-robot that it was not made for.
+A `Robot` is immutable. Conditions across fields (names of lengths, ties between parameters) are
+checked here. The digest covers the content, not the text: plans store it, so that a plan only moves
+the robot that it was made for.
 """
 
 from __future__ import annotations

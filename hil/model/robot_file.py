@@ -1,10 +1,10 @@
 """Robot file: schema and validation.
 
-One YAML file states everything that is known of a robot beforehand: its frames in modified
-Denavit-Hartenberg notation (Khalil and Kleinfinger 1986), which link parameters are present and
-which are tied by symmetry, the limits of its joints and its drive trains. SI throughout: rad and
-N m for revolute joints, m and N for prismatic ones. A value whose magnitude betrays another unit
-(degrees, millimetres, kg cm^2) is refused here, before anything is planned with it.
+One YAML file states the prior knowledge of a robot: its frames in modified Denavit-Hartenberg
+notation (Khalil and Kleinfinger 1986), present link parameters and ties by symmetry, the limits of
+its joints and its drive trains. SI throughout: rad and N m for revolute joints, m and N for
+prismatic ones. A value with a magnitude typical of another unit (degrees, millimetres, kg cm^2) is
+refused here, before any planning.
 """
 
 from __future__ import annotations

@@ -1,19 +1,19 @@
 """Transfer of link parameters to the previous link without a change of torque.
 
-A change of the standard parameters of links j and j-1 shows in no torque if it leaves the kinetic
-energy, and the potential energy up to a constant, as they were for every motion. From the tip down
-this splits into one question per joint: which changes delta of link j's ten parameters (i) are not
-seen by the joint's own rate, and (ii) look the same, to everything that link j-1 can feel, at
-whatever q_j? Those form the space T_j; expressed in frame j-1 and taken from link j-1 they are
-undone. For a revolute joint T_j always holds m, sz and Ixx = Iyy, for a prismatic one the whole
-inertia: the general rules of Gautier and Khalil (IEEE Trans. Robotics and Automation 6, 1990). It
-holds more where the links before cannot move freely (parallel axes, axes along gravity, prismatic
-joints before the second revolute direction): their special rules.
+A change of the standard parameters of links j and j-1 has no effect on torques if it leaves the
+kinetic energy, and the potential energy up to a constant, unchanged for every motion. From the tip
+down this splits into one question per joint: which changes delta of link j's ten parameters (i) are
+invisible to the joint's own rate, and (ii) look the same to all motions of link j-1 at every q_j?
+Those form the space T_j; expressed in frame j-1 and subtracted from link j-1 they are cancelled.
+For a revolute joint T_j always contains m, sz and Ixx = Iyy, for a prismatic one the whole inertia:
+the general rules of Gautier and Khalil (IEEE Trans. Robotics and Automation 6, 1990). It is larger
+where the previous links cannot move freely (parallel axes, axes along gravity, prismatic joints
+before the second revolute direction): their special rules.
 
-What link j can feel is the span D_j of linear functionals of its parameters: the energies' terms.
-Motion of joint j multiplies parameters by exp(q L), so spans over all q are Krylov spaces of L, and
-the infinite set of configurations needs only finitely many conditions (Wensing, Niemeyer, Slotine,
-Int. J. Robotics Research 43, 2024)::
+The observable part of link j is the span D_j of linear functionals of its parameters: the energies'
+terms. Motion of joint j multiplies parameters by exp(q L), so spans over all q are Krylov spaces of
+L, and the infinite set of configurations needs only finitely many conditions (Wensing, Niemeyer,
+Slotine, Int. J. Robotics Research 43, 2024)::
 
     V_j = span over q of (velocities of link j-1 seen in frame j), and the joint's own axis s
     D_j = span over q of (D_(j-1) seen in frame j), and v' I(.) s for all v in V_j

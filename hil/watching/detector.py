@@ -1,28 +1,28 @@
 """Detection of pushes in the torques of moving axes, sample by sample.
 
-Newton's law holds within every short time: what the drives and the model's friction, gravity and
-Coriolis forces have done to the momentum of the axes, and what has become of it by the encoders,
-differ by what somebody else has done. Accelerations from encoders are far too noisy to be looked at
-one by one, but their mean over a window is a difference of two velocities, and with it the mean of
-what is left,
+Newton's law holds over every short time: the change of the axes' momentum computed from drive
+torques and the model's friction, gravity and Coriolis forces differs from the change measured by
+the encoders by the external momentum. Accelerations from encoders are far too noisy for single
+samples, but their mean over a window is a difference of two velocities, and with it the mean of the
+residual,
 
     r = tau - A(q, qd, qdd) p - H qdd - friction,
 
-is the momentum that the drives have spent on whoever pushes, over the window's length: a push
-forward is -r. That is what an observer of the momentum integrates, over a finite time instead of a
-fading one. It needs no set-points, so it holds for every kind of motion. The acceleration of a
-sample takes the next one, which is all the delay there is.
+is the momentum that the drives have spent on external contact, divided by the window's length: a
+push forward is -r. This is a momentum observer with a finite instead of a fading memory. It needs
+no set-points, so it holds for every kind of motion. The acceleration of a sample needs the next
+sample, the only delay.
 
-Windows of several lengths are looked at: short ones see strong pushes soon, long ones weak pushes.
+Windows of several lengths are tested: short ones show strong pushes soon, long ones weak pushes.
 Each has a threshold,
 
     sqrt((sigmas * scatter)^2 + (2 * standard error)^2) + turning,
 
-from how such means scatter on this machine (`hil.watching.scatter`), from the model's own interval
-(base parameters, and friction as it is followed, `hil.watching.friction`), and from what
-friction may be wrong by just after a reversal or a standstill (`hil.watching.turning`). At rest
-friction holds against anything up to its level in either direction, so only more than that is
-seen. Of an axis that has not moved yet nothing is known, so nothing is seen.
+from the scatter of such means on this machine (`hil.watching.scatter`), from the model's own
+interval (base parameters, and tracked friction, `hil.watching.friction`), and from the possible
+friction error just after a reversal or a standstill (`hil.watching.turning`). At rest, friction
+balances any force up to its level in either direction, so only more than that is visible. For an
+axis that has not moved yet nothing is known, so nothing is detected.
 """
 
 from __future__ import annotations

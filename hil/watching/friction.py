@@ -1,21 +1,20 @@
 """Friction during a watch: tables of the model's law by speed, and the tracked deviation.
 
-Friction at a speed is known for either direction. Half of their sum is no friction but an offset,
-half of their difference is the level: friction is ``offset + direction * level``, whatever way the
-direction turns round after a reversal (`hil.watching.turning`). Both are linear in the torque that
-the axis transmits. Ripple is left out: its mean over a turn of the motor is zero. As tables one
-sample costs microseconds.
+Friction at a speed is known for either direction. Half of their sum is an offset, half of their
+difference is the level: friction is ``offset + direction * level``, also while the direction
+reverses (`hil.watching.turning`). Both are linear in the transmitted torque. Torque ripple is left
+out: its mean over a turn of the motor is zero. With tables one sample costs microseconds.
 
-Temperature and lubricant change a level of friction by a tenth and more, in minutes, and a law of
-friction is never quite the axis's. A push comes within milliseconds and goes. So what friction is
-beside the law's is unknown at a row of speeds, linear between them, and wanders; a Kalman filter
-follows it block by block:
+Temperature and lubricant change a friction level by a tenth and more, in minutes, and a friction
+law is never exact. A push comes within milliseconds and ends. So the deviation of friction from the
+law is unknown at a row of speeds, linear between them, and wanders; a Kalman filter tracks it block
+by block:
 
     residual / limit = z level x(u) / limit + offset,
 
-with direction z and speed u as a share of the velocity limit. What neighbours in the row say is
-alike, as what a walk over the row's numbers would leave. It begins with what the model says of the
-uncertainty of its friction. What the filter says of its own is part of every threshold.
+with direction z and speed u as a share of the velocity limit. Neighbours in the row are correlated.
+The initial covariance comes from the model's uncertainty of friction. The filter's own uncertainty
+is part of every threshold.
 """
 
 from __future__ import annotations

@@ -3,21 +3,21 @@
 Teeth and bristles bend before they slip: friction's direction follows the velocity's sign over a
 presliding distance d, after Dahl
 
-    dz/ds = (sign - z) / d,    s being the way,
+    dz/ds = (sign - z) / d,    s being the distance,
 
 from sample to sample as an exponential; and while they bend they are damped, after Canudas de Wit
 et al. (IEEE Trans. Automat. Contr. 40, 1995), which adds a torque
 
     c (v - |v| z)
 
-to that of z: where an axis reverses within few samples, at the end of a stroke, it is larger than
-friction itself. Which distance and damping are those of an axis shows in its torque after
-reversals, so directions are found for a row of distances, each with the damping that fits it, and
-the distance that fits best is taken. What its neighbours in the row say otherwise is how uncertain
-the direction is, and so is a share of the damping.
+to that of z: if an axis reverses within few samples, at the end of a stroke, it is larger than
+friction itself. Distance and damping of an axis show in its torque after reversals, so directions
+are computed for a row of distances, each with its fitted damping, and the best fitting distance is
+used. The difference from its neighbours in the row is the uncertainty of the direction, plus a
+share of the damping.
 
-At a standstill the direction goes wherever the torque does, which no encoder shows. From there on
-it is unknown until the axis has moved over the presliding distance.
+At a standstill the direction follows the torque, invisible to an encoder. From there on it is
+unknown until the axis has moved over the presliding distance.
 """
 
 from __future__ import annotations

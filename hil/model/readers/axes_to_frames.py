@@ -1,9 +1,9 @@
 """Frames in modified Denavit-Hartenberg notation from the axes of a chain.
 
 Frame j has z along axis j and x along the common normal to axis j+1 (Khalil and Kleinfinger 1986),
-so that four numbers take it to the next one. What the notation leaves open is settled so that few
-lengths are left: frame 0 is frame 1 at q = 0, the last frame turns and shifts about z by nothing,
-and of the common normals of parallel axes that one is taken which begins where the last one ended.
+so that four numbers lead to the next one. Freedom in the notation is used to minimise the number of
+lengths: frame 0 is frame 1 at q = 0, the last frame has neither rotation nor shift about z, and of
+the common normals of parallel axes the one through the end of the previous normal is taken.
 """
 
 from __future__ import annotations

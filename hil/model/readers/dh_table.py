@@ -1,19 +1,19 @@
 """Robot frames from a table in standard or modified Denavit-Hartenberg notation.
 
-Both write the way from joint to joint as turns and shifts about x and z (Rx, Tx, Rz, Tz). A row of
-the modified notation (Khalil and Kleinfinger 1986; Craig) is
+Both describe the transformation from joint to joint by rotations and shifts about x and z (Rx, Tx,
+Rz, Tz). A row of the modified notation (Khalil and Kleinfinger 1986; Craig) is
 
     Rx(alpha) Tx(a) Rz(theta) Tz(d),
 
-which is what robot files state; one of the standard notation (Denavit and Hartenberg 1955) is
+as in robot files; one of the standard notation (Denavit and Hartenberg 1955) is
 
     Rz(theta) Tz(d) Tx(a) Rx(alpha).
 
-So a standard table is a modified one whose a and alpha are those of the row before; the last row's
-place the tool on the last link and concern no joint.
+So a standard table is a modified one with a and alpha of the previous row; the last row's place the
+tool on the last link and concern no joint.
 
-A table as CSV becomes YAML, each row one line on the line where it stands, so that whatever is
-wrong with it is reported with its line like anything else that users write.
+A CSV table is converted to YAML with each row on its original line, so that errors name the line as
+in other files.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Chain of joints from an MJCF file, compiled by MuJoCo.
 
-Defaults, classes, frames, angles in degrees and all orientations are the compiler's work. Axes come
+The compiler resolves defaults, classes, frames, angles in degrees and all orientations. Axes come
 from the compiled model; names of files and lines come from the text (`MjcfText`), whose bodies and
-joints are in the compiler's order. The chain is that of a URDF
-(`hil.model.readers.urdf`): the frame of a joint has its origin at the joint's anchor and the body's
-directions; bodies without joints count with the link below them.
+joints are in the compiler's order. The chain is that of a URDF (`hil.model.readers.urdf`): the
+frame of a joint has its origin at the joint's anchor and the body's directions; bodies without
+joints belong to the link below them.
 
-Positions count as MuJoCo counts them: at `ref` a body is where the file places it. Links between
-two joints of one body have no body of their own.
+Positions count as in MuJoCo: at `ref` a body is at the position in the file. Links between two
+joints of one body have no body of their own.
 
 The format: mujoco.readthedocs.io, XML reference.
 """

@@ -1,7 +1,8 @@
 """Text of an MJCF file with includes: bodies and joints with file and line.
 
-Bodies and joints are in the compiler's order: depth first, includes in their place. A file of a
-stranger names no file outside of its folder, and MuJoCo compiles what moves joints alone.
+Bodies and joints are in the compiler's order: depth first, includes in their place. A stranger's
+file may not refer to files outside of its folder, and MuJoCo only compiles the parts relevant for
+the joints' motion.
 
 The format: mujoco.readthedocs.io, XML reference.
 """

@@ -1,10 +1,10 @@
 """Draft of a robot file from a URDF or a table: frames, limits, and marks for missing values.
 
-A URDF says nothing of gears, rotors, torque constants and accelerations, and a table of
-Denavit-Hartenberg parameters as a rule nothing but frames, so these lines are marked as in a first
-drives file. Link parameters are all ten of each link: what is zero by symmetry is yours to leave
-out. To identify what somebody else recorded no more need be known: `robot_as_stated` leaves open
-what the URDF does, rotor inertias among it, which are identified then.
+A URDF contains no gears, rotors, torque constants and accelerations, and a table of
+Denavit-Hartenberg parameters usually only frames, so these lines are marked as in a first drives
+file. Link parameters are all ten of each link: leave out those that symmetry makes zero. Imported
+recordings need no more for identification: `robot_as_stated` leaves unknown values open, including
+rotor inertias, which are then identified.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
 """Chain of joints from a URDF file: axes and limits.
 
-Read is what the kinematics needs; fixed joints are merged with the next moving one, branches beside
-the chain are left out. Joints above the chain turn gravity into its base link. Angles that are a
-rounded multiple of a quarter turn (1.5708) count as that multiple: axes that are nearly parallel or
-square have other base parameters than those that are.
+Only the kinematics is read; fixed joints are merged with the next moving one, branches beside the
+chain are left out. Joints above the chain determine the direction of gravity in its base link.
+Rounded multiples of a quarter turn (1.5708) are replaced by the exact multiples, since nearly
+parallel or perpendicular axes have other base parameters than exact ones.
 
-The format: wiki.ros.org/urdf/XML. A xacro file is to be expanded first: what its elements and
-expressions stand for is in no part of the file, so either refuses the whole.
+The format: wiki.ros.org/urdf/XML. A xacro file must be expanded first: its elements and expressions
+are defined outside the file, so either refuses the whole.
 
 Links form a tree, each joint with a motor of its own. A loop of links, a link with two parents and
-a joint that mimics another one are refused. A parallelogram drive is a serial chain all the same:
-its motor turns with two joints, which `couplings` of a robot file state.
+a mimic joint are refused. A parallelogram drive is still a serial chain: its motor turns with two
+joints, as stated by `couplings` of a robot file.
 """
 
 from __future__ import annotations
