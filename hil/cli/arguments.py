@@ -67,7 +67,7 @@ RobotOption = Annotated[
     str | None,
     typer.Option(
         "--robot",
-        help="Robot file, where the plan does not find it by itself.",
+        help="Robot file, if the plan's own path does not lead to it.",
         autocompletion=robots,
     ),
 ]

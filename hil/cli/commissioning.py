@@ -141,7 +141,7 @@ def home(
     where: DrivesBus,
     yes: Yes = False,
 ) -> None:
-    """Home one axis by its drive's own homing mode; no other axis is powered."""
+    """Home an axis in the drive's homing mode; no other axis is powered."""
     from checked_files.yaml_file import FileError
     from drivers.operator_tools import home as homing
     from drivers.operator_tools.small_move import format_coordinate
@@ -170,7 +170,7 @@ def reset_faults(
     where: DrivesBus,
     yes: Yes = False,
 ) -> None:
-    """Show the faults of drives with their causes and reset them; nothing is powered on."""
+    """Show the faults of drives with causes and reset them; nothing is powered on."""
     from drivers.operator_tools.reset_faults import reset_faults as reset
     from hil.cli import bus_access
 

@@ -37,7 +37,7 @@ def import_(
     ] = None,
     draft: Annotated[
         Path | None,
-        typer.Option("--draft", help="Recording of which a first map is drafted."),
+        typer.Option("--draft", help="Recording to draft a first map from."),
     ] = None,
     allowed: Annotated[
         list[Path] | None,
@@ -49,7 +49,8 @@ def import_(
     explain: Annotated[
         bool,
         typer.Option(
-            "--explain", help="Print each joint as it was understood, and all checks' figures."
+            "--explain",
+            help="Print the interpretation of each joint, and the figures of all checks.",
         ),
     ] = False,
     workers: Annotated[
@@ -153,7 +154,7 @@ def export(
     patch: Annotated[
         Path | None,
         typer.Option(
-            help="Your own URDF or MJCF: the same file with the model's values, all else as it is.",
+            help="Your URDF or MJCF, to be rewritten with the model's values, otherwise unchanged.",
             autocompletion=files,
         ),
     ] = None,
@@ -161,7 +162,7 @@ def export(
     without: Without = None,
     force: Annotated[
         bool,
-        typer.Option("--force", help="Export a model even where its identification failed."),
+        typer.Option("--force", help="Export the model of a failed identification, too."),
     ] = False,
 ) -> None:
     """Export an identified model, or the recordings of a run, to other tools."""

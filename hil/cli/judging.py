@@ -166,8 +166,8 @@ def accept(
     reference: Annotated[
         Path | None,
         typer.Option(
-            help="Run to compare a failed one with, cause by cause; by default the one that the"
-            " limits were drafted from, where it is found beside them or beside the run.",
+            help="Reference for the diagnosis of a failed run; by default the run that the"
+            " limits were drafted from, if found next to the limits or the judged run.",
             autocompletion=runs,
         ),
     ] = None,
@@ -239,7 +239,7 @@ def history(
         typer.Option(
             min=0.0,
             max=99.0,
-            help="Change of friction put down to temperature, at least \\[%].",
+            help="Minimum change of friction attributed to temperature \\[%].",
         ),
     ] = 0.0,
     page: Annotated[

@@ -62,7 +62,7 @@ _LIVE, _LIVE_ADDRESS = _address_options(
 _FOXGLOVE, _FOXGLOVE_ADDRESS = _address_options(
     "--foxglove",
     "Stream the run to Foxglove on this computer",
-    "Stream to Foxglove on other computers at this IP address; whoever reaches it can look.",
+    "Stream to Foxglove on other computers at this IP address, without access control.",
 )
 
 

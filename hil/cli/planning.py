@@ -121,7 +121,7 @@ def plan(
         Kind,
         typer.Option(
             help="Measurements to plan: strokes for base parameters, sweeps for friction, a"
-            " periodic trajectory, or slow strokes that weigh a load."
+            " periodic trajectory, or slow strokes to estimate a load."
         ),
     ] = "strokes",
     minutes: Annotated[

@@ -29,13 +29,13 @@ def replay(
     model_path: ModelPath,
     simulator: Annotated[
         Literal["builtin", "mujoco"],
-        typer.Option(help="Exact stick-slip of our own, or MuJoCo, which is to be installed."),
+        typer.Option(help="Built-in simulator with exact stick-slip, or MuJoCo, to be installed."),
     ] = "builtin",
     friction: Annotated[
         Literal["law", "plain", "exported"] | None,
         typer.Option(
-            help="Law of the model, its offset, Coulomb and viscous terms alone, or friction as it"
-            " is exported, which mujoco always has."
+            help="Friction: the model's law, its offset, Coulomb and viscous terms alone, or as"
+            " exported (always with mujoco)."
         ),
     ] = None,
     max_error: Annotated[

@@ -50,7 +50,7 @@ Accuracy = Annotated[
     typer.Option(
         min=0.1,
         max=100.0,
-        help="Share of an axis's torque that may remain where the word is good \\[%].",
+        help="Maximum residual for the verdict good, as a share of the axis's torque \\[%].",
     ),
 ]
 

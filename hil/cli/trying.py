@@ -72,7 +72,7 @@ def try_(
     output: Annotated[
         Path | None,
         output_option(
-            new_folder, "Folder that keeps both runs; by default runs/try, or a next one."
+            new_folder, "Folder for both runs; by default runs/try, or the next free one."
         ),
     ] = None,
     port: Annotated[

@@ -59,7 +59,7 @@ def view(
     ] = None,
     meshes: Annotated[
         Path | None,
-        typer.Option("--meshes", help="Folder of meshes outside of the URDF's own or package."),
+        typer.Option("--meshes", help="Folder of meshes outside of the URDF's folder or package."),
     ] = None,
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,

@@ -227,7 +227,7 @@ class Watcher:
     def _raised(
         self, judged: Judged, row: int, ratio: Array, signs: Array, over: float = 0.25
     ) -> Iterator[Alarm]:
-        """Start alarms, continue others and end those without sign for a time [s]."""
+        """Start new alarms, continue present ones, and end alarms without sign for a time [s]."""
         now = float(judged.time[row])
         for axis in np.flatnonzero(signs).tolist():
             self._signs[axis] = now

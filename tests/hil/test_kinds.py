@@ -64,6 +64,7 @@ OTHERWISE = {
     ("gravity", "model/dependencies.py"): "a group of base parameters",
     ("gravity", "model/robot.py"): "the acceleration of gravity",
     ("gravity", "model/robot_file.py"): "the same",
+    ("gravity", "model/readers/mjcf_text.py"): "the same",
     ("friction", "report/page.py"): "a title",
     ("friction", "report/figure.py"): "a part of the torque",
     ("friction", "results/model.py"): "a part of a torque",
