@@ -65,7 +65,7 @@ def by_rule(robot: Robot) -> Iterator[Measurement]:
                 for i, stroke in elements[axis].strokes.items():
                     room = stroke / 2 + math.tau / float(robot.gear_ratio[i])
                     q[i] = np.clip(q[i], robot.q_min[i] + room, robot.q_max[i] - room)
-                turned = elements[axis].turned(robot, q, number)
+                turned = elements[axis].turn_motors(robot, q, number)
                 yield elements[axis].measure(f"{kind.letter}{number:02d}", turned, number)
 
 

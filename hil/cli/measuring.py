@@ -170,7 +170,7 @@ def measure(
         from hil.terminal.progress import shown
 
         refuse_unusable(output, resume)
-        drives, text = _checked_drives(the_plan, the_robot, source, how, feeds=feeds)
+        drives, text = _check_drives(the_plan, the_robot, source, how, feeds=feeds)
     channel = how.channel or the_robot.name
     options = bus_options(how.bus_option)
     planned = repeat_measurements(the_plan, rounds)
@@ -221,7 +221,7 @@ def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, 
     from hil.cli import bus_access, drive_settings
     from hil.tasks.found_settings import kept_in
 
-    drives, _ = _checked_drives(the_plan, the_robot, source, how)
+    drives, _ = _check_drives(the_plan, the_robot, source, how)
     channel = how.channel or the_robot.name
     bus_options(how.bus_option)
     kept = kept_in(output, how.interface, channel)
@@ -230,7 +230,7 @@ def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, 
     say("nothing was written, nothing was powered")
 
 
-def _checked_drives(
+def _check_drives(
     the_plan: Plan, the_robot: Robot, source: Path, how: OnBus, *, feeds: bool = False
 ) -> tuple[DrivesFile, str]:
     """Return drives of the robot and the text of the drives file; refuse an infeasible plan."""

@@ -122,14 +122,14 @@ def render(result: DryRun, robot: Robot) -> None:
         out.print(_gains(result))
         for group in result.groups:
             if group.poorly_identifiable:
-                names = _titled(group.poorly_identifiable, robot)
+                names = _join_titles(group.poorly_identifiable, robot)
                 say(
                     f"poorly identifiable in {_words(group.group)}: {names}; vary more joints or"
                     " add configurations",
                     "yellow",
                 )
             if group.hidden:
-                names = _titled(group.hidden, robot)
+                names = _join_titles(group.hidden, robot)
                 say(
                     f"{names}: acceleration shows what no gravity torque distinguishes from an"
                     " offset or from each other; condition and rank are those of all kinds of"
@@ -137,7 +137,7 @@ def render(result: DryRun, robot: Robot) -> None:
                 )
 
 
-def _titled(names: Iterable[str], robot: Robot) -> str:
+def _join_titles(names: Iterable[str], robot: Robot) -> str:
     """Join the titles of base parameters: ``gravity of axis 2 (p5), gravity of axis 3 (p8)``."""
     base = base_parameters(robot)
     title = dict(zip(base.names, base.titles, strict=True))
@@ -219,7 +219,7 @@ def _print_precision(
     say(
         f"torque: what a standard deviation amounts to, of an axis's limit; {found.source}",
     )
-    if imprecise := _titled(np.array(found.names)[found.imprecise].tolist(), robot):
+    if imprecise := _join_titles(np.array(found.names)[found.imprecise].tolist(), robot):
         say(
             f"imprecise: {imprecise}; a standard deviation is more than {IMPRECISE:.1%} of a torque"
             " limit. Give more minutes, or measure on with hil plan --refine",

@@ -80,16 +80,16 @@ def carry_out(
         return rehearse_campaign(folder, open_bus(), bus_name, rehearsal, pause, granted)
 
     def ended() -> str:
-        return f"stopped, the axes are off; {_what_remains(folder)}"
+        return f"stopped, the axes are off; {_describe_rest(folder)}"
 
     with locked(folder.path), interruptible(ended) as refuse_lost:
         try:
             last = _move(events, real_time, refuse_lost, display)
         except (BrokenPipeError, SystemExit):  # rich turns the one into the other
-            report(f"nobody reads the output, the axes are off; {_what_remains(folder)}")
+            report(f"nobody reads the output, the axes are off; {_describe_rest(folder)}")
             raise typer.Exit(1) from None
         except (DriveError, FileError) as error:
-            report(f"{error}\n{_what_remains(folder)}")
+            report(f"{error}\n{_describe_rest(folder)}")
             raise typer.Exit(1) from None
         except Exception:
             folder.discard_if_empty()
@@ -143,7 +143,7 @@ def _begun(before: float) -> str:
     return ", begun cold" if before < 60.0 else f", begun after {before / 60:.1f} min of motion"
 
 
-def _what_remains(folder: RunFolder) -> str:
+def _describe_rest(folder: RunFolder) -> str:
     if folder.discard_if_empty():
         return "nothing was measured"
     return f"what was measured stays in {folder.path}; finish with hil run ... --resume"

@@ -164,13 +164,13 @@ def _measure(robot: Robot, plan: Plan, folder: Path, feed: Feed, speed: float) -
         run = Run.open(folder)
         model = identify_and_keep(run, method_for(run)[0]).model
         model.save(folder / model_file.NAME)
-    for kind, line in _shown(robot, model):
+    for kind, line in _model_lines(robot, model):
         feed.publish(kind, line)
     say_verdicts(model.verdict.verdicts if model.verdict else ())
     return model
 
 
-def _shown(robot: Robot, model: Model) -> Iterator[tuple[str, dict[str, object]]]:
+def _model_lines(robot: Robot, model: Model) -> Iterator[tuple[str, dict[str, object]]]:
     """Yield the model's intervals and accuracy for the page."""
     import numpy as np
 

@@ -31,7 +31,7 @@ from hil.estimation.simultaneous import SimultaneousFit
 from hil.least_squares.solving import (
     eliminated,
     orthonormal,
-    projected_out,
+    project_out,
     shares_without_nuisance,
 )
 from hil.least_squares.uncertainty import correlation_of, leave_one_out
@@ -179,7 +179,7 @@ def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tu
     for name, u in zip(robot.standard_parameters, K.T, strict=True):
         if name in robot.present and name not in robot.ties:
             continue
-        if np.linalg.norm(projected_out(inside, u)) > _SAME:
+        if np.linalg.norm(project_out(inside, u)) > _SAME:
             shown[name] = u
         elif name not in robot.ties:
             absorbed.append(name)

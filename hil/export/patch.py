@@ -235,7 +235,7 @@ class _Urdf:
         reader = self._given.reader
         stated = [
             (name, pose, parameter_map(pose) @ body)
-            for name, pose in reader.attached(self.chain.joints[k].link, np.eye(4))
+            for name, pose in reader.find_attached(self.chain.joints[k].link, np.eye(4))
             if (body := stated_body(reader, name)) is not None
         ]
         new = _shared_out(joint.body, [body for _, _, body in stated])

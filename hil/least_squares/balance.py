@@ -29,7 +29,7 @@ from scipy import optimize
 
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
-from hil.least_squares.solving import inverse, solved, solved_each
+from hil.least_squares.solving import inverse, solve_each, solved
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -173,7 +173,7 @@ class Shares:
         N = self._information(c)
         x, total = solved(N, np.tensordot(c, self._vectors, 1)), self.extra_covariance(c)
         for ck, own in zip(c, self._groups, strict=True):
-            of_groups = [_left_out(N, x, each.times(ck)) for each in own]
+            of_groups = [_jackknife(N, x, each.times(ck)) for each in own]
             total += max(of_groups, key=lambda V: float(np.sum(self._Q * V)))
         return float(np.sum(self._Q * total))
 
@@ -194,9 +194,9 @@ def _cell_regressions(kind: Kind) -> tuple[Regression, ...]:
     return () if kind.cells is None else (kind.regression.transfer(kind.cells),)
 
 
-def _left_out(N: Array, x: Array, groups: _Equations) -> Array:
+def _jackknife(N: Array, x: Array, groups: _Equations) -> Array:
     """Compute the leave-one-group-out covariance."""
-    d = solved_each(N - groups.S, groups.s - groups.S @ x)
+    d = solve_each(N - groups.S, groups.s - groups.S @ x)
     found: Array = (len(d) - 1) / len(d) * d.T @ d
     return found
 

@@ -45,7 +45,7 @@ from hil.least_squares.uncertainty import (
     bias_reduced,
     degrees_if_white,
     jackknife,
-    left_out,
+    leave_out,
     sandwich,
     scatter,
 )
@@ -198,7 +198,7 @@ class Regression:
         inverted = inverse(normal.information)
         degrees = degrees_if_white(inverted, normal.N)
         if covariance == "jackknife":
-            found = jackknife(left_out(normal.N, normal.scores(x)))
+            found = jackknife(leave_out(normal.N, normal.scores(x)))
         elif covariance == "clusters":
             found = sandwich(inverted, scatter(normal.scores(x), few=True))
         elif covariance == "CR2":

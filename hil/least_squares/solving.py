@@ -66,7 +66,7 @@ def solved(N: Array, side: Array) -> Array:
     return (np.linalg.solve(scaled, (side.T * scale).T).T * scale).T
 
 
-def solved_each(N: Array, sides: Array) -> Array:
+def solve_each(N: Array, sides: Array) -> Array:
     """Solve a stack of equations, shapes (k, n, n) and (k, n)."""
     scale = _unit_scale(np.diagonal(N, axis1=1, axis2=2))
     scaled = N * scale[:, :, np.newaxis] * scale[:, np.newaxis] + RIDGE * np.eye(N.shape[-1])
@@ -89,8 +89,8 @@ def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Arr
         Squares of D where the diagonal of N is not what N is to be compared with: what
         elimination has left of N is small compared with what it was before.
     """
-    scale, values, vectors = _scaled(N, size)
-    kept = _determined(values, rank)
+    scale, values, vectors = _decompose(N, size)
+    kept = _select_determined(values, rank)
     return scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(values[kept])
 
 
@@ -102,8 +102,8 @@ def inverse(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
 
 def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> Mask:
     """Return True for unknowns with a part in undetermined directions, shape (n,)."""
-    _, values, vectors = _scaled(N, size)
-    part = np.linalg.norm(vectors[:, ~_determined(values, rank)], axis=1)
+    _, values, vectors = _decompose(N, size)
+    part = np.linalg.norm(vectors[:, ~_select_determined(values, rank)], axis=1)
     # tolerance on the component in undetermined directions
     found: Mask = part > 1e-3
     return found
@@ -136,7 +136,7 @@ def condition(N: Array) -> float:
     return float(np.sqrt(np.linalg.cond(N[np.ix_(heard, heard)] * np.outer(size, size))))
 
 
-def projected_out(Q: Array, x: NDArray[Number]) -> NDArray[Number]:
+def project_out(Q: Array, x: NDArray[Number]) -> NDArray[Number]:
     """Project `x` onto the complement of the span of orthonormal columns `Q`, shape of `x`.
 
     Parameters
@@ -162,7 +162,7 @@ def orthonormal(W: Array, rank: float = RANK) -> tuple[Array, Array]:
     """
     scale = _unit_scale(np.sum(W**2, axis=0))
     Q, sizes, turned = np.linalg.svd(W * scale, full_matrices=False)
-    kept = _determined(sizes[::-1] ** 2, rank)[::-1]
+    kept = _select_determined(sizes[::-1] ** 2, rank)[::-1]
     return Q[:, kept], scale[:, np.newaxis] * turned[kept].T / sizes[kept]
 
 
@@ -242,14 +242,14 @@ def _unit_scale(squares: Array) -> Array:
     return np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, squares, 1.0))
 
 
-def _scaled(N: Array, size: Array | None) -> tuple[Array, Array, Array]:
+def _decompose(N: Array, size: Array | None) -> tuple[Array, Array, Array]:
     """Compute D^-1, eigenvalues of R in ascending order, and eigenvectors as columns."""
     scale = _unit_scale(np.diag(N) if size is None else size)
     values, vectors = np.linalg.eigh(N * np.outer(scale, scale))
     return scale, values, vectors
 
 
-def _determined(values: Array, rank: float) -> Mask:
+def _select_determined(values: Array, rank: float) -> Mask:
     """Return True for eigenvalues of R, in ascending order, of determined directions."""
     found: Mask = values > rank * max(1.0, values.max(initial=0.0))
     return found

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Number = TypeVar("Number", np.float64, np.complex128)
 
 
-def smoothed_at(
+def smooth_at(
     index: NDArray[np.intp], x: NDArray[Number], period: float, passes: int = 1
 ) -> NDArray[Number]:
     """Compute weighted means over the window at the samples `index` of `x`.
@@ -45,7 +45,7 @@ def smoothed_at(
 def window_means(
     index: NDArray[np.intp], n_samples: int, period: float, passes: int = 1
 ) -> sparse.csr_array:
-    """Return the matrix of `smoothed_at`, shape (n, n_samples)."""
+    """Return the matrix of `smooth_at`, shape (n, n_samples)."""
     window = reduce(np.convolve, [weights(period)] * passes)
     first = index[:, np.newaxis] - len(window) // 2
     places = (first + np.arange(len(window))).ravel()

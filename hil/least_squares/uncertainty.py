@@ -120,7 +120,7 @@ def jackknife(changes: Array) -> Array:
     return (n - 1) / n * (changes.T @ changes)
 
 
-def left_out(shares: Array, scores: Array) -> Array:
+def leave_out(shares: Array, scores: Array) -> Array:
     """Compute the change of x without every single measurement, shape (n_measurements, n).
 
     Parameters
@@ -182,7 +182,7 @@ def leave_one_out(shares: Array, sides: Array) -> Solved:
     """
     N = shares.sum(axis=0)
     x = solved(N, sides.sum(axis=0))
-    changes = left_out(shares, sides - shares @ x)
+    changes = leave_out(shares, sides - shares @ x)
     degrees = degrees_if_white(solved(N, np.eye(len(N))), shares, ALMOST_NONE)
     return Solved(x, jackknife(changes), degrees)
 

@@ -24,10 +24,10 @@ APART = 0.012
 
 def smooth(x: Array, period: float) -> Array:
     """Compute the weighted mean over the window along the first axis; `period` in s."""
-    return correlated(x, weights(period))
+    return correlate(x, weights(period))
 
 
-def correlated(x: Array, taps: Array) -> Array:
+def correlate(x: Array, taps: Array) -> Array:
     """Correlate samples with `taps`, with constant extension at the ends."""
     n, reach = len(x), len(taps) // 2
     flat = x.reshape(n, -1)
@@ -40,7 +40,7 @@ def correlated(x: Array, taps: Array) -> Array:
     return sums.reshape(x.shape)
 
 
-def widened(mask: Mask, reach: int, *, beyond: bool = False) -> Mask:
+def widen(mask: Mask, reach: int, *, beyond: bool = False) -> Mask:
     """Widen a mask by `reach` samples; `beyond` is the assumed value outside the ends."""
     count = np.cumsum(np.pad(mask, (reach + 1, reach), constant_values=beyond))
     return count[2 * reach + 1 :] > count[: -2 * reach - 1]

@@ -212,7 +212,7 @@ class Feed:
                 if stated[-1]:
                     self._say(stated[-1])
             self._open = True
-            with self._ended():
+            with self._publish_end():
                 yield stated
         finally:
             self._open = False
@@ -220,12 +220,12 @@ class Feed:
                 listener.close()
 
     @contextmanager
-    def _ended(self) -> Iterator[None]:
+    def _publish_end(self) -> Iterator[None]:
         try:
             yield
         except BaseException as error:
             self.pass_on()  # the end is the last line
-            self.publish("end", _how(error))
+            self.publish("end", _describe_end(error))
             raise
         else:
             self._await_answers()
@@ -303,7 +303,7 @@ class FedBus(BusInFront):
         return sample
 
 
-def _how(error: BaseException) -> lines.Line:
+def _describe_end(error: BaseException) -> lines.Line:
     """Describe the end of a run left by an exception."""
     if isinstance(error, KeyboardInterrupt) or (
         isinstance(error, typer.Exit) and error.exit_code == STATUS

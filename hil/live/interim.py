@@ -83,7 +83,7 @@ class Interim:
         except NotEnoughData:
             return
         if not self._open.any():
-            yield from (self._predicted(motion, each, s) for axes in stacks for each in axes)
+            yield from (self._predict(motion, each, s) for axes in stacks for each in axes)
         if any(stacks):
             self._blocks.append(condensed_blocks(self._robot, stacks).drop(ROTOR))
 
@@ -110,7 +110,7 @@ class Interim:
             self._degrees = np.maximum(found.degrees_of_freedom[:n], 1.0)
             self._p = regression.solution[:n]
 
-    def _predicted(self, motion: RecordedMotion, each: Stacked, s: Signals) -> Line:
+    def _predict(self, motion: RecordedMotion, each: Stacked, s: Signals) -> Line:
         A, y = each.X[:, : each.n_base], each.torques[:, 0]
         common = each.X[:, [each.n_base + k for k in ASYMMETRIC]]
         basis, _ = orthonormal(np.hstack([each.friction, common]))

@@ -181,7 +181,7 @@ def main(address: str, port: str, *options: str) -> None:
         )
         return
     Thread(target=server.serve_forever, name="server", daemon=True).start()
-    say("ready", _where(address, server.server_port, secret))
+    say("ready", _format_url(address, server.server_port, secret))
     _pass_on(streams, stop if "--while-open" in options else None)
 
 
@@ -236,7 +236,7 @@ def _line(kind: str, **values: object) -> bytes:
     return json.dumps({"kind": kind, "at": time.time(), **values}).encode()
 
 
-def _where(address: str, port: int, secret: str) -> str:
+def _format_url(address: str, port: int, secret: str) -> str:
     if not secret:
         return f"live page: http://{url_host(address)}:{port}/"
     found = socket.gethostname() if ipaddress.ip_address(address).is_unspecified else address

@@ -108,7 +108,7 @@ class Streams:
             self._sweep()
             if len(self._clients) >= CLIENTS_MAX:
                 return None
-            client = Client(connection, head + self._passed())
+            client = Client(connection, head + self._history_lines())
             self._clients.append(client)
             client.flush()
             return client
@@ -145,7 +145,7 @@ class Streams:
         elif kind in _STATES:
             self._state[kind] = chunk
 
-    def _passed(self) -> bytes:
+    def _history_lines(self) -> bytes:
         state = dict(self._state)
         first, last = state.pop("start", b""), state.pop("end", b"")
         return b"".join([first, *self._history, *state.values(), last])

@@ -109,7 +109,7 @@ def base_parameters(robot: Robot) -> BaseParameters:
     placement = np.zeros((10 * robot.n_joints, len(kept)))
     placement[heads] = dependence
     mass, gravity = influences(robot)
-    weights, own = merge_added(robot, _observed(mass, gravity), placement)
+    weights, own = merge_added(robot, _stack_elements(mass, gravity), placement)
     links = np.vstack([matrix[kept], np.zeros((len(own), matrix.shape[1]))])
     unit = np.eye(weights.shape[1])[:, own]  # what no base parameter of links stands for
     beside = np.zeros((len(placement), len(own))), np.zeros((len(unit), placement.shape[1]))
@@ -217,7 +217,7 @@ def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int],
     return kept, dependence
 
 
-def _observed(mass: Array, gravity: Array) -> Array:
+def _stack_elements(mass: Array, gravity: Array) -> Array:
     """Stack the elements of M and g at all configurations, per unit of every standard parameter."""
     n = mass.shape[-1]
     return np.vstack([mass.reshape(-1, n), gravity.reshape(-1, n)])
@@ -227,7 +227,7 @@ def _cross_check(
     robot: Robot, mass: Array, gravity: Array, matrix: Array, placement: Array
 ) -> None:
     """Compare the number of base parameters with the numeric rank of M and g."""
-    observed = _observed(mass, gravity)
+    observed = _stack_elements(mass, gravity)
     stated = observed @ _sparsity(robot)
     rank = _rank(stated.T)
     if rank != len(matrix):

@@ -100,7 +100,7 @@ def regressors(
     for flat, (_, _, qdd) in zip(every, moved, strict=True):
         A = flat if model.mixing is None else flat @ model.mixing
         if len(model.added):
-            A = np.concatenate([A, _added(robot, model, at, qdd, rows)], axis=-1)
+            A = np.concatenate([A, _added_columns(robot, model, at, qdd, rows)], axis=-1)
         if not np.array_equal(rows, wanted):
             A = A[:, np.searchsorted(rows, wanted)]
         found.append(A.reshape(*at.shape[:-1], wanted.size, A.shape[-1]))
@@ -187,7 +187,7 @@ def _model(robot: Robot) -> _Model:
     )
 
 
-def _added(robot: Robot, model: _Model, q: Array, qdd: Array, rows: Integers) -> Array:
+def _added_columns(robot: Robot, model: _Model, q: Array, qdd: Array, rows: Integers) -> Array:
     """Compute the columns of the added parameters, shape (n_samples, n_rows, n_added)."""
     q, qdd = (x.reshape(-1, robot.n_joints) for x in (q, qdd))
     accelerated = np.moveaxis(qdd @ model.inertias, 0, -1)

@@ -42,7 +42,7 @@ def columns(
         As of `hil.model.recursion.columns`.
     """
     out[:] = 0.0
-    joints, qd, qdd = _known(state, chain)
+    joints, qd, qdd = _unpack(state, chain)
     axes: list[tuple[Vector, Vector]] = []
     for link, motion in enumerate(motions(joints, qd, qdd, gravity.tolist())):
         axes = [joints[link].carry(axis) for axis in axes]
@@ -72,12 +72,12 @@ def torques(
     bodies: list[list[Scalar]] = [[ZERO] * 10 for _ in chain]
     for kind, link, value in zip(kinds, links, values.tolist(), strict=True):
         bodies[link][kind] = Exact(value)
-    joints, qd, qdd = _known(state, chain)
+    joints, qd, qdd = _unpack(state, chain)
     for link, torque in enumerate(rigid_bodies(joints, bodies, qd, qdd, gravity.tolist())):
         out[:, link] = torque
 
 
-def _known(
+def _unpack(
     state: Sequence[Sequence[Scalar]], chain: Array
 ) -> tuple[list[Joint], list[Scalar], list[Scalar]]:
     """Return joints, velocities and accelerations, with numbers as `Exact`."""

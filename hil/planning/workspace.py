@@ -38,7 +38,7 @@ class Box(FileModel):
     ignore_links: tuple[Annotated[int, Field(ge=1)], ...] = ()
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_order(self) -> Self:
         for axis, low, high in zip("xyz", self.low, self.high, strict=True):
             if not low < high:
                 raise ValueError(f"low {axis} = {low:g} m must be below high {axis} = {high:g} m")
@@ -62,9 +62,7 @@ class Workspace(FileModel):
 
     @field_validator("ranges")
     @classmethod
-    def _ranges_ordered(
-        cls, value: dict[int, tuple[float, float]]
-    ) -> dict[int, tuple[float, float]]:
+    def _check_ranges(cls, value: dict[int, tuple[float, float]]) -> dict[int, tuple[float, float]]:
         for joint, (low, high) in value.items():
             if not low < high:
                 raise ValueError(f"joint {joint}: {low:g} must be below {high:g}; exchange them")

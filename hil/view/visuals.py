@@ -66,8 +66,8 @@ def _joint(robot: Robot, joint: int) -> dict[str, object]:
         "before": (robot.zero_pose(joint).ravel() + 0.0).tolist(),  # no -0.0
         "lower": float(robot.q_min[joint]),
         "upper": float(robot.q_max[joint]),
-        "velocity": _known(robot.velocity_limit[joint]),
-        "torque": _known(robot.torque_limit[joint]),
+        "velocity": _finite_or_none(robot.velocity_limit[joint]),
+        "torque": _finite_or_none(robot.torque_limit[joint]),
         "unit": robot.position_unit(joint),
         "torque_unit": robot.torque_unit(joint),
         "capsule": {
@@ -77,7 +77,7 @@ def _joint(robot: Robot, joint: int) -> dict[str, object]:
     }
 
 
-def _known(limit: float) -> float | None:
+def _finite_or_none(limit: float) -> float | None:
     return float(limit) if np.isfinite(limit) else None
 
 
@@ -193,7 +193,7 @@ def _attached_links(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int,
     for number, joint in enumerate(chain.joints):
         hung.append((number, joint.link, inverse(of_robot[number]) @ of_urdf[number]))
     for number, link, place in hung:
-        for name, pose in reader.attached(link, place):
+        for name, pose in reader.find_attached(link, place):
             yield number, pose, reader.links[name]
 
 

@@ -221,10 +221,10 @@ class Watcher:
         begun: list[Alarm] = []
         for row in range(len(judged.time)):
             self.trace.take(judged, self._soon, slice(row, row + 1))
-            begun += self._raised(judged, row, ratio[row], signs[row])
+            begun += self._update_alarms(judged, row, ratio[row], signs[row])
         return begun
 
-    def _raised(
+    def _update_alarms(
         self, judged: Judged, row: int, ratio: Array, signs: Array, over: float = 0.25
     ) -> Iterator[Alarm]:
         """Start new alarms, continue present ones, and end alarms without sign for a time [s]."""

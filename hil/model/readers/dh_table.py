@@ -196,11 +196,11 @@ def _robot(table: DhTable, name: str, notation: Notation) -> DhRobot:
     if notation == "standard":
         alpha, a = (np.concatenate([[0.0], column[:-1]]) for column in (alpha, a))
     frames = Frames(alpha=alpha, d=a, theta=theta, r=d, base=np.eye(4))
-    joints = tuple(_limited(row, f"joint {k}", table) for k, row in enumerate(rows, start=1))
+    joints = tuple(_make_joint(row, f"joint {k}", table) for k, row in enumerate(rows, start=1))
     return DhRobot(name, notation, joints, frames, float(np.max(np.abs(exact - stated))))
 
 
-def _limited(row: DhRow, name: str, table: DhTable) -> LimitedJoint:
+def _make_joint(row: DhRow, name: str, table: DhTable) -> LimitedJoint:
     turning = row.type == "revolute"
     unit = (math.pi / 180 if table.angles == "deg" else 1.0) if turning else _metres(table)
     return LimitedJoint(

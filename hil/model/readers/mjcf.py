@@ -100,7 +100,7 @@ def _reader(path: Path) -> _Reader:
     with needed_for(path, "mujoco"):
         import mujoco  # noqa: PLC0415 - optional, and slow to load
     try:
-        model = mujoco.MjModel.from_xml_string(*text.reduced())
+        model = mujoco.MjModel.from_xml_string(*text.reduce())
     except ValueError as error:
         why = " ".join(str(error).split())
         raise FileError(f"{path}: MuJoCo does not compile it: {why}") from error

@@ -57,7 +57,7 @@ class MjcfText:
         root = self.files[path].root
         if root.tag != "mujoco":
             raise self.files[path].wrong(root, f"<{root.tag}> must be <mujoco>: this is no MJCF")
-        self._root = self._placed(self.files[path], root)
+        self._root = self._read_element(self.files[path], root)
         self.bodies: list[tuple[Placed, list[Placed]]] = [(self._root, [])]
         self.equalities = [each for part in self._parts("equality") for each in part.children]
         for each in self._parts("worldbody"):
@@ -66,12 +66,12 @@ class MjcfText:
     def _parts(self, tag: str) -> list[Placed]:
         return [each for each in self._root.children if each.element.tag == tag]
 
-    def _placed(self, file: XmlFile, element: Element) -> Placed:
+    def _read_element(self, file: XmlFile, element: Element) -> Placed:
         """Read an element with all descendants, including those from included files."""
         children: list[Placed] = []
         for child in element:
             if child.tag != "include":
-                children.append(self._placed(file, child))
+                children.append(self._read_element(file, child))
                 continue
             here = Placed(file, child, [])
             name = child.get("file") or ""
@@ -81,7 +81,7 @@ class MjcfText:
                 raise here.wrong(f"includes {name!r}, which is not there, or is included before")
             self._refuse_outside(here, found)
             self.files[found] = XmlFile(found)
-            children += self._placed(self.files[found], self.files[found].root).children
+            children += self._read_element(self.files[found], self.files[found].root).children
         return Placed(file, element, children)
 
     def _walk(self, parent: Placed, joints: list[Placed]) -> None:
@@ -117,7 +117,7 @@ class MjcfText:
         """True if inertias of geoms replace stated inertials."""
         return self.compiler.get("inertiafromgeom") == "true"
 
-    def reduced(self) -> tuple[str, dict[str, bytes]]:
+    def reduce(self) -> tuple[str, dict[str, bytes]]:
         """Return the content for MuJoCo's compiler: bodies, joints and sources of inertia.
 
         Textures, height fields, tables and the like may be as large as a few characters state, and

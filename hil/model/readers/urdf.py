@@ -97,7 +97,7 @@ class UrdfJoint(LimitedJoint):
         if self.type == "prismatic":
             moved[:3, 3] = q * self.axis
         else:
-            moved[:3, :3] = _turned_about(self.axis, q)
+            moved[:3, :3] = _rotation(self.axis, q)
         return moved
 
 
@@ -394,12 +394,12 @@ class UrdfReader:
             raise self.file.wrong(element, f"joint {name!r}: axis 0 0 0 must have a direction")
         return axis / length
 
-    def attached(self, link: str, pose: Array) -> Iterator[tuple[str, Array]]:
+    def find_attached(self, link: str, pose: Array) -> Iterator[tuple[str, Array]]:
         """Yield a link at `pose` and links attached by fixed joints, with poses."""
         yield link, pose
         for edge in self.below.get(link, ()):
             if edge.element.get("type") == "fixed":
-                yield from self.attached(edge.child, pose @ self.origin(edge.element))
+                yield from self.find_attached(edge.child, pose @ self.origin(edge.element))
 
     def origin(self, element: Element) -> Array:
         """Compute the transform of a joint's <origin>."""
@@ -411,9 +411,7 @@ class UrdfReader:
         )
         about = np.eye(3)
         found[:3, :3] = (
-            _turned_about(about[2], yaw)
-            @ _turned_about(about[1], pitch)
-            @ _turned_about(about[0], roll)
+            _rotation(about[2], yaw) @ _rotation(about[1], pitch) @ _rotation(about[0], roll)
         )
         found[:3, 3] = self.file.numbers(origin, "xyz", 3) or np.zeros(3)
         return found
@@ -458,7 +456,7 @@ def _limit(stated: float, greatest: float) -> float:
     return math.nan if abs(stated) > greatest else stated
 
 
-def _turned_about(axis: Array, angle: float) -> Array:
+def _rotation(axis: Array, angle: float) -> Array:
     """Compute a rotation matrix by Rodrigues' formula, exact for quarter turns."""
     c, s = cos_sin(angle)
     return np.eye(3) * c + s * cross_matrix(axis) + (1.0 - c) * np.outer(axis, axis)

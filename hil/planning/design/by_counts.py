@@ -151,7 +151,7 @@ def _choose(
     ):
         picked = greedy(rows / scale, places(robot, q), covariance, share)
         chosen += [
-            (element, element.turned(robot, q[index], k), k)
+            (element, element.turn_motors(robot, q[index], k), k)
             for k, index in enumerate(picked, start=1)
         ]
     return chosen

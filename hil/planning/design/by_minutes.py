@@ -180,7 +180,7 @@ def _fill(
     while selection.duration < 1.15 * budget or len(selection.chosen) < least:
         selection.take_best()
     chosen = selection.measurements
-    fits = _how_many(robot, chosen, least, budget)
+    fits = _count_fitting(robot, chosen, least, budget)
     if workspace is None:
         return _tour(robot, chosen[:fits])
     guarded = narrow_ranges(robot, workspace)
@@ -212,7 +212,7 @@ def _merge(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]
     return found
 
 
-def _how_many(
+def _count_fitting(
     robot: Robot, chosen: Sequence[ParameterMeasurement], least: int, budget: float
 ) -> int:
     """Return the number of leading measurements of `chosen` that fit into `budget` [s].

@@ -98,7 +98,7 @@ def strokes(
             q = candidates(robot, element, workspace)[:each]
             rows = element.row(q) / robot.torque_limit[element.axis]
             for number, (configuration, row) in enumerate(zip(q, rows, strict=True), start=1):
-                turned = element.turned(robot, configuration, number)
+                turned = element.turn_motors(robot, configuration, number)
                 yield kind.group, element.measure(f"{kind.letter}{number}", turned, number), row
 
 

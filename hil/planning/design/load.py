@@ -135,7 +135,7 @@ class WithoutLoad:
         """Compute the information of a measurement (`Option.worth`)."""
         return judge(self.robot, measurement, self.plan.sample_period, self.noise)
 
-    def embedded(self, worth: Worth) -> Array:
+    def embed(self, worth: Worth) -> Array:
         """Compute the information about z from a measurement with load, shape (n_z, n_z)."""
         total = np.zeros((self.embedding.shape[1],) * 2)
         for at, each in worth:
@@ -152,13 +152,13 @@ class WithoutLoad:
             load.
         """
         n = n_unknowns(self.robot)
-        mean = np.mean([np.diag(self.embedded(option.worth)) for option in options], axis=0)
+        mean = np.mean([np.diag(self.embed(option.worth)) for option in options], axis=0)
         # negligible information: a millionth of the mean option's
         known = np.diag(np.where(mean > 0, 1e-6 * mean, 1.0))
         known[:n, :n] += self.information
         for measurement in (m for plan in measured for m in plan.measurements):
             if shows_parameters(measurement):
-                known += self.embedded(self.judge(measurement))
+                known += self.embed(self.judge(measurement))
         return known
 
     def load_information(self, information: Array) -> Array:
@@ -392,7 +392,7 @@ def _choose(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds:
         Information about z so far, of full rank.
     """
     robot, workspace = bare.robot, bare.plan.workspace
-    worth = [bare.embedded(option.worth) for option in options]
+    worth = [bare.embed(option.worth) for option in options]
     starts = np.array([option.measurement.start for option in options])
     durations = np.array([option.measurement.duration for option in options]) + SETTLING
     free, chosen = np.ones(len(options), dtype=bool), list[int]()

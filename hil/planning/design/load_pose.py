@@ -76,7 +76,7 @@ class _Search:
         self.known = bare.before(self.options, plans)
 
     def deviation(self, k: int, more: Worth = ()) -> float:
-        left = self.bare.load_information(self.known + self.bare.embedded(more))
+        left = self.bare.load_information(self.known + self.bare.embed(more))
         return float(np.sqrt(np.linalg.inv(left)[k, k]))
 
     def best_pose(self, k: int) -> Pose | None:

@@ -78,7 +78,7 @@ class Element:
         """Read axis and accelerated axis."""
         return self.axis, self.accelerated
 
-    def turned(self, robot: Robot, q: Array, number: int) -> list[float]:
+    def turn_motors(self, robot: Robot, q: Array, number: int) -> list[float]:
         """Return configuration `q` for measurement `number` (from 1), with shifted motor angles."""
         moved = q.copy()
         for i in set(self.axes):

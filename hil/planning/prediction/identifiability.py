@@ -81,7 +81,7 @@ def identifiability(plan: Plan, robot: Robot) -> tuple[Identifiability, ...]:
     """Judge every group of the robot's base parameters."""
     base = base_parameters(robot)
     return tuple(
-        _judged(plan, robot, group, list(columns))
+        _assess(plan, robot, group, list(columns))
         for group, columns in base.groups.items()
         if columns
     )
@@ -140,7 +140,7 @@ def eliminate_others(
     return eliminated(N, W.shape[1] - len(columns))[0], np.diag(N)[: len(columns)]
 
 
-def _judged(plan: Plan, robot: Robot, group: str, columns: list[int]) -> Identifiability:
+def _assess(plan: Plan, robot: Robot, group: str, columns: list[int]) -> Identifiability:
     base = base_parameters(robot)
     names = tuple(base.names[c] for c in columns)
     W = group_observations(plan, robot, group)

@@ -34,7 +34,7 @@ import numpy as np
 from hil.friction.equation import FEWEST, term_columns, usable
 from hil.least_squares.differences import rounding_window
 from hil.least_squares.solving import orthonormal
-from hil.least_squares.window import APART, smooth, weights, widened
+from hil.least_squares.window import APART, smooth, weights, widen
 from hil.planning.strokes import PARTNER_TURN, REST, SETTLED
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def _share(
     used = usable(robot, planned, axis)[::every]
     if every * used.sum() < FEWEST:
         return None
-    taken = planned.thinned(every)
+    taken = planned.thin(every)
     rows, common, friction = term_columns(robot, taken, axis)
     columns = np.column_stack([rows, common])
     basis, _ = orthonormal(friction[used])
@@ -188,7 +188,7 @@ class Forecast:
         """Motion of the links, q, qd and qdd, equal to the motors' for rigid gears."""
         return self.q, self.qd, self.qdd
 
-    def thinned(self, every: int) -> Forecast:
+    def thin(self, every: int) -> Forecast:
         """Return one of `every` samples, with smoothed velocities and accelerations."""
         kept = np.s_[::every]
         moved = self.q[kept], self.smoothed(self.qd)[kept], self.smoothed(self.qdd)[kept]
@@ -200,7 +200,7 @@ class Forecast:
 
     def away_from(self, excluded: Mask) -> Mask:
         """Return True for samples further than `REACH` from the `excluded` ones."""
-        return ~widened(excluded, max(2, round(REACH / self.period)))
+        return ~widen(excluded, max(2, round(REACH / self.period)))
 
 
 def forecast(measurement: ParameterMeasurement, period: float) -> Forecast:

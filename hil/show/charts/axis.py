@@ -71,7 +71,7 @@ def _decades(low: float, high: float) -> dict[float, str]:
     return {value: f"{value:g}" for value in each if low <= value <= high}
 
 
-def shown(items: Sequence[Item], wanted: Range | None, *, along: bool, decades: bool) -> Range:
+def axis_range(items: Sequence[Item], wanted: Range | None, *, along: bool, decades: bool) -> Range:
     """Return the range of an axis: `wanted`, or the extent of `items` with margins of 5 %."""
     if wanted is not None:
         return wanted

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup, escape
 
-from hil.show.charts.axis import Scale, shown, text_of
+from hil.show.charts.axis import Scale, axis_range, text_of
 from hil.show.charts.chart import NAMES, Band, Line, Points, Rule
 
 if TYPE_CHECKING:
@@ -181,7 +181,7 @@ def size_of(panel: Panel) -> tuple[float, float]:
 
 def draw(panel: Panel) -> Iterator[str]:
     """Draw the elements of a panel."""
-    left = _left(panel)
+    left = _left_margin(panel)
     x = Scale(*_reach(panel), left, panel.width - RIGHT, panel.decades)
     marks = x.marks(int((x.end - x.begin) / 55.0), whole=panel.whole)  # about so far apart
     along = text_of(marks if panel.ticks is None else panel.ticks, x)
@@ -198,7 +198,7 @@ def draw(panel: Panel) -> Iterator[str]:
     yield text((x.begin + x.end) / 2, bottom + 33, panel.x_label, "middle")
 
 
-def _left(panel: Panel) -> float:
+def _left_margin(panel: Panel) -> float:
     """Return the left margin, enlarged for long labels of the vertical axis."""
     fields = (panel, *([panel.below] if panel.below else []))
     longest = max(len(words) for each in fields for _, words in _up(each, 0.0))
@@ -214,13 +214,13 @@ def _up(panel: Panel, top: float) -> list[tuple[float, str]]:
 
 
 def _upright(panel: Panel, top: float) -> Scale:
-    reach = shown(panel.items, panel.y_range, along=False, decades=False)
+    reach = axis_range(panel.items, panel.y_range, along=False, decades=False)
     return Scale(*reach, top + panel.height, top)
 
 
 def _reach(panel: Panel) -> Range:
     both = [*panel.items, *(panel.below.items if panel.below else ())]
-    return shown(both, panel.x_range, along=True, decades=panel.decades)
+    return axis_range(both, panel.x_range, along=True, decades=panel.decades)
 
 
 def _field(panel: Panel, x: Scale, top: float, along: list[float]) -> Iterator[str]:
@@ -246,7 +246,7 @@ def _clock(panel: Panel) -> str:
     if not panel.recording:
         return ""
     low, high = _reach(panel)
-    ends = f"{number(_left(panel))} {number(panel.width - RIGHT)} {low:.4g} {high:.4g}"
+    ends = f"{number(_left_margin(panel))} {number(panel.width - RIGHT)} {low:.4g} {high:.4g}"
     return f' data-r="{escape(panel.recording)}" data-x="{ends}"'
 
 
