@@ -28,7 +28,7 @@ from golden import LIGHT, MANUTEC, PLANS, must
 from hil.estimation.intervals import half_width
 from hil.estimation.two_step_methods import covariance_of_gears, joint, prepare
 from hil.ground_truth.true_parameters import true_parameters
-from hil.least_squares.uncertainty import effective_degrees, left_out
+from hil.least_squares.uncertainty import effective_degrees, leave_out
 from hil.model.robot import ROBOTS
 from hil.runs.pooling import Pooled
 from hil.runs.run import Run
@@ -90,7 +90,7 @@ def judged(run: Run, plant: Path) -> Iterator[tuple[str, Mask, float]]:
         degrees = {rule: error.degrees_of_freedom[:n]}
         if rule == "jackknife":
             equations, x = regression.normal, regression.solution[regression.kept]
-            changes = left_out(equations.N, equations.scores(x))[:, :n]
+            changes = leave_out(equations.N, equations.scores(x))[:, :n]
             degrees[f"{rule}, degrees by squares"] = effective_degrees(changes**2)
         variance = np.diag(error.covariance[:n, :n] + beside)
         for name, each in degrees.items():

@@ -47,7 +47,7 @@ def independent_distance(
     """d^2 by SCS: unknown are x of p' = p + L x and all standard parameters."""
     import scs
 
-    whole = robot.with_whole_links()
+    whole = robot.free_links()
     K = base_parameters(whole).matrix
     T, root = K @ base_parameters(robot).placement, np.linalg.cholesky(covariance)
     norms = np.linalg.norm(K, axis=0)

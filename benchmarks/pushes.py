@@ -24,7 +24,7 @@ from figures import Figure, keep
 
 import hil
 from hil.model.robot import Robot
-from hil.planning.plan import dump_plan, load_plan, repeated
+from hil.planning.plan import dump_plan, load_plan, repeat_measurements
 from hil.watching.watcher import Watcher
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def model_of(folder: Path, seed: int) -> Path:
 def recorded(folder: Path, seed: int, name: str, rounds: int, *more: str) -> hil.Run:
     """Measure the trajectory of a seed so many times; `more` are options of the plant."""
     file = plan(folder / f"{name}.yaml", seed, TURN, CYCLES, 10, (0.8, 0.4))
-    file.write_bytes(dump_plan(repeated(load_plan(file), rounds)).encode())
+    file.write_bytes(dump_plan(repeat_measurements(load_plan(file), rounds)).encode())
     options = [word for each in (f"seed={seed}", *more) for word in ("--bus-option", each)]
     called("run", file, "-o", folder / name, *options)
     return hil.Run.open(folder / name)

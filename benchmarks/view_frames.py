@@ -24,7 +24,7 @@ from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
 from hil.planning.workspace import Box, Workspace
 from hil.view.page import write_page
-from hil.view.scene import of_plan
+from hil.view.scene import plan_scene
 
 WORKSPACE = Workspace(boxes=(Box(name="cabinet", low=(0.9, 0.6, -0.8), high=(1.4, 1.2, 0.2)),))
 PLAY = """
@@ -60,7 +60,7 @@ def main(seconds: float = 10.0) -> None:
     ):
         page = Path(folder) / "plan.html"
         begun = perf_counter()
-        size = write_page(page, lambda most: of_plan(plan, robot, most))
+        size = write_page(page, lambda most: plan_scene(plan, robot, most))
         took, n = perf_counter() - begun, len(plan.measurements)
         print(f"{n} measurements: {size / 1e6:.2f} MB, written in {took:.1f} s")
         kept = {

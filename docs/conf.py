@@ -72,7 +72,7 @@ def write_commands(_: Sphinx) -> None:
 
 
 def _described(name: str) -> str:
-    command = cli.imported(name)
+    command = cli.import_command(name)
     context = typer.Context(command, info_name="hil")
     text = get_docs_for_click(obj=command, ctx=context, name=name, indent=1, call_prefix="hil")
     without = re.sub(rf"\* `(?:{'|'.join(COMMON.values())})`.*\n", "", text)

@@ -24,7 +24,8 @@ def main() -> None:
     users += [each for extra in project["optional-dependencies"].values() for each in extra]
     pinned = {BOUND.sub(r"\1==\2\3", each) for each in users}
     names = {BOUND.sub(r"\1", each) for each in users} | LINT
-    others = {each for each in stated["dependency-groups"]["dev"] if BOUND.sub(r"\1", each) not in names}
+    own = stated["dependency-groups"]["dev"]
+    others = {each for each in own if BOUND.sub(r"\1", each) not in names}
     sys.stdout.writelines(f"{each}\n" for each in sorted(pinned | others))
 
 

@@ -22,7 +22,7 @@ from hil.planning.design.by_counts import design
 from hil.planning.design.friction import operation, stops, sweep
 from hil.planning.design.measurable_elements import ELEMENTS
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.planning.plan import as_plan, dump_plan
+from hil.planning.plan import dump_plan, make_plan
 from hil.tasks.robot_drives import packaged_drives
 
 if TYPE_CHECKING:
@@ -65,14 +65,14 @@ def by_rule(robot: Robot) -> Iterator[Measurement]:
                 for i, stroke in elements[axis].strokes.items():
                     room = stroke / 2 + math.tau / float(robot.gear_ratio[i])
                     q[i] = np.clip(q[i], robot.q_min[i] + room, robot.q_max[i] - room)
-                turned = elements[axis].turned(robot, q, number)
+                turned = elements[axis].turn_motors(robot, q, number)
                 yield elements[axis].measure(f"{kind.letter}{number:02d}", turned, number)
 
 
 PLANS: dict[str, Callable[[Robot], Plan]] = {
-    "rule": lambda robot: as_plan(robot, by_rule(robot)),
-    "short": lambda robot: as_plan(robot, list(by_rule(robot))[::3]),
-    "glance": lambda robot: as_plan(robot, list(by_rule(robot))[:64:8]),
+    "rule": lambda robot: make_plan(robot, by_rule(robot)),
+    "short": lambda robot: make_plan(robot, list(by_rule(robot))[::3]),
+    "glance": lambda robot: make_plan(robot, list(by_rule(robot))[:64:8]),
     "chosen": lambda robot: design(robot, ARTICLE["counts"]),
     "sweep": sweep,
     "stops": lambda robot: stops(robot, 1),

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from hil.estimation.gravity_phase import Sinusoid
 from hil.friction.curves import torque
 from hil.planning.design.friction import OPERATION
-from hil.show.charts.chart import GREEN, INK, MEASURED, MODEL, MUTED, in_turn
+from hil.show.charts.chart import GREEN, INK, MEASURED, MODEL, MUTED, ordered_colours
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -33,7 +33,7 @@ def fig_1(drawn: Drawn, robot: Robot) -> Figure:
     """Normalised characteristics, and models of axis 1."""
     figure, (left, right) = _panels(3.3, 1, 2)
     points = np.array(drawn["sweep"]["points"])
-    for axis, colour in enumerate(in_turn(robot.n_joints), start=1):
+    for axis, colour in enumerate(ordered_colours(robot.n_joints), start=1):
         v, forward, _ = by_speed(points, axis)
         x, y = v / robot.velocity_limit[axis - 1], forward / robot.torque_limit[axis - 1]
         left.plot(x, y, "o-", color=colour, ms=3, label=axis)
@@ -61,7 +61,9 @@ def fig_2(drawn: Drawn, _: Robot) -> Figure:
     for at, stop in zip(np.flatnonzero(apart), ("5", "1", "2"), strict=True):
         left.annotate(f"{stop} min", (minutes[at], level[at]), (6, -3), textcoords="offset points")
     left.set(title="(a) stops of 5, 1 and 2 min", xlabel="time [min]", ylabel="friction [N m]")
-    for curve, colour, begun in zip(in_operation(drawn), in_turn(4), OPERATION, strict=True):
+    for curve, colour, begun in zip(
+        in_operation(drawn), ordered_colours(4), OPERATION, strict=True
+    ):
         v, forward, backward = curve
         x, y = np.append(-v[::-1], v), np.append(backward[::-1], forward)
         right.plot(x, y, "o-", color=colour, ms=2.5, label=f"{begun / 60:.0f} min")

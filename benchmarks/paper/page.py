@@ -13,7 +13,7 @@ import numpy as np
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import mass_matrix
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.planning.plan import as_plan
+from hil.planning.plan import make_plan
 from hil.planning.prediction.identifiability import group_observations
 
 from .campaigns import DISC, PLANS
@@ -180,7 +180,7 @@ def of_choice(robot: Robot) -> Figures:
         m.model_copy(update={"q": tuple(random.uniform(0.8 * robot.q_min, 0.8 * robot.q_max))})
         for m in rule.measurements
     ]
-    plans = {"rule": rule, "chosen": PLANS["chosen"](robot), "random": as_plan(robot, anywhere)}
+    plans = {"rule": rule, "chosen": PLANS["chosen"](robot), "random": make_plan(robot, anywhere)}
     for name, plan in plans.items():
         W = group_observations(plan, robot, "diagonal")
         s = np.linalg.svd(W, compute_uv=False)

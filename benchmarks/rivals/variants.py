@@ -22,7 +22,7 @@ import numpy as np
 from hil.errors import NotEnoughData
 from hil.estimation.drive_train import LoadFriction
 from hil.estimation.estimate import Estimate
-from hil.planning.measurement import recorded_as
+from hil.planning.measurement import select_kind
 from hil.planning.trajectory import Trajectory
 
 from .friction_terms import LOAD, N_OF_SPEED, places
@@ -127,7 +127,7 @@ def trajectories(
     NotEnoughData
         There are none.
     """
-    found = recorded_as(Trajectory, recorded)
+    found = select_kind(Trajectory, recorded)
     if not found:
         raise NotEnoughData(
             "no trajectories among the measurements; plan some with hil plan --kind trajectory"

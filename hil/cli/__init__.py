@@ -1,9 +1,9 @@
-"""The command line: from a robot to a plan, a run, an identified model and a report.
+"""Command line: from a robot to a plan, a run, an identified model and a report.
 
-Commands are thin: each one reads its files, calls one function of a module below and prints. What
-is wrong with files, drives or the bus ends in one message on standard error and a non-zero status,
-never in a traceback. The modules of commands are imported when one of theirs is chosen, and what
-they work with when it is called, so that help and completion load no numerics.
+Commands are thin: each one reads its files, calls one function of a module below and prints. Faults
+of files, drives or the bus end in one message on standard error and a non-zero status, never in a
+traceback. The module of a command is imported when the command is chosen, and numerics when the
+command is called, so that help and completion load quickly.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperGroup
 
 from checked_files.foreign_text import shown
-from hil.cli.equipment import COUNTED, HELP, epilog, equipped, set_output, without_types
+from hil.cli.equipment import COUNTED, HELP, epilog, equip, hide_flag_types, set_output
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ PANELS = {
         "doctor": "Check this computer: Python, CAN, rights, clock, disk.",
     },
 }  # fmt: skip
-"""Panels of the help, the commands of each as a user meets them, and the first line of their help.
+"""Panels of the help, with commands in order of use and the first line of their help.
 
 The help repeats the commands' own docstrings; a test compares them.
 """
@@ -75,15 +75,15 @@ MODULES = {
     "watch": "beside_model", "replay": "replaying", "accept": "judging", "history": "judging",
     "doctor": "doctor", "try": "trying", "fleet": "fleet",
 }  # fmt: skip
-"""Module of each command, or group of them, in this package."""
+"""Module of a command, or group of commands, in this package."""
 COMMANDS = {name: text for panel in PANELS.values() for name, text in panel.items()}
 
 
 class _ImportedLate(TyperGroup):
-    """Shows its commands as `COMMANDS` states them, and imports the one that is chosen."""
+    """Group with the texts of `COMMANDS`, importing only the chosen command."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse an empty argument, which as a path would be the current folder."""
+        """Refuse an empty argument, which as a path would mean the current folder."""
         for before, word in pairwise(["hil", *args]):
             if not word or (word.startswith("--") and word.endswith("=")):
                 raise typer.BadParameter(
@@ -94,19 +94,19 @@ class _ImportedLate(TyperGroup):
         return parsed
 
     def get_params(self, ctx: Any) -> list[Any]:
-        """Return all options, as help shows them."""
-        return without_types(super().get_params(ctx))
+        """Return the options as shown in the help."""
+        return hide_flag_types(super().get_params(ctx))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return name, command and arguments, in the classes of typer's own copy of click."""
         name, command, rest = super().resolve_command(ctx, args)
-        return name, imported(name) if name in COMMANDS else command, rest
+        return name, import_command(name) if name in COMMANDS else command, rest
 
 
-def imported(name: str) -> Any:
-    """Import a command, or a group of them, by its name; with what all commands have."""
+def import_command(name: str) -> Any:
+    """Import a command or a group of commands by name, with the common options."""
     module = import_module(f"{__name__}.{MODULES[name]}")
-    return equipped(typer.main.get_group(module.commands).commands[name], name)
+    return equip(typer.main.get_group(module.commands).commands[name], name)
 
 
 def _show_version(wanted: bool) -> None:
@@ -139,14 +139,14 @@ def _program(
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help=HELP["quiet"])] = False,
     verbose: Annotated[int, typer.Option("-v", "--verbose", help=HELP["verbose"], **COUNTED)] = 0,
 ) -> None:
-    """Take the options that stand before a command."""
+    """Process the options before a command."""
     set_output(quiet=quiet, verbose=verbose)
 
 
 def main(
     arguments: Sequence[str] | None = None, program: typer.Typer = app, name: str = "hil"
 ) -> None:
-    """Entry point of `hil` or of `program`; exit status 1 after a message, 2 for wrong usage."""
+    """Run `hil` or `program`; exit status 1 after a message, 2 for wrong usage."""
     out.begin()
     try:
         program(None if arguments is None else list(arguments), prog_name=name)
@@ -155,14 +155,14 @@ def main(
         sys.stderr.write(f"{shown(message)}\n")
         sys.exit(1)
     except Exception as error:
-        if not _explained(error) or out.verbose:
+        if not _is_explained(error) or out.verbose:
             raise
         sys.stderr.write(f"{shown(str(error))}\n")
         sys.exit(1)
 
 
-def _explained(error: Exception) -> bool:
-    """Whether an error's own message is all that the operator needs."""
+def _is_explained(error: Exception) -> bool:
+    """Return True if the error's own message is sufficient for the operator."""
     from checked_files.errors import HilError
 
     return isinstance(error, HilError)

@@ -1,9 +1,8 @@
-"""Arguments that several commands take, and what is refused about them in the same words.
+"""Arguments shared by several commands, and their validation.
 
 Options that belong together are a record, which a command takes as one parameter
 (`expand_records`). The modules of commands import these and little else: help and completion of a
-command load no numerics, no bus and no files; a command imports what it works with when it is
-called.
+command load no numerics, no bus and no files; a command imports its dependencies when called.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 PLANT = "manutec-r15"
-"""Channel of the virtual plant where neither a robot nor drives name one."""
+"""Default channel of the virtual plant, if neither a robot nor drives name one."""
 
 
 RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.", autocompletion=runs)]
@@ -68,7 +67,7 @@ RobotOption = Annotated[
     str | None,
     typer.Option(
         "--robot",
-        help="Robot file, where the plan does not find it by itself.",
+        help="Robot file, if the plan's own path does not lead to it.",
         autocompletion=robots,
     ),
 ]
@@ -141,16 +140,16 @@ BusOptions = Annotated[
     ),
 ]
 BitRate = partial(typer.Option, min=10_000, max=1_000_000)
-"""Option of a bit rate, as CAN has them [bit/s]."""
+"""Option for the bit rate of a CAN bus [bit/s]."""
 
 
 Pacing = Literal["auto", "lock-step", "wall-clock"]
-"""Where the time of SYNC comes from."""
+"""Clock of SYNC."""
 
 
 @dataclass(frozen=True)
 class RobotsBus:
-    """Options: the bus of a robot's drives."""
+    """Options for the bus of a robot's drives."""
 
     interface: Interface = SIMULATED
     channel: RobotsChannel = None
@@ -164,7 +163,7 @@ class RobotsBus:
 
 @dataclass(frozen=True)
 class DrivesBus:
-    """Options: the bus of the drives of a drives file."""
+    """Options for the bus of a drives file."""
 
     interface: Interface = SIMULATED
     channel: DrivesChannel = None
@@ -172,7 +171,7 @@ class DrivesBus:
 
 
 def expand_records(command: Callable[P, None]) -> Callable[..., None]:
-    """Give a command the fields of records as options, in place of the parameters that take them.
+    """Replace parameters that are records by the records' fields as options.
 
     Parameters
     ----------
@@ -208,7 +207,7 @@ def expand_records(command: Callable[P, None]) -> Callable[..., None]:
 
 
 def group_of(command: str) -> type[TyperGroup]:
-    """Return groups of commands that take what begins with none for arguments of `command`."""
+    """Return a group class with `command` as default for arguments without a command's name."""
 
     class Group(TyperGroup):
         def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -220,7 +219,7 @@ def group_of(command: str) -> type[TyperGroup]:
 
 
 def refuse_no_channel(interface: str, channel: str | None) -> None:
-    """Refuse an interface without a channel, save that of the virtual plant.
+    """Refuse an interface without a channel, except for the virtual plant.
 
     Raises
     ------
@@ -235,7 +234,7 @@ def refuse_no_channel(interface: str, channel: str | None) -> None:
 
 
 def bus_options(pairs: Sequence[str] | None) -> dict[str, object]:
-    """Turn ``key=value`` into keyword arguments: numbers and true or false become such.
+    """Convert ``key=value`` to keyword arguments, with numbers and booleans recognised.
 
     Raises
     ------
@@ -263,7 +262,7 @@ def _value(text: str) -> object:
 
 
 def body_bounds(masses: Sequence[str] | None) -> BodyBounds:
-    """Bounds of masses as they are written, ``LINK:MIN:MAX``.
+    """Parse bounds of masses, ``LINK:MIN:MAX``.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""`hil track` and `hil watch`: a plan moves the robot, and a model says what its torques are.
+"""Commands `hil track` and `hil watch`: a moving robot compared with a model.
 
-How closely axes follow a trajectory with neither, velocity and both fed forward; and measured
-torques beside the model's while axes move, with alarms at pushes.
+`track` measures the tracking error without feed-forward, with velocity, and with velocity and
+torque. `watch` compares measured torques with the model, with alarms at pushes.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 commands = typer.Typer()
 RUN = "run"
-"""Run folder within the one of a watch."""
+"""Run folder within the folder of a watch."""
 
 
 @commands.command()
@@ -190,10 +190,10 @@ def watch(
 
 
 def _show_causes(folder: Path, model_path: Path, since: float, most: int) -> None:
-    """Print what recordings show of a change since those of the model, cause by cause.
+    """Print a diagnosis of the change since the model's recordings, cause by cause.
 
-    A push is over soon and no lasting change: what lasts from the first alarm on shows in one pass
-    of the plan.
+    A push ends soon and is no lasting change: a change lasting from the first alarm on is visible
+    in one pass of the plan.
     """
     from hil.runs.run import Run
 
@@ -203,7 +203,7 @@ def _show_causes(folder: Path, model_path: Path, since: float, most: int) -> Non
 
 
 def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, learn: float) -> int:
-    """How often the plan is passed; one pass must not be used up by learning."""
+    """Compute the number of passes of the plan; refuse a watch entirely used for learning."""
     from math import ceil
 
     from checked_files.yaml_file import FileError
@@ -222,7 +222,7 @@ def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, l
 
 
 def keep_watch(output: Path, the_plan: Plan, watcher: Watcher, model: str) -> None:
-    """Write and show what was found, however the watch ended."""
+    """Write and show the results of a watch, also after an early end."""
     from hil.commands.watch import NAME, PAGE, watch
     from hil.runs.run import Run
 

@@ -1,4 +1,4 @@
-"""What commands about drives share: a drives file, an open bus, an operator at the terminal."""
+"""Shared parts of the drive commands: drives file, open bus, operator at the terminal."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 SUFFIX = ".drives.yaml"
 
 
-def selected(name: str, axes: list[str] | None = None) -> DrivesFile:
-    """Return a drives file, or as much of it as concerns some axes."""
+def select_axes(name: str, axes: list[str] | None = None) -> DrivesFile:
+    """Load a drives file, optionally reduced to some axes."""
     drives = load_drives(drives_path(name))
     if not axes:
         return drives
@@ -38,7 +38,7 @@ def selected(name: str, axes: list[str] | None = None) -> DrivesFile:
 
 
 def find_axis(drives: DrivesFile, name: str) -> AxisDrive:
-    """Return an axis by name or by number from 1."""
+    """Find an axis by name or by number from 1."""
     names = [axis.name for axis in drives.axes]
     if name in names:
         return drives.axes[names.index(name)]
@@ -51,12 +51,12 @@ def find_axis(drives: DrivesFile, name: str) -> AxisDrive:
 
 
 def drives_path(name: str) -> Path:
-    """Return the path of a drives file, that of a robot that comes along by its name.
+    """Return the path of a drives file, given by path or by the name of a built-in robot.
 
     Raises
     ------
     FileError
-        It is neither.
+        Neither a built-in robot nor a drives file.
     """
     packaged, path = ROBOTS / f"{name}{SUFFIX}", Path(name)
     if packaged.is_file():
@@ -71,14 +71,14 @@ def drives_path(name: str) -> Path:
 
 
 def _robots() -> list[str]:
-    """Names of the robots with a drives file and a plant that come along."""
+    """Return names of the built-in robots with a drives file and a plant."""
     return sorted(path.name.removesuffix(SUFFIX) for path in ROBOTS.glob(f"*{SUFFIX}"))
 
 
 def _plant_of(drives: DrivesFile, name: str) -> str:
-    """Name the plant with these drives: node for node the same products.
+    """Find the built-in plant with the same products at the same nodes.
 
-    What else a drives file states may be wrong; finding that is what a plant is for.
+    Other contents of a drives file may be wrong; a plant serves to find that.
     """
     asked, robots = {_product(axis) for axis in drives.axes}, _robots()
     for robot in robots:
@@ -94,23 +94,25 @@ def _product(axis: AxisDrive) -> tuple[int, int, int]:
     return axis.node, axis.identity.vendor, axis.identity.product
 
 
-def opened_bus(name: str, drives: DrivesFile, where: DrivesBus) -> Fieldbus:
-    """Open the bus of a drives file, by default that of the plant with these drives."""
+def open_bus(name: str, drives: DrivesFile, where: DrivesBus) -> Fieldbus:
+    """Open the bus of a drives file; the default is the plant with these drives."""
     refuse_no_channel(where.interface, where.channel)
     channel = where.channel or _plant_of(drives, name)
-    return opened(where.interface, channel, drives.bitrate, where.bus_option)
+    return open_interface(where.interface, channel, drives.bitrate, where.bus_option)
 
 
-def opened(interface: str, channel: str, bitrate: int | None, pairs: list[str] | None) -> Fieldbus:
-    """Open a bus with the options of the command line, to be shut down by a with statement."""
+def open_interface(
+    interface: str, channel: str, bitrate: int | None, pairs: list[str] | None
+) -> Fieldbus:
+    """Open a bus with the options of the command line, to be used as a context manager."""
     return open_fieldbus(interface, channel, {"bitrate": bitrate, **bus_options(pairs)})
 
 
 @contextmanager
 def real_time_if(wanted: bool, *, lock_step: bool) -> Iterator[tuple[str, ...]]:
-    """Run in real time where that is wanted and SYNC has deadlines; yields what was granted.
+    """Run in real time if wanted and SYNC has deadlines; yield the granted measures.
 
-    Where it is not wanted, or not granted, this thread is at least woken up soon.
+    Otherwise the thread at least gets short time slices, for quick wake-ups.
     """
     if lock_step:
         left_out = "real time: left out, SYNC is in lock-step and has no deadlines"
@@ -122,6 +124,6 @@ def real_time_if(wanted: bool, *, lock_step: bool) -> Iterator[tuple[str, ...]]:
 
 @contextmanager
 def operator_at_terminal(*, agreed: bool) -> Iterator[TerminalOperator]:
-    """Ask and listen at the terminal."""
+    """Create an operator who answers and stops at the terminal."""
     with interruptible(lambda: "stopped; the axes are off"), Keys() as keys:
         yield TerminalOperator(out, keys, agreed=agreed)

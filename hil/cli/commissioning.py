@@ -1,4 +1,4 @@
-"""Commands about the drives themselves, before a robot is measured: check, jog, home.
+"""Commissioning commands for single drives: check, jog, home, reset faults.
 
 Each opens a bus, calls a function of `drivers.operator_tools` and shows what comes back. Motion
 needs the operator's consent, asked for at the terminal or given by ``--yes``; space, q and Esc stop
@@ -72,11 +72,11 @@ def check(
     from drivers.operator_tools.check_powered import SmallMoves
     from hil.cli import bus_access
 
-    drives = bus_access.selected(drives_file, axis)
+    drives = bus_access.select_axes(drives_file, axis)
     gravity = None if model is None else _gravity(model, drives)
     moves = SmallMoves(angle=math.radians(angle), angular_velocity=math.radians(speed))
     with (
-        _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper),
+        _open_session(drives_file, drives, where, agreed=yes) as (bus, operator, keeper),
         bus_access.real_time_if(realtime, lock_step=bus.lock_step) as granted,
     ):
         for line in granted:
@@ -106,9 +106,9 @@ def jog(
     from drivers.operator_tools.small_move import format_coordinate
     from hil.cli import bus_access
 
-    drives = bus_access.selected(drives_file)
+    drives = bus_access.select_axes(drives_file)
     drive = bus_access.find_axis(drives, axis)
-    with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
+    with _open_session(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
         way, velocity = _si(drive, by), _si(drive, speed)
         stroke = jogging.jog(bus, drives, drive, way, velocity, operator, keeper=keeper)
     torque = drive.effort_unit
@@ -141,19 +141,19 @@ def home(
     where: DrivesBus,
     yes: Yes = False,
 ) -> None:
-    """Home one axis by its drive's own homing mode; no other axis is powered."""
+    """Home an axis in the drive's homing mode; no other axis is powered."""
     from checked_files.yaml_file import FileError
     from drivers.operator_tools import home as homing
     from drivers.operator_tools.small_move import format_coordinate
     from hil.cli import bus_access
 
-    drives = bus_access.selected(drives_file)
+    drives = bus_access.select_axes(drives_file)
     drive = bus_access.find_axis(drives, axis)
     if drive.homing is None:
         path = bus_access.drives_path(drives_file)
         raise FileError(f"{path}: {drive.name}: homing is missing; state method, position, speeds")
     how = drive.homing if method is None else drive.homing.model_copy(update={"method": method})
-    with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
+    with _open_session(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
         q = homing.home(bus, drives, drive, how, operator, patience=patience, keeper=keeper)
     give(axis=drive.name, method=how.method, q=float(q))
     say(f"{drive.name}: homed by method {how.method}, stands at {format_coordinate(drive, q)}; off")
@@ -170,27 +170,27 @@ def reset_faults(
     where: DrivesBus,
     yes: Yes = False,
 ) -> None:
-    """Show the faults of drives with their causes and reset them; nothing is powered on."""
+    """Show the faults of drives with causes and reset them; nothing is powered on."""
     from drivers.operator_tools.reset_faults import reset_faults as reset
     from hil.cli import bus_access
 
-    drives = bus_access.selected(drives_file, axis)
-    with _commanded(drives_file, drives, where, agreed=yes) as (bus, operator, _):
+    drives = bus_access.select_axes(drives_file, axis)
+    with _open_session(drives_file, drives, where, agreed=yes) as (bus, operator, _):
         serves = show_verdicts(reset(bus, drives, operator), out)
     if not serves:
         raise typer.Exit(1)
 
 
 @contextmanager
-def _commanded(
+def _open_session(
     drives_file: str, drives: DrivesFile, where: DrivesBus, *, agreed: bool
 ) -> Iterator[tuple[Fieldbus, TerminalOperator, SettingsKeeper]]:
-    """Have the bus open, an operator at the terminal, and what the drives held kept."""
+    """Open bus and terminal, and keep the drives' found settings."""
     from hil.cli import bus_access
     from hil.tasks.found_settings import keeper_of_bus
 
     with (
-        bus_access.opened_bus(drives_file, drives, where) as bus,
+        bus_access.open_bus(drives_file, drives, where) as bus,
         bus_access.operator_at_terminal(agreed=agreed) as operator,
         keeper_of_bus(where.interface, where.channel) as keeper,
     ):
@@ -198,7 +198,7 @@ def _commanded(
 
 
 def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
-    """Return the torques that hold the robot of an identified run at rest."""
+    """Return the function for static torques of an identified run."""
     from hil.results.model import Model
 
     model = Model.load(run)
@@ -213,14 +213,14 @@ def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
 def _wake_ups(
     bus: Fieldbus, period: float, duration: float, *, realtime: bool
 ) -> tuple[list[Verdict], float]:
-    """Measure how late this computer wakes up, before anything moves; nothing in lock-step.
+    """Measure this computer's wake-up jitter, before any motion; skipped in lock-step.
 
-    Returns what to say of it, and how late SYNC is by it [s].
+    Returns verdicts, and the lateness of SYNC caused by the jitter [s].
     """
     from drivers.operator_tools import sync_period
 
     if duration and not bus.lock_step:
-        # in words alone: a line that moves would itself keep the computer from waking up in time
+        # plain text: an animated line would disturb the measured wake-ups
         say(f"measuring this computer's wake-ups for {duration:g} s")
     found = sync_period.wake_ups_on(bus, period, duration) if duration else None
     if found is None:
@@ -231,17 +231,17 @@ def _wake_ups(
 
 
 def _si(drive: AxisDrive, value: float) -> float:
-    """Turn degrees into rad, or mm into m."""
+    """Convert degrees to rad, or mm to m."""
     return value / 1000 if drive.joint == "prismatic" else math.radians(value)
 
 
 STYLES = {"ok": "green", "warning": "yellow", "refused": "bold red"}
 EDGES = (0.0, 50e-6, 100e-6, 200e-6, 500e-6, 1e-3, 2e-3, 5e-3, 10e-3, 20e-3)
-"""Lower ends of the classes of lateness [s]; the last one is open."""
+"""Lower ends of the lateness classes [s]; the last is open."""
 
 
 def show_verdicts(verdicts: Iterable[Verdict], console: Console) -> bool:
-    """Print verdicts as they come, by axis, and how many have each grade; whether none refuses."""
+    """Print verdicts by axis and the count per grade; return False if any refuses."""
     counts: Counter[str] = Counter()
     place = ""
     for verdict in verdicts:
@@ -268,7 +268,7 @@ def _text(verdict: Verdict) -> Text:
 
 
 def show_wake_ups(found: WakeUps, in_time: float, console: Console) -> None:
-    """Print quantiles of the lateness, that of a share `in_time` last, and a bar for each class."""
+    """Print quantiles of the lateness, the last for the share `in_time`, and a histogram."""
     shares = {share: _ms(found.quantile(share)) for share in (0.5, 0.99, in_time)}
     quantiles = ", ".join(f"{100 * share:.4g} % {late}" for share, late in shares.items())
     console.print(

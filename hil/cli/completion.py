@@ -1,4 +1,4 @@
-"""What the shell completes words by: names as they are known without loading anything."""
+"""Completion of words in the shell, without imports of the project."""
 
 from __future__ import annotations
 
@@ -15,41 +15,41 @@ METHODS = (
 FORMATS = (
     "c", "python", "st", "json", "friction", "ros2", "urdf", "mjcf", "csv", "parquet", "mcap",
 )  # fmt: skip
-"""Names that a test compares with those that are taken."""
+"""Names offered by completion; a test compares these with the accepted ones."""
 _ROBOTS = Path(__file__).parents[1] / "robots"
 _DRIVES = ".drives"
 
 
 def robots(incomplete: str) -> list[str]:
-    """Built-in robots, and files that may be robots."""
+    """Complete built-in robots and possible robot files."""
     names = sorted({path.stem.removesuffix(_DRIVES) for path in _ROBOTS.glob("*.yaml")})
     return [*_beginning(names, incomplete), *_paths(incomplete, {".yaml", ".yml", ".urdf"})]
 
 
 def drives(incomplete: str) -> list[str]:
-    """Robots whose drives are built in, and files that may state drives."""
+    """Complete robots with built-in drives and possible drives files."""
     found = _ROBOTS.glob(f"*{_DRIVES}.yaml")
     names = sorted(path.stem.removesuffix(_DRIVES) for path in found)
     return [*_beginning(names, incomplete), *_paths(incomplete, {".yaml", ".yml"})]
 
 
 def methods(incomplete: str) -> list[str]:
-    """Methods of estimation."""
+    """Complete estimation methods."""
     return [name.replace(" ", "\\ ") for name in _beginning(METHODS, incomplete)]
 
 
 def formats(incomplete: str) -> list[str]:
-    """Formats of models and of recordings."""
+    """Complete formats of models and recordings."""
     return _beginning(FORMATS, incomplete)
 
 
 def runs(incomplete: str) -> list[str]:
-    """Folders of runs, and folders that may hold some."""
+    """Complete folders of runs and their parents."""
     return list(_paths(incomplete, set()))
 
 
 def files(incomplete: str) -> list[str]:
-    """Files in YAML, and folders."""
+    """Complete YAML files and folders."""
     return list(_paths(incomplete, {".yaml", ".yml"}))
 
 
@@ -58,7 +58,7 @@ def _beginning(names: list[str] | tuple[str, ...], incomplete: str) -> list[str]
 
 
 def _paths(incomplete: str, suffixes: set[str]) -> Iterator[str]:
-    """Files with these suffixes and folders; a run's folder ends the word, others go on."""
+    """Yield files with these suffixes, and folders; only a run's folder ends the word."""
     before, _, begun = incomplete.rpartition("/")
     folder = Path(f"{before}/") if before or incomplete.startswith("/") else Path()
     if not folder.is_dir():

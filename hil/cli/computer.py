@@ -1,7 +1,7 @@
-"""What of this computer helps or hinders measuring: each point judged, with what to do.
+"""Suitability of the computer for measuring: single checks with verdict and remedy.
 
-`Readings` is what the system says of itself, as plain data, so that other computers can be stated;
-`read_computer` takes it from the running one and changes nothing.
+`Readings` holds the system's data, so that other computers can be described; `read_computer` reads
+the running one and changes nothing.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 Word = Literal["OK", "WARN", "FAIL"]
 PYTHON_MIN = (3, 11)
 DISK_LEAST, DISK_AMPLE = 100e6, 2e9
-"""Free space below which a run does not fit, and below which it may not [bytes]."""
+"""Free disk space below which a run fails, and below which a long run may fail [bytes]."""
 MEMORY_LEAST, MEMORY_AMPLE = 300e6, 1e9
-"""Free memory below which an identification does not fit, and below which it may not [bytes]."""
+"""Free memory below which an identification fails, and below which one may fail [bytes]."""
 _CAN_TYPE = "280"
 _NET = Path("/sys/class/net")
 
 
 @dataclass(frozen=True, slots=True)
 class CanInterface:
-    """A CAN interface of the kernel; `bitrate` [bit/s] is None where none is set or readable."""
+    """CAN interface of the kernel; `bitrate` [bit/s] is None if unset or unreadable."""
 
     name: str
     up: bool
@@ -46,7 +46,7 @@ class CanInterface:
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """What a system says of itself.
+    """System data relevant for measuring.
 
     Attributes
     ----------
@@ -55,20 +55,20 @@ class Readings:
     system : str
         Name of the operating system.
     socketcan, vcan : bool
-        Whether the kernel opens CAN sockets, and has the module of virtual interfaces.
+        True if the kernel opens CAN sockets, and has the module of virtual interfaces.
     interfaces : tuple of CanInterface
     administrator : bool
-        Whether interfaces may be set up by this user.
+        True if this user may set up interfaces.
     priority : int
         Highest real-time priority that this user may have; 0 for none.
     resolution : float
-        Of the clock [s].
+        Resolution of the clock [s].
     folder : str
-        Where free space was looked at.
+        Folder with the checked free space.
     disk, memory : float
         Free [bytes].
     writable : bool
-        Whether the folder may be written to.
+        True if the folder is writable.
     extras : mapping of str to bool
         Optional packages, and whether each is there.
     """
@@ -90,7 +90,7 @@ class Readings:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """One point: what is so, and what to do where that is not well."""
+    """Result of a check, with remedy."""
 
     point: str
     word: Word
@@ -99,7 +99,7 @@ class Judged:
 
 
 def judge(readings: Readings) -> tuple[Judged, ...]:
-    """Judge what a system says of itself."""
+    """Judge the readings of a system."""
     return (
         _python(readings),
         _kernel(readings),
@@ -201,12 +201,12 @@ def _extras(r: Readings) -> Iterator[Judged]:
 
 
 def read_computer(folder: Path, extras: Mapping[str, str]) -> Readings:
-    """Take the readings of this computer; nothing is changed.
+    """Read the data of this computer; nothing is changed.
 
     Parameters
     ----------
     folder : Path
-        Where runs are to be written.
+        Folder for runs.
     extras : mapping of str to str
         Names of optional extras, and a module that each brings.
     """

@@ -1,4 +1,4 @@
-"""`hil doctor`: whether this computer is fit to measure, and what to do where it is not."""
+"""Command `hil doctor`: checks of this computer with remedies."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EXTRAS = {
     "pandas": "pandas",
     "recordings": "pyarrow",
 }
-"""Optional extras of the installation, and a module that each brings."""
+"""Optional extras of the installation, with a module from each."""
 
 
 @commands.command()

@@ -1,4 +1,4 @@
-"""What a session would write to drives, and what it put back, on the terminal."""
+"""Terminal output of changes to drives' settings."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def show_changes(drives: DrivesFile, bus: Fieldbus, keeper: SettingsKeeper) -> None:
-    """List what a session would write to each drive; nothing is written.
+    """List the pending changes of a session to the drives; nothing is written.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def show_changes(drives: DrivesFile, bus: Fieldbus, keeper: SettingsKeeper) -> N
 
 
 def show_changed(label: str, changes: Sequence[tuple[Entry, int | None, int]], column: str) -> None:
-    """Print one drive's objects: what it holds, where it can be read, and what is written."""
+    """Print the objects of a drive: present value, where readable, and new value."""
     if not changes:
         say(f"{label}: nothing differs")
         return

@@ -1,7 +1,7 @@
-"""The first commands at a strange bus: who is there, and a drives file to begin with.
+"""Commands for an unknown bus: scan, and draft of a drives file.
 
 Both only read. A scan sends nothing but reading SDO requests; a drives file is drafted from the
-makers' data sheets, or from what the scanned drives say of themselves.
+makers' data sheets, or from the object dictionaries of the scanned drives.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ drives_commands = typer.Typer(
 commands.add_typer(drives_commands, name="drives")
 HIGHEST_NODE = 127
 MODES = dict(zip(Mode, ["PP", "VL", "PV", "TQ", "HM", "IP", "CSP", "CSV", "CST"], strict=True))
-"""Modes as drives' manuals abbreviate them."""
+"""Modes of operation, abbreviated as in drives' manuals."""
 
 Channel = Annotated[
     str | None, typer.Option(help="Channel of the interface, such as can0 or eth0.")
@@ -62,7 +62,7 @@ def scan(
     nodes: Nodes = None,
 ) -> None:
     """Find the drives on a bus and what they lack for measuring; only reads."""
-    found = _scanned(DrivesBus(interface, channel, bus_option), bitrate, _numbers(nodes))
+    found = _scan(DrivesBus(interface, channel, bus_option), bitrate, _numbers(nodes))
     _show_nodes(list(found.nodes.values()))
     if found.syncs:
         say(
@@ -106,11 +106,11 @@ def new(
     if interface is None:
         if esi:
             interface, bitrate = ETHERCAT, bitrate or BITRATE
-        axes = _from_sheets(eds or esi or [], _numbers(nodes), interface)
+        axes = _read_sheets(eds or esi or [], _numbers(nodes), interface)
     else:
         bitrate = bitrate or BITRATE
         where = DrivesBus(interface, channel, bus_option)
-        axes = _from_bus(where, bitrate, _numbers(nodes))
+        axes = _read_bus(where, bitrate, _numbers(nodes))
     text = draft_drives(axes, find_rules(interface), bitrate)
     write_file(output, text.encode())
     choices: dict[str, list[str]] = {}
@@ -131,10 +131,10 @@ for _command in (
     drives_commands.command()(_command)
 
 
-def _from_sheets(
+def _read_sheets(
     files: Sequence[Path], nodes: tuple[int, ...], interface: str | None
 ) -> list[DraftedAxis]:
-    """Read data sheets: one for all nodes, or as many as there are nodes."""
+    """Read data sheets: a single sheet for all nodes, or a sheet per node."""
     from drivers.dictionary.review import review
     from drivers.opening import find_rules, read_eds, read_esi
     from drivers.operator_tools.draft import DraftedAxis
@@ -156,11 +156,11 @@ def _from_sheets(
     return axes
 
 
-def _from_bus(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> list[DraftedAxis]:
-    """Ask the drives; without node numbers all drives that are found."""
+def _read_bus(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> list[DraftedAxis]:
+    """Read the dictionaries of the drives: the given nodes, or all drives found."""
     from drivers.operator_tools.draft import DraftedAxis
 
-    found = _scanned(where, bitrate, nodes).nodes
+    found = _scan(where, bitrate, nodes).nodes
     silent = [node for node in nodes or found if node not in found or not found[node].dictionary]
     if silent and nodes:
         raise NodeSilent(
@@ -181,14 +181,14 @@ def _from_bus(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> list[Dr
     return axes
 
 
-def _scanned(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> Scan:
+def _scan(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> Scan:
     from hil.cli import bus_access
 
     refuse_no_channel(where.interface, where.channel)
     interface, channel = where.interface, where.channel or PLANT
     with (
         working(f"asking {len(nodes) or HIGHEST_NODE} nodes on {interface} {channel}"),
-        bus_access.opened(interface, channel, bitrate, where.bus_option) as bus,
+        bus_access.open_interface(interface, channel, bitrate, where.bus_option) as bus,
     ):
         found = bus.scan(nodes or None)
     if not found.nodes:
@@ -201,7 +201,7 @@ def _scanned(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> Scan:
 
 
 def _numbers(text: str | None) -> tuple[int, ...]:
-    """Return node numbers of a list such as 1-6,9; none for no list."""
+    """Parse a list of node numbers such as 1-6,9."""
     numbers: list[int] = []
     for part in filter(None, (text or "").replace(" ", "").split(",")):
         found = re.fullmatch(r"(\d{1,3})(?:-(\d{1,3}))?", part)
@@ -213,7 +213,7 @@ def _numbers(text: str | None) -> tuple[int, ...]:
 
 
 def _show_nodes(found: Sequence[FoundNode]) -> None:
-    """Print a line a node, then what they lack and why that matters, stated once."""
+    """Print a line per node, and a list of deficiencies with consequences."""
     title = "1 node" if len(found) == 1 else f"{len(found)} nodes"
     table = Table("node", "heard by", "device", "identity (1018)", title=title)
     for heading in ("modes", "state", "serves"):
@@ -247,7 +247,7 @@ def _show_nodes(found: Sequence[FoundNode]) -> None:
 
 
 def _heard(found: FoundNode) -> Iterator[str]:
-    """How a node was noticed."""
+    """Yield the kinds of messages received from a node."""
     if found.state and found.state != "boot-up":
         yield f"{found.shown_by} ({found.state})"
     for how, noticed in (
@@ -266,7 +266,7 @@ def _state(dictionary: Dictionary | None) -> str:
 
 
 def _remarks(found: FoundNode) -> Iterator[tuple[str, bool]]:
-    """What is to be known about a node, and whether that keeps it from being used."""
+    """Yield remarks about a node, True if fatal for measuring."""
     if found.answers > 1:
         text = f"{found.answers} devices answer by this number: give each its own, one at a time"
         yield text, True
@@ -280,7 +280,7 @@ def _remarks(found: FoundNode) -> Iterator[tuple[str, bool]]:
 
 
 def _spans(nodes: Sequence[int]) -> str:
-    """Return node numbers as "node 3" or "nodes 1-4, 7"."""
+    """Format node numbers as "node 3" or "nodes 1-4, 7"."""
     spans: list[list[int]] = []
     for node in sorted(set(nodes)):
         if spans and node == spans[-1][-1] + 1:

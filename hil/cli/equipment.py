@@ -1,4 +1,4 @@
-"""What all commands have alike: examples, ``--quiet``, ``--verbose``, ``--json``, exit statuses."""
+"""Common parts of commands: examples, ``--quiet``, ``--verbose``, ``--json``, exit statuses."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STATUSES = {
     4: "done, and something changed (history --fail-on-change)",
     130: "stopped by Ctrl-C, a signal or the stop key; the axes are off",
 }
-"""Exit statuses of all commands."""
+"""Exit statuses of the commands."""
 HELP = {
     "quiet": "Show results and warnings only.",
     "verbose": "Show log records and tracebacks; twice: those of the bus, too.",
@@ -31,7 +31,7 @@ HELP = {
 
 
 def set_output(*, quiet: bool = False, verbose: int = 0, json: bool = False) -> None:
-    """Have less or more shown, or results as JSON; what was set before stays."""
+    """Set the amount of output, or JSON; earlier settings persist."""
     if quiet:
         out.messages = False
     if json:
@@ -45,7 +45,7 @@ def set_output(*, quiet: bool = False, verbose: int = 0, json: bool = False) -> 
 
 
 def epilog(path: str, *, exit_statuses: bool = False) -> str:
-    """Examples of a command, or of a group of them, below its help."""
+    """Format the examples of a command or group for the end of the help."""
     lines = [f"  {line}" for line in examples_of(path)]
     text = ["[bold]Examples[/bold]", *(line.replace("[", "\\[") for line in lines)]
     if exit_statuses:
@@ -55,22 +55,22 @@ def epilog(path: str, *, exit_statuses: bool = False) -> str:
 
 
 def examples_of(path: str) -> Sequence[str]:
-    """Two examples of a command; of a group, the first of its first two commands."""
+    """Return two examples of a command; for a group, the first examples of two commands."""
     if path in EXAMPLES:
         return EXAMPLES[path]
     inner = [lines[0] for name, lines in EXAMPLES.items() if name.startswith(f"{path} ")]
     return inner[:2]
 
 
-def equipped(command: Any, path: str) -> Any:
-    """Give a command, and those within it, their examples and the options that all have."""
+def equip(command: Any, path: str) -> Any:
+    """Add examples and common options to a command, and to subcommands."""
     command.epilog = epilog(path)
     parameters = command.get_params
-    command.get_params = lambda context: without_types(parameters(context))
+    command.get_params = lambda context: hide_flag_types(parameters(context))
     paragraphs = (command.help or "").split("\n\n")  # of which rich keeps the ends of lines
     command.help = "\n\n".join(" ".join(each.split()) for each in paragraphs)
     for name, member in getattr(command, "commands", {}).items():
-        equipped(member, f"{path} {name}")
+        equip(member, f"{path} {name}")
     if hasattr(command, "commands"):
         return command
     command.params += _common_options()
@@ -78,8 +78,8 @@ def equipped(command: Any, path: str) -> Any:
     return command
 
 
-def without_types(parameters: list[Any]) -> list[Any]:
-    """Let help show no type of a flag; some versions of typer do, as if a value followed."""
+def hide_flag_types(parameters: list[Any]) -> list[Any]:
+    """Hide the type of flags in the help, which some versions of typer show like a value."""
     for each in parameters:
         if getattr(each, "is_flag", False):
             each.metavar = ""
@@ -87,11 +87,11 @@ def without_types(parameters: list[Any]) -> list[Any]:
 
 
 COUNTED = {"count": True, "metavar": "", "show_default": False}
-"""How an option is made that counts how often it stands there."""
+"""Settings of an option that counts occurrences."""
 
 
 def _own(name: str, *flags: str, **more: Any) -> Any:
-    """Return an option of all commands: `set_output` takes its value, and no command sees it."""
+    """Create a common option, handled by `set_output` and hidden from the command."""
     return typer.Option(
         *flags, help=HELP[name], callback=lambda value: set_output(**{name: value}),
         expose_value=False, is_eager=True, rich_help_panel="Output", **more,
@@ -100,7 +100,7 @@ def _own(name: str, *flags: str, **more: Any) -> Any:
 
 @cache
 def _common_options() -> list[Any]:
-    """Options of every command, as typer makes them of a command that has no others."""
+    """Create the common options, as typer builds them for an empty command."""
     made = typer.Typer(add_completion=False)
 
     @made.command()
@@ -114,7 +114,7 @@ def _common_options() -> list[Any]:
 
 
 def _write_json_after(command: Any, path: str) -> None:
-    """Have a command write what it has given once it has ended, whatever it found."""
+    """Make a command write the JSON results at the end, successful or not."""
     invoke = command.invoke
 
     def invoked(context: Any) -> Any:

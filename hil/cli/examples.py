@@ -1,4 +1,4 @@
-"""Two examples of each command, shown below its help; a test reads each of them."""
+"""Examples of the commands, shown below the help; a test parses them."""
 
 from __future__ import annotations
 

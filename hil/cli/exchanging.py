@@ -1,4 +1,4 @@
-"""Recordings of others come into a run folder; models and recordings go out for other tools."""
+"""Commands `hil import` and `hil export`: exchange with other tools."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def import_(
     ] = None,
     draft: Annotated[
         Path | None,
-        typer.Option("--draft", help="Recording of which a first map is drafted."),
+        typer.Option("--draft", help="Recording to draft a first map from."),
     ] = None,
     allowed: Annotated[
         list[Path] | None,
@@ -49,7 +49,8 @@ def import_(
     explain: Annotated[
         bool,
         typer.Option(
-            "--explain", help="Print each joint as it was understood, and all checks' figures."
+            "--explain",
+            help="Print the interpretation of each joint, and the figures of all checks.",
         ),
     ] = False,
     workers: Annotated[
@@ -98,7 +99,7 @@ def import_(
 def _executor(
     scheduler: str | None, workers: int | None, n_maps: int
 ) -> AbstractContextManager[Any]:
-    """What imports several maps at once; None where one comes after the other."""
+    """Return an executor for parallel imports, None for sequential ones."""
     from hil import execution
 
     if scheduler not in (None, LOCAL):
@@ -108,7 +109,7 @@ def _executor(
 
 
 def _draft(recording: Path, output: Path) -> None:
-    """Write a first map, which names the recording as it is seen from the map's folder."""
+    """Write a first map, with the recording's path relative to the map."""
     from checked_files.yaml_file import UNSTATED
     from hil.imports.draft import draft_map
     from hil.runs.atomic_file import write_file
@@ -153,7 +154,7 @@ def export(
     patch: Annotated[
         Path | None,
         typer.Option(
-            help="Your own URDF or MJCF: the same file with the model's values, all else as it is.",
+            help="Your URDF or MJCF, to be rewritten with the model's values, otherwise unchanged.",
             autocompletion=files,
         ),
     ] = None,
@@ -161,7 +162,7 @@ def export(
     without: Without = None,
     force: Annotated[
         bool,
-        typer.Option("--force", help="Export a model even where its identification failed."),
+        typer.Option("--force", help="Export the model of a failed identification, too."),
     ] = False,
 ) -> None:
     """Export an identified model, or the recordings of a run, to other tools."""
@@ -170,7 +171,7 @@ def export(
     refuse_unknown(to)
     if to in RECORDINGS:
         _refuse(to, urdf=None if to == "mcap" else urdf, patch=patch, mass=masses, force=force)
-        paths = _recordings_written(source, to, output, urdf, without)
+        paths = _write_recordings(source, to, output, urdf, without)
     elif to not in SIMULATORS and (urdf or patch or masses):
         raise typer.BadParameter(
             f"--urdf, --patch and --mass are about bodies, which {to} has not; they go with"
@@ -179,13 +180,13 @@ def export(
         )
     else:
         _refuse(to, without=without)
-        paths = _model_written(source, to, output, urdf, patch, masses, force)
+        paths = _write_model(source, to, output, urdf, patch, masses, force)
     for path in paths:
         say(f"written: {path}")
 
 
 def _refuse(to: str, **given: object) -> None:
-    """Refuse options that a format has no use for."""
+    """Refuse options without effect on a format."""
     for name, value in given.items():
         if value:
             raise typer.BadParameter(
@@ -193,7 +194,7 @@ def _refuse(to: str, **given: object) -> None:
             )
 
 
-def _model_written(
+def _write_model(
     source: Path,
     to: str,
     output: Path,
@@ -229,7 +230,7 @@ def _model_written(
     return paths
 
 
-def _recordings_written(
+def _write_recordings(
     source: Path, to: str, output: Path, urdf: Path | None, without: list[str] | None
 ) -> tuple[Path, ...]:
     with working("reading the run") as now:

@@ -1,6 +1,7 @@
-"""`hil validate` judges a model by held-out data, `hil accept` a run by limits, in series.
+"""Commands `hil validate`, `hil accept` and `hil history`.
 
-`hil history` shows the condition of one machine over many runs, and what changed.
+These judge a model by held-out data, a run by limits in series production, and one machine's
+condition over many runs.
 """
 
 from __future__ import annotations
@@ -165,8 +166,8 @@ def accept(
     reference: Annotated[
         Path | None,
         typer.Option(
-            help="Run to compare a failed one with, cause by cause; by default the one that the"
-            " limits were drafted from, where it is found beside them or beside the run.",
+            help="Reference for the diagnosis of a failed run; by default the run that the"
+            " limits were drafted from, if found next to the limits or the judged run.",
             autocompletion=runs,
         ),
     ] = None,
@@ -238,7 +239,7 @@ def history(
         typer.Option(
             min=0.0,
             max=99.0,
-            help="Change of friction put down to temperature, at least \\[%].",
+            help="Minimum change of friction attributed to temperature \\[%].",
         ),
     ] = 0.0,
     page: Annotated[
@@ -279,7 +280,7 @@ def history(
 
 
 def _identify(folders: Sequence[Path], now: Callable[[str], None]) -> None:
-    """Identify the runs among folders that have no model yet."""
+    """Identify the runs among folders without a model."""
     from hil.estimation.identify import default_method
     from hil.results.findings import found_in
     from hil.results.model_file import file_of

@@ -1,4 +1,4 @@
-"""Options by which a run is shown while it goes on, of all commands that measure a plan."""
+"""Options of the live page and stream, shared by the measuring commands."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from hil.live.listener import Listener
 
 PORTS = {"--live": 8420, "--foxglove": 8765}
-"""Options that take a port, and the one that each means without."""
+"""Options with a port, and the default ports."""
 LOOPBACK = "127.0.0.1"
 
 
 def _address(value: str | None) -> str | None:
-    """Refuse what is no address of an interface."""
+    """Refuse an invalid IP address."""
     from ipaddress import ip_address
 
     if value is not None:
@@ -36,8 +36,8 @@ def _address(value: str | None) -> str | None:
     return value
 
 
-def _served(option: str, what: str, elsewhere: str) -> tuple[OptionInfo, OptionInfo]:
-    """Return the option that shows a run, with its port, and that of the address to do so at."""
+def _address_options(option: str, what: str, elsewhere: str) -> tuple[OptionInfo, OptionInfo]:
+    """Create the options for port and address of a live display."""
     port = typer.Option(
         option, metavar="PORT", min=0, max=65535,
         help=f"{what}; port {PORTS[option]} unless one is given, 0 for a free one.",
@@ -49,34 +49,34 @@ def _served(option: str, what: str, elsewhere: str) -> tuple[OptionInfo, OptionI
 
 
 def hand_of(bus_option: Sequence[str] | None) -> str:
-    """Path at which the virtual plant takes pushes, as options of the bus state it, or nothing."""
+    """Return the path of the virtual plant's push interface from the bus options, or ""."""
     given = [each.removeprefix("hand=") for each in bus_option or () if each.startswith("hand=")]
     return given[-1] if given else ""
 
 
-_LIVE, _LIVE_ADDRESS = _served(
+_LIVE, _LIVE_ADDRESS = _address_options(
     "--live",
     "Show the run on a page in the browser of this computer",
     "Serve the live page to other computers at this IP address; its URL holds a secret.",
 )
-_FOXGLOVE, _FOXGLOVE_ADDRESS = _served(
+_FOXGLOVE, _FOXGLOVE_ADDRESS = _address_options(
     "--foxglove",
     "Stream the run to Foxglove on this computer",
-    "Stream to Foxglove on other computers at this IP address; whoever reaches it can look.",
+    "Stream to Foxglove on other computers at this IP address, without access control.",
 )
 
 
 class PortsOptional(TyperCommand):
-    """A command whose options in `PORTS` may stand without a port."""
+    """Command with optional ports for the options in `PORTS`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse with the port of each option that has none."""
-        parsed: list[str] = super().parse_args(ctx, with_ports(args))
+        """Parse arguments after the insertion of default ports."""
+        parsed: list[str] = super().parse_args(ctx, insert_ports(args))
         return parsed
 
 
-def with_ports(arguments: list[str]) -> list[str]:
-    """Give each option in `PORTS` that has no number after it the port that it means."""
+def insert_ports(arguments: list[str]) -> list[str]:
+    """Insert the default port after every option in `PORTS` without a number."""
     found = []
     for word, after in zip(arguments, [*arguments, ""][1:], strict=True):
         found.append(word)
@@ -87,7 +87,7 @@ def with_ports(arguments: list[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class Shown:
-    """Options: where a run is shown while it goes on."""
+    """Options for the live display of a run."""
 
     live: Annotated[int | None, _LIVE] = None
     live_address: Annotated[str | None, _LIVE_ADDRESS] = None
@@ -102,7 +102,7 @@ def listeners(
     *,
     while_open: bool = False,
 ) -> list[Listener]:
-    """Processes that are informed of the run.
+    """Create the processes informed of the run.
 
     Parameters
     ----------

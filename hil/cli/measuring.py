@@ -1,7 +1,7 @@
-"""`hil run`: a plan measured into a folder, on a bus of drives or on the virtual plant.
+"""Command `hil run`: measurement of a plan, on a bus of drives or on the virtual plant.
 
-This is the one place that knows both identification and a concrete bus: simulation and hardware
-part at `open_drive_bus`, by its arguments.
+Only this module knows both identification and a concrete bus: simulation and hardware differ at
+`open_drive_bus`, by its arguments.
 """
 
 from __future__ import annotations
@@ -108,14 +108,14 @@ def run(
 
 @dataclass(frozen=True)
 class OnBus(RobotsBus):
-    """On which bus a plan is measured, and how; as the options of `hil run`.
+    """Bus and settings for measuring a plan, from the options of `hil run`.
 
     Attributes
     ----------
     listeners : sequence of Listener
         Processes informed of what happens, not started yet.
     feed : Feed, optional
-        What informs listeners of this run among others, in their place.
+        Existing feed for listeners, shared with other runs.
     """
 
     frame_log: Path | None = None
@@ -149,11 +149,11 @@ def measure(
     in_front : callable, optional
         Puts a bus in front of that of the drives, which passes everything on and adds its own.
     feeds : bool
-        Whether the drives must take what is fed forward.
+        True if the drives must accept feed-forward values.
     display : callable, optional
         See `hil.cli.run_session.carry_out`.
     rounds : int
-        How often the whole plan is measured, as measurements of their own.
+        Number of repetitions of the plan, as separate measurements.
     watcher : Watcher, optional
         Whose torques are shown to listeners.
     """
@@ -163,17 +163,17 @@ def measure(
         from drivers.opening import open_drive_bus
         from hil.cli import bus_access
         from hil.cli.run_session import carry_out
-        from hil.planning.plan import repeated
+        from hil.planning.plan import repeat_measurements
         from hil.runs.journal import BusName
         from hil.tasks.found_settings import keeper_of_run
         from hil.tasks.measuring import prepared_folder, refuse_unusable
         from hil.terminal.progress import shown
 
         refuse_unusable(output, resume)
-        drives, text = _checked_drives(the_plan, the_robot, source, how, feeds=feeds)
+        drives, text = _check_drives(the_plan, the_robot, source, how, feeds=feeds)
     channel = how.channel or the_robot.name
     options = bus_options(how.bus_option)
-    planned = repeated(the_plan, rounds)
+    planned = repeat_measurements(the_plan, rounds)
     feed = _feed(how, planned, the_robot, rehearsal, watcher)
     display = display or shown
 
@@ -183,7 +183,7 @@ def measure(
             feed_forward=feeds,
         )  # fmt: skip
         found = found if in_front is None else in_front(found)
-        return found if feed is None else feed.in_front(found)
+        return found if feed is None else feed.wrap_bus(found)
 
     with keeper_of_run(output, how.interface, channel) as keeper:
         folder, damaged = prepared_folder(output, planned, the_robot, text, resume=resume)
@@ -194,7 +194,7 @@ def measure(
             bus,
             BusName(how.interface, channel),
             rehearsal,
-            lambda: bus_access.real_time_if(how.realtime, lock_step=_in_lock_step(how)),
+            lambda: bus_access.real_time_if(how.realtime, lock_step=_uses_lock_step(how)),
             display if feed is None else partial(feed.display, display),
         )
 
@@ -206,7 +206,7 @@ def _feed(
     rehearsal: float | None,
     watcher: Watcher | None,
 ) -> Feed | None:
-    """What informs listeners of the run; None where there are none."""
+    """Create the feed of the run's listeners; None without listeners."""
     feed, hand = how.feed, bool(hand_of(how.bus_option))
     if feed is None and how.listeners:
         from hil.live.feed import Feed
@@ -221,19 +221,19 @@ def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, 
     from hil.cli import bus_access, drive_settings
     from hil.tasks.found_settings import kept_in
 
-    drives, _ = _checked_drives(the_plan, the_robot, source, how)
+    drives, _ = _check_drives(the_plan, the_robot, source, how)
     channel = how.channel or the_robot.name
     bus_options(how.bus_option)
     kept = kept_in(output, how.interface, channel)
-    with bus_access.opened(how.interface, channel, drives.bitrate, how.bus_option) as bus:
+    with bus_access.open_interface(how.interface, channel, drives.bitrate, how.bus_option) as bus:
         drive_settings.show_changes(drives, bus, kept)
     say("nothing was written, nothing was powered")
 
 
-def _checked_drives(
+def _check_drives(
     the_plan: Plan, the_robot: Robot, source: Path, how: OnBus, *, feeds: bool = False
 ) -> tuple[DrivesFile, str]:
-    """Drives of the robot and the text of their file; a plan that they cannot carry is refused."""
+    """Return drives of the robot and the text of the drives file; refuse an infeasible plan."""
     from hil.tasks.measuring import checked_drives
 
     refuse_no_channel(how.interface, how.channel)
@@ -248,5 +248,5 @@ def _gate(folder: Path, the_robot: Robot) -> None:
         say(line, style="yellow")
 
 
-def _in_lock_step(how: OnBus) -> bool:
+def _uses_lock_step(how: OnBus) -> bool:
     return how.pacing == "lock-step" or (how.pacing == "auto" and how.interface == SIMULATED)

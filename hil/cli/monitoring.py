@@ -1,7 +1,6 @@
-"""The command that watches the bus beside whoever commands the drives.
+"""Command `hil drives monitor`: passive display of the drives on a bus.
 
-A table of what goes on is drawn again and again until a key ends it. Where nobody sits at a
-terminal it is printed once, when the time is over.
+The table refreshes until a key ends the command. Without a terminal it is printed once, at the end.
 """
 
 from __future__ import annotations
@@ -52,9 +51,9 @@ def monitor(
     """Show states, positions, torques and emergencies live; only listens."""
     from hil.cli import bus_access
 
-    drives = bus_access.selected(drives_file)
+    drives = bus_access.select_axes(drives_file)
     with (
-        bus_access.opened_bus(drives_file, drives, where) as bus,
+        bus_access.open_bus(drives_file, drives, where) as bus,
         interruptible(lambda: "stopped watching"),
         Keys() as keys,
     ):
@@ -76,7 +75,7 @@ def follow(
     duration: float | None,
     every: float = 0.1,
 ) -> None:
-    """Listen and show what is seen until q is pressed or the time is over.
+    """Listen and show the state until q is pressed or the time is over.
 
     Parameters
     ----------
@@ -87,9 +86,9 @@ def follow(
     keys : Keys
         Entered; p pauses the table and goes on, q ends.
     console : Console
-        Where to draw.
+        Console for the table.
     duration : float or None
-        How long at most [s].
+        Maximum duration [s].
     every : float
         Time between two tables [s].
     """
@@ -115,7 +114,7 @@ def follow(
 
 
 def _table(picture: Picture, drives: DrivesFile, hint: str) -> Table:
-    """What was seen until now, a row an axis."""
+    """Draw the current state, a row per axis."""
     rate = picture.sync_rate(time.monotonic())
     drawn = Table(title=f"SYNC at {rate:.4g} Hz" if rate else "no SYNC", caption=hint)
     for heading in ("axis", "node", "NMT", "state"):

@@ -1,11 +1,9 @@
-"""What commands write, looked at while the command line is read: nothing is computed in vain.
+"""Output paths, validated before computation, and display of results.
 
-What is made from simulated runs says so (`say_simulated`).
-
-Each option that names something to write has one of the callbacks of this module; a test finds the
-options of all commands and holds them to it. A file needs the folder that it is to stand in: a
-mistyped one would not be found again. A folder is made together with those about it. What a command
-writes into the folder of a run is looked at by `refuse_unwritable`.
+Results of simulated runs are marked as such (`say_simulated`). Each option that names something to
+write has one of the callbacks of this module; a test finds the options of all commands and checks
+their callbacks. The folder of a file must exist, against typing errors; folders are created with
+their parents. `refuse_unwritable` checks files that a command writes into the folder of a run.
 """
 
 from __future__ import annotations
@@ -32,10 +30,10 @@ if TYPE_CHECKING:
 
 
 class Status(IntEnum):
-    """Exit status of commands that have done what they were asked for.
+    """Exit status of completed commands with a negative result.
 
-    A judgement is failed (of an identification, by a recording or by limits), a watch has raised
-    alarms, or, with --fail-on-change, something of the newest run changed.
+    REFUSED: an identification, a validation or an acceptance failed. ALARMED: a watch raised
+    alarms. CHANGED: the newest run changed (--fail-on-change).
     """
 
     REFUSED = 3
@@ -47,33 +45,33 @@ STYLES = {"good": "green", "doubtful": "yellow", "failed": "bold red"}
 
 
 def refuse_existing(output: Path) -> None:
-    """Refuse to write over a file.
+    """Refuse to overwrite a file.
 
     Raises
     ------
     FileError
-        It is there.
+        An existing file.
     """
     if os.path.lexists(output):
-        raise _refused(f"{output}: is there already; remove it or choose another name with -o")
+        raise _output_error(f"{output}: is there already; remove it or choose another name with -o")
 
 
 def refuse_no_folder(output: Path) -> None:
-    """Refuse a file whose folder is not there, or takes no files.
+    """Refuse a file in a missing or read-only folder.
 
     Raises
     ------
     FileError
     """
     if not output.parent.is_dir():
-        raise _refused(f"{output}: there is no folder {output.parent}; make it first")
+        raise _output_error(f"{output}: there is no folder {output.parent}; make it first")
     _refuse_closed(output.parent)
 
 
 def refuse_unwritable(output: Path) -> None:
-    """Refuse a result that could not be kept, before it is computed.
+    """Refuse a result that could not be saved, before computation.
 
-    Nothing is said of a folder that is not there: what is read from it has an error of its own.
+    A missing folder is not refused here: reading from it has an error of its own.
 
     Raises
     ------
@@ -81,40 +79,42 @@ def refuse_unwritable(output: Path) -> None:
         A folder has its name, or its own folder takes no files.
     """
     if output.is_dir() and not output.is_symlink():
-        raise _refused(f"{output}: is a folder, and a file is to be written there; move it away")
+        raise _output_error(
+            f"{output}: is a folder, and a file is to be written there; move it away"
+        )
     if output.parent.is_dir() and not os.access(output.parent, os.W_OK):
-        raise _refused(
+        raise _output_error(
             f"{output}: cannot be written: {output.parent} takes no files from this user; copy the"
             " folder to where it may be written"
         )
 
 
 def _refuse_no_way(path: Path, folder: Path | None = None) -> None:
-    """Refuse a place below something else than a folder, or below one that takes no files."""
+    """Refuse a path below a file, or below a read-only folder."""
     folder = folder or path
     there = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
     if not there.is_dir():
-        raise _refused(f"{path}: {there} is no folder; choose another name")
+        raise _output_error(f"{path}: {there} is no folder; choose another name")
     _refuse_closed(there)
 
 
 def _refuse_closed(folder: Path) -> None:
     if not os.access(folder, os.W_OK):
-        raise _refused(
+        raise _output_error(
             f"{folder} takes no files from this user; choose another place, or have its rights"
             " changed"
         )
 
 
-def _refused(text: str) -> FileError:
-    """Return the error of one line, whose paths can be copied, as a usage error's cannot."""
+def _output_error(text: str) -> FileError:
+    """Create an error with a copyable path in one line, unlike a usage error."""
     from hil.errors import FileError
 
     return FileError(text)
 
 
-def _taken_unless(*refuse: Callable[[Path], None]) -> Callable[..., Path | None]:
-    """Return the callback of an option: its path as it is, unless one of these refuses it."""
+def _path_callback(*refuse: Callable[[Path], None]) -> Callable[..., Path | None]:
+    """Create the callback of an option: the path unchanged, or an error from a check."""
 
     def take(ctx: typer.Context, path: Path | None) -> Path | None:
         if path is not None and not ctx.resilient_parsing:
@@ -125,20 +125,20 @@ def _taken_unless(*refuse: Callable[[Path], None]) -> Callable[..., Path | None]
     return take
 
 
-new_file = _taken_unless(refuse_no_folder, refuse_existing)
-"""Takes a file to be made: it is not there, its folder is."""
-file_to_write = _taken_unless(refuse_no_folder, refuse_unwritable)
-"""Takes a file that may be there, and is written anew then."""
-folder_to_write = _taken_unless(_refuse_no_way)
-"""Takes a folder that is there or can be made, with those about it."""
-place_to_write = _taken_unless(lambda path: _refuse_no_way(path, path.absolute().parent))
-"""Takes a folder, or a file: another option states which."""
-new_folder = _taken_unless(refuse_existing, _refuse_no_way)
-"""Takes a folder to be made, with those about it."""
+new_file = _path_callback(refuse_no_folder, refuse_existing)
+"""Accept a new file in an existing folder."""
+file_to_write = _path_callback(refuse_no_folder, refuse_unwritable)
+"""Accept a file, existing or new; an existing one is overwritten."""
+folder_to_write = _path_callback(_refuse_no_way)
+"""Accept a folder, existing or to be created with parents."""
+place_to_write = _path_callback(lambda path: _refuse_no_way(path, path.absolute().parent))
+"""Accept a folder or a file, depending on another option."""
+new_folder = _path_callback(refuse_existing, _refuse_no_way)
+"""Accept a folder to be created, with parents."""
 
 
 def output_option(callback: Callable[..., Path | None], text: str) -> OptionInfo:
-    """Return the option -o, looked at by a callback of this module."""
+    """Create the option -o with a callback of this module."""
     return cast("OptionInfo", typer.Option("-o", "--output", callback=callback, help=text))
 
 
@@ -146,7 +146,7 @@ NewPlan = Annotated[Path, output_option(new_file, "Plan to write.")]
 
 
 def say_simulated(*runs: Run) -> None:
-    """State of what is made from runs whether any was measured on the virtual plant."""
+    """State if any of the runs was measured on the virtual plant."""
     from hil.runs.journal import NO_REAL_MACHINE
 
     if any(run.journal.simulated for run in runs):
@@ -154,7 +154,7 @@ def say_simulated(*runs: Run) -> None:
 
 
 def show(*found: Outcome | Table | str) -> None:
-    """Print what commands found: tables that have rows, sentences and verdicts."""
+    """Print results: tables with rows, sentences and verdicts."""
     from hil.runs.journal import NO_REAL_MACHINE
     from hil.show import terminal
     from hil.show.outcome import Outcome
@@ -175,7 +175,7 @@ def show(*found: Outcome | Table | str) -> None:
 
 
 def say_verdicts(verdicts: Sequence[Verdict]) -> None:
-    """Print what a result is worth: the worst, notes, and words of the command's own."""
+    """Print the verdicts on a result: worst first, then notes."""
     if verdicts:
         text = printable(str(verdicts[0]))
         give(judgement={"word": verdicts[0].kind, "text": text})
@@ -187,7 +187,7 @@ def say_verdicts(verdicts: Sequence[Verdict]) -> None:
 
 
 def write_page(path: Path, found: Outcome) -> None:
-    """Write the page of what a command found, and state where it is."""
+    """Write the page of results, and state the path."""
     with working("drawing the page"):
         from hil.show.page import write_outcome
 
@@ -196,7 +196,7 @@ def write_page(path: Path, found: Outcome) -> None:
 
 
 def show_causes(before: Path, *after: Run, known: Sequence[str] = ()) -> None:
-    """Print what recordings show of a change since a run, cause by cause."""
+    """Print a diagnosis of the change since a run, cause by cause."""
     from hil.commands.history import by_cause
 
     with working("looking for causes in the recordings"):

@@ -1,4 +1,4 @@
-"""`hil payload`: a load from two whole runs, or measured in minutes beside one without it."""
+"""Command `hil payload`: a load from two whole runs, or from a short measurement."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 
 TWO_RUNS = "two-runs"
 LEAST_MINUTES = 1.0
-"""Shortest measurement [min]: in 0.6 no slow stroke of the built-in robot fits, in 0.75 one."""
+"""Shortest measurement [min]: no slow stroke of the built-in robot fits into 0.6, one into 0.75."""
 SLOW, FAST = "slow", "fast"
-"""Folders of the two stages, within that of the measurement."""
+"""Folders of the two stages, within the folder of the measurement."""
 
 
 payload = typer.Typer(
@@ -125,7 +125,7 @@ def measure(
     """Measure a load, slowly and then faster; the robot moves."""
     from hil.cli.measuring import OnBus
     from hil.commands.payload import NAME, advised, verdict, write_load
-    from hil.planning.design.load import REACH, fast_plan, holds, slow_plan
+    from hil.planning.design.load import REACH, fast_plan, load_capacity, slow_plan
     from hil.results.load import BareRun, LoadFit, estimate_load, find_load
     from hil.runs.run import Run
 
@@ -142,7 +142,7 @@ def measure(
     if slow is None:
         with working("choosing slow measurements"):
             slow = slow_plan(known, minutes, at_most if mass is None else mass, held_axes)
-            held = holds(known, slow)
+            held = load_capacity(known, slow)
         _show_stage("slow", slow, bare_run)
         say(
             f"all axes hold up to {held:.3g} kg in these poses, its centre up to"
@@ -166,7 +166,7 @@ def measure(
 
 
 def _finish(folder: Path, bare: Run, loaded: Sequence[Run], found: Load, kept: LoadFile) -> None:
-    """Show a load, what else changed where it is not rigid, and write its page."""
+    """Show a load, the causes of a non-rigid load, and write the page."""
     from hil.commands.payload import PAGE, outcome
     from hil.estimation.loads.figures import LOOSE
 
@@ -178,7 +178,7 @@ def _finish(folder: Path, bare: Run, loaded: Sequence[Run], found: Load, kept: L
 
 
 def _refuse_output(bare: Run, output: Path, *, resume: bool) -> None:
-    """Refuse a folder in which something else was measured."""
+    """Refuse a folder with a different measurement."""
     from checked_files.yaml_file import FileError
     from hil.errors import Mismatch
 
@@ -196,7 +196,7 @@ def _refuse_output(bare: Run, output: Path, *, resume: bool) -> None:
 
 
 def _kept_plan(folder: Path, bare: Run) -> Plan | None:
-    """Plan of a stage of this robot that was begun before; None where there is none."""
+    """Return the plan of a stage begun earlier; None if there is none."""
     from hil.errors import Mismatch
     from hil.runs.run import Run
 

@@ -1,4 +1,4 @@
-"""The files of a plan: read with its robot and its workspace, checked, written."""
+"""Files of a plan: reading with robot and workspace, validation, writing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tuple[Plan, Robot]:
-    """Read a plan, its robot and the workspace that holds for it; show what is strange about it.
+    """Read a plan with robot and workspace; show remarks about the workspace.
 
     Raises
     ------
@@ -33,12 +33,12 @@ def load(plan_file: Path, robot_file: str | None, workspace: Path | None) -> tup
 
 
 def load_guard(path: Path | None, robot: Robot) -> Workspace | None:
-    """Read the workspace that a new plan keeps to, if any; show what is strange about it.
+    """Read the optional workspace of a new plan; show remarks.
 
     Raises
     ------
     FileError
-        It cannot be used.
+        An unusable workspace file.
     """
     guard = None if path is None else load_workspace(path, robot)
     _show_remarks(guard, robot)
@@ -46,13 +46,13 @@ def load_guard(path: Path | None, robot: Robot) -> Workspace | None:
 
 
 def _show_remarks(workspace: Workspace | None, robot: Robot) -> None:
-    """Print what is strange about a workspace, though it is accepted."""
+    """Print remarks about an accepted workspace."""
     for line in remarks(workspace, robot):
         say(line, style="yellow")
 
 
 def write_plan(output: Path, designed: Plan, the_robot: Robot) -> None:
-    """Write a plan, which remembers where its robot file lies, and state its measurements."""
+    """Write a plan with the path of the robot file, and state the number of measurements."""
     source = Path(the_robot.source)
     if source.parent != ROBOTS:
         file = Path(os.path.relpath(source.resolve(), output.resolve().parent)).as_posix()

@@ -1,8 +1,7 @@
-"""What a robot file and a plan come to, on the terminal.
+"""Terminal output of a robot's parameters, a dry run and predicted precision.
 
-Of a robot file: Table 1, eq. (22) by group, and Table 2. Of a plan: what it takes, and how
-precisely it identifies; the last column of predictions is the torque that a standard deviation
-amounts to, of the limit.
+Robot: Table 1, eq. (22) by group, and Table 2. Plan: duration, identifiability and precision; the
+last column of predictions is the torque of a standard deviation, relative to the limit.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ _GROUP_TITLES = {
 
 
 def render_robot(robot: Robot) -> None:
-    """Print present parameters, base parameters by group, and where each occurs."""
+    """Print present parameters, base parameters by group, and dependencies of M and g."""
     base = base_parameters(robot)
     out.print(_present_parameters(robot))
     out.print(_base_parameters(robot, base))
@@ -80,7 +79,7 @@ def _base_parameters(robot: Robot, base: BaseParameters) -> Table:
 
 
 def _dependencies(robot: Robot, base: BaseParameters) -> Table:
-    """Rows of M, upper triangle as it is symmetric, and g, with the numbers that occur in them."""
+    """Draw the table of parameters in M (upper triangle, by symmetry) and g."""
     joints = range(robot.n_joints)
     table = Table(title="parameters p_k that occur in M_ij(q) and g_i(q), by k", show_lines=True)
     for heading in ("", *(f"M_i{j + 1}" for j in joints), "g_i"):
@@ -92,7 +91,7 @@ def _dependencies(robot: Robot, base: BaseParameters) -> Table:
 
 
 def _numbers(occurs: NDArray[np.bool_]) -> str:
-    """Numbers from 1 of what occurs, three or more in a row as a range: ``1-4, 7``."""
+    """Format indices from 1, three or more in a row as a range: ``1-4, 7``."""
     found = np.flatnonzero(occurs) + 1
     runs = np.split(found, np.flatnonzero(np.diff(found) > 1) + 1) if found.size else []
     parts = [f"{run[0]}-{run[-1]}" if run.size > 2 else ", ".join(map(str, run)) for run in runs]
@@ -100,7 +99,7 @@ def _numbers(occurs: NDArray[np.bool_]) -> str:
 
 
 def render(result: DryRun, robot: Robot) -> None:
-    """Print what a plan will cost and what it will give."""
+    """Print duration, bus load and identifiability of a plan."""
     out.print(_costs(result))
     if result.bus:
         say(
@@ -123,14 +122,14 @@ def render(result: DryRun, robot: Robot) -> None:
         out.print(_gains(result))
         for group in result.groups:
             if group.poorly_identifiable:
-                names = _titled(group.poorly_identifiable, robot)
+                names = _join_titles(group.poorly_identifiable, robot)
                 say(
                     f"poorly identifiable in {_words(group.group)}: {names}; vary more joints or"
                     " add configurations",
                     "yellow",
                 )
             if group.hidden:
-                names = _titled(group.hidden, robot)
+                names = _join_titles(group.hidden, robot)
                 say(
                     f"{names}: acceleration shows what no gravity torque distinguishes from an"
                     " offset or from each other; condition and rank are those of all kinds of"
@@ -138,8 +137,8 @@ def render(result: DryRun, robot: Robot) -> None:
                 )
 
 
-def _titled(names: Iterable[str], robot: Robot) -> str:
-    """What base parameters are, in a row: ``gravity of axis 2 (p5), gravity of axis 3 (p8)``."""
+def _join_titles(names: Iterable[str], robot: Robot) -> str:
+    """Join the titles of base parameters: ``gravity of axis 2 (p5), gravity of axis 3 (p8)``."""
     base = base_parameters(robot)
     title = dict(zip(base.names, base.titles, strict=True))
     return ", ".join(title[name] for name in names)
@@ -180,13 +179,13 @@ def _words(group: str) -> str:
 
 
 def render_precision(found: Precision, robot: Robot) -> None:
-    """Print how precisely a plan will identify every base parameter."""
+    """Print the predicted precision of every base parameter."""
     columns = {"std. deviation": [_figure(each) for each in found.deviation]}
     _print_precision("Predicted precision", columns, found, robot)
 
 
 def render_refinement(before: Precision, after: Precision, robot: Robot) -> None:
-    """Print what is known and what will be known with the measurements proposed."""
+    """Print the present precision, and the prediction with the proposed measurements."""
     pairs = list(zip(before.deviation.tolist(), after.deviation.tolist(), strict=True))
     columns = {
         "now": [_figure(now) for now, _ in pairs],
@@ -199,7 +198,7 @@ def render_refinement(before: Precision, after: Precision, robot: Robot) -> None
 def _print_precision(
     title: str, columns: dict[str, list[str]], found: Precision, robot: Robot
 ) -> None:
-    """Print figures by group, what they mean as torques, and which are imprecise."""
+    """Print figures by group, effects on torques, and imprecise parameters."""
     table = Table(title=title, box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("", no_wrap=True)
     table.add_column("what it is", overflow="fold")
@@ -220,7 +219,7 @@ def _print_precision(
     say(
         f"torque: what a standard deviation amounts to, of an axis's limit; {found.source}",
     )
-    if imprecise := _titled(np.array(found.names)[found.imprecise].tolist(), robot):
+    if imprecise := _join_titles(np.array(found.names)[found.imprecise].tolist(), robot):
         say(
             f"imprecise: {imprecise}; a standard deviation is more than {IMPRECISE:.1%} of a torque"
             " limit. Give more minutes, or measure on with hil plan --refine",
@@ -233,7 +232,7 @@ def _figure(deviation: float) -> str:
 
 
 def _weight(found: Precision, k: int) -> tuple[str, str]:
-    """What a standard deviation means, and whether that is much."""
+    """Format the effect of a standard deviation, with a mark if imprecise."""
     effect = float(found.effect[k])
     figure = significant(100 * effect, 2) if math.isfinite(effect) else ""
     return figure, "[yellow]imprecise[/]" if found.imprecise[k] else ""

@@ -1,4 +1,4 @@
-"""Before anything moves: a plan, chosen for a robot's base parameters, and its dry run."""
+"""Commands `hil plan` and `hil dry-run`."""
 
 from __future__ import annotations
 
@@ -87,21 +87,23 @@ def dry_run_(
 
 
 Kind = Literal["strokes", "friction", "trajectory", "load"]
-"""What a plan measures."""
+"""Subject of a plan."""
 Experiment = Literal["sweep", "stops", "operation"]
-"""What is measured of friction."""
+"""Experiment on friction."""
 Criterion = Literal["condition", "singular", "det"]
-"""What an exciting trajectory makes small."""
+"""Optimality criterion of an exciting trajectory."""
 
 
-def _for(kinds: str) -> partial[Any]:
-    """Options of some kinds of plan, in a panel of the help."""
+def _option_for(kinds: str) -> partial[Any]:
+    """Return an option factory with the help panel of some kinds of plan."""
     return partial(typer.Option, rich_help_panel=f"Options of --kind {kinds}")
 
 
-_strokes, _friction, _trajectory, _load = map(_for, ("strokes", "friction", "trajectory", "load"))
+_strokes, _friction, _trajectory, _load = map(
+    _option_for, ("strokes", "friction", "trajectory", "load")
+)
 _count = partial(_strokes, min=1, max=2000)
-"""Option of a number of measurements; choosing among more takes longer than measuring them."""
+"""Option for a number of measurements; the bound limits the time for choosing."""
 
 
 @commands.command()
@@ -119,7 +121,7 @@ def plan(
         Kind,
         typer.Option(
             help="Measurements to plan: strokes for base parameters, sweeps for friction, a"
-            " periodic trajectory, or slow strokes that weigh a load."
+            " periodic trajectory, or slow strokes to estimate a load."
         ),
     ] = "strokes",
     minutes: Annotated[
@@ -279,7 +281,7 @@ def plan(
 
 
 def poses(robot: Robot, stated: list[str]) -> tuple[tuple[int, float], ...]:
-    """Axes from 0 and where they are held [rad or m]."""
+    """Parse axes from 0 and held positions [rad or m]."""
     found = []
     for each in stated:
         fits = re.fullmatch(r"axis(\d+)=([-+]?\d+(?:\.\d*)?)", each)

@@ -1,18 +1,17 @@
-"""Real time as far as this system grants it: scheduling class, memory, a core, awake processors.
+"""Real-time execution as far as granted: scheduling class, memory, core, idle states.
 
 SYNC on the wall clock is as regular as this process is woken up. A normal process shares its core
 with all others, may be moved between cores, has its memory paged out and its core sent to sleep,
-each of which costs some milliseconds now and then. Inside `real_time` the calling thread has what
-the system grants of four measures, and says for the others what would have to be granted. On
-leaving everything is as before. Threads that are started meanwhile, such as the one that writes
-files, keep the normal scheduling class.
+each of which costs some milliseconds now and then. Inside `real_time` the calling thread gets the
+granted ones of four measures, and a hint for each refused one. On leaving, everything is restored.
+Threads started meanwhile, such as the one that writes files, keep the normal scheduling class.
 
-The priority is below that of the kernel's own threads, among them those of interrupts: frames come
-in and go out before whoever waits for them runs.
+The priority is below that of the kernel's own threads, among them those of interrupts: frames are
+received and sent before the thread that waits for them runs.
 
-Inside `short_slices` a normal thread is woken up sooner, for which no rights are needed. Linux runs
-that thread first whose slice ends first in virtual time (EEVDF). A short slice ends soon, and from
-Linux 6.12 on a thread may ask for one. Its share of the processor stays the same.
+Inside `short_slices` a normal thread is woken up sooner, without any rights. Linux first runs the
+thread whose slice ends first in virtual time (EEVDF). A short slice ends soon, and from Linux 6.12
+on a thread may request one. Its share of the processor stays the same.
 """
 
 from __future__ import annotations
@@ -30,40 +29,40 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 PRIORITY = 40
-"""Of SCHED_FIFO, 1 to 99; threaded interrupts have 50."""
+"""Priority of SCHED_FIFO, 1 to 99; threaded interrupts have 50."""
 
 SLICE = 100_000
-"""Of a normal thread, the shortest that Linux grants [ns]; of others .7 to 2.8 ms, by the number of
-cores."""
+"""Time slice of a normal thread, the shortest granted by Linux [ns]; the default is 0.7 to 2.8 ms,
+depending on the number of cores."""
 
 _SET_ATTRIBUTES = {"x86_64": 314, "i686": 351, "armv7l": 380, "aarch64": 274, "riscv64": 274}
-"""Numbers of Linux's call sched_setattr, for which older C libraries have no function."""
+"""Numbers of Linux's system call sched_setattr, missing in older C libraries."""
 _ATTRIBUTES = struct.Struct("=IIQiIQQQ")
-"""Its argument: size, policy, flags, nice, priority; runtime, deadline and period [ns]."""
+"""Argument of sched_setattr: size, policy, flags, nice, priority, runtime, deadline, period."""
 _RESET_ON_FORK = 1
-"""Its flag for what `os.SCHED_RESET_ON_FORK` is to sched_setscheduler."""
+"""Flag of sched_setattr equivalent to `os.SCHED_RESET_ON_FORK`."""
 
 _CURRENT, _FUTURE, _ON_FAULT = 1, 2, 4
-"""Flags of mlockall: what is mapped, what will be; each page once it is used."""
+"""Flags of mlockall: present pages, future pages; pages on first use."""
 _ISOLATED = Path("/sys/devices/system/cpu/isolated")
 _AWAKE = Path("/dev/cpu_dma_latency")
 
 
 class Linux:
-    """Linux's own calls; other systems refuse all of them.
+    """System calls of Linux, unavailable on other systems.
 
-    Each raises `OSError` where it is refused; the first five return what undoes them.
+    Each raises `OSError` where it is refused; the first five return a function to undo them.
     """
 
     def schedule(self, priority: int) -> Callable[[], None]:
-        """Give the calling thread SCHED_FIFO, and none that it starts."""
+        """Set SCHED_FIFO for the calling thread, without inheritance."""
         before, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
         policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
         os.sched_setscheduler(0, policy, os.sched_param(priority))
 
         def undo() -> None:
-            # who has no right but that of rtprio may not take the flag back: a normal thread with
-            # it is as good
+            # without rights beyond rtprio the flag cannot be cleared: a normal thread with the flag
+            # is equivalent
             os.sched_setscheduler(0, before | os.SCHED_RESET_ON_FORK, parameters)
             with suppress(PermissionError):
                 os.sched_setscheduler(0, before, parameters)
@@ -71,7 +70,7 @@ class Linux:
         return undo
 
     def slice(self, duration: int) -> Callable[[], None]:
-        """Give the calling thread, if it is a normal one, and those that it starts a slice [ns]."""
+        """Set the time slice [ns] of the calling thread, if normal, and of its descendants."""
         number = _SET_ATTRIBUTES[platform.machine()]
         library = ctypes.CDLL(None, use_errno=True)
 
@@ -88,7 +87,7 @@ class Linux:
         return lambda: ask(0)
 
     def lock_memory(self) -> Callable[[], None]:
-        """Keep every page that is used from being paged out."""
+        """Lock used memory pages against swapping."""
         library = ctypes.CDLL(None, use_errno=True)
         if library.mlockall(_CURRENT | _FUTURE | _ON_FAULT):
             number = ctypes.get_errno()
@@ -97,13 +96,13 @@ class Linux:
         return unlock
 
     def pin(self, core: int) -> Callable[[], None]:
-        """Keep the calling thread on a core."""
+        """Pin the calling thread to a core."""
         before = os.sched_getaffinity(0)
         os.sched_setaffinity(0, {core})
         return lambda: os.sched_setaffinity(0, before)
 
     def stay_awake(self) -> Callable[[], None]:
-        """Ask for a wake-up latency of 0 us, for as long as the file is open."""
+        """Request a wake-up latency of 0 us, for as long as the file is open."""
         descriptor = os.open(_AWAKE, os.O_WRONLY | os.O_CLOEXEC)
         try:
             os.write(descriptor, b"\0\0\0\0")
@@ -113,11 +112,11 @@ class Linux:
         return lambda: os.close(descriptor)
 
     def cores(self) -> set[int]:
-        """Cores on which the calling thread may run; isolated ones only if it was put there."""
+        """Return cores permitted to the calling thread; isolated ones only after pinning."""
         return os.sched_getaffinity(0)
 
     def isolated(self) -> set[int]:
-        """Cores of ``isolcpus``, from a list such as 2-3,5."""
+        """Return the cores of ``isolcpus``, parsed from a list such as 2-3,5."""
         text = _ISOLATED.read_text(encoding="ascii").strip()
         ranges = [part.partition("-") for part in text.split(",") if part]
         return {
@@ -127,7 +126,7 @@ class Linux:
 
 @contextmanager
 def short_slices(system: Linux | None = None) -> Iterator[None]:
-    """Run the block in a thread that is woken up soon, where this system has such a thing."""
+    """Run the block with a short time slice, if supported."""
     with ExitStack() as undo:
         with suppress(OSError, AttributeError, KeyError):  # the latter where no number is known
             undo.callback((system or Linux()).slice(SLICE))
@@ -136,7 +135,7 @@ def short_slices(system: Linux | None = None) -> Iterator[None]:
 
 @contextmanager
 def real_time(system: Linux | None = None) -> Iterator[tuple[str, ...]]:
-    """Run the block in real time, as far as it is granted; yields what was.
+    """Run the block in real time as far as granted; yield the measures.
 
     Parameters
     ----------
@@ -151,12 +150,12 @@ def real_time(system: Linux | None = None) -> Iterator[tuple[str, ...]]:
     """
     system = Linux() if system is None else system
     with ExitStack() as undo:
-        memory = _asked(undo, system.lock_memory, "memory", "locked", _MEMORY)
-        idle = _asked(undo, system.stay_awake, "idle states", "shallow only", _IDLE)
-        core = _pinned(undo, system)
+        memory = _request(undo, system.lock_memory, "memory", "locked", _MEMORY)
+        idle = _request(undo, system.stay_awake, "idle states", "shallow only", _IDLE)
+        core = _pin(undo, system)
         by = f"SCHED_FIFO, priority {PRIORITY}"
         schedule = partial(system.schedule, PRIORITY)
-        scheduling = _asked(undo, schedule, "scheduling", by, _SCHEDULING)
+        scheduling = _request(undo, schedule, "scheduling", by, _SCHEDULING)
         yield scheduling, memory, core, idle
 
 
@@ -169,7 +168,7 @@ _CORE = "set one aside with isolcpus=N among the kernel's parameters"
 _IDLE = "let this user write /dev/cpu_dma_latency, or limit idle states in the firmware"
 
 
-def _asked(
+def _request(
     undo: ExitStack, ask: Callable[[], Callable[[], None]], name: str, granted: str, remedy: str
 ) -> str:
     try:
@@ -179,8 +178,8 @@ def _asked(
     return f"{name}: {granted}"
 
 
-def _pinned(undo: ExitStack, system: Linux) -> str:
-    """Keep the thread on an isolated core; on a shared one it could not step aside for others."""
+def _pin(undo: ExitStack, system: Linux) -> str:
+    """Pin the thread to an isolated core; on a shared core other threads would block the thread."""
     try:
         isolated = sorted(system.isolated())
         if not isolated:

@@ -1,4 +1,4 @@
-"""`hil replay`: a model driven as the robot was, and its motion beside the recorded one."""
+"""Command `hil replay`: simulation of recordings with a model, against the recorded motion."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def replay(
     model_path: ModelPath,
     simulator: Annotated[
         Literal["builtin", "mujoco"],
-        typer.Option(help="Exact stick-slip of our own, or MuJoCo, which is to be installed."),
+        typer.Option(help="Built-in simulator with exact stick-slip, or MuJoCo, to be installed."),
     ] = "builtin",
     friction: Annotated[
         Literal["law", "plain", "exported"] | None,
         typer.Option(
-            help="Law of the model, its offset, Coulomb and viscous terms alone, or friction as it"
-            " is exported, which mujoco always has."
+            help="Friction: the model's law, its offset, Coulomb and viscous terms alone, or as"
+            " exported (always with mujoco)."
         ),
     ] = None,
     max_error: Annotated[
@@ -88,7 +88,7 @@ def replay(
 
 
 def _controller(robot: Robot, kp: list[float] | None, kd: list[float] | None) -> Controller | None:
-    """Return the PD controller that is stated, None without one."""
+    """Create the PD controller from the options, None without gains."""
     import numpy as np
 
     from hil.simulation.replay import Controller

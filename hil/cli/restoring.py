@@ -1,4 +1,4 @@
-"""`hil drives restore`: found settings put back into drives after a session that was killed."""
+"""Command `hil drives restore`: found settings written back after a killed session."""
 
 from __future__ import annotations
 
@@ -52,7 +52,9 @@ def restore(
         stack.enter_context(locked(file.parent))
         if bus_name[0] != SIMULATED:
             stack.enter_context(BusState(*bus_name).locked())
-        bus = stack.enter_context(bus_access.opened(*bus_name, settings.bitrate, bus_option))
+        bus = stack.enter_context(
+            bus_access.open_interface(*bus_name, settings.bitrate, bus_option)
+        )
         ended = "stopped; run the same command again to go on"
         stack.enter_context(interruptible(lambda: ended))
         settings, failed = _put_back(bus, settings, file)
@@ -65,7 +67,7 @@ def restore(
 
 
 def _put_back(bus: Fieldbus, settings: FoundSettings, file: Path) -> tuple[FoundSettings, bool]:
-    """Put back drive by drive, noting it in the file; return what it holds, whether any failed."""
+    """Restore drive by drive and update the file; return settings, and True if any failed."""
     from drivers.found_settings.settings_file import dump_found_settings
     from drivers.operator_tools.put_back import put_back
     from hil.cli.drive_settings import show_changed
@@ -100,7 +102,7 @@ def _bus_of(
     *,
     other_bus: bool,
 ) -> tuple[str, str]:
-    """Return interface and channel: what is stated, else those of the file, else the plant."""
+    """Return interface and channel: from the options, else from the file, else of the plant."""
     from checked_files.yaml_file import FileError
 
     kept = settings.interface, settings.channel

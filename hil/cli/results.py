@@ -1,4 +1,4 @@
-"""What runs give: a model, a report, a diagnosis, laws of friction."""
+"""Commands for results of runs: identify, report, diagnose, friction."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ Accuracy = Annotated[
     typer.Option(
         min=0.1,
         max=100.0,
-        help="Share of an axis's torque that may remain where the word is good \\[%].",
+        help="Maximum residual for the verdict good, as a share of the axis's torque \\[%].",
     ),
 ]
 
@@ -135,7 +135,7 @@ def identify(
 
 
 def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:
-    """Options of an estimate with a prior such as ``cad=0.3`` of a URDF's inertials."""
+    """Create estimation options with a prior such as ``cad=0.3`` from a URDF's inertials."""
     from checked_files.yaml_file import FileError
     from hil.estimation.options import DEFAULTS, Options
     from hil.estimation.prior import Prior
@@ -241,12 +241,12 @@ def friction(
 
 
 def refuse_unknown(method: str | None) -> None:
-    """Refuse a method that there is not.
+    """Refuse an unknown method.
 
     Raises
     ------
     typer.BadParameter
-        With the known ones.
+        An unknown method; the message lists the known ones.
     """
     from hil.estimation.identify import METHODS, RIVALS
 
@@ -261,7 +261,7 @@ def refuse_unknown(method: str | None) -> None:
 
 
 def show_bodies(model: Model) -> None:
-    """Show the bodies of a model, if they were asked for."""
+    """Show the bodies of a model, if computed."""
     if model.consistent is None:
         return
     from hil.results.consistency import tables
@@ -275,7 +275,7 @@ def _show_shortfall(run: Run) -> None:
 
 
 def _show_unusable_model(run: Run) -> None:
-    """State why the kept model is not what the report is of: cut off, edited, of a rival."""
+    """State the reason for ignoring an existing model: damaged, edited, or of a rival method."""
     from checked_files.yaml_file import FileError
     from hil.estimation.identify import METHODS, RIVALS
     from hil.results.model_file import NAME, read_model_file

@@ -1,4 +1,4 @@
-"""A robot: what can be identified of it, a first file of it, and its virtual twin."""
+"""Commands `hil robot` and `hil twin`: identifiable parameters, draft of a file, virtual plant."""
 
 from __future__ import annotations
 
@@ -76,9 +76,9 @@ def new(
     if urdf is None and (base or tip):
         raise typer.BadParameter("--from and --to name links of a URDF; leave them out")
     if urdf is not None:
-        text, found, rounded = _from_urdf(urdf, base, tip, gravity)
+        text, found, rounded = _draft_from_urdf(urdf, base, tip, gravity)
     else:
-        text, found, rounded = _from_table(dh, mdh, gravity)
+        text, found, rounded = _draft_from_table(dh, mdh, gravity)
     write_file(output, text.encode())
     say(found)
     if rounded > 0:
@@ -87,10 +87,10 @@ def new(
     say(f"{output}: {marks} lines marked {UNSTATED} are yours to fill in")
 
 
-def _from_urdf(
+def _draft_from_urdf(
     urdf: Path, base: str | None, tip: str | None, gravity: tuple[float, float, float] | None
 ) -> tuple[str, str, float]:
-    """Text of a robot file, what it is of, and how far angles were rounded [rad]."""
+    """Draft a robot file from a URDF: text, description, and rounding of angles [rad]."""
     from hil.model.readers.robot_draft import draft_robot
     from hil.model.readers.urdf import read_urdf
 
@@ -100,10 +100,10 @@ def _from_urdf(
     return draft_robot(chain, gravity), found, chain.rounded
 
 
-def _from_table(
+def _draft_from_table(
     dh: Path | None, mdh: Path | None, gravity: tuple[float, float, float] | None
 ) -> tuple[str, str, float]:
-    """The same of a table."""
+    """Draft a robot file from a table, with the results of `_draft_from_urdf`."""
     from hil.model.readers.dh_table import read_dh
     from hil.model.readers.robot_draft import draft_robot
 
@@ -119,8 +119,8 @@ def twin(
     output: Annotated[Path, output_option(folder_to_write, "Folder to write both files into.")],
 ) -> None:
     """Write a virtual plant of a robot and its drives file, to rehearse without it."""
-    # the plant is a program of its own, of which nothing is imported here: its model of the arm
-    # must not be the one that is tested against it
+    # the plant runs as a separate program: its arm model must stay independent of the model tested
+    # with it
     with working("scaling a plant to the limits of the robot"):
         from hil.model.robot import Robot
 

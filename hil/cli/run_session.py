@@ -1,4 +1,4 @@
-"""What `hil run` does once it knows plan, robot and bus: folder, progress, the end of it all."""
+"""Execution of `hil run` for given plan, robot and bus: folder, progress, end."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def carry_out(
     real_time: RealTime = nullcontext,
     display: Display = shown,
 ) -> None:
-    """Run the campaign; Ctrl-C, s, space and signals stop the axes and keep what was measured.
+    """Run the campaign; Ctrl-C, s, space and signals stop the axes and keep the recordings.
 
-    Where nothing is missing no bus is opened.
+    The bus is opened only if measurements are missing.
 
     Parameters
     ----------
@@ -65,7 +65,8 @@ def carry_out(
     FileError
         Another process measures into the folder.
     typer.Exit
-        With status 130 when interrupted, 1 when drives, bus or disk failed; all has been reported.
+        Status 130 when interrupted, 1 when drives, bus or disk failed; everything has been
+        reported.
     """
     if not folder.missing and rehearsal is None:
         say(f"{folder.path}: nothing is missing")
@@ -79,16 +80,16 @@ def carry_out(
         return rehearse_campaign(folder, open_bus(), bus_name, rehearsal, pause, granted)
 
     def ended() -> str:
-        return f"stopped, the axes are off; {_what_remains(folder)}"
+        return f"stopped, the axes are off; {_describe_rest(folder)}"
 
     with locked(folder.path), interruptible(ended) as refuse_lost:
         try:
             last = _move(events, real_time, refuse_lost, display)
         except (BrokenPipeError, SystemExit):  # rich turns the one into the other
-            report(f"nobody reads the output, the axes are off; {_what_remains(folder)}")
+            report(f"nobody reads the output, the axes are off; {_describe_rest(folder)}")
             raise typer.Exit(1) from None
         except (DriveError, FileError) as error:
-            report(f"{error}\n{_what_remains(folder)}")
+            report(f"{error}\n{_describe_rest(folder)}")
             raise typer.Exit(1) from None
         except Exception:
             folder.discard_if_empty()
@@ -102,7 +103,7 @@ def _move(
     refuse_lost: Callable[[], None],
     display: Display,
 ) -> Event:
-    """Pass the campaign's events to the terminal; return the last one."""
+    """Pass the campaign's events to the terminal; return the last event."""
     with KeyboardStop() as keyboard, display(out) as show, real_time() as granted:
         for line in granted or ():
             say(line)
@@ -133,16 +134,16 @@ def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
 
 
 def _begun(before: float) -> str:
-    """What the gears had done before the first recording kept; empty where there is none.
+    """Describe the warm-up before the first kept recording; empty if there is none.
 
-    Up to a minute of motion they count as cold.
+    Up to a minute of motion, the gears count as cold.
     """
     if math.isnan(before):
         return ""
     return ", begun cold" if before < 60.0 else f", begun after {before / 60:.1f} min of motion"
 
 
-def _what_remains(folder: RunFolder) -> str:
+def _describe_rest(folder: RunFolder) -> str:
     if folder.discard_if_empty():
         return "nothing was measured"
     return f"what was measured stays in {folder.path}; finish with hil run ... --resume"

@@ -1,7 +1,7 @@
-"""Plans of `hil try`: measurements that soon show something of all parameters; a slow motion.
+"""Plans of `hil try`: a short campaign over all parameters, and a slow motion.
 
-A law of friction holds for the speeds that were measured. Axes without gravity, which a design
-moves fast alone, get slow strokes besides, so that the law of every axis begins where it creeps.
+A friction law holds for the measured speeds. Axes without gravity, which a design only moves fast,
+get additional slow strokes, so that the law of every axis starts at creep speed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from hil.planning.design.by_counts import COUNTS, design
 from hil.planning.design.standard_motions import gravity_motion
 from hil.planning.design.trajectories import Basis
 from hil.planning.measurement import FOR_A_LAW, Gravity, Inertia
-from hil.planning.plan import as_plan
+from hil.planning.plan import make_plan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,23 +25,23 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
 
 SHARE = 0.35
-"""Share of the usual number of measurements of each kind: 54 of 14 parameters, and 60 with slow
-strokes of all axes, in some 15 minutes of robot time."""
+"""Share of the usual number of measurements: 54 for 14 parameters, and 60 with slow strokes of all
+axes, in some 15 minutes of robot time."""
 PERIOD, HARMONICS = 10.0, 4
-"""Of the motion that is pushed [s]: slow enough for the mouse to follow."""
+"""Period [s] and harmonics of the pushed motion: slow enough for the mouse to follow."""
 CYCLES = 2
-"""Periods of one recording: what is stopped keeps those before."""
+"""Periods per recording; after a stop, completed recordings are kept."""
 
 
 def measured_plan(robot: Robot) -> Plan:
-    """Plan that soon shows something of every parameter, whatever the ways between cost."""
+    """Create a plan with early information about every parameter, regardless of travel times."""
     counts = {kind: round(SHARE * number) for kind, number in COUNTS.items()}
     planned = design(robot, counts).measurements
-    return as_plan(robot, mixed([*planned, *_slow_strokes(robot, planned)]))
+    return make_plan(robot, interleave([*planned, *_slow_strokes(robot, planned)]))
 
 
 def _slow_strokes(robot: Robot, planned: Sequence[Measurement]) -> Iterator[Gravity]:
-    """Strokes at the speed of gravity measurements, of all axes that have none."""
+    """Yield strokes at gravity-measurement speed for axes without gravity measurements."""
     slow = {axis for each in planned if isinstance(each, Gravity) for axis in each.moved}
     for each in planned:
         axis = each.moved[0]
@@ -52,11 +52,11 @@ def _slow_strokes(robot: Robot, planned: Sequence[Measurement]) -> Iterator[Grav
                 yield Gravity(id=f"s{axis + 1}{k + 1}", axis=axis + 1, q=each.q, **motion)
 
 
-def mixed(measurements: Sequence[Measurement]) -> list[Measurement]:
-    """Return measurements with kinds, axes and configurations well mixed.
+def interleave(measurements: Sequence[Measurement]) -> list[Measurement]:
+    """Interleave kinds, axes and configurations of measurements.
 
-    Of one kind and axis they follow each other by the golden section, which leaves no part of a
-    sequence unvisited for long; kinds and axes go on evenly beside each other.
+    Within a kind and axis the order follows the golden section, which leaves no part of a sequence
+    unvisited for long; kinds and axes are spread evenly.
     """
     by_axis: dict[tuple[str, tuple[int, ...]], list[Measurement]] = {}
     for each in measurements:
@@ -70,18 +70,18 @@ def mixed(measurements: Sequence[Measurement]) -> list[Measurement]:
 
 
 def _golden(n: int) -> list[int]:
-    # golden section: multiples of it, less whole numbers, are spread most evenly at any length
+    # fractional parts of multiples of the golden section are evenly spread at any length
     return sorted(range(n), key=lambda k: k * 0.6180339887 % 1.0)
 
 
 def pushed_plan(robot: Robot, duration: float) -> tuple[Plan, int]:
-    """Plan of a slow motion of all axes that no measurement has shown; how often it is passed.
+    """Plan a slow, unmeasured motion of all axes; return plan and number of passes.
 
     There is one attempt: a push is the result, and no reason to repeat.
     """
-    # share of the velocity limit that the motion uses
+    # fraction of the velocity limit for the motion
     basis = Basis(robot, PERIOD, HARMONICS, 0.3 * robot.velocity_limit)
     drawn = basis.random(np.random.default_rng(2))
-    plan = as_plan(robot, [basis.trajectory(drawn, CYCLES, "motion")])
+    plan = make_plan(robot, [basis.trajectory(drawn, CYCLES, "motion")])
     rounds = ceil(duration / (CYCLES * PERIOD))
     return plan.model_copy(update={"attempts": 1}), rounds

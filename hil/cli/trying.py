@@ -1,7 +1,7 @@
-"""`hil try`: a virtual robot is measured, identified, watched and pushed, on one page.
+"""Command `hil try`: a virtual robot is measured, identified, watched and pushed, on one page.
 
-All of it is what `hil plan`, `run --live`, `identify` and `watch --live` do, one after the other
-with one page: measured faster than in real time, watched in real time.
+The steps are `hil plan`, `run --live`, `identify` and `watch --live`, in sequence on one page:
+measurement faster than real time, watch in real time.
 """
 
 from __future__ import annotations
@@ -36,13 +36,14 @@ commands = typer.Typer()
 ROBOT = "manutec-r15"
 RUNS = Path("runs")
 LEARNING = 25.0
-"""Time of motion in which thresholds are learned [s]: every axis has moved for 15 s of it, from
-which on a push does not count as scatter (`hil.watching.scatter`)."""
+"""Learning time of the thresholds [s]: every axis then has moved for 15 s, after which a push does
+not count as scatter (`hil.watching.scatter`)."""
 LONGEST = 90.0
-"""Time after which no motion is begun [s], once thresholds are learned: two minutes are said, a
-motion takes 20 s. Two motions hold the learning and 15 s for pushing, on a slow computer too."""
+"""Latest start of a motion [s], once thresholds are learned: the announced duration is two minutes,
+and a motion takes 20 s. Two motions hold the learning and 15 s for pushing, on a slow computer too.
+"""
 FASTEST_LEARNING = 8.0
-"""Times real time at which thresholds are learned; the eye still follows the slow motion."""
+"""Speed of learning relative to real time; the eye still follows the slow motion."""
 ABOUT = (
     "Six simulated servo drives with the dynamics of an industrial arm answer on a simulated CAN"
     " bus. Nothing is known of the masses, inertias and friction of this arm; motor currents and"
@@ -63,7 +64,7 @@ FURTHER = (
     "hil plan manutec-r15 -o plan.yaml",
     "hil run plan.yaml -o runs/whole --live",
 )
-"""What to do next: look at the push again; the whole campaign, of 34 minutes of robot time."""
+"""Suggested next steps: view the push, measure the whole campaign of 34 minutes of robot time."""
 
 
 @commands.command("try")
@@ -71,7 +72,7 @@ def try_(
     output: Annotated[
         Path | None,
         output_option(
-            new_folder, "Folder that keeps both runs; by default runs/try, or a next one."
+            new_folder, "Folder for both runs; by default runs/try, or the next free one."
         ),
     ] = None,
     port: Annotated[
@@ -107,7 +108,7 @@ def try_(
         from hil.live.feed import Feed
         from hil.terminal.interruption import interruptible
 
-        folder = _claimed(output)
+        folder = _claim_folder(output)
         left.callback(lambda: _remove_if_empty(folder))
         left.enter_context(interruptible(lambda: f"stopped; what was measured stays in {folder}"))
         hand = f"{left.enter_context(TemporaryDirectory(prefix='hil-'))}/hand"
@@ -136,7 +137,7 @@ def try_(
 
 
 def _report(folder: Path, feed: Feed, found: str) -> None:
-    """Write the report, and show the page's reader where to go on."""
+    """Write the report, and show next steps on the page."""
     from hil.report.page import report
 
     feed.publish("headline", {"text": "Writing the report", "more": ""})
@@ -163,14 +164,14 @@ def _measure(robot: Robot, plan: Plan, folder: Path, feed: Feed, speed: float) -
         run = Run.open(folder)
         model = identify_and_keep(run, method_for(run)[0]).model
         model.save(folder / model_file.NAME)
-    for kind, line in _shown(robot, model):
+    for kind, line in _model_lines(robot, model):
         feed.publish(kind, line)
     say_verdicts(model.verdict.verdicts if model.verdict else ())
     return model
 
 
-def _shown(robot: Robot, model: Model) -> Iterator[tuple[str, dict[str, object]]]:
-    """Lines of a model for the page: its intervals, and how well it predicts."""
+def _model_lines(robot: Robot, model: Model) -> Iterator[tuple[str, dict[str, object]]]:
+    """Yield the model's intervals and accuracy for the page."""
     import numpy as np
 
     from hil.live.interim import estimate_line
@@ -188,7 +189,7 @@ def _shown(robot: Robot, model: Model) -> Iterator[tuple[str, dict[str, object]]
 
 
 class _TimeUp(Exception):
-    """The time is over; the axes stand between two motions."""
+    """End of the available time, between two motions."""
 
 
 def _push(
@@ -199,10 +200,10 @@ def _push(
     hand: str,
     ends: float,
 ) -> str:
-    """Watch the arm while it can be pushed; return what was found.
+    """Watch the arm while it can be pushed; return a summary of the pushes.
 
-    Thresholds are learned faster than in real time. Once they are, no motion is begun after the
-    instant `ends` of the monotonic clock [s].
+    Thresholds are learned faster than in real time. Afterwards no motion starts later than `ends`
+    on the monotonic clock [s].
     """
     with working("predicting torques"):
         from hil.cli.beside_model import keep_watch
@@ -219,14 +220,14 @@ def _push(
         watcher = Watcher(model, plan.sample_period, LEARNING)
         view = WatchView(watcher, robot)
 
-    def in_front(bus: DriveBus) -> DriveBus:
+    def wrap(bus: DriveBus) -> DriveBus:
         paced = PacedBus(bus, FASTEST_LEARNING)
 
         def take(alarm: Alarm | None) -> None:
             paced.fastest = FASTEST_LEARNING if watcher.learning else 1.0
             view.take(alarm)
 
-        # samples that are judged together, every 20 ms: in real time on a busy computer, too
+        # 5 samples (20 ms) are judged together, to keep real time on a busy computer
         return WatchingBus(paced, watcher, take, at_once=5)
 
     @contextmanager
@@ -247,7 +248,7 @@ def _push(
         with suppress(_TimeUp):
             measure(
                 plan, robot, Path("the motion"), path / "run", how,
-                in_front=in_front, display=display, rounds=rounds, watcher=watcher,
+                in_front=wrap, display=display, rounds=rounds, watcher=watcher,
             )  # fmt: skip
     finally:
         keep_watch(path, plan, watcher, str(folder / "measured" / model_file.NAME))
@@ -255,8 +256,8 @@ def _push(
     return f"{count or 'no'} push{'es' * (count != 1)} found in {watcher.watched:.0f} s"
 
 
-def _claimed(output: Path | None) -> Path:
-    """Folder that was asked for, or the first of those by default that is not there."""
+def _claim_folder(output: Path | None) -> Path:
+    """Create the requested folder, or the first unused default folder."""
     if output is not None:
         output.mkdir(parents=True)
         return output
@@ -274,7 +275,7 @@ def _remove_if_empty(folder: Path) -> None:
 
 
 def _open_browser(stated: Sequence[str]) -> bool:
-    """Open the page where there is a screen: a browser of the terminal would take that over."""
+    """Open the page if there is a screen; a text browser would take over the terminal."""
     import os
     import sys
     import webbrowser
@@ -284,6 +285,6 @@ def _open_browser(stated: Sequence[str]) -> bool:
     if sys.platform.startswith("linux") and not any(map(os.environ.get, screens)):
         return False
     address = stated[0].partition("http")[1:]
-    # some browsers are waited for until they are closed
+    # some browsers block until they are closed
     Thread(target=webbrowser.open, args=("".join(address),), daemon=True).start()
     return True

@@ -1,4 +1,4 @@
-"""`hil view`: a page that plays a plan, a run or a robot in three dimensions."""
+"""Command `hil view`: a page with a plan, a run or a robot in three dimensions."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def view(
     ] = None,
     meshes: Annotated[
         Path | None,
-        typer.Option("--meshes", help="Folder of meshes outside of the URDF's own or package."),
+        typer.Option("--meshes", help="Folder of meshes outside of the URDF's folder or package."),
     ] = None,
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,
@@ -69,14 +69,14 @@ def view(
     if path.is_dir():
         _refuse(robot_file, "--robot", "a run, which has its own")
         _refuse(workspace, "--workspace", "a run, which has its own")
-        read, page = partial(_of_run, path, model_path, urdf, meshes), path / RUN_PAGE
+        read, page = partial(_read_run, path, model_path, urdf, meshes), path / RUN_PAGE
     elif _is_plan(path):
-        read = partial(_of_plan, path, robot_file, workspace, model_path, urdf, meshes)
+        read = partial(_read_plan, path, robot_file, workspace, model_path, urdf, meshes)
         page = page_of_plan(path)
     else:
         _refuse(robot_file, "--robot", "a robot")
         _refuse(model_path, "--model", "a robot, which stands still")
-        read, page = partial(_of_robot, what, workspace, urdf, meshes), Path(f"{path.stem}.html")
+        read, page = partial(_read_robot, what, workspace, urdf, meshes), Path(f"{path.stem}.html")
     refuse_page(output or page)
     with working(f"reading {what}"):
         make = read()
@@ -84,12 +84,12 @@ def view(
 
 
 def page_of_plan(plan_file: Path) -> Path:
-    """Where the page of a plan stands unless another place is named."""
+    """Return the default path of a plan's page."""
     return plan_file.with_suffix(".html")
 
 
 def refuse_page(path: Path) -> None:
-    """Refuse a place where no page can be written, or something else is."""
+    """Refuse an unwritable path, or another kind of file."""
     from hil.view.page import refuse_other_file
 
     refuse_no_folder(path)
@@ -98,7 +98,7 @@ def refuse_page(path: Path) -> None:
 
 
 def write(path: Path, make: Callable[[int], Scene]) -> None:
-    """Write a page, and state where it is."""
+    """Write a page, and state the path."""
     with working("making the page"):
         from hil.view.page import write_page
 
@@ -109,13 +109,13 @@ def write(path: Path, make: Callable[[int], Scene]) -> None:
 def scene_of_plan(
     plan: Plan, robot: Robot, model: Model | None = None, visuals: Sequence[Visual] = ()
 ) -> Callable[[int], Scene]:
-    """How the page of a plan is made, with a number of instants."""
-    from hil.view.scene import of_plan
+    """Return a function from the number of instants to a plan's scene."""
+    from hil.view.scene import plan_scene
 
-    return partial(of_plan, plan, robot, model=model, visuals=visuals)
+    return partial(plan_scene, plan, robot, model=model, visuals=visuals)
 
 
-def _of_plan(
+def _read_plan(
     path: Path,
     robot_file: str | None,
     workspace: Path | None,
@@ -131,27 +131,27 @@ def _of_plan(
     return scene_of_plan(plan, robot, model, _visuals(urdf, robot, meshes))
 
 
-def _of_run(
+def _read_run(
     path: Path, model_path: Path | None, urdf: Path | None, meshes: Path | None
 ) -> Callable[[int], Scene]:
     from hil.results.model import loaded
     from hil.results.model_file import NAME
     from hil.runs.run import Run
-    from hil.view.scene import of_run
+    from hil.view.scene import run_scene
 
     run = Run.open(path)
     if model_path is None and (path / NAME).exists():
         model_path = path / NAME
     model = loaded(model_path, run.robot) if model_path else None
-    return partial(of_run, run, model=model, visuals=_visuals(urdf, run.robot, meshes))
+    return partial(run_scene, run, model=model, visuals=_visuals(urdf, run.robot, meshes))
 
 
-def _of_robot(
+def _read_robot(
     name: str, workspace: Path | None, urdf: Path | None, meshes: Path | None
 ) -> Callable[[int], Scene]:
     from hil.cli.plan_files import load_guard
     from hil.model.robot import DESCRIPTIONS, Robot
-    from hil.view.scene import of_robot
+    from hil.view.scene import robot_scene
 
     robot = Robot.load(name)
     guard = load_guard(workspace, robot)
@@ -160,13 +160,13 @@ def _of_robot(
     visuals = _visuals(urdf, robot, meshes)
 
     def make(_most: int) -> Scene:
-        return of_robot(robot, guard, visuals)
+        return robot_scene(robot, guard, visuals)
 
     return make
 
 
 def _visuals(urdf: Path | None, robot: Robot, meshes: Path | None) -> Sequence[Visual]:
-    """Visual meshes of a URDF; what of them is left out is stated."""
+    """Load the visual meshes of a URDF; state omissions."""
     if urdf is None:
         return ()
     from hil.view.visuals import visuals
@@ -178,7 +178,7 @@ def _visuals(urdf: Path | None, robot: Robot, meshes: Path | None) -> Sequence[V
 
 
 def _is_plan(path: Path) -> bool:
-    """Whether a file lists measurements, as plans do and robot files do not."""
+    """Return True if the file is a plan."""
     if path.suffix not in {".yaml", ".yml"} or not path.is_file():
         return False
     from checked_files.yaml_file import read_text

@@ -1,4 +1,4 @@
-"""Torques of all axes beside their thresholds, live; plain lines where there is no terminal."""
+"""Live display of torques and thresholds; plain lines without a terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rich.text import Text
 from hil.show.rounding import clock, significant
 from hil.terminal.console import say
 from hil.terminal.progress import doing, shown
-from hil.watching.watcher import in_words
+from hil.watching.watcher import describe_alarm
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class WatchView:
-    """Shows alarms as they begin, and on a terminal the torques of all axes.
+    """Display of new alarms, and of all axes' torques on a terminal.
 
     Parameters
     ----------
@@ -43,16 +43,16 @@ class WatchView:
         self._doing = ""
 
     def take(self, alarm: Alarm | None, period: float = 0.1) -> None:
-        """Show an alarm; draw the table anew where it was drawn a period ago [s]."""
+        """Show an alarm; redraw the table after a period [s]."""
         if alarm is not None:
-            say(in_words(alarm, self._watcher.unit(alarm)), style="bold red")
+            say(describe_alarm(alarm, self._watcher.unit(alarm)), style="bold red")
         if self._live is not None and time.monotonic() >= self._next:
             self._next = time.monotonic() + period
             self._live.update(self.table(), refresh=True)
 
     @contextmanager
     def display(self, console: Console) -> Iterator[Callable[[Event], None]]:
-        """Show events as they come; yields what takes them."""
+        """Show events; yield the function for events."""
         if not console.is_terminal:
             with shown(console) as show:
                 yield show
@@ -68,7 +68,7 @@ class WatchView:
         self._doing = f"{doing(event)}, {clock(event.remaining)} of robot time left"
 
     def table(self) -> Table:
-        """Draw one table."""
+        """Draw the table."""
         watcher = self._watcher
         state = "learning thresholds, no alarms yet" if watcher.learning else "watching"
         drawn = Table(title=f"{state}, {len(watcher.alarms)} alarms", caption=self._doing)

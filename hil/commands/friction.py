@@ -21,7 +21,7 @@ from hil.estimation.friction.symmetry import Symmetry
 from hil.friction.curves import FrictionModel, Law, choose
 from hil.friction.drift import Level, drift
 from hil.model.base_parameters import base_parameters
-from hil.planning.measurement import Friction, recorded_as
+from hil.planning.measurement import Friction, select_kind
 from hil.results.model import Model
 from hil.results.tables import friction as tables
 from hil.runs.atomic_file import write_file
@@ -156,7 +156,7 @@ def fit_friction(
     run = opened(run)
     robot, model_folder = run.robot, None if model is None else Path(model)
     recordings = list(recorded(run)) if recordings is None else recordings
-    chosen = recorded_as(Friction, recordings)
+    chosen = select_kind(Friction, recordings)
     if not chosen:
         raise NotEnoughData(
             f"{run.path}: holds no friction measurements; plan some with: hil plan --kind friction"

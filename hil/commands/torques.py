@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.planning.workspace import Workspace, narrowed
+from hil.planning.workspace import Workspace, narrow_ranges
 from hil.runs.pooling import recorded
 from hil.show.charts.arm import arm
 from hil.show.charts.chart import MEASURED, MODEL, Band, Chart, Line, Panel, Rule, chart
-from hil.show.deflated import deflated
+from hil.show.deflated import deflate
 from hil.show.outcome import Played
 from hil.show.section import Plot
-from hil.view.along_motion import beside, measured
+from hil.view.along_motion import concatenate_recordings, join_predictions
 from hil.view.page import view_script
 from hil.view.scene import Scene
 from hil.view.stretches import most_demanding, stretches
@@ -51,7 +51,7 @@ def played(model: Model, runs: Sequence[Run], words: str = "") -> Played:
         return Played()
     chosen = most_demanding(found)
     names = dict.fromkeys(each.measurement for each in chosen)
-    shown = tuple(beside((pairs[name] for name in names), found))
+    shown = tuple(join_predictions((pairs[name] for name in names), found))
     plot = Plot(
         "torque",
         lambda: torque_chart(chosen, model.robot),
@@ -106,7 +106,7 @@ def packed_recordings(
     """Return recordings in the compressed form of `hil.view.packed`; empty without recordings."""
     if not recordings:
         return ""
-    tracks = measured(robot, recordings, EACH * len(recordings))
+    tracks = concatenate_recordings(robot, recordings, EACH * len(recordings))
     scene = Scene(
         title=robot.name,
         robot=_limited(robot, recordings),
@@ -115,7 +115,7 @@ def packed_recordings(
         measured=tracks,
         predicted=tracks.predicted,
     )
-    return deflated(scene.data() | {"parameters": dict(parameters or {})})
+    return deflate(scene.data() | {"parameters": dict(parameters or {})})
 
 
 def first_pose(robot: Robot, recording: Recording) -> Array:
@@ -130,4 +130,4 @@ def _limited(robot: Robot, shown: Sequence[Shown]) -> Robot:
     low, high = np.nanmin(q, axis=0), np.nanmax(q, axis=0) + 1e-6  # more than a point
     unknown = np.flatnonzero(~np.isfinite(robot.q_max - robot.q_min)).tolist()
     passed = {j + 1: (float(low[j]), float(high[j])) for j in unknown}
-    return narrowed(robot, Workspace(ranges=passed))
+    return narrow_ranges(robot, Workspace(ranges=passed))

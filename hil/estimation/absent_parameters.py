@@ -31,7 +31,7 @@ from hil.estimation.simultaneous import SimultaneousFit
 from hil.least_squares.solving import (
     eliminated,
     orthonormal,
-    projected_out,
+    project_out,
     shares_without_nuisance,
 )
 from hil.least_squares.uncertainty import correlation_of, leave_one_out
@@ -134,7 +134,7 @@ class ModelErrors:
 
 def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
     """Test every link parameter that `robot` leaves out, and those that it states."""
-    whole = robot.with_whole_links()
+    whole = robot.free_links()
     K = base_parameters(whole).matrix
     stated = K @ base_parameters(robot).placement
     shares = SimultaneousFit(whole, prepared).shares
@@ -179,7 +179,7 @@ def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tu
     for name, u in zip(robot.standard_parameters, K.T, strict=True):
         if name in robot.present and name not in robot.ties:
             continue
-        if np.linalg.norm(projected_out(inside, u)) > _SAME:
+        if np.linalg.norm(project_out(inside, u)) > _SAME:
             shown[name] = u
         elif name not in robot.ties:
             absorbed.append(name)

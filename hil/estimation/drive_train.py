@@ -46,7 +46,7 @@ from hil.estimation.nuisances import (
 from hil.estimation.signals import derivatives
 from hil.friction.equation import SLOW, speed_scale
 from hil.least_squares.solving import inverse
-from hil.least_squares.window import half_window, widened
+from hil.least_squares.window import half_window, widen
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL
 from hil.model.dynamics import inverse_dynamics, mass_matrix
@@ -270,7 +270,7 @@ def _stacked(robot: Robot, m: ParameterMotion, s: Signals, shifts: Indices) -> l
     def part(axis: int) -> tuple[Array, Mask]:
         padded = np.pad(s.tau[:, axis], reach, mode="edge")
         first, *later = (padded[reach + k : reach + k + len(s.tau)] for k in shifts)
-        clear = ~widened(~s.moving(robot, axis), reach, beyond=True)
+        clear = ~widen(~s.moving(robot, axis), reach, beyond=True)
         return np.column_stack([first, motors[:, axis], *later]), clear
 
     return stack_axes(robot, s, m.read, part, PASSES)
@@ -363,7 +363,7 @@ def _read(robot: Robot, search: Search, state: State) -> DriveTrain:
     """Lags and compliances of a search, and what errors of the lags do to the base parameters."""
     regression = search.regression(state)
     fit, n_base = regression.fit("clusters"), len(base_parameters(robot))
-    lags = [fit.layout.at(LAG, axis) for axis in range(robot.n_joints)]
+    lags = [fit.layout.index(LAG, axis) for axis in range(robot.n_joints)]
     error = np.sqrt(np.diag(fit.covariance).clip(0.0))
     # standard error from which on a lag is taken as zero [s]
     identifiable = (error[lags] > 0) & (error[lags] < 0.0005)
@@ -371,7 +371,7 @@ def _read(robot: Robot, search: Search, state: State) -> DriveTrain:
     effect = _effect(robot, regression)
     compliance, compliance_error = np.full((2, robot.n_joints), np.nan)
     for axis, name in enumerate(compliance_names(robot)):
-        if state.soft[axis] and error[place := fit.layout.at(name)] > 0:
+        if state.soft[axis] and error[place := fit.layout.index(name)] > 0:
             compliance[axis], compliance_error[axis] = STEP * fit.x[place], STEP * error[place]
     return DriveTrain(
         lag=np.where(identifiable, state.lag, 0.0),
@@ -391,7 +391,7 @@ def _effect(robot: Robot, regression: Regression) -> Array:
     """
     layout, kept = regression.layout, regression.kept
     shared = len(layout.shared)
-    lags = np.array([layout.at(LAG, axis) for axis in range(robot.n_joints)])
+    lags = np.array([layout.index(LAG, axis) for axis in range(robot.n_joints)])
     free = np.append(base_parameters(robot).groups[DIAGONAL], np.arange(shared, layout.size))
     free = np.setdiff1d(np.intersect1d(free, kept), lags).astype(int)
     N = regression.blocks.total.normal(regression.weights).information

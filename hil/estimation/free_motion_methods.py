@@ -28,7 +28,7 @@ from hil.estimation.free_motion.solution import settled, solve
 from hil.estimation.free_motion.survey import configurations
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.options import DEFAULTS
-from hil.least_squares.balance import balanced
+from hil.least_squares.balance import balance
 from hil.least_squares.layout import embedded
 from hil.model.base_parameters import base_parameters
 
@@ -86,7 +86,7 @@ def _of_all(
 ) -> Estimate:
     """Estimate of recordings of several rates; friction and settings are those of the fastest."""
     names = base_parameters(robot).names
-    joint, n = balanced(as_kinds(rates), names).whole, len(names)
+    joint, n = balance(as_kinds(rates), names).whole, len(names)
     fit = joint.regression.fit(options.covariance, joint.cells)
     beside = embedded(joint.beside, np.arange(n), len(fit.x))
     fit = replace(fit, covariance=fit.covariance + beside)

@@ -11,7 +11,7 @@ from hil.least_squares.solving import IDENTIFIABLE, undetermined, undetermined_b
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GROUPS
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.planning.prediction.identifiability import of_all_kinds
+from hil.planning.prediction.identifiability import eliminate_others
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,7 +52,7 @@ def _of_all_kinds(
 ) -> tuple[Array, Array]:
     axes = np.array([f.axis if ELEMENT_KINDS[f.kind].symbol == "g" else -1 for f in fits])
     rows = np.array([f.row / robot.torque_limit[f.axis] for f in fits])
-    return of_all_kinds(rows, axes, columns)
+    return eliminate_others(rows, axes, columns)
 
 
 def _rows(robot: Robot, fits: Sequence[LocalFit], group: str) -> Array:

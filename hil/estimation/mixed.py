@@ -25,7 +25,7 @@ from hil.estimation.free_motion.scaling import found_gains
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import joint, measured, prepare, with_reached_limits
-from hil.least_squares.balance import Kind, balanced
+from hil.least_squares.balance import Kind, balance
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
 
@@ -55,7 +55,7 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
     # gain, which is a few percent beside parameters of strokes
     for _ in range(2 if unknown else 0):
         kinds = [Kind(found.solver.regression), *as_kinds(imported)]
-        fit = balanced(kinds, names).whole.regression.fit("white")
+        fit = balance(kinds, names).whole.regression.fit("white")
         imported = [each.rescaled(fit) for each in imported]
     estimate, fit = measured(robot, raw, unusable, found, options, as_kinds(imported))
     return replace(

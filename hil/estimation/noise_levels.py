@@ -31,7 +31,7 @@ from hil.least_squares.window import noise_gain
 from hil.model.base_parameters import base_parameters
 from hil.planning.prediction.information import shares
 from hil.planning.prediction.noise import MINUTE, Noise, stated_noise
-from hil.planning.prediction.precision import added_up
+from hil.planning.prediction.precision import add_up
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -90,7 +90,7 @@ def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
     a, b = np.array(found).T
     noise = Noise(np.sqrt(a), np.sqrt(MINUTE * b), "noise as an earlier run showed it")
     measured = (replace(each.foreseen, information=each.N) for each in pieces)
-    return Levels(noise, added_up(robot, measured, noise), joint.solve())
+    return Levels(noise, add_up(robot, measured, noise), joint.solve())
 
 
 def _is_used(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:
@@ -100,7 +100,7 @@ def _is_used(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:
 
 
 def _pieces(robot: Robot, used: Prepared, joint: SimultaneousFit) -> Iterator[_Piece]:
-    recorded = joint.recorded.without(ROTOR)
+    recorded = joint.recorded.drop(ROTOR)
     for (measurement, s), products, counts in zip(
         used, recorded.products, recorded.counts, strict=True
     ):

@@ -206,7 +206,7 @@ class Search:
         error = np.sqrt(np.diag(fit.covariance).clip(0.0))
         if what == "late":
             return state.lag, self.lags_of(error)
-        gears = [fit.layout.at(_SOFT.format(axis + 1)) for axis in range(fit.layout.n_channels)]
+        gears = [fit.layout.index(_SOFT.format(axis + 1)) for axis in range(fit.layout.n_channels)]
         return STEP * fit.x[gears], STEP * error[gears]
 
     def lags_of(self, x: Array) -> Array:
@@ -273,7 +273,7 @@ class Search:
         """State with one more gear that gives way; None where it would stiffen with the torque."""
         found = self.converged(state.with_one("soft", axis))
         fit = self.regression(found, total=True)
-        return found if fit.solution[fit.layout.at(_SOFT.format(axis + 1))] > 0 else None
+        return found if fit.solution[fit.layout.index(_SOFT.format(axis + 1))] > 0 else None
 
     def with_distance(self, state: State, axis: int) -> State | None:
         """State with the presliding distance of one axis that fits best.
@@ -306,7 +306,7 @@ class Search:
         half = np.arange(len(found.blocks)) < len(found.blocks) // 2
         left = np.zeros(found.blocks.n_channels)
         for seen in (half, ~half):
-            x = found.of(found.blocks.where(seen)).solution
+            x = found.transfer(found.blocks.where(seen)).solution
             left += self.weights * found.blocks.where(~seen).total.squares_left(x)[0]
         return left
 

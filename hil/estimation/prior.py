@@ -37,7 +37,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel
 from hil.errors import InvalidValue
-from hil.least_squares.solving import IDENTIFIABLE, inverse_root, without_nuisance
+from hil.least_squares.solving import IDENTIFIABLE, inverse_root, nuisance_elimination
 from hil.model.base_parameters import base_parameters
 from hil.model.frames import body_parameters, pseudo_inertia
 
@@ -155,7 +155,7 @@ class Prior:
             The estimate; it is returned as it is where data say all.
         """
         n = len(p)
-        left = without_nuisance(N, n) @ N[:, :n]
+        left = nuisance_elimination(N, n) @ N[:, :n]
         W = left @ inverse_root(left, IDENTIFIABLE, np.diag(N)[:n])
         A = W @ np.linalg.solve(W.T @ covariance @ W, W.T)
         mean, root = self.of(robot)

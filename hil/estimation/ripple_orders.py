@@ -26,8 +26,8 @@ from scipy import special
 
 from hil.friction.equation import place
 from hil.friction.ripple import RIPPLE_ORDERS, multiples
-from hil.least_squares.solving import orthonormal, projected_out
-from hil.least_squares.thinned import smoothed_at
+from hil.least_squares.solving import orthonormal, project_out
+from hil.least_squares.thinned import smooth_at
 from hil.least_squares.window import half_window
 
 if TYPE_CHECKING:
@@ -120,10 +120,10 @@ def _piece(robot: Robot, s: Signals, each: Stacked, solution: Array) -> _Piece:
     reach = half_window(s.period)
     own = slice(each.index[0] - reach, each.index[-1] + reach + 1)
     angle = robot.gear_ratio[each.axis] * s.q[own, each.axis]
-    columns = smoothed_at(each.index - own.start, multiples(angle, ORDERS).T, s.period)
+    columns = smooth_at(each.index - own.start, multiples(angle, ORDERS).T, s.period)
     residual = each.torques[:, 0] - each.X @ solution[place(robot, each.axis)]
     free, _ = orthonormal(each.friction)
-    return _Piece(projected_out(free, columns), projected_out(free, residual))
+    return _Piece(project_out(free, columns), project_out(free, residual))
 
 
 def _found(pieces: list[_Piece], chance: float) -> tuple[dict[int, float], list[Array]]:

@@ -35,7 +35,7 @@ from scipy import fft
 from hil.errors import NotEnoughData
 from hil.friction.equation import base_rows, moving, term_columns, usable
 from hil.least_squares.differences import FIRST, SECOND
-from hil.least_squares.window import correlated, half_window, smooth, widened
+from hil.least_squares.window import correlate, half_window, smooth, widen
 from hil.runs.recording import active_samples
 
 if TYPE_CHECKING:
@@ -173,12 +173,12 @@ class Signals:
             widest = max(widest, reach)
         valid = self.valid
         if widest:
-            valid = ~widened(~valid, widest)
+            valid = ~widen(~valid, widest)
         return replace(self, tau=tau, valid=valid)
 
     def away_from(self, excluded: Mask) -> Mask:
         """Samples that neither filter nor differences connect to the `excluded` ones."""
-        return ~widened(excluded, _reach(self.period))
+        return ~widen(excluded, _reach(self.period))
 
 
 _KEPT: WeakKeyDictionary[Recording, Signals] = WeakKeyDictionary()
@@ -217,7 +217,7 @@ def _signals(recording: Recording) -> Signals:
     nearest = np.searchsorted(index, np.arange(n), side="right") - 1
     ends = np.zeros(n, dtype=bool)
     ends[[0, -1]] = True
-    spoilt = widened(missing | ends, _reach(period))
+    spoilt = widen(missing | ends, _reach(period))
     qd, qdd = derivatives(q, period)
     return Signals(
         period=period,
@@ -267,7 +267,7 @@ def interpolation(shift: float) -> tuple[int, Array]:
 
 def derivatives(x: Array, period: float) -> tuple[Array, Array]:
     """First and second derivative along the first axis."""
-    return correlated(x, FIRST / period), correlated(x, SECOND / period**2)
+    return correlate(x, FIRST / period), correlate(x, SECOND / period**2)
 
 
 @cache

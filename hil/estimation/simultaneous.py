@@ -89,7 +89,7 @@ class SimultaneousFit:
         """Weigh with friction of the load on some axes alone, shape (n_joints,)."""
         self.loaded = loaded
         """Axes that keep it, shape (n_joints,)."""
-        blocks = self.blocks.without(ROTOR)
+        blocks = self.blocks.drop(ROTOR)
         own = [COMMON if each else COMMON[:LOAD] for each in loaded]
         self.regression = Regression.weighed(blocks, blocks.layout.kept(own))
         """What is solved; its unknowns are base parameters and, axis by axis, the common terms."""

@@ -40,7 +40,7 @@ from hil.estimation.signals import signals
 from hil.estimation.simultaneous import Joint, SimultaneousFit
 from hil.estimation.two_step import TwoStep
 from hil.friction.equation import place
-from hil.least_squares.balance import Kind, balanced, carried
+from hil.least_squares.balance import Kind, balance, propagate
 from hil.least_squares.uncertainty import effective_degrees, jackknife
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
@@ -174,7 +174,7 @@ def measured(
     condition, n = conditions(robot, fits), len(names)
     change, beside = doubt(robot, raw, drive_train, solver)
     own = Kind(solver.regression, effect=solver.sensitivity())
-    whole, (share, *_) = balanced([own, *imported], names)
+    whole, (share, *_) = balance([own, *imported], names)
     if options.prior is None:
         if not (imported or any(m.streamed for m, _ in raw)):
             # what is not excited on purpose is excited by noise, which identifies nothing
@@ -183,7 +183,7 @@ def measured(
         require_rank(robot, whole.regression, f"{solver.n_measurements} usable measurements{too}")
     fit, prior_share = whole.regression.fit(options.covariance, whole.cells), None
     p, scatter = fit.x[:n] + share @ change, fit.covariance[:n, :n]
-    covariance = scatter + whole.beside + carried([share], [beside])
+    covariance = scatter + whole.beside + propagate([share], [beside])
     if options.prior is not None:
         N = whole.regression.normal.information
         p, covariance, prior_share = options.prior.completed(robot, N, p, covariance)
@@ -310,7 +310,7 @@ def with_reached_limits(robot: Robot, prepared: Prepared) -> Robot:
         "torque_limit": [np.abs(s.smoothed(s.tau)).max(axis=0) for _, s in prepared],
     }
     least = np.finfo(float).tiny
-    return robot.with_limits(
+    return robot.fill_limits(
         {key: np.maximum(np.max(each, axis=0), least) for key, each in reached.items()}
     )
 

@@ -235,7 +235,7 @@ class _Urdf:
         reader = self._given.reader
         stated = [
             (name, pose, parameter_map(pose) @ body)
-            for name, pose in reader.attached(self.chain.joints[k].link, np.eye(4))
+            for name, pose in reader.find_attached(self.chain.joints[k].link, np.eye(4))
             if (body := stated_body(reader, name)) is not None
         ]
         new = _shared_out(joint.body, [body for _, _, body in stated])
@@ -296,7 +296,7 @@ class _Mjcf:
     def __init__(self, path: Path, robot: Robot) -> None:
         self.path, self.chain = path, _chain_of(path, robot)
         self._text, self._model = self.chain.text, self.chain.model
-        if self._text.from_geoms:
+        if self._text.uses_geom_inertias:
             raise Mismatch(
                 f'{path}: inertiafromgeom="true" of the compiler: inertials would not count; set it'
                 ' to "auto"'
@@ -429,10 +429,10 @@ class _Mjcf:
 
 def _chain_of(path: Path, robot: Robot) -> MjcfChain:
     """The chain of a robot in an MJCF."""
-    from hil.model.readers.mjcf import chains_of  # noqa: PLC0415 - MuJoCo is an extra
+    from hil.model.readers.mjcf import read_chains  # noqa: PLC0415 - MuJoCo is an extra
 
     why = "it has fewer joints in a row"
-    for chain in chains_of(path, robot.n_joints):
+    for chain in read_chains(path, robot.n_joints):
         why = difference(chain, robot)
         if not why:
             return chain

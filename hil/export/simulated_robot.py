@@ -14,7 +14,7 @@ import numpy as np
 from hil.export.simple_friction import friction_of_joints
 from hil.model.added_parameters import added_inertias
 from hil.model.frames import inverse, parameter_map, pseudo_inertia
-from hil.model.readers.axes_to_frames import frames_of
+from hil.model.readers.axes_to_frames import find_frames
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -127,7 +127,7 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
     return SimulatedRobot(
         name=robot.name if chain is None else chain.robot,
         base="base" if chain is None else chain.base,
-        gravity=robot.gravity if chain is None else frames_of(chain).base[:3, :3] @ robot.gravity,
+        gravity=robot.gravity if chain is None else find_frames(chain).base[:3, :3] @ robot.gravity,
         joints=tuple(
             SimulatedJoint(
                 name=each.name,
@@ -173,7 +173,7 @@ def _placed(robot: Robot, chain: UrdfChain | None) -> list[_Placed]:
         poses = (robot.zero_pose(j) for j in range(robot.n_joints))
         return [_Placed(f"joint{j}", f"link{j}", T, z, same) for j, T in enumerate(poses, start=1)]
     still = np.zeros(robot.n_joints)
-    frames = frames_of(chain).poses(still, robot.revolute)
+    frames = find_frames(chain).poses(still, robot.revolute)
     return [
         _Placed(joint.name, joint.link, joint.before, joint.axis, inverse(own) @ mdh)
         for joint, own, mdh in zip(chain.joints, chain.frames(still), frames, strict=True)

@@ -103,7 +103,7 @@ def inertial_faults(given: Given, robot: Robot) -> Iterator[str]:
     """
     radius = largest_radius(robot)
     for joint in given.chain.joints:
-        links = [name for name, _ in given.reader.attached(joint.link, np.eye(4))]
+        links = [name for name, _ in given.reader.find_attached(joint.link, np.eye(4))]
         faults = [fault for name in links for fault in _link_faults(given.reader, name)]
         yield from faults
         if faults:
@@ -187,7 +187,9 @@ def body_of(reader: UrdfReader, link: str) -> Array | None:
     FileError
         An inertial without numbers.
     """
-    parts = [(stated_body(reader, name), pose) for name, pose in reader.attached(link, np.eye(4))]
+    parts = [
+        (stated_body(reader, name), pose) for name, pose in reader.find_attached(link, np.eye(4))
+    ]
     known = [parameter_map(pose) @ body for body, pose in parts if body is not None]
     return np.sum(known, axis=0) if known else None
 
@@ -288,7 +290,7 @@ def _with_bodies(robot: SimulatedRobot, given: Given) -> tuple[ET.Element, list[
     joints = {each.get("name"): each for each in root.findall("joint")}
     chain, remarks = {joint.name for joint in robot.joints}, []
     for joint in robot.joints:
-        attached = [name for name, _ in given.reader.attached(joint.link, np.eye(4))]
+        attached = [name for name, _ in given.reader.find_attached(joint.link, np.eye(4))]
         for name in attached:
             for old in of_name[name].findall("inertial"):
                 of_name[name].remove(old)

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.friction.warmth import REFERENCE, relaxed
-from hil.least_squares.solving import fitted, solved_each
+from hil.least_squares.solving import fitted, solve_each
 from hil.least_squares.uncertainty import UNCERTAIN, classical
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ class _Course:
         pairs = np.array(list(product(warmth, settled)))
         constants = np.broadcast_to(self._constants.T, (len(pairs), *self._constants.T.shape))
         X = np.concatenate([constants, pairs], axis=1)
-        left = log_levels - (solved_each(X @ X.swapaxes(1, 2), X @ log_levels)[:, np.newaxis] @ X)
+        left = log_levels - (solve_each(X @ X.swapaxes(1, 2), X @ log_levels)[:, np.newaxis] @ X)
         return np.asarray(list(product(*grid))[int(np.argmin(np.sum(left**2, axis=(1, 2))))])
 
     def _warmth(self, tau: float) -> Array:

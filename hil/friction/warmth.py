@@ -57,7 +57,7 @@ from checked_files.yaml_file import FileModel
 from hil.friction.terms import DIRECTED
 from hil.least_squares.choice import FOLDS, folds, simplest
 from hil.least_squares.regression import Regression
-from hil.least_squares.solving import solved_each
+from hil.least_squares.solving import solve_each
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -373,7 +373,7 @@ def _best(levels: Blocks, courses: dict[tuple[float, float], Array]) -> tuple[fl
     plain, once, twice = (np.tensordot(away**power, products, 1) for power in range(3))
     directed = np.concatenate([[0.0], np.isin(levels.own, DIRECTED)])
     either = directed[:, np.newaxis] + directed
-    values, slope = solved_each(plain[:, 1:, 1:], plain[:, 1:, 0]), np.zeros((len(course), 1, 1))
+    values, slope = solve_each(plain[:, 1:, 1:], plain[:, 1:, 0]), np.zeros((len(course), 1, 1))
 
     def scaled() -> Array:
         return np.asarray(plain + slope * either * once + slope**2 * (either == 2) * twice)
@@ -387,7 +387,7 @@ def _best(levels: Blocks, courses: dict[tuple[float, float], Array]) -> tuple[fl
         N[:, :m, :m] = system[:, 1:, 1:]
         N[:, :m, m] = N[:, m, :m] = change[:, 1:, 0]
         N[:, m, m] = np.einsum("ki,kij,kj->k", level, twice[:, 1:, 1:], level)
-        x = solved_each(N, np.column_stack([system[:, 1:, 0], change[:, 0, 0]]))
+        x = solve_each(N, np.column_stack([system[:, 1:, 0], change[:, 0, 0]]))
         values, slope = x[:, :m], slope + x[:, m:, np.newaxis]
     around = np.column_stack([np.ones(len(course)), -values])
     left = np.einsum("ki,kij,kj->k", around, scaled(), around)

@@ -1,21 +1,21 @@
-"""Several regressions that share unknowns as one, and how much each of them is to count.
+"""Joint regression over several kinds of recordings, with a weight factor per kind.
 
-Within one kind of recordings weights follow from what the solution leaves, as if that were noise.
-But strokes and free motions leave different things besides: friction that drifts, laws that lack a
-shape. What these do to the unknowns shows where groups are left out, not in the size of residuals.
-So each kind counts by a factor c_k on all of its weights, such that leaving out groups in turn
-changes the torque of the recorded motions least,
+Within one kind of recordings weights are reciprocal residual variances, as for noise. But strokes
+and free motions also differ in model error: friction drift, missing terms of friction laws. The
+effect on the unknowns shows in groups left out, not in the size of residuals. So each kind has a
+factor c_k on all of its weights, chosen to minimise the change of the recorded motions' torque when
+groups are left out in turn,
 
     sum over kinds k of (n_k - 1) / n_k, sum over groups g of k:  d_g' Q d_g,
     d_g = (N - c_k S_g)^-1 c_k (s_g - S_g x),    N x = v,    N = sum_k c_k N_k,
 
-the jackknife's variance of that torque (`hil.least_squares.uncertainty`). It also counts what
-single groups carry: a kind with few of them for an unknown is worth less than its residuals say.
-What repeats with the motion shows in no group of time, but in cells of states; noise is in both, so
-of a kind that has cells the larger variance counts; intervals add both, to be too wide rather than
-too narrow. And what a kind alone would leave uncertain besides, B_k, comes to
-N^-1 c_k N_k B_k (N^-1 c_k N_k)' of all. Q has the inner products of the recorded columns, each
-channel over the square of its torque. The own unknowns of each kind are eliminated first.
+the jackknife's variance of that torque (`hil.least_squares.uncertainty`). It also accounts for the
+weight of single groups: a kind with few groups for an unknown gets a smaller weight than its
+residuals suggest. Errors that repeat with the motion show in no group of time, but in cells of
+states; noise is in both, so of a kind with cells the larger variance counts; intervals add both, to
+be too wide rather than too narrow. The additional uncertainty of a kind alone, B_k, propagates to
+N^-1 c_k N_k B_k (N^-1 c_k N_k)'. Q has the inner products of the recorded columns, each channel
+divided by the square of its torque. The own unknowns of each kind are eliminated first.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from scipy import optimize
 
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
-from hil.least_squares.solving import inverse, solved, solved_each
+from hil.least_squares.solving import inverse, solve_each, solved
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,23 +39,23 @@ if TYPE_CHECKING:
 
 
 MOST = 100.0
-"""Greatest factor of one kind over another: beyond it nothing is gained, and numbers are lost."""
+"""Maximum factor of a kind over another: larger factors gain nothing and lose precision."""
 
 
 class Kind(NamedTuple):
-    """A regression, and what else its own samples leave uncertain.
+    """Regression of a kind of recordings, with additional uncertainty.
 
     Attributes
     ----------
     regression : Regression
     cells : Blocks, optional
-        The same samples in cells of states, where the model's lacks show.
+        Samples grouped in cells of states, which show model error.
     beside : ndarray, shape (n, n)
-        Covariance of the first shared unknowns, were they found from this kind alone, that no group
-        shows, such as from one law of friction to another; none where n is 0.
+        Covariance of the first shared unknowns, estimated from this kind alone, not visible between
+        groups, such as from one friction law to another; none where n is 0.
     effect : ndarray, shape (n, m)
-        Change of these per unit of what no group shows either, such as a torque constant; none
-        where n is 0.
+        Change of these unknowns per unit of a quantity not visible either, such as a torque
+        constant; none where n is 0.
     """
 
     regression: Regression
@@ -65,21 +65,21 @@ class Kind(NamedTuple):
 
 
 class Balanced(NamedTuple):
-    """Several kinds as one, and how it follows each of them.
+    """Joint regression of several kinds, and contribution of the kinds.
 
     Attributes
     ----------
     whole : Kind
     parts : tuple of ndarray, shape (n, n)
-        What of the shared unknowns that each kind alone would have is in those of all; together 1.
+        Contribution of each kind's own estimate to the shared unknowns; the sum is 1.
     """
 
     whole: Kind
     parts: tuple[Array, ...]
 
 
-def balanced(kinds: Sequence[Kind], shared: Sequence[str]) -> Balanced:
-    """One regression over the blocks of all, each with the unknowns that it kept.
+def balance(kinds: Sequence[Kind], shared: Sequence[str]) -> Balanced:
+    """Combine kinds into one regression over joined blocks, keeping the unknowns of every kind.
 
     Weights within a kind are residual variances of the solution of all; factors say how much a kind
     counts.
@@ -112,17 +112,17 @@ def balanced(kinds: Sequence[Kind], shared: Sequence[str]) -> Balanced:
     own = tuple(shares.parts(c))
     effects = [G[:, : len(each.effect)] @ each.effect for G, each in zip(own, kinds, strict=True)]
     whole = replace(found, weights=np.concatenate(scaled))
-    return Balanced(Kind(whole, joined, shares.beside(c), reduce(np.add, effects)), own)
+    return Balanced(Kind(whole, joined, shares.extra_covariance(c), reduce(np.add, effects)), own)
 
 
 def _places(of: Blocks, kept: Indices, among: Blocks) -> Indices:
-    """Places of kept unknowns of some blocks among those of others that have them all."""
+    """Return indices of kept unknowns from `of` in the larger set of unknowns `among`."""
     names, order = of.layout.names, {name: k for k, name in enumerate(among.layout.names)}
     return np.array([order[names[k]] for k in kept], dtype=np.intp)
 
 
 class Shares:
-    """What kinds of recordings say of the unknowns that they share.
+    """Information of kinds of recordings about shared unknowns.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class Shares:
 
     def __init__(self, kinds: Sequence[Kind], shared: Sequence[str]) -> None:
         self._groups = [
-            [_shares(part, shared) for part in (kind.regression, *_of_states(kind))]
+            [_shares(part, shared) for part in (kind.regression, *_cell_regressions(kind))]
             for kind in kinds
         ]
         self._whole = [own[0].S.sum(axis=0) for own in self._groups]
@@ -143,7 +143,7 @@ class Shares:
         self._Q = np.sum([_torque(kind.regression, shared) for kind in kinds], axis=0)
 
     def factors(self) -> Array:
-        """Factors on the weights of the kinds, shape (n_kinds,); the last is 1."""
+        """Compute the weight factors of the kinds, shape (n_kinds,); the last is 1."""
 
         def spread(logarithms: Array) -> float:
             return float(np.log(max(self._variance(_factors(logarithms)), np.finfo(float).tiny)))
@@ -155,12 +155,12 @@ class Shares:
         found = optimize.minimize(spread, start, method="Nelder-Mead", bounds=bounds)
         return _factors(found.x)
 
-    def beside(self, c: Array) -> Array:
-        """Covariance of the shared unknowns from what no group shows, shape (n, n)."""
-        return carried(self.parts(c), self._beside)
+    def extra_covariance(self, c: Array) -> Array:
+        """Compute the shared unknowns' covariance not visible between groups, shape (n, n)."""
+        return propagate(self.parts(c), self._beside)
 
     def parts(self, c: Array) -> list[Array]:
-        """What of the shared unknowns of each kind is in those of all, shape (n, n) each."""
+        """Compute the kinds' contributions to the shared unknowns, shape (n, n) per kind."""
         N = self._information(c)
         return [solved(N, ck * own) for ck, own in zip(c, self._whole, strict=True)]
 
@@ -169,17 +169,17 @@ class Shares:
         return found
 
     def _variance(self, c: Array) -> float:
-        """Of the torque."""
+        """Compute the variance of the torque."""
         N = self._information(c)
-        x, total = solved(N, np.tensordot(c, self._vectors, 1)), self.beside(c)
+        x, total = solved(N, np.tensordot(c, self._vectors, 1)), self.extra_covariance(c)
         for ck, own in zip(c, self._groups, strict=True):
-            of_groups = [_left_out(N, x, each.times(ck)) for each in own]
+            of_groups = [_jackknife(N, x, each.times(ck)) for each in own]
             total += max(of_groups, key=lambda V: float(np.sum(self._Q * V)))
         return float(np.sum(self._Q * total))
 
 
-def carried(parts: Sequence[Array], covariances: Sequence[Array]) -> Array:
-    """Covariance of the shared unknowns from those that each kind alone would have of the first."""
+def propagate(parts: Sequence[Array], covariances: Sequence[Array]) -> Array:
+    """Propagate the kinds' covariances to the shared unknowns."""
     each = zip(parts, covariances, strict=True)
     found: Array = np.sum([G[:, : len(B)] @ B @ G[:, : len(B)].T for G, B in each], axis=0)
     return found
@@ -190,37 +190,37 @@ def _factors(logarithms: Array) -> Array:
     return found
 
 
-def _of_states(kind: Kind) -> tuple[Regression, ...]:
-    return () if kind.cells is None else (kind.regression.of(kind.cells),)
+def _cell_regressions(kind: Kind) -> tuple[Regression, ...]:
+    return () if kind.cells is None else (kind.regression.transfer(kind.cells),)
 
 
-def _left_out(N: Array, x: Array, groups: _Equations) -> Array:
-    """Covariance by leaving out groups in turn."""
-    d = solved_each(N - groups.S, groups.s - groups.S @ x)
+def _jackknife(N: Array, x: Array, groups: _Equations) -> Array:
+    """Compute the leave-one-group-out covariance."""
+    d = solve_each(N - groups.S, groups.s - groups.S @ x)
     found: Array = (len(d) - 1) / len(d) * d.T @ d
     return found
 
 
 class _Equations(NamedTuple):
-    """What groups say of the shared unknowns, shapes (n_groups, n, n) and (n_groups, n)."""
+    """Normal equations of groups for shared unknowns, shapes (n_groups, n, n) and (n_groups, n)."""
 
     S: Array
     s: Array
 
     def times(self, factor: float) -> _Equations:
-        """The same, weighted."""
+        """Scale the equations by a factor."""
         return _Equations(factor * self.S, factor * self.s)
 
 
 def _shares(part: Regression, shared: Sequence[str]) -> _Equations:
-    """What groups say of the shared unknowns, their own ones eliminated."""
+    """Compute the groups' equations for the shared unknowns, with own unknowns eliminated."""
     normal, names = part.normal, part.layout.names
     N, v = normal.information, normal.vector
     place = {names[k]: at for at, k in enumerate(part.kept)}
     of = [(to, place[name]) for to, name in enumerate(shared) if name in place]
     to, at = np.array(of, dtype=np.intp).T
     own = np.setdiff1d(np.arange(len(part.kept)), at)
-    # what its own unknowns are where the shared ones are zero, and how they follow these
+    # own unknowns are `alone` for zero shared unknowns, and depend on these by T
     T, alone = np.zeros((len(N), len(shared))), np.zeros(len(N))
     own_inverse = inverse(N[np.ix_(own, own)])
     T[at, to] = 1.0
@@ -229,7 +229,7 @@ def _shares(part: Regression, shared: Sequence[str]) -> _Equations:
 
 
 def _torque(part: Regression, shared: Sequence[str]) -> Array:
-    """Inner products of the shared columns, each channel over the square of its torque."""
+    """Compute inner products of the shared columns, scaled per channel by the squared torque."""
     blocks = part.blocks.total
     heard = blocks.squares > 0
     at = blocks.place(*shared)

@@ -1,20 +1,19 @@
-"""Inner products of a torque and named columns: all that least squares needs of samples.
+"""Inner products of a torque and named columns: sufficient data for least squares.
 
-A *group* is what is left out, held out or clustered together: a measurement, a period, a pair of
-strokes, a piece of time. A *channel* is what has a residual variance of its own: the torque of an
-axis. Of the samples of channel j in group k, with torque y and columns W, a block holds
+A *group* is left out, held out or clustered as a whole: a measurement, a period, a pair of strokes,
+a piece of time. A *channel* has a residual variance of its own: the torque of an axis. From the
+samples of channel j in group k, with torque y and columns W, a block holds
 
     P_kj = [y W]'[y W].
 
-Blocks add up over groups. They follow any change of columns without another pass over samples,
+Blocks are summed over groups. A change of columns needs no second pass over the samples,
 
     [y W] -> [y W] T    so    P -> T' P T,
 
-which is how unknown gains, drifting levels and a load beside a known robot enter. Columns that
-belong to a group alone are eliminated by whoever makes its block (`hil.least_squares.solving`) by
-orthogonal projection (Frisch, Waugh and Lovell). So recordings of any kind and rate make one
-regression: what they share are the unknowns of the same names; an axis whose torque was recorded in
-two ways is two channels.
+as used for unknown gains, drifting levels and a load beside a known robot. Columns of a single
+group are eliminated when its block is made (`hil.least_squares.solving`) by orthogonal projection
+(Frisch, Waugh and Lovell). So recordings of any kind and rate form one regression: unknowns of
+equal names are shared; an axis with its torque recorded in two ways has two channels.
 """
 
 from __future__ import annotations
@@ -40,18 +39,18 @@ class Blocks:
     Attributes
     ----------
     shared, own : tuple of str
-        Columns whose unknowns all channels share, then columns of each channel alone.
+        Columns of unknowns shared by the channels, then columns of each channel alone.
     products : ndarray, shape (n_groups, n_channels, m, m)
-        Of the torque, the shared and the own columns, in this order.
+        Inner products of the torque, the shared and the own columns, in this order.
     counts : ndarray, shape (n_groups, n_channels)
-        Samples, less coefficients that were eliminated.
+        Samples, less eliminated coefficients.
     channels : tuple of str
-        Their names; by default those of axes.
+        Names of the channels; by default those of axes.
     labels : mapping of str to ndarray of int, shape (n_groups,)
-        What each group is of, such as its recording.
+        Labels of the groups, such as the recording.
     owners : mapping of str to str
-        Whose own unknowns a channel has, where they are not its own: those of its axis, where
-        half-sums and half-differences of one torque are two channels.
+        Owner of a channel's own unknowns, if different from the channel: the axis, if half-sums and
+        half-differences of one torque are two channels.
     """
 
     shared: tuple[str, ...]
@@ -71,39 +70,39 @@ class Blocks:
 
     @property
     def n_channels(self) -> int:
-        """Channels."""
+        """Number of channels."""
         return int(self.products.shape[1])
 
     @property
     def layout(self) -> Layout:
-        """Where the columns' unknowns stand."""
+        """Layout of the columns' unknowns."""
         owners = (self.owners.get(name, name) for name in self.channels)
         return Layout(self.shared, self.own, tuple(dict.fromkeys(owners)))
 
     @property
     def owner(self) -> Indices:
-        """Whose own unknowns each channel has, among the layout's channels, shape (n_channels,)."""
+        """Index of the layout channel with the own unknowns of a channel, shape (n_channels,)."""
         among = self.layout.channels
         return np.array([among.index(self.owners.get(name, name)) for name in self.channels])
 
     @property
     def squares(self) -> Array:
-        """Squares of the torque of all groups together, shape (n_channels,)."""
+        """Squares of the torque summed over groups, shape (n_channels,)."""
         found: Array = self.products[:, :, 0, 0].sum(axis=0)
         return found
 
     def place(self, *names: str) -> Indices:
-        """Places of columns in the products."""
+        """Return the indices of columns in the products."""
         order = (*self.shared, *self.own)
         return np.array([1 + order.index(name) for name in names], dtype=np.intp)
 
     def where(self, mask: Mask) -> Blocks:
-        """Some groups alone."""
+        """Select groups by a mask."""
         labels = {name: label[mask] for name, label in self.labels.items()}
         return replace(self, products=self.products[mask], counts=self.counts[mask], labels=labels)
 
     def merged(self, label: Indices) -> Blocks:
-        """Groups of one label, shape (n_groups,), added up to one."""
+        """Sum groups of equal label, shape (n_groups,)."""
         _, first, of = np.unique(label, return_index=True, return_inverse=True)
         products, counts = self.products, self.counts
         if np.any(np.diff(of) < 0):
@@ -116,7 +115,7 @@ class Blocks:
         return replace(self, products=products, counts=counts, labels=labels)
 
     def grouped(self, most: int) -> Blocks:
-        """Successive groups added up to `most` larger ones, if there are more."""
+        """Sum successive groups into at most `most` larger groups."""
         label = np.zeros(len(self), dtype=np.intp)
         for number, part in enumerate(successive(0, len(self), min(most, len(self)))):
             label[part] = number
@@ -124,13 +123,13 @@ class Blocks:
 
     @property
     def total(self) -> Blocks:
-        """All groups added up to one."""
+        """Sum of the groups as a single group."""
         products, counts = (x.sum(axis=0, keepdims=True) for x in (self.products, self.counts))
         labels = {name: label[:1] for name, label in self.labels.items()}
         return replace(self, products=products, counts=counts, labels=labels)
 
     def joined(self, *others: Blocks) -> Blocks:
-        """Groups of all, one after the other; columns and channels that one lacks are zero."""
+        """Concatenate groups; missing columns and channels are zero."""
         every = (self, *others)
         shared, own, channels = (
             tuple(dict.fromkeys(name for each in every for name in getattr(each, kind)))
@@ -152,7 +151,7 @@ class Blocks:
     def expanded(
         self, shared: tuple[str, ...], own: tuple[str, ...], channels: tuple[str, ...]
     ) -> Blocks:
-        """The same among more columns and channels, zero where there was nothing."""
+        """Extend to more columns and channels, filled with zeros."""
         order = (*shared, *own)
         at = np.array([0, *(1 + order.index(name) for name in (*self.shared, *self.own))])
         of = np.array([channels.index(name) for name in self.channels])
@@ -163,20 +162,20 @@ class Blocks:
         return Blocks(shared, own, products, counts, channels, self.labels, self.owners)
 
     def only(self, shared: Sequence[str], own: Sequence[str]) -> Blocks:
-        """Some columns alone, in the order given."""
+        """Select columns, in the given order."""
         at = np.concatenate([[0], self.place(*shared, *own)]).astype(np.intp)
         products = self.products[:, :, at[:, np.newaxis], at]
         return replace(self, shared=tuple(shared), own=tuple(own), products=products)
 
-    def without(self, *names: str) -> Blocks:
-        """The same less some columns."""
+    def drop(self, *names: str) -> Blocks:
+        """Remove columns by name."""
         shared, own = (
             [name for name in names_of if name not in names] for names_of in (self.shared, self.own)
         )
         return self.only(shared, own)
 
     def combined(self, T: Array, shared: Sequence[str], own: Sequence[str]) -> Blocks:
-        """Blocks of columns that are combinations of those that there are.
+        """Compute the blocks of linear combinations of the columns.
 
         Parameters
         ----------
@@ -193,12 +192,12 @@ class Blocks:
         added: Mapping[str, Array] | None = None,
         dropped: Sequence[str] = (),
     ) -> Blocks:
-        """Blocks of another torque, or with other shared columns; `combined` where most stay.
+        """Replace the torque or shared columns; prefer `combined` if few columns stay.
 
         Parameters
         ----------
         torque : ndarray, shape (n_channels, m), optional
-            What is to be explained, by the columns of `products`; by default the torque as it is.
+            Dependent variable, by the columns of `products`; by default the torque.
         added : mapping of str to ndarray, shape (n_channels, m) or (n_groups, n_channels, m)
             Shared columns that come behind the others, likewise.
         dropped : sequence of str
@@ -210,7 +209,8 @@ class Blocks:
         made = np.stack([np.broadcast_to(x, (*lead, m)) for x in (first, *new.values())], axis=-1)
         stay = tuple(name for name in self.shared if name not in dropped)
         kept, k = self.place(*stay, *self.own), len(stay)
-        # where columns stand in the result: those that are made, and those that stay
+        # positions in the result: new columns first and after the shared ones, kept columns
+        # elsewhere
         n_made, size = made.shape[-1], made.shape[-1] + len(kept)
         at = np.concatenate([[0], np.arange(1 + k, k + n_made)])
         place = np.setdiff1d(np.arange(size), at)
@@ -224,7 +224,7 @@ class Blocks:
         return replace(self, shared=(*stay, *new), products=products)
 
     def normal(self, weights: Array) -> Normal:
-        """Normal equations of all unknowns by group, channels weighted by `weights`."""
+        """Compute the groups' normal equations for channel `weights`."""
         layout = self.layout
         n, k, n_own = layout.size, len(self.shared), len(self.own)
         N, v = np.zeros((len(self), n, n)), np.zeros((len(self), n))
@@ -240,8 +240,8 @@ class Blocks:
         return Normal(N, v, self.products[:, :, 0, 0] @ weights)
 
     @property
-    def by_channel(self) -> Normal:
-        """Normal equations of all unknowns, a channel in place of a group, without weights."""
+    def channel_equations(self) -> Normal:
+        """Unweighted normal equations by channel instead of by group."""
         layout, total = self.layout, self.products.sum(axis=0)
         products = np.zeros((self.n_channels, 1 + layout.size, 1 + layout.size))
         for channel, owner in enumerate(self.owner.tolist()):
@@ -250,7 +250,7 @@ class Blocks:
         return Normal.split(products)
 
     def squares_left(self, x: Array) -> Array:
-        """Squares of what `x`, of all unknowns, leaves, shape (n_groups, n_channels)."""
+        """Compute squared residuals of a solution `x`, shape (n_groups, n_channels)."""
         left, layout = np.zeros(self.counts.shape), self.layout
         for channel, owner in enumerate(self.owner.tolist()):
             around = np.concatenate([[1.0], -x[layout.place(owner)]])
@@ -258,13 +258,13 @@ class Blocks:
         return np.maximum(left, 0.0)
 
     def mean_squares(self, x: Array) -> Array:
-        """Mean square of what `x` leaves of each channel, all groups together."""
+        """Compute the mean squared residual of `x` per channel, over the groups."""
         found: Array = self.total.squares_left(x)[0] / np.maximum(self.counts.sum(axis=0), 1.0)
         return found
 
 
 def _runs(to: Indices, of: Indices) -> list[tuple[slice, slice]]:
-    """Places and those that they come from, as slices: these are copied many times faster."""
+    """Return runs of indices and their sources as slices, for fast copies."""
     ends = np.flatnonzero((np.diff(to) != 1) | (np.diff(of) != 1)) + 1
     first, last = np.append(0, ends), np.append(ends, len(to))
     pairs = zip(first.tolist(), last.tolist(), strict=True)

@@ -1,17 +1,16 @@
-"""Which of several models the data call for: by what they predict of groups that were held out.
+"""Model choice by the prediction error on held-out groups.
 
-Alternatives are compared by the error of prediction on groups that were held out, in turn. What is
-usual, the first of them, stands unless something richer is certainly better. An alternative that
-is not certainly better than the usual one is never chosen, however little the best one beats it by:
-with few groups nearly nothing beats anything, and the simplest of those that are left would be one
-that is as bad as the usual one. Of many alternatives that are worth nothing, the best looks better,
-too: so what counts is the greatest t of all differences of squared errors, against the greatest t
-of the same differences with signs of groups drawn at random (White, A reality check for data
-snooping, Econometrica 68 (2000) 1097-1126; studentised, since alternatives scatter differently).
-Alternatives that predict alike cost little in this way, and fewer than six groups show nothing. Up
-to `NEGLIGIBLE` less of the residual of the channel concerned is none. Of those that are certainly
-better than the usual one, the simplest that none of them beats shows what can be predicted; chosen
-is the simplest of all that predicts as well, up to `NEGLIGIBLE`.
+Alternatives are compared by the error of prediction on groups held out in turn. The first
+alternative, the usual one, is kept unless a richer one is significantly better. An alternative not
+significantly better than the usual one is never chosen, even if no other is significantly better
+than it: with few groups almost no difference is significant. The best of many useless alternatives
+looks better by chance, too: so the test statistic is the largest t of all differences of squared
+errors, compared with the largest t of the same differences with random signs of groups (White, A
+reality check for data snooping, Econometrica 68 (2000) 1097-1126; studentised, since alternatives
+scatter differently). Alternatives with equal predictions cost little in this way, and fewer than
+six groups show nothing. A decrease of up to `NEGLIGIBLE` of the channel's residual is ignored. Of
+the significantly better alternatives, the simplest not beaten by another sets the standard; the
+simplest of all with equal predictions, up to `NEGLIGIBLE`, is chosen.
 """
 
 from __future__ import annotations
@@ -30,14 +29,14 @@ if TYPE_CHECKING:
     from hil.least_squares.normal_equations import Normal
 
 FOLDS = 12
-"""Parts of the groups that are held out in turn."""
+"""Number of folds of the groups for cross-validation."""
 NEGLIGIBLE = 0.01
-"""Growth of the held-out residual (rms) that means nothing: the filters' corners make up to 0.008
-where friction is Coulomb's and viscous exactly (two axes, white noise)."""
+"""Negligible growth of the held-out residual (rms): the filters' corners cause up to 0.008 even for
+exact Coulomb and viscous friction (two axes, white noise)."""
 
 
 def simplest(errors: Mapping[str, Array], n_channels: int = 1) -> str:
-    """Return the first alternative that predicts as well as any that the data certainly call for.
+    """Return the simplest alternative with predictions as good as the significantly better models.
 
     Parameters
     ----------
@@ -63,7 +62,7 @@ def simplest(errors: Mapping[str, Array], n_channels: int = 1) -> str:
 
 
 class HeldOut:
-    """Errors of prediction on blocks that a fit did not see.
+    """Prediction errors on held-out blocks.
 
     Parameters
     ----------
@@ -81,11 +80,11 @@ class HeldOut:
         self._v = [v - fitted.v[fold].sum(axis=0) for fold in self._folds]
 
     def error(self, kept: Indices) -> Array:
-        """Squared error of each block by a fit of some unknowns to the other folds' blocks."""
+        """Compute the squared error per block, fitting the `kept` unknowns to remaining folds."""
         return self.errors({"": kept})[""]
 
     def errors(self, alternatives: Mapping[str, Indices]) -> dict[str, Array]:
-        """Errors of several sets of unknowns, with one pass over the blocks."""
+        """Compute the errors of several sets of unknowns, with one pass over the blocks."""
         scored, names = self._scored, list(alternatives)
         found = np.zeros((len(scored.v), len(names)))
         for fold, N, v in zip(self._folds, self._N, self._v, strict=True):
@@ -98,24 +97,24 @@ class HeldOut:
 
 
 def folds(n: int) -> list[slice]:
-    """Successive blocks that are held out together."""
+    """Return the successive blocks of every fold."""
     return successive(0, n, min(FOLDS, n))
 
 
 def _certainly_positive(gains: Array) -> Mask:
-    """Whether each row's mean over blocks is positive by more than chance; gains: (n_rows, n)."""
+    """Test if the mean over blocks is significantly positive, per row of gains (n_rows, n)."""
     n = gains.shape[1]
-    # draws of signs: the probability is known within 0.0025
+    # number of sign draws: standard error of the probability 0.0025
     signs = np.random.default_rng(0).choice([-1.0, 1.0], size=(4096, n))
     t = _t(gains, np.ones((1, n)))[0]
     greatest = _t(gains, signs).max(axis=1, keepdims=True)
     by_chance = greatest >= t * (1.0 - np.sqrt(np.finfo(float).eps))
-    # probability of a difference by chance below which it is none: of 5 %, either side
+    # significance level of 5 %, two-sided
     return np.asarray((t > 0.0) & (by_chance.mean(axis=0) <= 0.025))
 
 
 def _t(gains: Array, signs: Array) -> Array:
-    """Mean over its standard error, of each row of gains with each row of signs."""
+    """Compute t of every row of gains under every row of signs."""
     n = gains.shape[1]
     mean = signs @ gains.T / n
     variance = ((gains**2).mean(axis=1) - mean**2) / max(n - 1, 1)

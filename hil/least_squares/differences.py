@@ -1,7 +1,7 @@
-"""Differences of positions, of fourth order in the sampling period: what velocities are made of.
+"""Position differences of fourth order in the sampling period, used for velocities.
 
-Whatever measures takes them (`hil.estimation.signals`); whatever predicts asks what they make of
-the increments of an encoder (`hil.planning.prediction.information`).
+The estimator applies them (`hil.estimation.signals`); predictions compute their effect on encoder
+increments (`hil.planning.prediction.information`).
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 
 
 FIRST = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0
-"""First difference, of samples a period of 1 apart."""
+"""First difference, for a sampling period of 1."""
 SECOND = np.array([-1.0, 16.0, -30.0, 16.0, -1.0]) / 12.0
-"""Second difference."""
+"""Second difference, for a sampling period of 1."""
 
 
 def jerk_window(period: float) -> Array:
-    """Taps that make the jerk by which corners of a motion are found."""
+    """Return the taps of the filter for jerk, used to detect corners of a motion."""
     return np.asarray(np.convolve([0.5, 0.0, -0.5], rounding_window(period)) / period)
 
 
 def rounding_window(period: float) -> Array:
-    """Taps that make smoothed accelerations of positions, sampled every `period` [s]."""
+    """Return the filter taps from positions, every `period` [s], to smoothed accelerations."""
     return np.asarray(np.convolve(SECOND, weights(period)) / period**2)

@@ -1,4 +1,4 @@
-"""Where unknowns stand: those that all channels share come first, then those of each channel."""
+"""Layout of unknowns: shared unknowns first, then the own unknowns of every channel."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Layout:
     Attributes
     ----------
     shared : tuple of str
-        Of all channels.
+        Names of unknowns shared by all channels.
     own : tuple of str
-        Of each channel alone, the same for all.
+        Names of each channel's own unknowns.
     channels : tuple of str
         Names of the channels, such as ``axis 2``.
     """
@@ -33,45 +33,45 @@ class Layout:
 
     @property
     def n_channels(self) -> int:
-        """How many channels there are."""
+        """Number of channels."""
         return len(self.channels)
 
     @property
     def size(self) -> int:
-        """How many unknowns there are."""
+        """Number of unknowns."""
         return len(self.shared) + self.n_channels * len(self.own)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all unknowns; those of a channel begin with its name: ``axis 2 Coulomb``."""
+        """Names of the unknowns, own ones prefixed by the channel: ``axis 2 Coulomb``."""
         own = (f"{channel} {name}" for channel in self.channels for name in self.own)
         return (*self.shared, *own)
 
     def place(self, channel: int) -> Indices:
-        """Places of the shared unknowns and of one channel's own, shape (n_shared + n_own,)."""
+        """Return indices of the shared and a channel's own unknowns, shape (n_shared + n_own,)."""
         return axis_place(len(self.shared), len(self.own), channel)
 
-    def at(self, name: str, channel: int | None = None) -> int:
-        """Place of one unknown."""
+    def index(self, name: str, channel: int | None = None) -> int:
+        """Return the index of an unknown."""
         if channel is None:
             return self.shared.index(name)
         return len(self.shared) + channel * len(self.own) + self.own.index(name)
 
     def kept(self, own: Sequence[Sequence[str]], shared: Sequence[str] | None = None) -> Indices:
-        """Places of some unknowns: of each channel's own ones, and of all or some shared ones."""
+        """Return the indices of unknowns selected by channel and name."""
         names = self.shared if shared is None else shared
-        places = [self.at(name) for name in names]
-        places += [self.at(name, k) for k, each in enumerate(own) for name in each]
+        places = [self.index(name) for name in names]
+        places += [self.index(name, k) for k, each in enumerate(own) for name in each]
         return np.array(sorted(places), dtype=np.intp)
 
 
 def axis_names(n: int) -> tuple[str, ...]:
-    """Names of channels that are axes, from 1."""
+    """Return channel names of `n` axes, from 1."""
     return tuple(f"axis {axis + 1}" for axis in range(n))
 
 
 def axis_place(n_shared: int, n_own: int, axis: int) -> Indices:
-    """Places of the shared unknowns and of one axis's own among all, shape (n_shared + n_own,).
+    """Return the indices of the shared and an axis's own unknowns, shape (n_shared + n_own,).
 
     Parameters
     ----------
@@ -80,14 +80,14 @@ def axis_place(n_shared: int, n_own: int, axis: int) -> Indices:
     n_own : int
         Unknowns of each axis alone.
     axis : int
-        From 0.
+        Index from 0.
     """
     first = n_shared + axis * n_own
     return np.concatenate([np.arange(n_shared), np.arange(first, first + n_own)])
 
 
 def embedded(x: Array, kept: Indices, n: int) -> Array:
-    """Kept unknowns among all `n`, the others zero.
+    """Embed kept unknowns in a vector or matrix of `n` unknowns, zero elsewhere.
 
     Parameters
     ----------

@@ -1,32 +1,30 @@
-"""One regression: blocks, weights of their channels, the unknowns that are kept, and its solution.
+"""Weighted regression over blocks: channel weights, kept unknowns, solution and uncertainty.
 
-The unknowns of all channels are found together,
+The unknowns of all channels are estimated together,
 
     N x = v,    N = sum_j w_j W_j'W_j,    v = sum_j w_j W_j'y_j,
 
-each channel weighted with the reciprocal of its residual variance w_j, which follows from the
-solution as the solution does from it; they are found from each other again and again (`weighed`).
-What the solution is worth is asked with the covariance as an argument (`fit`); rules are those of
-`hil.least_squares.uncertainty`, and what they hold for is decided by the groups:
+each channel weighted with the reciprocal of its residual variance, w_j, iterated with the solution
+(`weighed`). The uncertainty depends on the assumed covariance, an argument of `fit`; the rules are
+those of `hil.least_squares.uncertainty`, and the groups decide what they account for:
 
 jackknife
-    groups left out in turn: whatever differs from one group to the next;
+    groups left out in turn: all differences between groups;
 clusters
-    Huber's sandwich over groups: the same to first order, cheaper where there are many;
+    Huber's sandwich over groups: equal to first order, faster for many groups;
 CR2
-    scores corrected for the solution's having come to meet them: few groups carry an unknown;
+    scores corrected for the influence of a group on the solution: for few groups per unknown;
 white
-    the residuals are white noise: what is foreseen, and for comparison.
+    white residuals: for predictions and for comparison.
 
-What a model lacks, such as a shape of friction, repeats with the motion and shows in no group of
-time. But it differs from one part of the space of states to the next. Cells of that space are to it
-what groups of time are to noise: each leaves a score, and were the model complete these would sum
-up to as little. So the covariance is the sum of two where cells are given,
+Model error, such as a missing shape of friction, repeats with the motion and shows in no group of
+time. But it differs between parts of the state space. Cells of that space are for model error what
+groups of time are for noise: each leaves a score, and with a complete model these would be small.
+So with cells the covariance is the sum of two,
 
     V = V_groups + N^-1 (sum of score score' over cells) N^-1,
 
-with the degrees of freedom of the groups. Over-all it is too large rather than too small: noise
-counts in both.
+with the degrees of freedom of the groups. It is too large rather than too small: noise is in both.
 """
 
 from __future__ import annotations
@@ -47,7 +45,7 @@ from hil.least_squares.uncertainty import (
     bias_reduced,
     degrees_if_white,
     jackknife,
-    left_out,
+    leave_out,
     sandwich,
     scatter,
 )
@@ -59,17 +57,16 @@ if TYPE_CHECKING:
     from hil.least_squares.normal_equations import Normal
 
 Solver = Callable[["Normal"], "tuple[Normal, Array]"]
-"""What weights the equations of groups, and solves them."""
+"""Solver that weights and solves the groups' equations."""
 Covariance = Literal["jackknife", "clusters", "CR2", "white"]
 ROUNDS = 20
-"""Times that weights and solution are found from each other, at most, should they not agree before:
-an end, not an accuracy."""
+"""Maximum number of reweighting iterations; normally the loop converges earlier."""
 
 
 class Uncertainty(NamedTuple):
-    """Covariance of the kept unknowns, shape (k, k), its degrees of freedom, (k,), and cells' part.
+    """Covariance of the kept unknowns (k, k), degrees of freedom (k,), and the cells' part.
 
-    The latter is what scatters over cells, 0 without any.
+    The latter is the scatter over cells, 0 without any.
     """
 
     covariance: Array
@@ -78,13 +75,13 @@ class Uncertainty(NamedTuple):
 
 
 def least_squares(equations: Normal) -> tuple[Normal, Array]:
-    """Solve all groups' equations, as they are."""
+    """Solve the groups' equations without further weights."""
     return equations, equations.solution()
 
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """A regression over blocks.
+    """Regression over blocks.
 
     Attributes
     ----------
@@ -110,7 +107,7 @@ class Regression:
         first: Array | None = None,
         rounds: int = ROUNDS,
     ) -> Regression:
-        """Regression with weights from what it leaves of each channel.
+        """Fit a regression with weights from the channels' residual variances.
 
         Parameters
         ----------
@@ -123,10 +120,10 @@ class Regression:
         """
         if kept is None:
             kept = np.arange(blocks.layout.size)
-        channels = blocks.by_channel.only(kept)
+        channels = blocks.channel_equations.only(kept)
         counts, heard = np.maximum(blocks.counts.sum(axis=0), 1.0), channels.square > 0
         squares = np.where(heard, channels.square, 1.0)
-        # below this share of the torque nothing is left but rounding
+        # lower bound of a residual variance: rounding error of the torque
         least = np.finfo(float).eps * squares / counts
         if first is None:
             first = np.where(heard, counts / squares, 0.0)
@@ -137,13 +134,13 @@ class Regression:
 
         return cls(blocks, reweighted(weigh, first, rounds), kept)
 
-    def of(self, blocks: Blocks) -> Regression:
-        """The same of other blocks, with these weights."""
+    def transfer(self, blocks: Blocks) -> Regression:
+        """Create a regression of other blocks with the current weights."""
         return Regression(blocks, self.weights, self.kept, self.solver)
 
     @property
     def layout(self) -> Layout:
-        """All unknowns, whether they are kept or not."""
+        """Layout of the unknowns, kept or not."""
         return self.blocks.layout
 
     @cached_property
@@ -152,21 +149,21 @@ class Regression:
 
     @property
     def normal(self) -> Normal:
-        """Normal equations of the kept unknowns by group, as the solver weights them."""
+        """Normal equations of the kept unknowns by group, with the solver's weights."""
         return self._solved[0]
 
     @cached_property
     def solution(self) -> Array:
-        """All unknowns, shape (n,)."""
+        """Solution for the whole layout, shape (n,), zero for unknowns not kept."""
         return embedded(self._solved[1], self.kept, self.layout.size)
 
     def moved(self, torques: Blocks) -> Array:
-        """Change of all unknowns by what is added to the torque of one axis at a time.
+        """Compute the change of the unknowns by additional torque on one axis at a time.
 
         Parameters
         ----------
         torques : Blocks
-            The same columns, with what is added in place of the torque.
+            Blocks with the additional torque in place of the torque.
 
         Returns
         -------
@@ -185,14 +182,14 @@ class Regression:
         cells: Blocks | None = None,
         most: int | None = None,
     ) -> Uncertainty:
-        """How uncertain the kept unknowns are.
+        """Compute covariance and degrees of freedom of the kept unknowns.
 
         Parameters
         ----------
         covariance : str
-            By which rule.
+            Covariance rule.
         cells : Blocks, optional
-            The same samples in other groups, the scatter of which is added; white noise has none.
+            Samples grouped in cells, whose scatter is added; white noise has none.
         most : int, optional
             Groups, at most: successive ones are added up, so what lasts longer counts.
         """
@@ -201,7 +198,7 @@ class Regression:
         inverted = inverse(normal.information)
         degrees = degrees_if_white(inverted, normal.N)
         if covariance == "jackknife":
-            found = jackknife(left_out(normal.N, normal.scores(x)))
+            found = jackknife(leave_out(normal.N, normal.scores(x)))
         elif covariance == "clusters":
             found = sandwich(inverted, scatter(normal.scores(x), few=True))
         elif covariance == "CR2":
@@ -223,7 +220,7 @@ class Regression:
         cells: Blocks | None = None,
         most: int | None = None,
     ) -> Fit:
-        """Solve, and ask what the solution is worth; parameters as of `uncertainty`."""
+        """Solve and compute the uncertainty; parameters as in `uncertainty`."""
         error, n = self.uncertainty(covariance, cells, most), self.layout.size
         return Fit(
             layout=self.layout,
@@ -237,7 +234,7 @@ class Regression:
 
 
 class ByName:
-    """Unknowns by name: values, standard errors and intervals, in SI."""
+    """Named unknowns: values, standard errors and intervals, in SI."""
 
     @property
     def _found(self) -> dict[str, tuple[float, float]]:
@@ -245,12 +242,12 @@ class ByName:
         raise NotImplementedError
 
     def _half_widths(self, level: float) -> dict[str, float]:
-        """Half-widths by name, of those that have degrees of freedom; others are normal."""
+        """Return half-widths by name for unknowns with degrees of freedom; the rest are normal."""
         raise NotImplementedError
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all that was found."""
+        """Names of the estimated unknowns."""
         return tuple(self._found)
 
     @property
@@ -265,11 +262,11 @@ class ByName:
 
     @property
     def tvalues(self) -> dict[str, float]:
-        """Values over their standard errors, by name."""
+        """Values divided by standard errors, by name."""
         return {n: x / error if error else float("nan") for n, (x, error) in self._found.items()}
 
     def conf_int(self, alpha: float = 0.05) -> dict[str, tuple[float, float]]:
-        """Return confidence intervals by name, after Student where degrees of freedom are few.
+        """Compute confidence intervals by name, from Student's t for few degrees of freedom.
 
         Parameters
         ----------
@@ -295,7 +292,7 @@ class ByName:
 
 @dataclass(frozen=True, eq=False)
 class Fit(ByName):
-    """Unknowns by name, with their uncertainty; those that were not kept have no name.
+    """Named unknowns with uncertainty; unknowns not kept are left out.
 
     Attributes
     ----------
@@ -308,7 +305,7 @@ class Fit(ByName):
     residual : ndarray, shape (n_channels,)
         Root mean square of what is left of each channel.
     condition : float
-        Of the weighted columns at unit length.
+        Condition number of the weighted columns at unit length.
     """
 
     layout: Layout

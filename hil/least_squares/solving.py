@@ -1,21 +1,21 @@
-"""Linear least squares over unknowns whose units and sizes differ by orders of magnitude.
+"""Linear least squares with unknowns of very different units and sizes.
 
-Observations ``W x = y``, shape (m, n), and their normal equations ``N x = v`` with N = W'W and
-v = W'y say the same. Every function here scales the unknowns first, so that the columns of W have
+Observations ``W x = y``, shape (m, n), and their normal equations ``N x = v`` with N = W'W and v =
+W'y are equivalent. Every function here scales the unknowns first, so that the columns of W have
 unit length,
 
     N = D R D,    D = diag(sqrt(N_jj)),    R = V S V',
 
-and neither a unit nor a size decides what counts as small (van der Sluis, Numer. Math. 14 (1969)
-14-23: no other diagonal scaling has a much better condition). A direction of R is *determined* if
-its eigenvalue is above `RANK` times the largest one; what is not determined is set to zero. With
-the determined directions V_r, all else follows from one matrix, the root of the inverse,
+and neither units nor sizes affect rank decisions (van der Sluis, Numer. Math. 14 (1969) 14-23: no
+other diagonal scaling has a much better condition). A direction of R is *determined* if its
+eigenvalue is above `RANK` times the largest one; undetermined components are set to zero. With the
+determined directions V_r, all else follows from one matrix, the root of the inverse,
 
     B = D^-1 V_r S_r^(-1/2),    B'N B = 1,    B B' = N^+,    x = B B'v,
 
-and W B is an orthonormal basis of what the columns of W span. Some unknowns c are nuisance. With
-the others p, the matrix P = [1, -N_pc N_cc^+] takes them out of the normal equations (Schur
-complement; in terms of columns, orthogonal projection after Frisch, Waugh and Lovell):
+and W B is an orthonormal basis of the span of W. Some unknowns c are nuisance. With the others p,
+the matrix P = [1, -N_pc N_cc^+] eliminates them from the normal equations (Schur complement; in
+terms of columns, orthogonal projection after Frisch, Waugh and Lovell):
 
     (P N)_p p = P v,    (P N)_c = 0.
 """
@@ -34,22 +34,22 @@ if TYPE_CHECKING:
 
 Number = TypeVar("Number", np.float64, np.complex128)
 RANK = 1e-12
-"""Share of the largest eigenvalue of R; the square of that of columns of unit length."""
+"""Rank tolerance as share of the largest eigenvalue of R, squared share of singular values."""
 IDENTIFIABLE = 1e-8
-"""The same for unknowns that somebody wants to know, measured and not made up: a condition number
-of columns of unit length of 1e4. Beyond, an error of 1e-4 of the torque, which noise and friction
-always leave, makes the worst combination of unknowns as uncertain as its own torque is large, no
-standard error holds what a misfit does to it, and normal equations have lost half of 16 digits."""
+"""Rank tolerance for unknowns of interest, as opposed to auxiliary ones: a condition number of unit
+columns of 1e4. Beyond, a torque error of 1e-4, always present in noise and friction, makes the
+worst combination of unknowns as uncertain as its own torque is large, standard errors do not cover
+the effect of misfit, and normal equations have lost half of 16 digits."""
 SILENT = 1e-12
-"""Length of a column, as share of the longest, that rounding alone may leave of zero."""
+"""Largest norm of a zero column by rounding, as share of the longest."""
 RIDGE = 1e-12
-"""Added to the unit diagonal of R, so that unknowns without excitation stay zero."""
+"""Ridge added to the unit diagonal of R, so that unknowns without excitation stay zero."""
 
 
 def solved(N: Array, side: Array) -> Array:
-    """Solve normal equations ``N x = side``; unknowns that nothing excites stay zero.
+    """Solve normal equations ``N x = side``; unknowns without excitation stay zero.
 
-    Quick enough to leave out one measurement after the other.
+    Fast enough for leave-one-out loops.
 
     Parameters
     ----------
@@ -61,20 +61,20 @@ def solved(N: Array, side: Array) -> Array:
     -------
     x : ndarray, shape of `side`
     """
-    scale = _to_unit(np.diag(N))
+    scale = _unit_scale(np.diag(N))
     scaled = N * np.outer(scale, scale) + RIDGE * np.eye(len(N))
     return (np.linalg.solve(scaled, (side.T * scale).T).T * scale).T
 
 
-def solved_each(N: Array, sides: Array) -> Array:
-    """The same of a stack of equations, shapes (k, n, n) and (k, n)."""
-    scale = _to_unit(np.diagonal(N, axis1=1, axis2=2))
+def solve_each(N: Array, sides: Array) -> Array:
+    """Solve a stack of equations, shapes (k, n, n) and (k, n)."""
+    scale = _unit_scale(np.diagonal(N, axis1=1, axis2=2))
     scaled = N * scale[:, :, np.newaxis] * scale[:, np.newaxis] + RIDGE * np.eye(N.shape[-1])
     return np.linalg.solve(scaled, (sides * scale)[..., np.newaxis])[..., 0] * scale
 
 
 def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
-    """B of ``B'N B = 1`` and ``B B' = N^+``, shape (n, number of determined directions).
+    """Compute B with ``B'N B = 1`` and ``B B' = N^+``, shape (n, number of determined directions).
 
     If N is a covariance, B' whitens.
 
@@ -89,41 +89,41 @@ def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Arr
         Squares of D where the diagonal of N is not what N is to be compared with: what
         elimination has left of N is small compared with what it was before.
     """
-    scale, values, vectors = _scaled(N, size)
-    kept = _determined(values, rank)
+    scale, values, vectors = _decompose(N, size)
+    kept = _select_determined(values, rank)
     return scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(values[kept])
 
 
 def inverse(N: Array, rank: float = RANK, size: Array | None = None) -> Array:
-    """N^+, shape (n, n), zero in what is not determined; parameters as of `inverse_root`."""
+    """Compute N^+, shape (n, n), zero in undetermined directions; cf. `inverse_root`."""
     root = inverse_root(N, rank, size)
     return root @ root.T
 
 
 def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> Mask:
-    """Unknowns with a part in directions that are not determined, shape (n,)."""
-    _, values, vectors = _scaled(N, size)
-    part = np.linalg.norm(vectors[:, ~_determined(values, rank)], axis=1)
-    # part of an unknown in directions that are not determined, from which on it is not either
+    """Return True for unknowns with a part in undetermined directions, shape (n,)."""
+    _, values, vectors = _decompose(N, size)
+    part = np.linalg.norm(vectors[:, ~_select_determined(values, rank)], axis=1)
+    # tolerance on the component in undetermined directions
     found: Mask = part > 1e-3
     return found
 
 
 def undetermined_beside(N: Array, n: int) -> Mask:
-    """Of the first `n` unknowns those that are not `IDENTIFIABLE` beside all others, shape (n,).
+    """Return True for the first `n` unknowns not `IDENTIFIABLE` beside the rest, shape (n,).
 
-    What elimination of the others leaves is compared with what there was before.
+    The information after elimination of the others is compared with the information before.
 
     Parameters
     ----------
     N : ndarray, shape (n + k, n + k)
     """
-    left = without_nuisance(N, n) @ N[:, :n]
+    left = nuisance_elimination(N, n) @ N[:, :n]
     return undetermined(left, IDENTIFIABLE, np.diag(N)[:n])
 
 
 def condition(N: Array) -> float:
-    """Condition number of columns of unit length; those that are zero do not count, inf of none.
+    """Compute the condition number of columns of unit length, without zero columns; inf if empty.
 
     Parameters
     ----------
@@ -136,8 +136,8 @@ def condition(N: Array) -> float:
     return float(np.sqrt(np.linalg.cond(N[np.ix_(heard, heard)] * np.outer(size, size))))
 
 
-def projected_out(Q: Array, x: NDArray[Number]) -> NDArray[Number]:
-    """What of `x` lies outside the span of orthonormal columns `Q`, shape of `x`.
+def project_out(Q: Array, x: NDArray[Number]) -> NDArray[Number]:
+    """Project `x` onto the complement of the span of orthonormal columns `Q`, shape of `x`.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def projected_out(Q: Array, x: NDArray[Number]) -> NDArray[Number]:
 
 
 def orthonormal(W: Array, rank: float = RANK) -> tuple[Array, Array]:
-    """Q = W B with orthonormal columns that span those of W, and B.
+    """Compute Q = W B with orthonormal columns of the same span as W, and B.
 
     Parameters
     ----------
@@ -160,9 +160,9 @@ def orthonormal(W: Array, rank: float = RANK) -> tuple[Array, Array]:
     B : ndarray, shape (n, r)
         Root of the inverse of W'W, from W itself, not from its square.
     """
-    scale = _to_unit(np.sum(W**2, axis=0))
+    scale = _unit_scale(np.sum(W**2, axis=0))
     Q, sizes, turned = np.linalg.svd(W * scale, full_matrices=False)
-    kept = _determined(sizes[::-1] ** 2, rank)[::-1]
+    kept = _select_determined(sizes[::-1] ** 2, rank)[::-1]
     return Q[:, kept], scale[:, np.newaxis] * turned[kept].T / sizes[kept]
 
 
@@ -183,7 +183,7 @@ def fitted(W: Array, y: Array) -> Array:
 
 
 def eliminated(product: Array, k: int) -> tuple[Array, int]:
-    """Inner products of columns with the span of the last `k` projected out, and its rank.
+    """Eliminate the last `k` columns from inner products; return these and the eliminated rank.
 
     Parameters
     ----------
@@ -199,8 +199,8 @@ def eliminated(product: Array, k: int) -> tuple[Array, int]:
     return product[:n, :n] - within @ within.T, within.shape[1]
 
 
-def without_nuisance(N: Array, n: int) -> Array:
-    """P, which combines normal equations so that all unknowns but the first `n` drop out.
+def nuisance_elimination(N: Array, n: int) -> Array:
+    """Compute P, the elimination of all unknowns but the first `n` from normal equations.
 
     Parameters
     ----------
@@ -214,9 +214,9 @@ def without_nuisance(N: Array, n: int) -> Array:
 
 
 def shares_without_nuisance(shares: Array, sides: Array, n: int) -> tuple[Array, Array]:
-    """Shares of measurements in the normal equations of the first `n` unknowns.
+    """Compute the measurements' normal equations for the first `n` unknowns.
 
-    Their sums are the normal equations without nuisance; that is held at the solution of all.
+    Their sums are the normal equations without nuisance, which is fixed at the solution of all.
 
     Parameters
     ----------
@@ -231,25 +231,25 @@ def shares_without_nuisance(shares: Array, sides: Array, n: int) -> tuple[Array,
     sides : ndarray, shape (n_measurements, n)
     """
     N, v = shares.sum(axis=0), sides.sum(axis=0)
-    P, nuisance = without_nuisance(N, n), inverse(N[n:, n:]) @ v[n:]
+    P, nuisance = nuisance_elimination(N, n), inverse(N[n:, n:]) @ v[n:]
     rows = P @ shares
     return rows @ P.T, sides @ P.T - rows[:, :, n:] @ nuisance
 
 
-def _to_unit(squares: Array) -> Array:
-    """Reciprocal lengths of columns, from their squares; zero for those that are silent."""
+def _unit_scale(squares: Array) -> Array:
+    """Compute reciprocal lengths of columns from squares; zero for negligible columns."""
     heard = squares > SILENT**2 * squares.max(axis=-1, initial=0.0, keepdims=True)
     return np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, squares, 1.0))
 
 
-def _scaled(N: Array, size: Array | None) -> tuple[Array, Array, Array]:
-    """D^-1, eigenvalues of R from the smallest, and its eigenvectors as columns."""
-    scale = _to_unit(np.diag(N) if size is None else size)
+def _decompose(N: Array, size: Array | None) -> tuple[Array, Array, Array]:
+    """Compute D^-1, eigenvalues of R in ascending order, and eigenvectors as columns."""
+    scale = _unit_scale(np.diag(N) if size is None else size)
     values, vectors = np.linalg.eigh(N * np.outer(scale, scale))
     return scale, values, vectors
 
 
-def _determined(values: Array, rank: float) -> Mask:
-    """Which of the eigenvalues of R, from the smallest, belong to determined directions."""
+def _select_determined(values: Array, rank: float) -> Mask:
+    """Return True for eigenvalues of R, in ascending order, of determined directions."""
     found: Mask = values > rank * max(1.0, values.max(initial=0.0))
     return found

@@ -1,8 +1,8 @@
-"""Which axes move: ranges of positions against the noise that they were measured with.
+"""Detection of moving axes: position ranges compared with the measurement noise.
 
-Noise is what positions scatter about parabolas over spans so short that no robot turns round within
-them, or what an encoder's increments leave. An axis moves where its range, with noise averaged over
-these spans, is wider than the band that noise alone fills; a locked axis of a noisy encoder stands.
+Noise is the scatter of positions about parabolas over spans too short for a robot to reverse, or
+the rounding to encoder increments. An axis moves if its range, with noise averaged over these
+spans, is wider than the noise band; a locked axis with a noisy encoder counts as standing.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 
 SPAN = 0.1
-"""Of a parabola [s]: motion up to 3 Hz, led by hand or by a trajectory, departs from it by 2 %."""
+"""Duration of a parabola [s]: motion up to 3 Hz, hand-guided or planned, departs from it by 2 %."""
 FEWEST = 5
-"""Samples of a span: two more than a parabola takes up."""
+"""Minimum samples of a span: two more than the parabola's coefficients."""
 CARRIED = 1e-4
-"""Share of the widest range of all axes that an axis which stands yields to what others do: servos
-hold arms to some 0.1 mrad while others move by some rad (the twins of `tests/robots`)."""
+"""Largest deflection of a standing axis, relative to the widest range of the axes: servos hold arms
+to some 0.1 mrad during motions of some rad (the twins of `tests/robots`)."""
 
 
 class Extent(NamedTuple):
-    """Of some samples: least and greatest mean over a span, and noise, each (n_joints,)."""
+    """Lowest and highest mean of spans, and noise, each (n_joints,)."""
 
     low: Array
     high: Array
@@ -35,7 +35,7 @@ class Extent(NamedTuple):
 
 
 def extent(q: Array, period: float) -> Extent:
-    """Extent of positions (n, n_joints) that follow each other every `period` [s]."""
+    """Compute the extent of positions (n, n_joints) sampled every `period` [s]."""
     span = max(FEWEST, round(SPAN / period))
     if len(q) < span:
         return Extent(q.min(axis=0), q.max(axis=0), np.zeros(q.shape[1]))
@@ -50,16 +50,16 @@ def extent(q: Array, period: float) -> Extent:
 
 
 def moving(extents: Sequence[Extent]) -> Mask:
-    """Axes that move, of the extents of all recordings: shape (n_joints,)."""
+    """Find the moving axes from the extents of the recordings, shape (n_joints,)."""
     low, high, noise = (np.array(each) for each in zip(*extents, strict=True))
     reach = high.max(axis=0) - low.min(axis=0)
-    # width of the band that noise alone fills, in standard deviations: 5 to either side, which one
-    # of two million samples exceeds
+    # width of the noise band: 5 standard deviations to either side, exceeded by one of two million
+    # samples
     return np.asarray(reach > np.maximum(10.0 * noise.max(axis=0), CARRIED * reach.max()))
 
 
 def increment(x: Array) -> float:
-    """Return the least difference of values that differ; rounding of converted counts is none."""
+    """Return the least difference of distinct values, apart from rounding of converted counts."""
     steps = np.diff(np.sort(x))  # a tenth of the time of np.unique
     real = steps[steps > 1e-9 * max(1.0, float(np.abs(x).max()))]
     return float(real.min(initial=np.inf)) if len(real) else 0.0

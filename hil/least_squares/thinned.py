@@ -1,7 +1,7 @@
-"""The low-pass of the improved method at some samples only, for all columns at once.
+"""Low-pass of the improved method at selected samples, for several columns at once.
 
-Of samples that follow each other faster than the window is wide, few are used: the window leaves
-nothing in between. Means are taken there alone, which is a product with a matrix of few elements.
+Few of the samples are used, since the window makes samples closer than its width redundant. Means
+are computed only there, by multiplication with a sparse matrix.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 Number = TypeVar("Number", np.float64, np.complex128)
 
 
-def smoothed_at(
+def smooth_at(
     index: NDArray[np.intp], x: NDArray[Number], period: float, passes: int = 1
 ) -> NDArray[Number]:
-    """Weighted means over the window at the samples `index` of `x`.
+    """Compute weighted means over the window at the samples `index` of `x`.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def smoothed_at(
     x : ndarray, shape (n_samples, k)
         Samples every `period` [s].
     passes : int
-        How often the window is taken.
+        Number of passes of the window.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def smoothed_at(
 def window_means(
     index: NDArray[np.intp], n_samples: int, period: float, passes: int = 1
 ) -> sparse.csr_array:
-    """The matrix of `smoothed_at`, shape (n, n_samples)."""
+    """Return the matrix of `smooth_at`, shape (n, n_samples)."""
     window = reduce(np.convolve, [weights(period)] * passes)
     first = index[:, np.newaxis] - len(window) // 2
     places = (first + np.arange(len(window))).ravel()

@@ -1,29 +1,29 @@
-"""How uncertain a least-squares solution is: what scatters, and what that does to the unknowns.
+"""Uncertainty of a least-squares solution from the scatter between measurements.
 
-Unknowns x solve ``N x = v``; measurement k has the share S_k in N and s_k in v. Its *score* is what
-its own normal equations leave at the solution of all, ``s_k - S_k x``.
+Unknowns x solve ``N x = v``; measurement k contributes S_k to N and s_k to v. Its *score* is the
+residual of its own normal equations at the solution of all, ``s_k - S_k x``.
 
 sandwich
-    To first order the solution moves by N^-1 times the right-hand side's error. So with the
+    To first order the solution changes by N^-1 times the right-hand side's error. So with the
     covariance M of that error (the meat), the covariance of x is N^-1 M N^-1. The scores estimate
-    it, M = sum of score score' (Huber, Proc. 5th Berkeley Symp. 1 (1967) 221-233), whatever noise
-    within a measurement is like; for white noise of variance s^2, M = s^2 N and s^2 N^-1 remains.
+    it, M = sum of score score' (Huber, Proc. 5th Berkeley Symp. 1 (1967) 221-233), for any noise
+    within a measurement; for white noise of variance s^2, M = s^2 N and s^2 N^-1 remains.
 jackknife
-    How far the solution moves when a measurement is left out, exactly
-    ``x_(k) - x = -(N - S_k)^-1 (s_k - S_k x)``, says the same without first order: the covariance
-    is (n - 1) / n times the sum of the changes' squares (Efron and Tibshirani, *An Introduction to
-    the Bootstrap*, 1993, chapter 11). It holds whatever differs from one measurement to the next,
-    but where single measurements carry much it is too large: the solution without one of them is
-    worse than the solution is.
+    The exact change of the solution without a measurement,
+    ``x_(k) - x = -(N - S_k)^-1 (s_k - S_k x)``, needs no first order: the covariance is
+    (n - 1) / n times the sum of the squared changes (Efron and Tibshirani, *An Introduction to
+    the Bootstrap*, 1993, chapter 11). It includes all differences between measurements, but is
+    too large for few influential measurements: the solution without one of them is worse than
+    the solution itself.
 bias-reduced
-    In between: scores made as large as they were before the solution came to meet them, by the
-    root of what it leaves of their variance were the noise white, which is then without bias (CR2
-    of Bell and McCaffrey, Survey Methodology 28 (2002) 169-181). For white noise and B of
-    ``B'N B = 1`` measurement k has the share ``H = B'S_k B`` of the solution, and changes it by
-    ``B (1 - H)^(-1/2) B'(s_k - S_k x)``; the jackknife's has (1 - H)^-1 and the sandwich's 1.
+    In between: scores enlarged to undo the fit to them, by the root of their variance's remaining
+    share for white noise, for which the result is unbiased (CR2 of Bell and McCaffrey, Survey
+    Methodology 28 (2002) 169-181). For white noise and B of ``B'N B = 1`` measurement k has the
+    share ``H = B'S_k B`` of the solution, and changes it by ``B (1 - H)^(-1/2) B'(s_k - S_k x)``;
+    the jackknife has (1 - H)^-1 and the sandwich 1.
 
-How many measurements carry an unknown decides what such a covariance is worth. If they have the
-shares v_k of a variance, it has the effective degrees of freedom ``(sum v)^2 / sum v^2 - 1``
+The accuracy of such a covariance depends on the number of measurements that carry an unknown. With
+the shares v_k of a variance, it has the effective degrees of freedom ``(sum v)^2 / sum v^2 - 1``
 (Satterthwaite, Biometrics Bull. 2 (1946) 110-114).
 """
 
@@ -40,21 +40,21 @@ if TYPE_CHECKING:
 
 
 TWICE = 1.96
-"""Standard errors of an interval of 95 %, of a variance that is known."""
+"""Half-width of a 95 % interval in standard errors, for a known variance."""
 UNCERTAIN = 0.5
-"""Standard error over value from which on a parameter may count as not identifiable: its interval
-of 95 % then holds zero."""
+"""Ratio of standard error to value above which a parameter may count as not identifiable: the 95 %
+interval contains zero."""
 FEWEST = 2.0
-"""Degrees of freedom, at least: of Student's t with fewer, intervals are too wide to be of use."""
+"""Minimum degrees of freedom: for fewer, Student's t gives useless intervals."""
 ALMOST_NONE = 1.0
-"""Degrees of freedom, at least: a variance that a single measurement carries is evidence of next to
-nothing."""
+"""Minimum degrees of freedom for a variance carried by a single measurement, which is almost no
+evidence."""
 _ALONE = 1e-6
-"""Of a direction that one measurement alone determines, what rounding leaves of 1 - H."""
+"""Floor of 1 - H, for directions determined by a single measurement."""
 
 
 class Solved(NamedTuple):
-    """A solution and how uncertain what differs between measurements makes it.
+    """Solution with uncertainty from the differences between measurements.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Solved(NamedTuple):
 
 
 def scatter(scores: Array, *, few: bool = False) -> Array:
-    """Covariance of the normal equations' right-hand side, from measurements' scores.
+    """Compute the covariance of the normal equations' right-hand side from measurements' scores.
 
     Parameters
     ----------
@@ -88,19 +88,19 @@ def scatter(scores: Array, *, few: bool = False) -> Array:
 
 
 def sandwich(inverse: Array, meat: Array) -> Array:
-    """Covariance of x, shape (n, n), from the inverse of N and the right-hand side's covariance."""
+    """Compute the covariance of x, shape (n, n), from N^-1 and the right-hand side's covariance."""
     return inverse @ meat @ inverse.T
 
 
 def classical(J: Array, variance: float) -> Array:
-    """Covariance of x for white residuals, inf on the diagonal where x is not determined.
+    """Compute the covariance of x for white residuals; inf on the diagonal if undetermined.
 
     Parameters
     ----------
     J : ndarray, shape (m, n)
         Change of the residuals per change of x.
     variance : float
-        Of the residuals.
+        Variance of the residuals.
     """
     N = J.T @ J
     covariance = variance * inverse(N)
@@ -109,19 +109,19 @@ def classical(J: Array, variance: float) -> Array:
 
 
 def jackknife(changes: Array) -> Array:
-    """Covariance of x, shape (n, n).
+    """Compute the jackknife covariance of x, shape (n, n).
 
     Parameters
     ----------
     changes : ndarray, shape (n_measurements, n)
-        Of x, each by leaving out one measurement.
+        Changes of x without one measurement each.
     """
     n = len(changes)
     return (n - 1) / n * (changes.T @ changes)
 
 
-def left_out(shares: Array, scores: Array) -> Array:
-    """Change of x by leaving out each measurement, shape (n_measurements, n).
+def leave_out(shares: Array, scores: Array) -> Array:
+    """Compute the change of x without every single measurement, shape (n_measurements, n).
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def left_out(shares: Array, scores: Array) -> Array:
 
 
 def effective_degrees(shares: Array, fewest: float = FEWEST) -> Array:
-    """Effective degrees of freedom of variances to which measurements contribute `shares`.
+    """Compute effective degrees of freedom of variances with the measurements' `shares`.
 
     Parameters
     ----------
@@ -153,16 +153,16 @@ def effective_degrees(shares: Array, fewest: float = FEWEST) -> Array:
 
 
 def degrees_if_white(inverse: Array, shares: Array, fewest: float = FEWEST) -> Array:
-    """Effective degrees of freedom by each measurement's share of the variance of white noise.
+    """Compute effective degrees of freedom from the shares of measurements in white noise.
 
-    After Bell and McCaffrey, Survey Methodology 28 (2002) 169-181. Shares taken from the residuals
-    instead are as uncertain as the variance itself: with them a ratio of 14 between an unknown and
-    its standard error came out as chance.
+    After Bell and McCaffrey, Survey Methodology 28 (2002) 169-181. Shares from the residuals are as
+    uncertain as the variance itself: a ratio of 14 between an unknown and its standard error then
+    looked random.
 
     Parameters
     ----------
     inverse : ndarray, shape (n, n)
-        Of N.
+        Inverse of N.
     shares : ndarray, shape (n_measurements, n, n)
     fewest : float
         As of `effective_degrees`.
@@ -171,7 +171,7 @@ def degrees_if_white(inverse: Array, shares: Array, fewest: float = FEWEST) -> A
 
 
 def leave_one_out(shares: Array, sides: Array) -> Solved:
-    """Solve normal equations with all measurements, and without each of them.
+    """Solve normal equations, and compute the jackknife covariance by measurement.
 
     Degrees of freedom are those of `degrees_if_white`.
 
@@ -182,16 +182,16 @@ def leave_one_out(shares: Array, sides: Array) -> Solved:
     """
     N = shares.sum(axis=0)
     x = solved(N, sides.sum(axis=0))
-    changes = left_out(shares, sides - shares @ x)
+    changes = leave_out(shares, sides - shares @ x)
     degrees = degrees_if_white(solved(N, np.eye(len(N))), shares, ALMOST_NONE)
     return Solved(x, jackknife(changes), degrees)
 
 
 def bias_reduced(shares: Array, sides: Array) -> Solved:
-    """Solve normal equations whose noise is about white, of variance 1.
+    """Solve normal equations with nearly white noise of variance 1.
 
-    No variance is less than that of such noise: of what one measurement alone determines it leaves
-    no score. Degrees of freedom are those of `degrees_if_white`.
+    No variance is less than that of such noise: a direction determined by a single measurement
+    leaves no score. Degrees of freedom are those of `degrees_if_white`.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def bias_reduced(shares: Array, sides: Array) -> Solved:
 
 
 def correlation_of(covariance: Array) -> Array:
-    """Correlations, shape (n, n); zero with what has no variance or an infinite one."""
+    """Compute correlations, shape (n, n); zero for unknowns with zero or infinite variance."""
     variance = np.diag(covariance)
     finite = np.isfinite(variance) & (variance > 0)
     scale = np.where(finite, 1.0, 0.0) / np.sqrt(np.where(finite, variance, 1.0))

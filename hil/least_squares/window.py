@@ -1,8 +1,8 @@
-"""The low-pass of the improved method: a Blackman window.
+"""Low-pass of the improved method: a Blackman window.
 
-It is phase-neutral and ends after `HALF_WIDTH`: a sample further than that from a reversal knows
-nothing of it. What is measured passes it, and so does what is foreseen of a measurement. NumPy
-alone does it: plans and dry runs would wait longer for SciPy than they take.
+It is phase-neutral and ends after `HALF_WIDTH`: a sample further than that from a reversal is not
+affected by it. Recordings and predictions pass the same window. It uses NumPy alone, since
+importing SciPy would take longer than a plan or dry run.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 
 
 HALF_WIDTH = 0.024
-"""Of the window [s]."""
+"""Half-width of the window [s]."""
 APART = 0.012
-"""Between samples that are used: the window leaves nothing in between [s]."""
+"""Interval between used samples [s]: the window removes faster content."""
 
 
 def smooth(x: Array, period: float) -> Array:
-    """Weighted mean over the window along the first axis, of samples every `period` [s]."""
-    return correlated(x, weights(period))
+    """Compute the weighted mean over the window along the first axis; `period` in s."""
+    return correlate(x, weights(period))
 
 
-def correlated(x: Array, taps: Array) -> Array:
-    """Sum of each sample and its neighbours times `taps`; those beyond an end are like the end."""
+def correlate(x: Array, taps: Array) -> Array:
+    """Correlate samples with `taps`, with constant extension at the ends."""
     n, reach = len(x), len(taps) // 2
     flat = x.reshape(n, -1)
     padded = np.empty((flat.shape[1], n + 2 * reach))  # np.pad takes as long as all that follows
@@ -40,25 +40,25 @@ def correlated(x: Array, taps: Array) -> Array:
     return sums.reshape(x.shape)
 
 
-def widened(mask: Mask, reach: int, *, beyond: bool = False) -> Mask:
-    """Samples within `reach` of those of a mask; `beyond`: what the mask is outside its ends."""
+def widen(mask: Mask, reach: int, *, beyond: bool = False) -> Mask:
+    """Widen a mask by `reach` samples; `beyond` is the assumed value outside the ends."""
     count = np.cumsum(np.pad(mask, (reach + 1, reach), constant_values=beyond))
     return count[2 * reach + 1 :] > count[: -2 * reach - 1]
 
 
 def half_window(period: float) -> int:
-    """Samples on either side of the middle one."""
+    """Return the number of window samples on either side of the centre."""
     return max(2, round(HALF_WIDTH / period))
 
 
 def noise_gain(period: float) -> float:
-    """Variance that the window leaves of white noise."""
+    """Compute the variance of white noise after the window."""
     return float(np.sum(weights(period) ** 2))
 
 
 @cache
 def weights(period: float) -> Array:
-    """Of the window's samples, one every `period` [s]; their sum is 1."""
+    """Return the window's weights, for samples every `period` [s]; the sum is 1."""
     window = np.blackman(2 * half_window(period) + 3)[1:-1]
     window /= window.sum()
     window.flags.writeable = False

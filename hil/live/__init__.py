@@ -1,5 +1,5 @@
-"""A run as others see it while it goes on: what happens, passed to processes beside it.
+"""Live display of a run in separate processes.
 
-The process that moves the robot writes lines and waits for nobody (`feed`, `listener`); whoever
-shows them is a process of its own (`page_server`), which may hang or die as it likes.
+The process that moves the robot writes lines without waiting (`feed`, `listener`); displays are
+processes of their own (`page_server`), which may hang or die without consequence.
 """

@@ -1,9 +1,9 @@
-"""The process that identifies a run while it goes on: `python -m hil.live.estimator FOLDER`.
+"""Process for identification during a run: `python -m hil.live.estimator FOLDER`.
 
 It reads the run's lines from its standard input (`hil.live.lines`), and each recording from the
-run's folder once the line says that it is there: never from the process that moves the robot, which
-waits for nobody. Lines ``torque`` and ``estimate`` go back by its standard output. Where it is
-behind, several recordings make one estimate. It has the lowest priority, and ends with its input.
+run's folder once a line announces it: never from the process that moves the robot, which does not
+wait. Lines ``torque`` and ``estimate`` go back by its standard output. If it is behind, several
+recordings make one estimate. It has the lowest priority, and ends with its input.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 PATIENCE = 30.0
-"""Time for which a recording is waited for, as long as the run waits for a disk [s]."""
+"""Maximum wait for a recording, equal to the run's wait for a disk [s]."""
 
 
 def main(folder: str) -> None:
@@ -36,7 +36,7 @@ def main(folder: str) -> None:
     first = recorded.get()
     if first is None:
         return
-    # only now, that a run begins at once
+    # import numerics only now, when a run is certain
     from hil.live.interim import Interim  # noqa: PLC0415
     from hil.runs.run import Run  # noqa: PLC0415
 
@@ -67,7 +67,7 @@ def _listen(recorded: SimpleQueue[str | None]) -> None:
 
 
 def _batches(first: list[str], recorded: SimpleQueue[str | None]) -> Iterator[list[str]]:
-    """Names of what has come since the last batch, each once, until the end."""
+    """Yield batches of new names since the last batch, until the end."""
     seen = set(first)
     yield first
     while True:
@@ -83,7 +83,7 @@ def _batches(first: list[str], recorded: SimpleQueue[str | None]) -> Iterator[li
 
 
 def _is_there(path: Path) -> bool:
-    """Whether a recording is written, or comes to be: it is renamed into its place when whole."""
+    """Wait for a recording's file; return True once present (written whole, then renamed)."""
     ends = time.monotonic() + PATIENCE
     while not path.exists() and time.monotonic() < ends:
         time.sleep(0.02)

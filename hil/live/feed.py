@@ -1,9 +1,9 @@
-"""What happens in a run, passed to processes beside it as it happens.
+"""Feed of a run's events and samples to listening processes.
 
-A `Feed` joins a run at two places that are there already: `in_front` puts a bus in front of that of
-the drives, which sees samples, power and faults; `display` goes with the display of the terminal,
-which sees the sequencer's events and how the run ends. Writing waits for nobody, and a process that
-has ended is left out from then on.
+A `Feed` joins a run at two existing places: `wrap_bus` puts a bus in front of that of the drives,
+which sees samples, power and faults; `display` wraps the display of the terminal, which sees the
+sequencer's events and the end of the run. Writing never waits, and an ended process is left out
+from then on.
 """
 
 from __future__ import annotations
@@ -56,18 +56,18 @@ _FOUND = (
     " curves mark when it was found."
 )
 _EVERY = 1 / 25
-"""Least time between samples that are passed on [s], enough for the eye."""
+"""Minimum interval between transmitted samples [s]."""
 
 
 class Feed:
-    """Informs listeners of what happens, in one run or in several after each other.
+    """Feed of events to listeners, during successive runs.
 
     Parameters
     ----------
     listeners : sequence of Listener
-        Not started yet.
+        Listeners, to be started.
     simulated : bool
-        Whether it is the virtual plant that moves.
+        True for the virtual plant.
     """
 
     def __init__(self, listeners: Sequence[Listener], *, simulated: bool) -> None:
@@ -88,14 +88,14 @@ class Feed:
         hand: bool,
         watcher: Watcher | None,
     ) -> None:
-        """Turn to a run, of which the next lines are.
+        """Switch to a run; later lines refer to this run.
 
         Parameters
         ----------
         rehearsal : float or None
             Share of the speed limits at which all ways are only passed.
         hand : bool
-            Whether the plant's arm can be pushed from the live page.
+            True if the plant's arm can be pushed from the live page.
         watcher : Watcher or None
             Whose torques are passed on.
         """
@@ -107,13 +107,13 @@ class Feed:
         self._watcher, self._alarms, self._hand = watcher, 0, hand
         self._learning: bool | None = None
 
-    def in_front(self, bus: DriveBus) -> FedBus:
-        """Put a bus in front of another that is not entered yet."""
+    def wrap_bus(self, bus: DriveBus) -> FedBus:
+        """Put a bus in front of another, before entry."""
         return FedBus(bus, self)
 
     @contextmanager
     def display(self, shown: Display, console: Console) -> Iterator[Take]:
-        """Show events as `shown` does and pass them on; yields what takes them.
+        """Show events by `shown` and publish events; yield the function for events.
 
         Raises
         ------
@@ -130,7 +130,7 @@ class Feed:
             yield take
 
     def take_event(self, event: Event) -> None:
-        """Pass an event on."""
+        """Publish an event."""
         self.publish("event", lines.event(event, self._pace.left(event), self._numbers))
         if isinstance(event, Recorded):
             found = lines.level(event.measurement, event.recording, self._levels)
@@ -138,12 +138,12 @@ class Feed:
                 self.publish("level", found)
 
     def take_sample(self, sample: Sample, notes: Sequence[str]) -> None:
-        """Pass a sample on if it is time, and what has been noted since."""
+        """Publish a sample if due, with new notes."""
         now = time.monotonic()
         if now < self._next:
             return
         self._next = now + _EVERY
-        line = lines.encoded("sample", **lines.sample(sample))
+        line = lines.encode("sample", **lines.sample(sample))
         for listener in self._listeners:
             listener.write(line, droppable=True)
         for text in notes[self._notes :]:
@@ -154,7 +154,7 @@ class Feed:
         self.pass_on()
 
     def pass_on(self) -> None:
-        """Pass on what listeners have for each other, and name those that have ended."""
+        """Forward lines between listeners, and report ended ones."""
         for listener in self._listeners:
             try:
                 while True:
@@ -169,7 +169,7 @@ class Feed:
         course = watcher.course()
         if len(course.time):
             line = lines.torque(range(course.measured.shape[1]), *course)
-            encoded = lines.encoded("torque", **line)
+            encoded = lines.encode("torque", **line)
             for listener in self._listeners:
                 listener.write(encoded, droppable=True)
         if watcher.learning is not self._learning:
@@ -190,14 +190,14 @@ class Feed:
 
     def _state_of(self, watcher: Watcher) -> lines.Line:
         if watcher.learning:
-            text = f"Learning how torques scatter, {watcher.to_learn:.0f} s of motion: do not push"
+            text = f"Learning how torques scatter, {watcher.required:.0f} s of motion: do not push"
             return {"text": text, "more": _LEARNING}
         text = "Push the arm: drag a link" if self._hand else "Watching: no push so far"
         return {"text": text, "more": _WATCHING}
 
     @contextmanager
     def open(self, console: Console) -> Iterator[Sequence[str]]:
-        """Start the listeners, and end them when all is over; yields what they state.
+        """Start the listeners; yield the start messages; end the listeners afterwards.
 
         Raises
         ------
@@ -212,7 +212,7 @@ class Feed:
                 if stated[-1]:
                     self._say(stated[-1])
             self._open = True
-            with self._ended():
+            with self._publish_end():
                 yield stated
         finally:
             self._open = False
@@ -220,12 +220,12 @@ class Feed:
                 listener.close()
 
     @contextmanager
-    def _ended(self) -> Iterator[None]:
+    def _publish_end(self) -> Iterator[None]:
         try:
             yield
         except BaseException as error:
             self.pass_on()  # the end is the last line
-            self.publish("end", _how(error))
+            self.publish("end", _describe_end(error))
             raise
         else:
             self._await_answers()
@@ -234,7 +234,7 @@ class Feed:
             self._name_missed()
 
     def _await_answers(self) -> None:
-        """End the processes that have something for the others, and pass it on."""
+        """End listeners with pending answers, and forward the answers."""
         self._name_missed()
         for listener in self._listeners:
             if listener.answers and not listener.gone:
@@ -243,13 +243,13 @@ class Feed:
         self.pass_on()
 
     def publish(self, kind: str, values: lines.Line) -> None:
-        """Pass a line of `hil.live.lines` on."""
-        line = lines.encoded(kind, **values)
+        """Publish a line of `hil.live.lines`."""
+        line = lines.encode(kind, **values)
         for listener in self._listeners:
             listener.write(line)
 
     def _name_missed(self) -> None:
-        """State once of each process that it has ended."""
+        """Report every ended process once."""
         for listener in self._listeners:
             if listener.gone and listener.what not in self._missed:
                 self._missed.add(listener.what)
@@ -257,7 +257,7 @@ class Feed:
 
 
 class FedBus(BusInFront):
-    """A bus in front of another one that publishes what it sees.
+    """Bus in front of another bus that publishes samples and states.
 
     Parameters
     ----------
@@ -274,8 +274,8 @@ class FedBus(BusInFront):
     def __enter__(self) -> Self:
         """Check, configure and power on every drive.
 
-        That it was done is published with the first sample: nothing may come between axes under
-        power and whoever switches them off.
+        The event is published with the first sample: nothing may come between powered axes and the
+        code that switches them off.
         """
         try:
             super().__enter__()
@@ -303,8 +303,8 @@ class FedBus(BusInFront):
         return sample
 
 
-def _how(error: BaseException) -> lines.Line:
-    """How a run ends that is left by an exception."""
+def _describe_end(error: BaseException) -> lines.Line:
+    """Describe the end of a run left by an exception."""
     if isinstance(error, KeyboardInterrupt) or (
         isinstance(error, typer.Exit) and error.exit_code == STATUS
     ):

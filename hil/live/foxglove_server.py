@@ -1,4 +1,4 @@
-"""The process that streams a run to Foxglove: `python -m hil.live.foxglove_server ADDRESS PORT`.
+"""Process for streaming a run to Foxglove: `python -m hil.live.foxglove_server ADDRESS PORT`.
 
 It reads the run's lines from its standard input (`hil.live.lines`) and passes them on as messages
 of ROS 2 over Foxglove's own WebSocket server, which keeps some messages a client and leaves the
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
 TOPICS = {"/joint_states": ros.JOINT_STATE, "/diagnostics": ros.DIAGNOSTICS, "/events": ros.LOG}
-"""Topics and the types of their messages."""
+"""Topics and message types."""
 _STATES = {ros.OK: "under power", ros.STALE: "without power", ros.FAULT: "stopped by a fault"}
 _REMARKS = {
     SampleFlag.MISSING: "no sample came",
@@ -45,7 +45,7 @@ _REMARKS = {
 
 
 class Said(NamedTuple):
-    """A message and where it goes.
+    """Message with topic and time stamp.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Said(NamedTuple):
 
 
 class RosLines:
-    """Turns one line after the other into messages."""
+    """Conversion of lines to messages."""
 
     def __init__(self, messages: ros.RosMessages) -> None:
         self._messages = messages
@@ -71,7 +71,7 @@ class RosLines:
         self._level, self._doing = ros.STALE, "starting"
 
     def take(self, line: dict[str, Any]) -> Iterator[Said]:
-        """Yield what a line says; lines of kinds that nobody shows say nothing."""
+        """Yield the messages for a line; irrelevant kinds yield none."""
         stamp = round(line["at"] * 1000) * 1_000_000
         if line["kind"] == "start":
             self._joints = line["robot"]["joints"]
@@ -80,12 +80,12 @@ class RosLines:
             yield from self._sample(line, stamp)
         else:
             self._note(line)
-            for level, text in _told(line):
+            for level, text in _log_entries(line):
                 about = line.get("measurement", "run")
                 yield Said("/events", stamp, self._messages.log(stamp, level, about, text))
 
     def _note(self, line: dict[str, Any]) -> None:
-        """Take in what changes the state of the run."""
+        """Update the state of the run."""
         match line["kind"]:
             case "armed":
                 self._level = ros.OK
@@ -125,8 +125,8 @@ class RosLines:
         return ros.Diagnosis(f"run: {self._names[axis]}", level, text, values)
 
 
-def _told(line: dict[str, Any]) -> Iterator[tuple[int, str]]:
-    """Level and text of a line for the log."""
+def _log_entries(line: dict[str, Any]) -> Iterator[tuple[int, str]]:
+    """Yield level and text of a line for the log."""
     match line["kind"]:
         case "event":
             yield (ros.WARN, line["notice"]) if line["notice"] else (ros.INFO, line["doing"])
@@ -151,7 +151,7 @@ def main(address: str, port: str) -> None:
     say = begin_listening()
     try:
         messages = ros.RosMessages(OPTION, EXTRA)
-        server, channels = _served(messages, address, int(port))
+        server, channels = _serve(messages, address, int(port))
     except FileError as error:
         say("failed", str(error))
         return
@@ -169,8 +169,8 @@ def main(address: str, port: str) -> None:
     server.stop()
 
 
-def _served(messages: ros.RosMessages, address: str, port: int) -> tuple[Any, dict[str, Any]]:
-    """Start the server; return it and its channels by topic.
+def _serve(messages: ros.RosMessages, address: str, port: int) -> tuple[Any, dict[str, Any]]:
+    """Start the server; return server and channels by topic.
 
     256 messages may wait for one client, some 3 s of a run.
     """

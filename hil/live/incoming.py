@@ -1,8 +1,8 @@
-"""Connections whose request has not come whole yet, and whose they are.
+"""Connections with an incomplete request, and the owner of a connection.
 
-A request is given a thread only once all of it is there, so whoever sends it byte by byte, or
-nothing, holds one of `WAITING_MAX` entries of a list and no place of a page: for `DEADLINE` at
-most, and until others need the entry.
+A request gets a thread only when complete; so a client that sends byte by byte, or nothing, holds
+one of `WAITING_MAX` entries of a list and no thread: for `DEADLINE` at most, and until others need
+the entry.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from functools import cache
 from pathlib import Path
 
 DEADLINE = 5.0
-"""Time in which a request must come whole [s]: some ten round trips of a slow mobile network."""
+"""Time limit for a complete request [s]: some ten round trips of a slow mobile network."""
 WAITING_MAX = 128
-"""Connections without a whole request; where one more comes, the oldest is left."""
+"""Maximum number of connections without a complete request; a new one replaces the oldest."""
 BODY_MAX = 4096
-"""Bytes of a body that are read: what the plant takes of a push."""
+"""Maximum bytes of a body, sufficient for a push."""
 REQUEST_MAX = 16_384 + BODY_MAX
-"""Bytes of a request; browsers send some 1 kB."""
+"""Maximum bytes of a request; browsers send some 1 kB."""
 _LENGTH = re.compile(rb"^content-length:[ \t]*(\d{1,9})[ \t]*\r?$", re.I | re.M)
 
 
 class TooLarge(Exception):
-    """A request of more than `REQUEST_MAX` bytes."""
+    """Request of more than `REQUEST_MAX` bytes."""
 
 
 @dataclass(slots=True, eq=False)
 class Incoming:
-    """A connection, and what has come of its request.
+    """Connection with a partial request.
 
     Attributes
     ----------
     connection : socket
-        It does not block.
+        Non-blocking socket.
     data : bytearray
     ends : float
         When its time is over, on the monotonic clock [s].
@@ -49,7 +49,7 @@ class Incoming:
     ends: float = field(default_factory=lambda: time.monotonic() + DEADLINE)
 
     def receive(self) -> bytes | None:
-        """Take what has come; return the request once it is whole.
+        """Receive available data; return the request once complete.
 
         Raises
         ------
@@ -74,18 +74,18 @@ class Incoming:
 
 
 def is_ours(connection: socket.socket) -> bool:
-    """Whether the other end, on this computer, is a program of this user or of root.
+    """Return True if the other end is a program of this user or of root, on this computer.
 
-    Who called `sudo` counts as this user. A connection that its program has closed already is
-    nobody's: the kernel states root as its user. On a system that does not say whose a connection
-    is, every one is.
+    The caller of `sudo` counts as this user. A connection already closed by its program belongs to
+    nobody: the kernel states root as its user. On a system without this information, the result is
+    True.
     """
     family = connection.family
     theirs, ours = connection.getpeername()[:2], connection.getsockname()[:2]
-    wanted = f"{_written(family, *theirs)} {_written(family, *ours)}".encode()
+    wanted = f"{_format_address(family, *theirs)} {_format_address(family, *ours)}".encode()
     try:
-        # each line: number: local address, remote address, state, queues, timers, retries, user,
-        # timeout, inode (0 of what was closed)
+        # columns: number, local address, remote address, state, queues, timers, retries, user,
+        # timeout, inode (0 for closed sockets)
         table = Path("/proc/net/tcp6" if family == socket.AF_INET6 else "/proc/net/tcp")
         lines = table.read_bytes().splitlines()
     except OSError:
@@ -101,8 +101,8 @@ def _users() -> frozenset[int]:
     return frozenset({0, os.getuid(), *([int(caller)] if caller.isdecimal() else [])})
 
 
-def _written(family: int, address: str, port: int) -> str:
-    """An address as the kernel's table has it: words of four bytes in the machine's order."""
+def _format_address(family: int, address: str, port: int) -> str:
+    """Format an address as in the kernel's table: words of four bytes in machine order."""
     packed = socket.inet_pton(family, address)
     words = [packed[k : k + 4] for k in range(0, len(packed), 4)]
     return "".join(f"{int.from_bytes(word, sys.byteorder):08X}" for word in words) + f":{port:04X}"

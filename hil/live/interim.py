@@ -1,18 +1,18 @@
-"""What the recordings of a run show so far, while it goes on: parameters, and the next torques.
+"""Interim estimate during a run: parameters, and predicted torques of new recordings.
 
-Each recording is condensed once; adding them up and solving takes as long for the last one as for
-the first. Lags, soft gears and friction of the load are left to identification proper: what stands
-here is for the eye.
+Each recording is condensed once; summation and solution take as long for the last one as for the
+first. Lags, joint elasticity and friction of the load are left to identification proper: this
+estimate is for display only.
 
 A recording's torque is predicted before the recording is used. Friction of each motion is fitted in
-it, as identification does it, so the prediction is of the rigid bodies; of what friction's columns
-P = B B' span nothing is predicted, and the error of the rest is that of the parameters and of the
-torque itself,
+it, as in identification, so the prediction is of the rigid bodies; within the span P = B B' of
+friction's columns nothing is predicted, and the error of the rest is that of the parameters and of
+the torque itself,
 
     tau = A p + P (tau - A p),   variance (1 - P) A V A' (1 - P)' + noise.
 
-Noise is the median of what such predictions left of earlier recordings of the kind: ripple and
-what friction is beside its terms count, too.
+Noise is the median residual of such predictions for earlier recordings of the kind; it includes
+torque ripple and unmodelled friction.
 """
 
 from __future__ import annotations
@@ -49,16 +49,16 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 POINTS = 120
-"""Samples of a recording's torque that are drawn, at most: one in two pixels of a chart."""
+"""Maximum number of torque samples drawn per recording: one per two pixels of a chart."""
 
 
 class Interim:
-    """An estimate that grows with each recording.
+    """Interim estimate, updated by recordings.
 
     Parameters
     ----------
     robot : Robot
-        With known limits.
+        Robot with known limits.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -71,9 +71,9 @@ class Interim:
         self._degrees, self._open = np.ones(n), np.ones(n, dtype=bool)
 
     def take(self, motion: RecordedMotion, recording: Recording) -> Iterator[Line]:
-        """Take a recording; yield what stands in the lines ``torque``, of its axes.
+        """Add a recording; yield the values of line ``torque`` for the moved axes.
 
-        One that shows no parameters, or too little, is passed over.
+        A recording without parameters, or too short, is skipped.
         """
         if not shows_parameters(motion):
             return
@@ -83,12 +83,12 @@ class Interim:
         except NotEnoughData:
             return
         if not self._open.any():
-            yield from (self._predicted(motion, each, s) for axes in stacks for each in axes)
+            yield from (self._predict(motion, each, s) for axes in stacks for each in axes)
         if any(stacks):
-            self._blocks.append(condensed_blocks(self._robot, stacks).without(ROTOR))
+            self._blocks.append(condensed_blocks(self._robot, stacks).drop(ROTOR))
 
     def parameters(self) -> Line:
-        """Estimate; return what stands in the line ``estimate``."""
+        """Estimate the parameters; return the values of line ``estimate``."""
         if self._blocks:
             self._solve()
         half = half_width(np.diag(self._covariance), np.zeros(1), self._degrees, 0.95)
@@ -110,7 +110,7 @@ class Interim:
             self._degrees = np.maximum(found.degrees_of_freedom[:n], 1.0)
             self._p = regression.solution[:n]
 
-    def _predicted(self, motion: RecordedMotion, each: Stacked, s: Signals) -> Line:
+    def _predict(self, motion: RecordedMotion, each: Stacked, s: Signals) -> Line:
         A, y = each.X[:, : each.n_base], each.torques[:, 0]
         common = each.X[:, [each.n_base + k for k in ASYMMETRIC]]
         basis, _ = orthonormal(np.hstack([each.friction, common]))
@@ -136,7 +136,7 @@ def estimate_line(
     half: Array,
     known: NDArray[np.bool_],
 ) -> Line:
-    """What stands in the line ``estimate``; arrays have the shape (n_base,)."""
+    """Return the values of line ``estimate``; arrays have the shape (n_base,)."""
     base, torque = base_parameters(robot), free.of_each(np.where(known, half, 0.0))
     share = (torque / robot.torque_limit[:, np.newaxis]).max(axis=0)
     rows = [

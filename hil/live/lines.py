@@ -1,4 +1,4 @@
-"""The lines in which a run is reported to the processes beside it: JSON objects, one a line.
+"""Lines for reporting a run to listening processes: a JSON object per line.
 
 Every line has ``kind`` and ``at``, the clock's time [s since 1970]. All else is SI on the joint
 side; what is not known is null.
@@ -62,7 +62,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.measuring.events import AboutMeasurement
-from hil.planning.measurement import words_of
+from hil.planning.measurement import describe_measurement
 from hil.terminal.progress import doing, notice
 from hil.view.packed import Track
 from hil.view.visuals import robot_data, workspace_data
@@ -80,15 +80,15 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 MIDDLE = (0.25, 0.75)
-"""Shares of a stroke's way between which torques count."""
+"""Range of a stroke used for torques, as shares of the distance."""
 
 
 def level(
     measurement: Measurement, recording: Recording, so_far: dict[int, list[float]]
 ) -> Line | None:
-    """What stands in the line ``level``; None where a recording shows no level.
+    """Return the values of line ``level``; None without a level in the recording.
 
-    Levels by axis, `so_far` as well, are added to.
+    The level is appended to `so_far`, levels by axis.
     """
     found = level_of(measurement, recording)
     if found is None:
@@ -108,12 +108,12 @@ def level(
 
 
 def level_of(measurement: Measurement, recording: Recording) -> tuple[float, float] | None:
-    """Level of friction of the axis that goes back and forth, and its mean speed meanwhile.
+    """Compute the friction level of the axis moving back and forth, and the mean speed.
 
-    A simple figure, for the eye alone: identification compensates and weighs far more. Over the
-    middle half of a stroke's way the axis passes the same positions forth and back, so half the
-    difference of the mean torques is without gravity; what accelerates cancels too, since a stroke
-    brakes as it has accelerated. What is left is the friction at the speed of that stroke.
+    A simple figure for display: identification compensates and weights far more. Over the middle
+    half of the stroke the axis passes the same positions forth and back, so half the difference of
+    the mean torques is without gravity; inertia cancels too, since a stroke brakes as it has
+    accelerated. The rest is the friction at the speed of that stroke.
 
     None where no axis does, or fewer than five samples of a direction lie in the middle of its
     strokes.
@@ -146,13 +146,13 @@ def level_of(measurement: Measurement, recording: Recording) -> tuple[float, flo
 Line = dict[str, object]
 
 _PLACES = {"q": 6, "tau": 4}
-"""Decimals, far finer than any encoder or current is shown."""
+"""Decimals, far finer than displayed."""
 TORQUE = 10.0 ** -_PLACES["tau"]
-"""Resolution of tracks of torque [N m or N]."""
+"""Resolution of torque tracks [N m or N]."""
 
 
-def encoded(kind: str, **values: object) -> bytes:
-    """One line, with its end."""
+def encode(kind: str, **values: object) -> bytes:
+    """Encode a line, with line end."""
     line = {"kind": kind, "at": round(time.time(), 3), **values}
     return json.dumps(line, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
@@ -166,7 +166,7 @@ def start(
     hand: bool = False,
     watched: bool = False,
 ) -> Line:
-    """What stands in the line ``start``."""
+    """Return the values of line ``start``."""
     return {
         "robot": robot_data(robot),
         "workspace": workspace_data(plan.workspace),
@@ -179,7 +179,7 @@ def start(
 
 
 def armed(axes: Sequence[AxisInfo]) -> Line:
-    """What stands in the line ``armed``."""
+    """Return the values of line ``armed``."""
     stated = [
         {
             "name": axis.name,
@@ -194,7 +194,7 @@ def armed(axes: Sequence[AxisInfo]) -> Line:
 
 
 def sample(taken: Sample) -> Line:
-    """What stands in the line ``sample``."""
+    """Return the values of line ``sample``."""
     return {
         "t": round(taken.time, 4),
         "q": [_number(q, _PLACES["q"]) for q in taken.q],
@@ -204,18 +204,18 @@ def sample(taken: Sample) -> Line:
 
 
 def torque(axes: Sequence[int], time: Array, *torques: Array, measurement: str = "") -> Line:
-    """What stands in the line ``torque``.
+    """Return the values of line ``torque``.
 
     Parameters
     ----------
     axes : sequence of int
-        From 0.
+        Indices from 0.
     time : ndarray, shape (n,)
         [s].
     *torques : ndarray, shape (n, n_axes)
         Measured, predicted and band [N m or N].
     measurement : str
-        Of the recording.
+        Id of the recording.
     """
     names = ("torque", "predicted", "band")
     tracks = ([Track(time, column).data(TORQUE) for column in each.T] for each in torques)
@@ -223,7 +223,7 @@ def torque(axes: Sequence[int], time: Array, *torques: Array, measurement: str =
 
 
 def alarm(raised: Alarm, unit: str, push: int) -> Line:
-    """What stands in the line ``alarm``, which is of push number `push`."""
+    """Return the values of line ``alarm`` for push number `push`."""
     return {
         "push": push,
         "axis": raised.axis - 1,
@@ -235,7 +235,7 @@ def alarm(raised: Alarm, unit: str, push: int) -> Line:
 
 
 def event(happened: Event, left: float, numbers: Mapping[str, int]) -> Line:
-    """What stands in the line ``event``.
+    """Return the values of line ``event``.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def event(happened: Event, left: float, numbers: Mapping[str, int]) -> Line:
     }
     if isinstance(happened, AboutMeasurement):
         measurement = happened.measurement
-        seen, shows = words_of(measurement)
+        seen, shows = describe_measurement(measurement)
         line |= {
             "seen": seen,
             "shows": shows,

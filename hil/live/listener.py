@@ -1,11 +1,11 @@
-"""A process beside the run that is informed of what happens, and never waited for: both its ends.
+"""Listener: a process informed of a run without blocking the run; both ends.
 
 Its standard input is a pipe that the run writes lines to (`hil.live.lines`) as far as there is
-room: where the reader is behind, samples are left out, and what matters waits in a small buffer.
-What it has to say comes back by its standard output, as JSON lines with ``kind`` too: ``ready`` or
-``failed`` with a ``text`` first, ``stop`` where somebody wants the axes stopped, and lines for the
-other processes. It is in a session of its own, so that Ctrl-C at the terminal ends the run and not
-it; the end of its input is its end.
+room: if the reader is behind, samples are left out, and other lines wait in a small buffer. Its
+messages come back by its standard output, as JSON lines with ``kind`` too: ``ready`` or ``failed``
+with a ``text`` first, ``stop`` to request a stop of the axes, and lines for the other processes. It
+is in a session of its own, so that Ctrl-C at the terminal ends the run and not the listener; the
+end of its input is its end.
 """
 
 from __future__ import annotations
@@ -28,35 +28,35 @@ if TYPE_CHECKING:
     from typing import BinaryIO
 
 LAST_WORDS = 1.0
-"""How long the end of a run waits for a reader that is behind, and for its own end [s]."""
+"""Wait of an ending run for a slow reader, and for the reader's end [s]."""
 ANSWERS = 10.0
-"""The same for one that has something to say to the others, once the axes are off [s]."""
+"""Wait for the end of a listener with pending answers, once the axes are off [s]."""
 
 
 class ListenerFailed(HilError):
-    """A process that shows the run cannot serve; nothing has moved."""
+    """Failure of a display process to start; nothing has moved."""
 
 
 class Listener:
-    """A process that is informed of what happens.
+    """Process informed of a run's events.
 
     Parameters
     ----------
     what : str
-        Its name in messages, such as "the live page".
+        Name in messages, such as "the live page".
     module : str
-        What Python runs; it must need neither numerics nor the bus.
+        Python module to run; it must need neither numerics nor the bus.
     arguments : str
-        Of the module's command line.
+        Arguments of the module's command line.
     answers : bool
-        Whether it has lines for the others, which a run that has finished waits for.
+        True if it has lines for the others, awaited after the run.
 
     Attributes
     ----------
     what : str
     answers : bool
     gone : bool
-        Whether the process has ended; noticed when something is written, or by itself.
+        True once the process has ended, detected at a write or by the reader.
     dropped : int
         Lines left out because the reader was behind.
     said : SimpleQueue of dict
@@ -77,19 +77,19 @@ class Listener:
         self._ear = Thread()
 
     def start(self, stop: Callable[[], None], patience: float = 20.0) -> str:
-        """Start the process; return what it states once it is ready.
+        """Start the process; return the message of readiness.
 
         Parameters
         ----------
         stop : callable
             Called, from another thread, where the process asks for a stop; once at most.
         patience : float
-            How long the process may take to be ready [s]; nothing moves before.
+            Maximum time until the process is ready [s]; nothing moves before.
 
         Raises
         ------
         ListenerFailed
-            It cannot serve.
+            A process unable to serve.
         """
         self._process = subprocess.Popen(  # noqa: S603 - our own program
             self._command,
@@ -111,7 +111,7 @@ class Listener:
         return self._ready(patience)
 
     def write(self, line: bytes, *, droppable: bool = False) -> None:
-        """Pass a line on; one that is `droppable` is left out while the reader is behind.
+        """Write a line; skip a `droppable` line if the reader is behind.
 
         At most 256 KiB wait for a reader.
         """
@@ -124,12 +124,12 @@ class Listener:
         self._flush()
 
     def close(self, patience: float = LAST_WORDS) -> None:
-        """Give it a moment to read what waits, and end it.
+        """Wait briefly for the reader, and end the process.
 
         Parameters
         ----------
         patience : float
-            How long its own end is waited for [s].
+            Maximum wait for the process's end [s].
         """
         if self._process is None:
             return
@@ -172,7 +172,7 @@ class Listener:
         raise ListenerFailed(f"{first['text']}; nothing has moved")
 
     def _hear(self, output: BinaryIO, stop: Callable[[], None]) -> None:
-        """Take what the process says, until its end."""
+        """Receive the process's lines until the end."""
         stopped = False
         with output:
             for line in output:
@@ -189,7 +189,7 @@ class Listener:
 
 
 def _environment() -> dict[str, str]:
-    """Ours, in which a checkout that is not installed is found as well."""
+    """Return the environment with a path to the package, even if not installed."""
     root = str(Path(__file__).parents[2])
     if root == sysconfig.get_path("purelib"):
         return dict(os.environ)
@@ -198,9 +198,9 @@ def _environment() -> dict[str, str]:
 
 
 def begin_listening() -> Callable[..., None]:
-    """Let the run go first; return what says something to it, from any thread.
+    """Lower the priority of this process; return the function for messages to the run.
 
-    For the process itself: a kind of line, and its text or what else stands in it.
+    The function takes a kind of line, and its text or other values, from any thread.
     """
     os.nice(10)
     lock = Lock()
@@ -214,5 +214,5 @@ def begin_listening() -> Callable[..., None]:
 
 
 def url_host(address: str) -> str:
-    """Return an IP address as it stands in a URL."""
+    """Format an IP address for a URL."""
     return f"[{address}]" if ":" in address else address

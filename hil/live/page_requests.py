@@ -1,13 +1,13 @@
-"""What a browser may ask of the live page: the page, its parts, its events, a stop, and a push.
+"""Requests from a browser to the live page: page, assets, events, stop and push.
 
-A page of another site may try to reach this one through the browser of whoever visits it. So a
-request is refused whose host is not ours (a name that was made to point here), that comes from
-another origin, or, for a stop or a push, that lacks a header which only our own page may set.
-Served on another address than the loopback, every path begins with a secret; on the loopback, to
-which every user of this computer has access, the connection must be one of this user's programs.
+A page of another site may try to reach this one through the browser of its visitor. So a request is
+refused whose host is not ours (a name that was made to point here), that comes from another origin,
+or, for a stop or a push, that lacks a header which only our own page may set. Served on another
+address than the loopback, every path begins with a secret; on the loopback, accessible to every
+user of this computer, the connection must be one of this user's programs.
 
-A push is of the virtual plant's arm alone, and goes to the plant itself, never to the bus or to the
-process that runs it: a datagram to the socket at which the plant takes pushes.
+A push acts on the virtual plant's arm alone, and goes to the plant itself, never to the bus or to
+the process that runs it: a datagram to the socket at which the plant takes pushes.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ ASSETS = Path(__file__).parent / "assets"
 VIEW = Path(__file__).parents[1] / "view" / "assets"
 SHOW = Path(__file__).parents[1] / "show" / "templates"
 STRONGEST, LONGEST = 1e4, 1.0
-"""Bounds of a push as the plant has them (`sim_plant.serving.hand`) [N m or N, s]."""
+"""Bounds of a push, equal to the plant's (`sim_plant.serving.hand`) [N m or N, s]."""
 STOP_HEADER = "X-Hil-Stop"
 PUSH_HEADER = "X-Hil-Push"
 SECURITY = {
@@ -56,7 +56,7 @@ OF_THE_REPORT = {
     **SECURITY,
     "Content-Security-Policy": "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
 }
-"""Of the report, which states in itself by their hashes which scripts may run."""
+"""Headers for the report, which states hashes of permitted scripts itself."""
 FILES = {
     "": ("text/html; charset=utf-8", (ASSETS / "page.html",)),
     "view.js": ("text/javascript; charset=utf-8", (VIEW / "view.js",)),
@@ -66,11 +66,11 @@ FILES = {
         (SHOW / "curves.css", VIEW / "view.css", ASSETS / "live.css"),
     ),
 }
-"""Media type of each path, and the files that it consists of."""
+"""Media type and source files by path."""
 
 
 class Site(NamedTuple):
-    """What requests are about.
+    """Data of the served run.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class Site(NamedTuple):
 
 
 class Whole(NamedTuple):
-    """A request that has come whole.
+    """Complete request.
 
     Attributes
     ----------
@@ -109,9 +109,9 @@ class Whole(NamedTuple):
 
 
 def takes_time(data: bytes, site: Site) -> bool:
-    """Whether the answer to a request is more than a few words: a file, or the events of the run.
+    """Return True if the answer takes time: a file, or the events of the run.
 
-    Who does not know the secret is not answered so.
+    The result is False without the secret.
     """
     method, _, rest = data.partition(b" ")
     place = _within(rest.partition(b" ")[0].decode("latin-1"), site.secret)
@@ -119,14 +119,14 @@ def takes_time(data: bytes, site: Site) -> bool:
 
 
 class Requests(BaseHTTPRequestHandler):
-    """Answers one request; the class attribute `site` is set by a subclass."""
+    """Handler of a single request; a subclass sets `site`."""
 
     site: Site
     server: HTTPServer
     timeout = 10.0  # of an answer as a whole [s]
 
     def setup(self) -> None:
-        """Read what has come already, and write to the connection."""
+        """Set up streams for the request received and the connection."""
         whole = cast("Whole", self.request)
         self.connection = whole.connection
         self.rfile = io.BytesIO(whole.data)
@@ -187,14 +187,14 @@ class Requests(BaseHTTPRequestHandler):
             self._text(HTTPStatus.ACCEPTED, "pushed")
 
     def version_string(self) -> str:
-        """Name no versions."""
+        """Return a server name without versions."""
         return "hil"
 
     def log_message(self, *args: object) -> None:
-        """Say nothing: the terminal is the run's."""
+        """Suppress log messages, since the terminal belongs to the run."""
 
     def _place(self) -> str | None:
-        """What is asked for; None where the request was refused, which has been answered."""
+        """Return the requested place; None after a refusal."""
         host = self.headers.get("Host", "")
         origin = self.headers.get("Origin")
         if not _ours(host, self.server.server_port, self.site.names):
@@ -251,17 +251,17 @@ class Requests(BaseHTTPRequestHandler):
 
 
 class _Answer(io.BufferedIOBase):
-    """An answer, written as a whole within the time of its connection."""
+    """Answer, written as a whole within the connection's timeout."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
 
     def writable(self) -> bool:
-        """Take bytes."""
+        """Return True."""
         return True
 
     def write(self, content: Buffer) -> int:
-        """Send all of it, or raise an `OSError`."""
+        """Send the content completely, or raise an `OSError`."""
         self._connection.sendall(content)
         return memoryview(content).nbytes
 
@@ -273,12 +273,12 @@ def _content(files: tuple[Path, ...], compressed: bool) -> bytes:
 
 
 def names_of_this_computer() -> frozenset[str]:
-    """Names by which other computers may address this one."""
+    """Return the names of this computer in the network."""
     return frozenset({"localhost", socket.gethostname().lower()})
 
 
 def _within(path: str, secret: str) -> str | None:
-    """What a path asks for behind the secret; None where the secret is not the one."""
+    """Return the part of a path after the secret; None for a wrong secret."""
     place = path.partition("?")[0].removeprefix("/")
     if not secret:
         return place
@@ -300,7 +300,7 @@ def _is_push(body: bytes) -> bool:
 
 
 def _ours(host: str, port: int, names: frozenset[str]) -> bool:
-    """Whether a request's host is ours: an address, which no stranger's name can be, or a name."""
+    """Return True for a host of ours: an IP address (no foreign name is one), or a known name."""
     try:
         parts = urlsplit(f"//{host}")
         name, given = parts.hostname or "", parts.port or 80

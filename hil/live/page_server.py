@@ -1,4 +1,4 @@
-"""The process that shows a run as a page while it goes on: `python -m hil.live.page_server`.
+"""Process for serving the live page of a run: `python -m hil.live.page_server`.
 
 It reads the run's lines from its standard input (`hil.live.lines`) and serves them over HTTP with
 nothing but Python's own library, at a lower priority than the run. It ends with its input. To the
@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 CONNECTIONS_MAX = 128
-"""Requests for files and events that are answered at a time, each by a thread."""
+"""Maximum number of files and event streams answered in parallel, by a thread each."""
 CLOSED = 8.0
-"""Time without a page after which all count as closed [s]: one that is loaded anew is soon back."""
+"""Time without a page that counts as closed [s]; a reloaded page returns sooner."""
 _BUSY = (
     b"HTTP/1.0 503 Service Unavailable\r\nContent-Type: text/plain\r\nRetry-After: 5\r\n\r\n"
     b"too many connections; close a page\n"
@@ -48,10 +48,10 @@ _BUSY = (
 
 
 class PageServer(ThreadingHTTPServer):
-    """An HTTP server of the live page: a thread for each file or stream of events.
+    """HTTP server of the live page, with a thread per file or event stream.
 
-    Whatever is answered in a few words, a stop or a refusal, is answered at once by the thread that
-    accepts connections, so that no number of them takes the place of a stop.
+    Short answers, such as a stop or a refusal, are sent at once by the thread that accepts
+    connections, so that no number of them takes the place of a stop.
 
     Parameters
     ----------
@@ -75,12 +75,12 @@ class PageServer(ThreadingHTTPServer):
         super().__init__((address, port), type("Requests", (Requests,), {"site": site}))
 
     def server_bind(self) -> None:
-        """Take the port, without asking a name server for our name as `HTTPServer` does."""
+        """Bind the port, without the name lookup of `HTTPServer`."""
         TCPServer.server_bind(self)
         self.server_name, self.server_port = str(self.server_address[0]), self.server_address[1]
 
     def serve_forever(self, poll_interval: float = 0.5) -> None:
-        """Accept connections, and answer each request once it has come whole."""
+        """Accept connections, and answer complete requests."""
         self.socket.setblocking(False)
         self._selector.register(self.socket, selectors.EVENT_READ)
         while True:
@@ -118,7 +118,7 @@ class PageServer(ThreadingHTTPServer):
                 self._dispatch(Whole(incoming.connection, data))
 
     def _dispatch(self, request: Whole) -> None:
-        """Answer at once, or in a thread where that takes time and there is a place."""
+        """Answer at once, or in a free thread if the answer takes time."""
         if not takes_time(request.data, self._site):
             self.process_request_thread(cast("Any", request), None)
         elif self._free.acquire(blocking=False):
@@ -153,7 +153,7 @@ class PageServer(ThreadingHTTPServer):
         connection.close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of connections that break: the terminal is the run's."""
+        """Suppress messages about broken connections, since the terminal belongs to the run."""
 
 
 def main(address: str, port: str, *options: str) -> None:
@@ -181,7 +181,7 @@ def main(address: str, port: str, *options: str) -> None:
         )
         return
     Thread(target=server.serve_forever, name="server", daemon=True).start()
-    say("ready", _where(address, server.server_port, secret))
+    say("ready", _format_url(address, server.server_port, secret))
     _pass_on(streams, stop if "--while-open" in options else None)
 
 
@@ -192,7 +192,7 @@ def _remedy(error: OSError) -> str:
 
 
 def _pass_on(streams: Streams, closed: Callable[[], None] | None) -> None:
-    """Pass on all lines of standard input, and a sign of life every second.
+    """Forward the lines of standard input, and a sign of life every second.
 
     Pages have half a second to get the last line; `closed` is called once the last page has been.
     """
@@ -219,7 +219,7 @@ def _pass_on(streams: Streams, closed: Callable[[], None] | None) -> None:
 
 
 def _lines(descriptor: int) -> Iterator[bytes]:
-    """Lines as they come; empty ones now and then where none does."""
+    """Yield lines of input, and empty ones regularly without input."""
     rest = b""
     while True:
         if not select.select([descriptor], [], [], 0.1)[0]:
@@ -236,7 +236,7 @@ def _line(kind: str, **values: object) -> bytes:
     return json.dumps({"kind": kind, "at": time.time(), **values}).encode()
 
 
-def _where(address: str, port: int, secret: str) -> str:
+def _format_url(address: str, port: int, secret: str) -> str:
     if not secret:
         return f"live page: http://{url_host(address)}:{port}/"
     found = socket.gethostname() if ipaddress.ip_address(address).is_unspecified else address

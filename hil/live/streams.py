@@ -1,8 +1,8 @@
-"""The lines of a run, passed on to any number of pages; what has passed reaches a late one too.
+"""Event streams from a run to pages; late pages get the state so far.
 
-One thread gives every page what has come; none is waited for. A page that is behind misses
-samples, so that the next one that it gets is new; one that takes nothing for `PATIENCE`, or has too
-much waiting, is left. Lines go out as server-sent events.
+One thread serves every page and waits for none. A page that is behind misses samples, so that its
+next one is recent; a page is dropped if it takes nothing for `PATIENCE`, or has too much waiting.
+Lines go out as server-sent events.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from collections import deque
 from threading import Event, Lock
 
 CLIENTS_MAX = 64
-"""Pages that are served at a time."""
+"""Maximum number of pages."""
 DROPPABLE = frozenset({"sample", "torque"})
-"""Kinds of lines that a page that is behind can do without."""
+"""Kinds of lines skipped for a page behind."""
 _STATES = frozenset(
     {"start", "event", "sample", "stopping", "headline", "estimate", "report", "end"}
 )
-"""Kinds of which a late page gets the last line."""
+"""Kinds with the last line sent to a late page."""
 PATIENCE = 10.0
-"""How long a page may take nothing [s]."""
+"""Maximum time without progress of a page [s]."""
 
 
 class Client:
-    """A page's connection.
+    """Connection of a page.
 
     Attributes
     ----------
@@ -45,18 +45,18 @@ class Client:
         self._took = time.monotonic()
 
     @property
-    def behind(self) -> bool:
-        """Whether something waits for the page."""
+    def is_behind(self) -> bool:
+        """True if data waits for the page."""
         return bool(self._waiting)
 
     def give(self, chunk: bytes, *, droppable: bool) -> None:
-        """Pass on what has come; what is `droppable` is left out while the page is behind."""
+        """Send a chunk; skip a `droppable` chunk if the page is behind."""
         if not (droppable and self._waiting):
             self._waiting += chunk
         self.flush()
 
     def flush(self) -> None:
-        """Send as much as the page takes; one that leaves 1 MB waiting is left, too."""
+        """Send waiting data; drop a page with 1 MB waiting or without progress."""
         now = time.monotonic()
         try:
             while self._waiting:
@@ -72,7 +72,7 @@ class Client:
 
 
 class Streams:
-    """What all pages are to know, and the pages."""
+    """State of a run for pages, and the pages."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -82,39 +82,39 @@ class Streams:
 
     @property
     def ended(self) -> bool:
-        """Whether the run's last line has come."""
+        """True after the run's last line."""
         return "end" in self._state
 
     @property
     def reported(self) -> bool:
-        """Whether the report is there: nothing is measured any more."""
+        """True once the report exists; the measurement is over."""
         return "report" in self._state
 
     @property
     def pages(self) -> int:
-        """How many pages are served."""
+        """Number of pages."""
         with self._lock:
             return len(self._clients)
 
     @property
     def idle(self) -> bool:
-        """Whether no page has anything waiting."""
+        """True if no page has data waiting."""
         with self._lock:
-            return not any(client.behind for client in self._clients)
+            return not any(client.is_behind for client in self._clients)
 
     def add(self, connection: socket.socket, head: bytes) -> Client | None:
-        """Serve a page from now on; None where there are too many."""
+        """Add a page; None if the maximum is reached."""
         with self._lock:
             self._sweep()
             if len(self._clients) >= CLIENTS_MAX:
                 return None
-            client = Client(connection, head + self._passed())
+            client = Client(connection, head + self._history_lines())
             self._clients.append(client)
             client.flush()
             return client
 
     def take(self, line: bytes) -> None:
-        """Pass a line of the run on; one that was cut off is left out."""
+        """Forward a line of the run; skip a truncated line."""
         try:
             said = json.loads(line)
         except ValueError:
@@ -127,14 +127,14 @@ class Streams:
             self._sweep()
 
     def flush(self) -> None:
-        """Send what waits, where pages take it."""
+        """Send waiting data to the pages."""
         with self._lock:
             for client in self._clients:
                 client.flush()
             self._sweep()
 
     def _keep(self, said: dict[str, object], chunk: bytes) -> None:
-        """Keep what a late page must know."""
+        """Store a line needed by late pages."""
         kind = str(said["kind"])
         if kind in {"note", "fault"} or said.get("notice"):
             self._history.append(chunk)
@@ -145,7 +145,7 @@ class Streams:
         elif kind in _STATES:
             self._state[kind] = chunk
 
-    def _passed(self) -> bytes:
+    def _history_lines(self) -> bytes:
         state = dict(self._state)
         first, last = state.pop("start", b""), state.pop("end", b"")
         return b"".join([first, *self._history, *state.values(), last])

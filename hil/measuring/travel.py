@@ -15,7 +15,7 @@ from drivers.drive_bus import LimitExceeded, Move, MoveFailed
 from hil.measuring.checks.encoder_jumps import finished
 from hil.planning.path_clearance import refuse_travel
 from hil.planning.timetable import travel_time
-from hil.planning.workspace import narrowed
+from hil.planning.workspace import narrow_ranges
 from hil.runs.recording import Recorder
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def travel(
         An encoder jumped.
     """
     here = locate(bus)
-    _check_box(narrowed(robot, workspace), here.q, target)
+    _check_box(narrow_ranges(robot, workspace), here.q, target)
     refuse_travel(robot, workspace, here.q, target, fraction)
     moves = {
         index: Move(

@@ -1,4 +1,4 @@
-"""The robot as equations: its file, base parameters, regressor, motors.
+"""Robot model: robot file, base parameters, regressor, motors.
 
-Knows nothing of measuring. Sections 4 and 5 of Grotjahn, Daemi and Heimann (2001).
+Independent of measurements. Sections 4 and 5 of Grotjahn, Daemi and Heimann (2001).
 """

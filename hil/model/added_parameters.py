@@ -1,11 +1,11 @@
-"""Parameters that no link has and that are identified along with the links': drives and springs.
+"""Parameters of drives and springs, identified together with the links' parameters.
 
-A rotor inertia that the robot file states is compensated (`hil.model.motors`). One that it leaves
-unknown is a parameter like those of the links: ``Ia<j>``, the inertia of motor j as joint j feels
-it. A coupled motor m, which the motion of joint j turns as well (`Robot.couplings`), has another
-one: ``Iam<m>``, which joins the accelerations of both joints (Gautier's name for the Staubli's
-wrist, where a single rotor and its gears are not all that turns). These are constant and carry no
-weight: ``tau = H_k qdd`` per unit of parameter k.
+A rotor inertia stated in the robot file is compensated (`hil.model.motors`). An unknown one is a
+parameter like those of the links: ``Ia<j>``, the inertia of motor j reflected to joint j. A coupled
+motor m, also turned by joint j (`Robot.couplings`), has a second parameter: ``Iam<m>``, which
+couples the accelerations of both joints (Gautier's name for the Staubli's wrist, where more than a
+single rotor with its gears turns). These are constant and without weight: ``tau = H_k qdd`` per
+unit of parameter k.
 
 A spring or counterbalance at joint j is a function of its position alone, ``k<j>`` times q_j, or
 ``kc<j>`` times cos q_j, or ``ks<j>`` times sin q_j, and so a part of g(q).
@@ -34,7 +34,7 @@ _SHAPES: dict[str, Callable[[Array], Array]] = {
 
 
 def added_inertias(robot: Robot) -> Array:
-    """H of each, shape (n_added, n_joints, n_joints); zero for springs."""
+    """Return H of the added parameters, shape (n_added, n_joints, n_joints); 0 for springs."""
     unit = np.eye(robot.n_joints)
     own = [np.outer(unit[j], unit[j]) for j in np.flatnonzero(robot.rotor_inertia_unknown)]
     shared = [
@@ -46,7 +46,7 @@ def added_inertias(robot: Robot) -> Array:
 
 
 def added_loads(robot: Robot, q: Array) -> Array:
-    """Torque at position q per unit of each, shape (n_samples, n_joints, n_added).
+    """Compute torques at q per unit of the added parameters, shape (n_samples, n_joints, n_added).
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def added_loads(robot: Robot, q: Array) -> Array:
 
 
 def added_unit(robot: Robot, name: str) -> str:
-    """Unit of one of them."""
+    """Return the unit of an added parameter."""
     index = robot.added_parameters.index(name)
     springs = robot.file.springs or ()
     spring = index - len(robot.added_parameters) + len(springs)
@@ -75,21 +75,22 @@ def added_unit(robot: Robot, name: str) -> str:
 
 
 def merge_added(robot: Robot, observed: Array, placement: Array) -> tuple[Array, list[int]]:
-    """Find which of them act as base parameters of the links do.
+    """Express added parameters by the links' base parameters where both have equal effects.
 
     Parameters
     ----------
     observed : ndarray, shape (n, n_standard)
         Elements of M and g at many configurations, per unit of each standard parameter.
     placement : ndarray, shape (10 n_joints, n_link_base)
-        Of the links' base parameters.
+        Placement of the links' base parameters.
 
     Returns
     -------
     weights : ndarray, shape (n_base, n_added)
-        Of each in each base parameter: those of the links first, then one headed by each of `own`.
+        Weights of added parameters in the base parameters: those of the links first, then one for
+        each of `own`.
     own : list of int
-        Those, by index, that no other base parameters stand for.
+        Indices of added parameters not expressed by other base parameters.
     """
     first = 10 * robot.n_joints
     known = observed[:, :first] @ placement

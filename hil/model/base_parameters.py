@@ -1,15 +1,15 @@
-"""Base parameters: the least set of parameters that the torques depend on, as readable expressions.
+"""Base parameters: minimal set of parameters of the torques, with readable expressions.
 
-The ten standard parameters of each link are more than any motion distinguishes. From the tip down
-each link gives what it can to the link before (`model.transfer`): Gautier and Khalil's regrouping,
-analytic and for any serial chain of revolute and prismatic joints. What is left, in the order of
-eq. (5), heads one base parameter each. Then the robot's own sparsity is put in: absent parameters
-vanish, tied ones merge, and of base parameters that have thereby become linearly dependent those
-without a present head are given up. Absent parameters do not change which torques are possible, so
-the values of base parameters may be put into their heads, all other standard parameters being
-zero: `BaseParameters.placement`. At last come parameters that no
-link has (`hil.model.added_parameters`): one that acts as links do merges with them, the others are
-base parameters of their own.
+The ten standard parameters of each link cannot all be distinguished by motion. From the tip down
+each link transfers parameters to the previous link (`hil.model.transfer`): Gautier and Khalil's
+regrouping, analytic and for any serial chain of revolute and prismatic joints. The remaining ones,
+in the order of eq. (5), head one base parameter each. Then the robot's own sparsity is applied:
+absent parameters vanish, tied ones merge, and of base parameters that have thereby become linearly
+dependent those without a present head are dropped. Absent parameters do not change the set of
+possible torques, so the values of base parameters may be assigned to their heads, with all other
+standard parameters zero: `BaseParameters.placement`. Finally parameters of drives and springs are
+added (`hil.model.added_parameters`): one equivalent to link parameters merges with them, the others
+are base parameters of their own.
 
 Every result is checked against a numeric rank of M(q) and g(q) in all standard parameters.
 """
@@ -41,34 +41,34 @@ _UNITS = {"I": "kg m2", "s": "kg m", "m": "kg"}
 
 
 class RegroupingFailed(RuntimeError):
-    """Analytic regrouping and numeric rank disagree: an error of this program, not of the user."""
+    """Conflict of analytic regrouping and numeric rank: an error of the program."""
 
 
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
-    """The base parameters of a robot.
+    """Base parameters of a robot.
 
     Attributes
     ----------
     names : tuple of str, length n_base
         ``p1`` and so on.
     meanings : tuple of str
-        What each is, in words (`hil.model.parameter_meanings`).
+        Meanings in words (`hil.model.parameter_meanings`).
     expressions : tuple of str
-        Each as a sum of standard parameters, in the lengths' names.
+        Sums of standard parameters, with named lengths.
     units : tuple of str
         ``kg m2``, ``kg m`` or ``kg``.
     heads : tuple of str
-        The standard parameter that heads each.
+        Standard parameters at the head of each sum.
     groups : dict
         Indices of the parameters in ``gravity``, ``diagonal`` and ``off_diagonal``.
     dependencies : Dependencies
-        Where each occurs in M(q) and g(q).
+        Occurrence in M(q) and g(q).
     matrix : array, shape (n_base, n_standard)
-        K of p_base = K p_standard, for standard parameters that are as sparse and tied as the
-        robot file says: ten of each link, then those that no link has.
+        K of p_base = K p_standard, for standard parameters as sparse and tied as in the robot file:
+        ten of each link, then the added parameters.
     placement : array, shape (n_standard, n_base)
-        Standard parameters that act as given base parameters do: mostly the value in the head.
+        Standard parameters equivalent to given base parameters: mostly the value at the head.
     """
 
     names: tuple[str, ...]
@@ -86,7 +86,7 @@ class BaseParameters:
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """Meaning and name, for who knows no numbers: ``gravity of axis 2 (p5)``."""
+        """Meanings with names, for readers without numbers: ``gravity of axis 2 (p5)``."""
         pairs = zip(self.meanings, self.names, strict=True)
         return tuple(f"{meaning} ({name})" for meaning, name in pairs)
 
@@ -109,7 +109,7 @@ def base_parameters(robot: Robot) -> BaseParameters:
     placement = np.zeros((10 * robot.n_joints, len(kept)))
     placement[heads] = dependence
     mass, gravity = influences(robot)
-    weights, own = merge_added(robot, _observed(mass, gravity), placement)
+    weights, own = merge_added(robot, _stack_elements(mass, gravity), placement)
     links = np.vstack([matrix[kept], np.zeros((len(own), matrix.shape[1]))])
     unit = np.eye(weights.shape[1])[:, own]  # what no base parameter of links stands for
     beside = np.zeros((len(placement), len(own))), np.zeros((len(unit), placement.shape[1]))
@@ -140,7 +140,7 @@ def base_parameters(robot: Robot) -> BaseParameters:
 
 
 def link_share(robot: Robot, link: int) -> tuple[str, ...]:
-    """What one link (from 0) contributes to each base parameter: ``l1^2 m6``, or ``0``."""
+    """Return the contribution of a link (from 0) to every base parameter: ``l1^2 m6``, or ``0``."""
     heads, regrouped = _regroup(robot)
     rows = {
         robot.standard_parameters[head]: _put_in_sparsity(robot, row)
@@ -154,7 +154,7 @@ def link_share(robot: Robot, link: int) -> tuple[str, ...]:
 
 
 def _regroup(robot: Robot) -> tuple[list[int], list[Combination]]:
-    """Head and combination of every base parameter of the full robot, in standard order."""
+    """Return head and combination of every base parameter of the full robot, in standard order."""
     found = transfers(robot)
     received: list[Combination] = [{} for _ in range(10)]
     rows: list[tuple[int, Combination]] = []
@@ -174,13 +174,13 @@ def _regroup(robot: Robot) -> tuple[list[int], list[Combination]]:
 
 
 def _put_in_sparsity(robot: Robot, row: Combination) -> Combination:
-    """Drop absent parameters, merge tied ones, drop what cancels."""
+    """Drop absent parameters, merge tied parameters, drop cancelled terms."""
     names, ties, total = robot.standard_parameters, robot.ties, Combination()
     for parameter, weight in row.items():
         if names[parameter] in robot.present:
             carrier = names.index(ties.get(names[parameter], names[parameter]))
             total = add(total, {carrier: weight})
-    tidy = {parameter: weight.tidied() for parameter, weight in total.items()}
+    tidy = {parameter: weight.tidy() for parameter, weight in total.items()}
     return {parameter: weight for parameter, weight in sorted(tidy.items()) if weight}
 
 
@@ -193,7 +193,7 @@ def _numeric(robot: Robot, rows: Sequence[Combination]) -> Array:
 
 
 def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int], Array]:
-    """Choose rows of `matrix` that span it, those with a present head first.
+    """Choose spanning rows of `matrix`, those with a present head first.
 
     Returns
     -------
@@ -217,8 +217,8 @@ def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int],
     return kept, dependence
 
 
-def _observed(mass: Array, gravity: Array) -> Array:
-    """Elements of M and g at all configurations, per unit of each standard parameter."""
+def _stack_elements(mass: Array, gravity: Array) -> Array:
+    """Stack the elements of M and g at all configurations, per unit of every standard parameter."""
     n = mass.shape[-1]
     return np.vstack([mass.reshape(-1, n), gravity.reshape(-1, n)])
 
@@ -226,8 +226,8 @@ def _observed(mass: Array, gravity: Array) -> Array:
 def _cross_check(
     robot: Robot, mass: Array, gravity: Array, matrix: Array, placement: Array
 ) -> None:
-    """Compare with the rank of M and g, whose vanishing is that of all torques."""
-    observed = _observed(mass, gravity)
+    """Compare the number of base parameters with the numeric rank of M and g."""
+    observed = _stack_elements(mass, gravity)
     stated = observed @ _sparsity(robot)
     rank = _rank(stated.T)
     if rank != len(matrix):
@@ -241,7 +241,7 @@ def _cross_check(
 
 
 def _sparsity(robot: Robot) -> Array:
-    """Matrix that writes the free parameters into all standard ones, square."""
+    """Return the square matrix from free parameters to all standard parameters."""
     names = robot.standard_parameters
     result = np.zeros((len(names), len(names)))
     for k, name in enumerate(names):
@@ -251,7 +251,7 @@ def _sparsity(robot: Robot) -> Array:
 
 
 def _rank(rows: Array) -> int:
-    """Rank of `rows` scaled to unit length, zero rows apart."""
+    """Compute the rank of `rows` scaled to unit length, without zero rows."""
     norms = np.linalg.norm(rows, axis=1)
     seen = norms > ROUNDED_OFF * norms.max(initial=0.0)
     values = np.linalg.svd(rows[seen] / norms[seen, None], compute_uv=False)

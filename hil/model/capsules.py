@@ -1,13 +1,14 @@
-"""Link geometry for keeping the arm out of things: one capsule a link.
+"""Capsule geometry of the links, for collision avoidance.
 
-A capsule is a segment in the link's frame with a radius about it. A robot file may state it; where
-it does not, the segment leads from the link's own origin to that of the next joint, the last link
-is a ball about its origin, and the radius is `DEFAULT_RADIUS`. That follows the frames, not the
-castings: measure the links of a real robot, tools and cables included.
+A capsule is a segment in the link's frame with a radius. A robot file may state it; otherwise the
+segment leads from the link's own origin to that of the next joint, the last link is a sphere about
+its origin, and the radius is `DEFAULT_RADIUS`. The default follows the frames, not the castings:
+measure the links of a real robot, tools and cables included.
 
-`reach` bounds how far a link moves when joints do. By turning joint j alone, no point of a link's
-segment moves farther than its distance from that joint's axis times the angle, and the distance is
-at most the sum of the lengths in between; turning the joints one after the other gives the sum.
+`reach` bounds the motion of a link per motion of a joint. With only joint j turning, no point of a
+link's segment moves farther than its distance from that joint's axis times the angle, and the
+distance is at most the sum of the lengths in between; turning the joints one after the other gives
+the sum.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ if TYPE_CHECKING:
 
 
 DEFAULT_RADIUS = 0.1
-"""Radius of links whose capsule the robot file does not state [m]."""
+"""Default radius of a link's capsule [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Capsules:
-    """Capsules of all links.
+    """Capsules of the links.
 
     Attributes
     ----------
@@ -38,7 +39,7 @@ class Capsules:
     radii : array (n_links,)
         [m].
     stated : tuple of bool
-        Which of them the robot file states.
+        True for capsules stated in the robot file.
     reach : array (n_links, n_joints)
         Greatest way of the segment's points per change of each joint [m/rad; 1 if prismatic].
     """
@@ -51,7 +52,7 @@ class Capsules:
 
 @lru_cache(maxsize=32)
 def capsules(robot: Robot) -> Capsules:
-    """Capsules of `robot`, as its file states them or by default."""
+    """Return the capsules of `robot`, stated in the robot file or assumed."""
     stated = [joint.capsule for joint in robot.file.joints]
     links = range(robot.n_joints)
     ends = np.array([_default(robot, i) if c is None else c.ends for i, c in enumerate(stated)])
@@ -64,8 +65,8 @@ def capsules(robot: Robot) -> Capsules:
     )
 
 
-def reaches(robot: Robot) -> Array:
-    """Radius about the base frame's origin that each link's capsule never leaves (n_links,) [m]."""
+def link_reaches(robot: Robot) -> Array:
+    """Compute the radius about the base origin that contains a link's capsule (n_links,) [m]."""
     shapes = capsules(robot)
     joints = np.cumsum([np.hypot(*_offset(robot, joint)) for joint in range(robot.n_joints)])
     ends: Array = np.linalg.norm(shapes.ends, axis=-1).max(axis=-1)
@@ -73,7 +74,7 @@ def reaches(robot: Robot) -> Array:
 
 
 def segments(robot: Robot, q: Array) -> Array:
-    """Ends of all links' segments in the base frame, shape (n, n_links, 2, 3) [m].
+    """Compute the ends of the links' segments in the base frame, shape (n, n_links, 2, 3) [m].
 
     Parameters
     ----------
@@ -118,7 +119,7 @@ def _reach(robot: Robot, ends: Array, link: int, joint: int) -> float:
 
 
 def _offset(robot: Robot, joint: int) -> tuple[float, float]:
-    """Greatest shifts about x and z between two frames [m]."""
+    """Return the maximum shifts along x and z between two frames [m]."""
     r = float(robot.r[joint])
     if robot.revolute[joint]:
         return float(robot.d[joint]), r

@@ -1,17 +1,16 @@
-"""Which parameter occurs in which element of M(q) and g(q): Table 2, and the three groups.
+"""Dependencies of M(q) and g(q) on the parameters: Table 2, and the three groups.
 
-Both are linear in the parameters, with coefficients that are analytic in q. Such a function is
-either identically zero or nonzero at almost every q; so at random configurations a coefficient
-that vanishes is zero everywhere, but for a set of measure zero and for rounding, some 1e-15 of the
-largest coefficient, against which the threshold leaves six orders of magnitude. Several
-configurations are taken, of which one would do.
+Both are linear in the parameters, with coefficients analytic in q. An analytic function is either
+identically zero or nonzero at almost every q; so a coefficient that vanishes at random
+configurations is zero everywhere, except for a set of measure zero and for rounding errors of some
+1e-15 of the largest coefficient, six orders of magnitude below the threshold.
 
 Not every parameter in g(q) is identified from it. A constant gravity torque, such as that of a
-vertical sliding axis, is like the offset of a torque, and several masses may occur in one sum only.
-Of such a hidden parameter M(q) must say the rest: where an axis accelerates, no offset follows.
+vertical prismatic axis, is like a torque offset, and several masses may occur in one sum only. Such
+a hidden parameter must be identified from M(q): acceleration is not affected by offsets.
 
-The coefficients are computed from the joints' axes seen in each link, apart from the recursion of
-`hil.model.recursion`: M_ab = S_a' I S_b, g_a = S_a' I (0, -gravity).
+The coefficients are computed from the joints' axes in each link's frame, independently of the
+recursion of `hil.model.recursion`: M_ab = S_a' I S_b, g_a = S_a' I (0, -gravity).
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.model.added_parameters import added_inertias, added_loads
-from hil.model.frames import ROUNDED_OFF, UNIT_INERTIAS, adjoint, inverse, joint_motion, pose_of
+from hil.model.frames import ROUNDED_OFF, UNIT_INERTIAS, adjoint, frame_pose, inverse, joint_motion
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
@@ -30,24 +29,24 @@ if TYPE_CHECKING:
 
 
 GRAVITY, DIAGONAL, OFF_DIAGONAL = GROUPS = ("gravity", "diagonal", "off_diagonal")
-"""Section 4.4: p_g occurs in g(q); p_Md on the diagonal of M(q) only; p_Mod only beside it.
+"""Section 4.4: p_g occurs in g(q); p_Md on the diagonal of M(q) only; p_Mod only off the diagonal.
 
-In this order: the elements that show a group hold no parameters of the groups behind it.
+In this order, the elements that show a group hold no parameters of later groups.
 """
 
 
 @dataclass(frozen=True)
 class Dependencies:
-    """Where each base parameter occurs.
+    """Occurrence of the base parameters in M(q) and g(q).
 
     Attributes
     ----------
     mass : bool array, shape (n_joints, n_joints, n_base)
-        Whether parameter k occurs in M_ij(q).
+        True if parameter k occurs in M_ij(q).
     gravity : bool array, shape (n_joints, n_base)
-        Whether parameter k occurs in g_i(q).
+        True if parameter k occurs in g_i(q).
     hidden : bool array, shape (n_base,)
-        Whether it does, yet g(q) with an unknown offset of each torque leaves it open.
+        True if it occurs in g(q), yet is not determined by g(q) with unknown torque offsets.
     """
 
     mass: Mask
@@ -55,7 +54,7 @@ class Dependencies:
     hidden: Mask
 
     def groups(self) -> dict[str, tuple[int, ...]]:
-        """Indices of the parameters of each of `GROUPS`, in order."""
+        """Return the indices of the parameters in every group of `GROUPS`, in order."""
         in_gravity = self.gravity.any(axis=0)
         on_diagonal = np.einsum("iik->ik", self.mass).any(axis=0) & ~in_gravity
         beside = ~in_gravity & ~on_diagonal
@@ -66,9 +65,9 @@ class Dependencies:
         }
 
     def sought(self) -> dict[str, tuple[int, ...]]:
-        """Indices of what each group's own kind of element is measured for.
+        """Return the indices of the parameters sought in every group's own kind of element.
 
-        These are the parameters of the group, and those hidden from g(q) where M(q) shows them.
+        These are the parameters of the group, and those hidden from g(q) but shown by M(q).
         """
         on_diagonal = np.einsum("iik->ik", self.mass).any(axis=0)
         beside = self.mass.any(axis=(0, 1)) & ~on_diagonal
@@ -80,12 +79,12 @@ class Dependencies:
 
 
 def find_dependencies(mass: Array, gravity: Array) -> Dependencies:
-    """Find from `influences` of the base parameters where each one occurs."""
+    """Find the occurrence of base parameters from their coefficients (`influences`)."""
     return Dependencies(_occurs(mass), _occurs(gravity), _hidden(gravity))
 
 
 def influences(robot: Robot) -> tuple[Array, Array]:
-    """Coefficients of all standard parameters in M and g at random configurations.
+    """Compute the coefficients of the standard parameters in M and g at random configurations.
 
     Returns
     -------
@@ -93,7 +92,7 @@ def influences(robot: Robot) -> tuple[Array, Array]:
     gravity : array, shape (n_configurations, n_joints, n_standard)
     """
     random = np.random.default_rng(22)
-    # 12 random configurations, of which one would do
+    # 12 random configurations; one would suffice
     configurations = random.uniform(-np.pi, np.pi, (12, robot.n_joints))
     found = [_influences_at(robot, q) for q in configurations]
     added = np.moveaxis(added_inertias(robot), 0, -1)
@@ -121,7 +120,7 @@ def _influences_at(robot: Robot, q: Array) -> tuple[Array, Array]:
 def _pose_at(robot: Robot, link: int, q: float) -> Array:
     turn, shift = (q, 0.0) if robot.revolute[link] else (0.0, q)
     theta, r = robot.theta[link] + turn, robot.r[link] + shift
-    return pose_of(robot.alpha[link], robot.d[link], theta, r)
+    return frame_pose(robot.alpha[link], robot.d[link], theta, r)
 
 
 def _occurs(coefficients: Array) -> Mask:
@@ -132,7 +131,7 @@ def _occurs(coefficients: Array) -> Mask:
 
 
 def _hidden(gravity: Array) -> Mask:
-    """Parameters in directions that change no gravity torque by more than a constant."""
+    """Find parameters in directions without effect on gravity torques except for a constant."""
     size = np.sqrt(np.sum(gravity**2, axis=(0, 1)))
     found: Mask = size > ROUNDED_OFF * size.max(initial=0.0)
     if not found.any():
@@ -140,6 +139,6 @@ def _hidden(gravity: Array) -> Mask:
     varying = (gravity - gravity.mean(axis=0))[:, :, found] / size[found]
     _, values, directions = np.linalg.svd(varying.reshape(-1, int(found.sum())))
     rank = int(np.sum(values > ROUNDED_OFF))
-    # a parameter counts from a millionth of it in a direction on
+    # a parameter is hidden if its component in the null space exceeds a millionth
     found[found] = np.linalg.norm(directions[rank:], axis=0) > 1e-6
     return found

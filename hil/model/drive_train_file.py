@@ -1,4 +1,4 @@
-"""What a robot file may say of drive trains: motors, gears, couplings and springs."""
+"""Drive trains in a robot file: motors, gears, couplings and springs."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ if TYPE_CHECKING:
 
 Unknown = Literal["unknown"]
 UNKNOWN: Unknown = "unknown"
-"""In place of a value that nobody has stated."""
+"""Placeholder for an unknown value."""
 USUAL_BOUND = 0.1
-"""Tolerance of torque constants and rotor inertias of servo motors, as share: +-10 % of all values
-but dimensions in assembly instructions of HIWIN's torque motors (TM-04-0-EN-2108, section 8.1)."""
+"""Common relative tolerance of torque constants and rotor inertias of servo motors: +-10 % of all
+values but dimensions in assembly instructions of HIWIN's torque motors (TM-04-0-EN-2108, section
+8.1)."""
 USUAL_UNCERTAINTY = USUAL_BOUND / 3**0.5
-"""Standard deviation of what lies anywhere within that bound (JCGM 100:2008, 4.3.7)."""
+"""Standard deviation of a uniform distribution within the tolerance (JCGM 100:2008, 4.3.7)."""
 
 
 class Drive(FileModel):
-    """A drive train.
+    """Drive train of a joint.
 
     What is unknown need not be stated to identify a recording. An unknown rotor inertia is
     identified as well; without gear ratio and torque constant no drive can be moved.
@@ -32,7 +33,7 @@ class Drive(FileModel):
     gear_ratio : float
         Motor angle over joint coordinate [1, or rad/m].
     rotor_inertia, torque_constant : float
-        Of the motor [kg m^2, N m/A].
+        Rotor inertia and torque constant, motor side [kg m^2, N m/A].
     rotor_inertia_uncertainty, torque_constant_uncertainty : float
         Relative standard deviations; 0 where none is stated.
     encoder_resolution : float, optional
@@ -97,11 +98,11 @@ class Drive(FileModel):
 
 
 NO_DRIVE = Drive(rotor_inertia=UNKNOWN, torque_constant=UNKNOWN)
-"""What a joint has whose drive train the file does not mention."""
+"""Drive train of a joint without a `drive` in the file."""
 
 
 class CoupledMotor(FileModel):
-    """A motor that the motion of a second joint turns as well, as in many wrists.
+    """Motor also turned by the motion of a second joint, as in many wrists.
 
     Attributes
     ----------
@@ -131,7 +132,7 @@ class CoupledMotor(FileModel):
 
 
 class Spring(FileModel):
-    """A spring or counterbalance at a joint, whose strength is to be identified.
+    """Spring or counterbalance at a joint, with a strength to be identified.
 
     Attributes
     ----------
@@ -147,7 +148,7 @@ class Spring(FileModel):
 
 
 def positive(value: float, unit: str, bound: float, hint: str) -> float:
-    """Return a value that must be positive and at most `bound`; `hint`: what else it may be."""
+    """Return `value`, or raise ValueError with `hint` if not positive or above `bound`."""
     if not value > 0:
         raise ValueError(f"{value:g} {unit} must be positive")
     if value > bound:

@@ -1,12 +1,12 @@
 """Inverse dynamics, linear in the base parameters: A(q, qd, qdd) p of eq. (6).
 
-Everything comes from one recursion (`model.recursion`), so that A p, M qdd + c + g and the inverse
-dynamics agree to rounding. Where it could not be compiled, NumPy evaluates the same equations
-(`model.recursion_by_arrays`); which of both does so never changes in a process. Base parameters
-enter in
-the standard parameters that head their groups, all others being zero (`base_parameters`), so that a
-robot costs no more than the parameters that it has. Besides rigid bodies there are springs and what
-of the motors' inertia is unknown; what is known of it is `hil.model.motors`.
+Everything comes from one recursion (`hil.model.recursion`), so that A p, M qdd + c + g and the
+inverse dynamics agree to rounding. Without a compiled recursion NumPy evaluates the same equations
+(`hil.model.recursion_by_arrays`); the choice never changes within a process. Base parameters are
+assigned to the standard parameters at their heads, all others being zero
+(`hil.model.base_parameters`), so that the cost depends on the number of the robot's parameters.
+Besides rigid bodies there are springs and unknown rotor inertias; known ones are in
+`hil.model.motors`.
 
 Shapes: q, qd, qdd are (n_samples, n_joints), or (n_joints,) for a single sample, and the results
 have the same leading axes: none for a single sample. Torques in N m (forces in N), joint side.
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 _recursion: Any = recursion or recursion_by_arrays
 _CHUNK = 2048
-"""Samples at a time, so that intermediate values stay in the cache."""
+"""Samples per chunk, so that intermediate values stay in the cache."""
 
 
 def regressor(
@@ -52,7 +52,7 @@ def regressor(
     joints: Sequence[int] | None = None,
     gravity: ArrayLike | None = None,
 ) -> Array:
-    """Regressor A of the base parameters, eq. (6).
+    """Compute the regressor A of the base parameters, eq. (6).
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def regressors(
     joints: Sequence[int] | None = None,
     gravity: ArrayLike | None = None,
 ) -> list[Array]:
-    """`regressor` at the same positions with several velocities and accelerations."""
+    """Compute regressors at the same positions for several velocities and accelerations."""
     model = _model(robot)
     wanted = _rows(robot, joints)
     rows = np.array(sorted(set(wanted.tolist())), dtype=np.int64)  # np.unique imports numpy.ma
@@ -100,7 +100,7 @@ def regressors(
     for flat, (_, _, qdd) in zip(every, moved, strict=True):
         A = flat if model.mixing is None else flat @ model.mixing
         if len(model.added):
-            A = np.concatenate([A, _added(robot, model, at, qdd, rows)], axis=-1)
+            A = np.concatenate([A, _added_columns(robot, model, at, qdd, rows)], axis=-1)
         if not np.array_equal(rows, wanted):
             A = A[:, np.searchsorted(rows, wanted)]
         found.append(A.reshape(*at.shape[:-1], wanted.size, A.shape[-1]))
@@ -110,17 +110,17 @@ def regressors(
 def inverse_dynamics(
     robot: Robot, p: ArrayLike, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike
 ) -> Array:
-    """Joint torques M(q) qdd + c(q, qd) + g(q) of base parameters `p`, shape of `q` [N m]."""
+    """Compute joint torques M(q) qdd + c(q, qd) + g(q) for base parameters `p` [N m]."""
     return _torques(robot, p, q, qd, qdd, robot.gravity)
 
 
 def gravity_torque(robot: Robot, p: ArrayLike, q: ArrayLike) -> Array:
-    """Gravity torques g(q) of eq. (6), shape of `q` [N m]."""
+    """Compute gravity torques g(q) of eq. (6), shape of `q` [N m]."""
     return _torques(robot, p, q, 0.0, 0.0, robot.gravity)
 
 
 def mass_matrix(robot: Robot, p: ArrayLike, q: ArrayLike) -> Array:
-    """Mass matrix M(q) of eq. (6), shape (n_samples, n_joints, n_joints) [kg m^2]."""
+    """Compute the mass matrix M(q) of eq. (6), shape (n_samples, n_joints, n_joints) [kg m^2]."""
     units = np.eye(robot.n_joints)
     return np.stack([_torques(robot, p, q, 0.0, unit, _WEIGHTLESS) for unit in units], axis=-1)
 
@@ -145,10 +145,10 @@ _WEIGHTLESS = np.zeros(3)
 
 @dataclass(frozen=True)
 class _Model:
-    """What the recursion needs of a robot; `mixing` where a base parameter has several carriers.
+    """Robot constants for the recursion.
 
-    `added` are the indices of added parameters that are base parameters of their own: the last
-    ones.
+    `mixing` is set if a base parameter has several carriers. `added` are the indices of added
+    parameters that are base parameters of their own: the last ones.
     """
 
     chain: Array
@@ -187,8 +187,8 @@ def _model(robot: Robot) -> _Model:
     )
 
 
-def _added(robot: Robot, model: _Model, q: Array, qdd: Array, rows: Integers) -> Array:
-    """Columns of the added parameters, shape (n_samples, n_rows, n_added)."""
+def _added_columns(robot: Robot, model: _Model, q: Array, qdd: Array, rows: Integers) -> Array:
+    """Compute the columns of the added parameters, shape (n_samples, n_rows, n_added)."""
     q, qdd = (x.reshape(-1, robot.n_joints) for x in (q, qdd))
     accelerated = np.moveaxis(qdd @ model.inertias, 0, -1)
     return (accelerated + added_loads(robot, q)[..., model.added])[:, rows]
@@ -228,7 +228,7 @@ def _rows(robot: Robot, joints: Sequence[int] | None) -> Integers:
 def _samples(
     robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike
 ) -> tuple[Array, Array, Array]:
-    """Bring positions, velocities and accelerations to the shape of positions."""
+    """Broadcast velocities and accelerations to the shape of the positions."""
     q = np.asarray(q, dtype=np.float64)
     if q.ndim == 0 or q.shape[-1] != robot.n_joints:
         raise ValueError(f"q has shape {q.shape}; its last axis must be {robot.n_joints} joints")
@@ -242,7 +242,7 @@ def _samples(
 def _chunks(
     model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]
 ) -> Iterator[tuple[slice, Iterator[Any]]]:
-    """Yield the samples in parts, with the state by each of `rates` as a recursion takes it."""
+    """Yield chunks of the samples, with states for all `rates` as arguments of the recursion."""
     n_joints = model.revolute.size
     q = q.reshape(-1, n_joints)
     flat = [(qd.reshape(-1, n_joints), qdd.reshape(-1, n_joints)) for qd, qdd in rates]
@@ -253,7 +253,7 @@ def _chunks(
 
 
 def _states(model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]) -> Iterator[Array]:
-    """Yield states as `recursion.columns` takes them, shape (5, n_samples, n_joints)."""
+    """Yield states as arguments of `recursion.columns`, shape (5, n_samples, n_joints)."""
     state = np.empty((5, *q.shape))
     recursion.positions(q, model.theta, model.shift, model.revolute, state)
     for qd, qdd in rates:
@@ -264,7 +264,7 @@ def _states(model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]) -> It
 def _components(
     model: _Model, q: Array, rates: Sequence[tuple[Array, Array]]
 ) -> Iterator[list[tuple[Any, ...]]]:
-    """Yield states as `recursion_by_arrays.columns` takes them, joint by joint."""
+    """Yield states as arguments of `recursion_by_arrays.columns`, joint by joint."""
     positions = []
     for joint, revolute in enumerate(model.revolute):
         angle: Any = float(model.theta[joint])
@@ -280,5 +280,5 @@ def _components(
 
 
 def _component(x: Array) -> Array | float:
-    """Array in one piece, or the number that was broadcast to it."""
+    """Return a contiguous array, or the number if broadcast from a scalar."""
     return float(x[0]) if x.strides == (0,) else np.ascontiguousarray(x)

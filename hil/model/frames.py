@@ -1,9 +1,9 @@
-"""Frames in modified Denavit-Hartenberg notation, and what changes with the frame.
+"""Frames in modified Denavit-Hartenberg notation, and transformations between frames.
 
-Frame j stands in frame j-1 as turn by alpha and shift by d about x, then turn by theta and shift
-by r about z (Khalil and Kleinfinger 1986); joint j moves about or along its own z. From the pose
-follow the maps of velocities (angular, linear) and of a body's ten standard parameters. Everything
-comes as numbers and, for readable expressions, as polynomials in the lengths' names.
+Frame j results from frame j-1 by a rotation alpha and shift d about x, then a rotation theta and
+shift r about z (Khalil and Kleinfinger 1986); joint j moves about or along its own z. The pose
+determines the maps of velocities (angular, linear) and of a body's ten standard parameters. Entries
+are numbers or, for readable expressions, polynomials in named lengths.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 QUARTER = math.pi / 2
 ROUNDED_OFF = 1e-9
-"""Part of the largest, or angle [rad] and length [m], that counts as none: rounding leaves some
-1e-15 of what is added up, times the condition of a chain of some ten frames and six orders to
-spare; what a robot file means is farther apart, as its numbers have some six digits."""
+"""Numeric tolerance, relative to the largest value or absolute for angles [rad] and lengths [m]:
+rounding causes some 1e-15 of a sum, times the condition of a chain of some ten frames, with six
+orders to spare; values in robot files have some six digits."""
 
 
 def parameter_map(pose: NDArray[Any]) -> NDArray[Any]:
-    """Return the matrix, shape (10, 10), from a body's parameters in a frame to those seen outside.
+    """Return the map of a body's parameters from a frame to the outer frame, shape (10, 10).
 
     `pose` is that of the frame, shape (4, 4), of floats or polynomials. The pseudo-inertia
     [[tr(I)/2 - I, s], [s', m]] transforms by congruence.
@@ -40,22 +40,22 @@ def parameter_map(pose: NDArray[Any]) -> NDArray[Any]:
     return np.array(columns, dtype=pose.dtype).T
 
 
-def meant(angle: float, within: float) -> float:
-    """The multiple of a quarter turn that an angle stands for, `within` which it is, or itself."""
+def snap_angle(angle: float, within: float) -> float:
+    """Return the nearest multiple of a quarter turn if `within` that distance, else the angle."""
     exact = round(angle / QUARTER) * QUARTER
     return exact if abs(angle - exact) <= within else angle
 
 
 def cos_sin(angle: float) -> tuple[float, float]:
-    """Cosine and sine, exactly 0 and +-1 at right angles."""
+    """Compute cosine and sine, exactly 0 and +-1 at right angles."""
     quarters = round(angle / QUARTER)
     if abs(angle - quarters * QUARTER) < ROUNDED_OFF:
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarters % 4]
     return math.cos(angle), math.sin(angle)
 
 
-def pose_of(alpha: float, d: Any, theta: float, r: Any) -> NDArray[Any]:
-    """Pose of a frame in the one before, from its four parameters; lengths may be polynomials."""
+def frame_pose(alpha: float, d: Any, theta: float, r: Any) -> NDArray[Any]:
+    """Compute the pose of a frame in the previous frame; lengths may be polynomials."""
     ca, sa = cos_sin(alpha)
     ct, st = cos_sin(theta)
     rows = [
@@ -68,7 +68,7 @@ def pose_of(alpha: float, d: Any, theta: float, r: Any) -> NDArray[Any]:
 
 
 def joint_motion(revolute: bool) -> tuple[Array, Array]:
-    """Generator of a joint's motion in its own frame, shape (4, 4), and the twist, shape (6,)."""
+    """Return generator (4, 4) and twist (6,) of a joint's motion, in the joint's frame."""
     generator, axis = np.zeros((4, 4)), np.zeros(6)
     if revolute:
         generator[1, 0], generator[0, 1], axis[2] = 1.0, -1.0, 1.0
@@ -95,7 +95,7 @@ def cross_matrix(v: NDArray[Any]) -> NDArray[Any]:
 
 
 def adjoint(pose: Array) -> Array:
-    """Return the map of (angular, linear) velocities from a frame to the one that `pose` is in."""
+    """Return the map of (angular, linear) velocities from a frame to the outer frame of `pose`."""
     result = np.zeros((6, 6))
     result[:3, :3] = result[3:, 3:] = pose[:3, :3]
     result[3:, :3] = cross_matrix(pose[:3, 3]) @ pose[:3, :3]
@@ -103,7 +103,7 @@ def adjoint(pose: Array) -> Array:
 
 
 def adjoint_rate(generator: Array) -> Array:
-    """Derivative of `adjoint` along a motion that `generator` generates, at the identity."""
+    """Compute the derivative of `adjoint` along the motion of `generator`, at the identity."""
     result = np.zeros((6, 6))
     result[:3, :3] = result[3:, 3:] = generator[:3, :3]
     result[3:, :3] = cross_matrix(generator[:3, 3])
@@ -111,7 +111,7 @@ def adjoint_rate(generator: Array) -> Array:
 
 
 def parameter_rate(generator: Array) -> Array:
-    """Derivative of `parameter_map` along a motion that `generator` generates, at the identity."""
+    """Compute the derivative of `parameter_map` along the motion of `generator` at the identity."""
     bodies = [generator @ body + body @ generator.T for body in UNIT_PSEUDO_INERTIAS]
     return np.array([body_parameters(body) for body in bodies]).T
 

@@ -1,8 +1,8 @@
-"""A load at the last link: where its ten parameters stand, and what they do to base parameters.
+"""Load at the last link: its parameters and the effect on the base parameters.
 
 A rigid load adds its own ten parameters phi to those of the last link n, so the base parameters
-change by K_n phi: K_n are the columns of K (p = K p_standard) that belong to that link. Free are
-those of the ten that the robot file calls present there, tied as it ties them.
+change by K_n phi: K_n are the columns of K (p = K p_standard) for that link. The free ones of the
+ten are those present in the robot file, with the same ties.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
 
 
 MASS, FIRST_MOMENTS, INERTIAS = 9, (6, 7, 8), (0, 1, 2, 3, 4, 5)
-"""Where mass, first moments and inertias stand in eq. (4)."""
+"""Indices of mass, first moments and inertias in eq. (4)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadColumns:
-    """What a load changes.
+    """Effect of a load on the base parameters.
 
     Attributes
     ----------
     K : ndarray, shape (n_base, 10)
         Change of the base parameters by each of the ten.
     free : ndarray, shape (10, n_free)
-        How the free parameters make up the ten.
+        Map from the free parameters to the ten.
     absent : tuple of str
-        Of the ten those that the robot file takes as zero.
+        Names of the ten that the robot file takes as zero.
     """
 
     K: Array
@@ -50,13 +50,13 @@ class LoadColumns:
         return self.K @ self.free
 
     @property
-    def without_mass(self) -> Array:
-        """Columns of `free` but that of the mass."""
+    def massless_columns(self) -> Array:
+        """Columns of `free` without the mass."""
         return self.free[:, self.free[MASS] == 0]
 
     @property
     def dark(self) -> tuple[str, ...]:
-        """Parameters that are present and change no base parameter."""
+        """Present parameters without effect on any base parameter."""
         lit = np.abs(self.free).max(axis=1) > 0
         rows = zip(LINK_PARAMETERS, lit.tolist(), strict=True)
         return tuple(name for name, is_lit in rows if not is_lit and name not in self.absent)
@@ -64,7 +64,7 @@ class LoadColumns:
 
 @lru_cache(maxsize=8)
 def load_columns(robot: Robot) -> LoadColumns:
-    """Columns of a load at the last link.
+    """Compute the columns of a load at the last link.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def load_columns(robot: Robot) -> LoadColumns:
          for carrier in carriers] for name in names
     ]).reshape(10, len(carriers))  # fmt: skip
     K = base_parameters(robot).matrix[:, own]
-    # coefficients up to 1e-9 are rounding of K
+    # coefficients up to 1e-9 are rounding errors of K
     free = free[:, np.abs(K @ free).max(axis=0, initial=0.0) > 1e-9]
     if not free.size:
         raise NoLoad(

@@ -1,10 +1,10 @@
-"""Inertia of the motors, eq. (7), as far as it is known beforehand: it is compensated.
+"""Known inertia of the motors, eq. (7), to be compensated.
 
-A drive train is stated by gear ratio N and rotor inertia Im alone. Each motor then turns N times
-as fast as its own joint and with nothing else, so that H is diagonal and constant, N^2 Im, and c_m
-vanishes. What that leaves out: the motors' gyroscopic torques as they are carried along, a factor N
-smaller, and their masses, which count with the links that carry them. Inertias that the robot file
-leaves unknown are identified instead (`hil.model.added_parameters`).
+A drive train is described by gear ratio N and rotor inertia Im alone. Each motor then turns N times
+as fast as its own joint and with no other joint, so that H is diagonal and constant, N^2 Im, and
+c_m vanishes. This omits the motors' gyroscopic torques from their carrying links, smaller by a
+factor N, and their masses, which count with the links. Inertias unknown in the robot file are
+identified instead (`hil.model.added_parameters`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def motor_inertia(robot: Robot, q: ArrayLike) -> Array:
-    """H(q) of eq. (7), shape (n_samples, n_joints, n_joints), or none leading for one sample.
+    """Compute H(q) of eq. (7), shape (n_samples, n_joints, n_joints), or without samples axis.
 
     Joint side: kg m^2 for revolute joints, kg for prismatic ones.
     """
@@ -31,6 +31,6 @@ def motor_inertia(robot: Robot, q: ArrayLike) -> Array:
 
 
 def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
-    """H(q) qdd + c_m(q, qd) of eq. (7), shape of `qdd` [N m]."""
+    """Compute H(q) qdd + c_m(q, qd) of eq. (7), shape of `qdd` [N m]."""
     del q, qd  # H is constant and diagonal and c_m vanishes, see the module
     return robot.reflected_inertia * np.asarray(qdd, dtype=np.float64)

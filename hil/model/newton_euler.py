@@ -1,4 +1,4 @@
-"""Newton and Euler's recursion in any arithmetic: of arrays of samples, of expressions, of numbers.
+"""Newton-Euler recursion in any arithmetic: arrays of samples, expressions, numbers.
 
 In frame j, with angular velocity w, angular acceleration u, acceleration a of the origin less
 gravity, and U = [u] + [w][w] (brackets: matrices of the cross product), a body with mass m, first
@@ -6,13 +6,13 @@ moment s and inertia I about the origin needs::
 
     f = m a + U s    n = I u + w x I w + s x a
 
-and the origin of the next frame, at p, accelerates by a + U p. Written in the elements of U, which
-both need, the moments of inertia cost few operations (after Khalil and Kleinfinger, IEEE J.
-Robotics and Automation 3, 1987: base parameters make most of the rest vanish). A pass inwards adds
-up what the links further out need.
+and the origin of the next frame, at p, accelerates by a + U p. In terms of the elements of U,
+common to both, the moments of inertia cost few operations (after Khalil and Kleinfinger, IEEE J.
+Robotics and Automation 3, 1987: base parameters make most of the rest vanish). An inward pass sums
+the forces and moments of the outer links.
 
-A scalar is anything that can be added and multiplied. Nothing is calculated with an `Exact` 0 or 1,
-as right angles and joints at rest make them: of arrays that saves most of the time.
+A scalar is anything with addition and multiplication. `Exact` values of 0 and 1, from right angles
+and joints at rest, are never computed with: for arrays that saves most of the time.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ Matrix = tuple[Vector, Vector, Vector]
 
 
 class Exact(float):
-    """A number that is known beforehand: 0 and 1 vanish where they are added or multiplied."""
+    """Constant known in advance: 0 and 1 disappear in sums and products."""
 
     __slots__ = ()
     __array_ufunc__ = None
-    """Arrays leave operations to it."""
+    """Disables NumPy's operators, so that arrays defer to `Exact`."""
 
     def __neg__(self) -> Exact:
         return Exact(-float(self))
@@ -71,16 +71,16 @@ _ALONG: Vector = (ZERO, ZERO, Exact(1.0))
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A frame in the one before, at the joint's position.
+    """Frame of a joint relative to the previous frame, at the joint's position.
 
     Attributes
     ----------
     ca, sa : scalar
         Cosine and sine of alpha.
     c, s : scalar
-        Of the turn about the joint's axis.
+        Cosine and sine of the rotation about the joint's axis.
     arm : vector
-        Of the frame's origin, in the frame before [m].
+        Origin of the frame in the previous frame [m].
     revolute : bool
     """
 
@@ -93,11 +93,11 @@ class Joint:
 
     @property
     def axis(self) -> tuple[Vector, Vector]:
-        """Motion by the joint's own rate, in this frame: angular and linear."""
+        """Motion per unit of the joint's rate in the joint's frame: angular and linear."""
         return (_ALONG, STILL) if self.revolute else (STILL, _ALONG)
 
-    def into(self, x: Vector) -> Vector:
-        """Turn a vector of the frame before into this one."""
+    def rotate_in(self, x: Vector) -> Vector:
+        """Rotate a vector from the previous frame into the joint's frame."""
         h = self.ca * x[1] + self.sa * x[2]
         return (
             self.c * x[0] + self.s * h,
@@ -105,8 +105,8 @@ class Joint:
             self.ca * x[2] - self.sa * x[1],
         )
 
-    def out_of(self, x: Vector) -> Vector:
-        """Turn a vector of this frame into the frame before."""
+    def rotate_out(self, x: Vector) -> Vector:
+        """Rotate a vector from the joint's frame into the previous frame."""
         h = self.s * x[0] + self.c * x[1]
         return (
             self.c * x[0] - self.s * x[1],
@@ -114,14 +114,14 @@ class Joint:
             self.sa * h + self.ca * x[2],
         )
 
-    def carried(self, axis: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-        """Axis of a joint before, angular and linear, taken from the frame before into this one."""
+    def carry(self, axis: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+        """Transform a previous joint's axis, angular and linear, into the joint's frame."""
         turn, slide = axis
-        return self.into(turn), self.into(plus(slide, cross(turn, self.arm)))
+        return self.rotate_in(turn), self.rotate_in(plus(slide, cross(turn, self.arm)))
 
 
 class Motion(NamedTuple):
-    """Of a frame: w, u, a and U of the module, and the products of two components of w each."""
+    """Motion of a frame: w, u, a and U of the module, and products of the components of w."""
 
     w: Vector
     u: Vector
@@ -134,18 +134,18 @@ class Motion(NamedTuple):
 def motions(
     chain: Sequence[Joint], qd: Sequence[Scalar], qdd: Sequence[Scalar], gravity: Sequence[float]
 ) -> Iterator[Motion]:
-    """Yield the motion of each link; parameters as of `rigid_bodies`."""
+    """Yield the motion of every link; parameters as in `rigid_bodies`."""
     w, u, U = STILL, STILL, (STILL, STILL, STILL)
     a: Vector = (Exact(-gravity[0]), Exact(-gravity[1]), Exact(-gravity[2]))
     for joint, v, dv in zip(chain, qd, qdd, strict=True):
-        a = joint.into(plus(a, _times(U, joint.arm)))
-        w, u = joint.into(w), joint.into(u)
+        a = joint.rotate_in(plus(a, _times(U, joint.arm)))
+        w, u = joint.rotate_in(w), joint.rotate_in(u)
         if joint.revolute:
             u = (u[0] + w[1] * v, u[1] - w[0] * v, u[2] + dv)
             w = (w[0], w[1], w[2] + v)
         else:
             a = (a[0] + 2.0 * (w[1] * v), a[1] - 2.0 * (w[0] * v), a[2] + dv)
-        moved = _of_rates(w, u, a)
+        moved = _motion_from_rates(w, u, a)
         U = moved.U
         yield moved
 
@@ -157,7 +157,7 @@ def rigid_bodies(
     qdd: Sequence[Scalar],
     gravity: Sequence[float],
 ) -> list[Scalar]:
-    """Torques on all joints.
+    """Compute the torques on all joints.
 
     Parameters
     ----------
@@ -176,12 +176,12 @@ def rigid_bodies(
     for joint, (f, n) in zip(reversed(chain), reversed(needs), strict=True):
         force, moment = plus(f, force), plus(n, moment)
         torques.append(moment[2] if joint.revolute else force[2])
-        force, moment = joint.out_of(force), joint.out_of(moment)
+        force, moment = joint.rotate_out(force), joint.rotate_out(moment)
         moment = plus(moment, cross(joint.arm, force))
     return torques[::-1]
 
 
-def _of_rates(w: Vector, u: Vector, a: Vector) -> Motion:
+def _motion_from_rates(w: Vector, u: Vector, a: Vector) -> Motion:
     xx, yy, zz = w[0] * w[0], w[1] * w[1], w[2] * w[2]
     xy, xz, yz = w[0] * w[1], w[0] * w[2], w[1] * w[2]
     U = (
@@ -193,7 +193,7 @@ def _of_rates(w: Vector, u: Vector, a: Vector) -> Motion:
 
 
 def wrench(body: Sequence[Scalar], motion: Motion) -> tuple[Vector, Vector]:
-    """Force and moment that a link of ten parameters needs, see the module."""
+    """Compute force and moment of a link with ten parameters; see the module."""
     xx, xy, xz, yy, yz, zz, sx, sy, sz, m = body
     _, u, a, U, w2, ww = motion
     s: Vector = (sx, sy, sz)
@@ -207,17 +207,17 @@ def wrench(body: Sequence[Scalar], motion: Motion) -> tuple[Vector, Vector]:
 
 
 def plus(x: Vector, y: Vector) -> Vector:
-    """Sum of two vectors."""
+    """Add two vectors."""
     return x[0] + y[0], x[1] + y[1], x[2] + y[2]
 
 
 def dot(x: Vector, y: Vector) -> Scalar:
-    """Product of two vectors."""
+    """Compute the dot product of two vectors."""
     return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
 def cross(x: Vector, y: Vector) -> Vector:
-    """Cross product of two vectors."""
+    """Compute the cross product of two vectors."""
     return (
         x[1] * y[2] - x[2] * y[1],
         x[2] * y[0] - x[0] * y[2],

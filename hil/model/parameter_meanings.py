@@ -1,8 +1,8 @@
-"""What base parameters are, in words: gravity of an axis, inertia of an axis, a product of inertia.
+"""Meanings of base parameters in words: gravity or inertia of an axis, product of inertia.
 
-A base parameter is a sum, and its head, the standard parameter that it is named by, says what the
-torques show of it: ``sx2`` in the gravity torques is the gravity of axis 2, ``Izz3`` of a joint
-that turns the inertia about its own axis. So the words follow for any robot.
+A base parameter is a sum, and its head, the standard parameter that names it, determines its role
+in the torques: ``sx2`` in the gravity torques is the gravity of axis 2, ``Izz3`` of a revolute
+joint the inertia about its own axis. So the words follow for any robot.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ _ADDED = {
     "kc": "spring of axis {}, cosine",
     "ks": "spring of axis {}, sine",
 }
-"""Of parameters that no link has (`hil.model.added_parameters`)."""
+"""Meanings of added parameters (`hil.model.added_parameters`)."""
 
 
 def meanings(
     robot: Robot, heads: Sequence[str], matrix: Array, groups: Mapping[str, Collection[int]]
 ) -> tuple[str, ...]:
-    """Say of each base parameter what it is, no two alike.
+    """Describe every base parameter by unique words.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def meanings(
     heads : sequence of str, length n_base
         Standard parameters that head them.
     matrix : ndarray, shape (n_base, n_standard)
-        Of the base parameters in standard ones.
+        Matrix from standard to base parameters.
     groups : mapping
         As of `hil.model.base_parameters.BaseParameters`.
     """

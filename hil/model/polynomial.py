@@ -1,14 +1,13 @@
-"""Polynomials in named lengths, and the arithmetic that a robot file may write.
+"""Polynomials in named lengths, and the arithmetic of robot files.
 
 Coefficients of regrouped parameters are products of direction cosines (mostly 0 and +-1) with
-powers of a robot's lengths. Kept as polynomials in the lengths' names they stay readable, as in
-``l1^2 (m3 + m4)``, and need no computer algebra system. A robot file writes its frames in the same
-terms, as in ``pi/2``, ``l2`` or ``l1 + 0.05``; `parse` reads these without evaluating any code.
+powers of a robot's lengths. As polynomials in named lengths they stay readable, as in ``l1^2 (m3 +
+m4)``, and need no computer algebra system. A robot file states its frames in the same terms, as in
+``pi/2``, ``l2`` or ``l1 + 0.05``; `parse` reads these without evaluating any code.
 
-A row of the regrouping is a linear combination of standard parameters with polynomial weights.
-Printed as the paper prints eq. (22): first what carries no length, the head leading, then by rising
-power of the lengths, parameters of equal weight in brackets: ``Izz1 + Iyy2 + Iyy3 + l1^2 (m3 +
-m4)``.
+A row of the regrouping is a linear combination of standard parameters with polynomial weights. The
+format is that of eq. (22): first terms without lengths, the head leading, then by increasing power
+of the lengths, parameters of equal weight in brackets: ``Izz1 + Iyy2 + Iyy3 + l1^2 (m3 + m4)``.
 """
 
 from __future__ import annotations
@@ -29,15 +28,15 @@ if TYPE_CHECKING:
     from hil.arrays import Array
 
 Monomial = tuple[str, ...]
-"""Sorted names, each as often as its power: ``("l1", "l1")`` is l1^2, ``()`` is 1."""
+"""Sorted names, repeated by power: ``("l1", "l1")`` is l1^2, ``()`` is 1."""
 
 
 _LENGTH_MAX = 200
-"""Longest expression that a file may write; nested products of sums have no end otherwise."""
+"""Longest permitted expression, a bound on nested products of sums."""
 
 
 class Polynomial:
-    """A sum of monomials in names, with float coefficients; immutable by convention.
+    """Sum of monomials in names, with float coefficients; immutable by convention.
 
     Parameters
     ----------
@@ -52,12 +51,12 @@ class Polynomial:
 
     @classmethod
     def constant(cls, value: float) -> Polynomial:
-        """Return the polynomial that is `value` everywhere."""
+        """Return the constant polynomial of `value`."""
         return cls({(): value})
 
     @classmethod
     def symbol(cls, name: str) -> Polynomial:
-        """Return the polynomial that is the quantity called `name`."""
+        """Return the polynomial of a single quantity, `name`."""
         return cls({(name,): 1.0})
 
     def __add__(self, other: Polynomial | float) -> Polynomial:
@@ -93,17 +92,17 @@ class Polynomial:
 
     @property
     def names(self) -> frozenset[str]:
-        """Names that the value depends on."""
+        """Names in the polynomial."""
         return frozenset(name for monomial in self.terms for name in monomial)
 
     def evaluate(self, values: Mapping[str, float]) -> float:
         """Return the value at `values` of the names."""
         return sum(c * math.prod(values[name] for name in m) for m, c in self.terms.items())
 
-    def tidied(self) -> Polynomial:
-        """Return the polynomial without what rounding left of terms that cancel."""
+    def tidy(self) -> Polynomial:
+        """Return the polynomial with coefficients cleaned of rounding errors."""
         near = {monomial: float(round(c)) for monomial, c in self.terms.items()}
-        # coefficients within 1e-12 of a whole number are meant to be it
+        # round coefficients within 1e-12 of a whole number
         return Polynomial(
             {m: near[m] if abs(c - near[m]) < 1e-12 else c for m, c in self.terms.items()}
         )
@@ -117,7 +116,7 @@ def _lift(value: Polynomial | float) -> Polynomial:
 
 
 def parse(text: str) -> Polynomial:
-    """Read arithmetic of numbers, ``pi`` and names: ``+ - *``, and ``/`` by a number.
+    """Parse arithmetic of numbers, ``pi`` and names: ``+ - *``, and ``/`` by a number.
 
     Raises
     ------
@@ -136,7 +135,7 @@ def parse(text: str) -> Polynomial:
 
 
 class _NotArithmetic(Exception):
-    """A construct that the file may not write."""
+    """Unsupported construct in an expression."""
 
 
 def _tree(text: str) -> ast.expr:
@@ -179,7 +178,7 @@ def _combine(left: Polynomial, operator: ast.operator, right: Polynomial) -> Pol
 
 
 Combination = dict[int, Polynomial]
-"""Weight of each standard parameter, by its index in eq. (5)."""
+"""Weights of standard parameters, by index in eq. (5)."""
 
 
 def add(left: Combination, right: Combination) -> Combination:
@@ -208,7 +207,7 @@ def combine(weights: NDArray[np.object_] | Array, rows: Sequence[Combination]) -
 
 
 def text(row: Combination, head: int, names: Sequence[str]) -> str:
-    """Return a combination in the parameters' `names`, `head` first."""
+    """Format a combination in the parameters' `names`, `head` first."""
     order = sorted(row, key=lambda parameter: (parameter != head, parameter))
     grouped: dict[tuple[Monomial, float], list[int]] = {}
     for place, parameter in enumerate(order):
@@ -217,7 +216,7 @@ def text(row: Combination, head: int, names: Sequence[str]) -> str:
     pieces = [
         (len(monomial), places, weight, monomial)
         for (monomial, weight), together in grouped.items()
-        # parameters of equal weight in brackets, unless the weight is a mere sign
+        # parameters of equal weight in brackets, unless the weight is only a sign
         for places in ([together] if monomial or abs(weight) != 1 else [[k] for k in together])
     ]
     terms = [_term(m, w, [names[order[k]] for k in places]) for _, places, w, m in sorted(pieces)]

@@ -1,8 +1,8 @@
-"""The Newton-Euler recursion as machine code (``recursion.c``), built at installation.
+"""Newton-Euler recursion in machine code (``recursion.c``), built at installation.
 
-Both functions take arrays of `float` and `int64` that lie in one piece, as `hil.model.dynamics`
-makes them. Where no C compiler was there at installation, importing this module raises
-ModuleNotFoundError, and `hil.model.recursion_by_arrays` gives the same, more slowly.
+Both functions take contiguous arrays of `float` and `int64`, as made by `hil.model.dynamics`. If no
+C compiler was available at installation, importing this module raises ModuleNotFoundError, and
+`hil.model.recursion_by_arrays` gives the same results, more slowly.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def torques(
     values: Array,
     out: Array,
 ) -> None:
-    """Compute the torque on all joints with standard parameters of given `values`.
+    """Compute the torque on all joints for standard parameters of the given `values`.
 
     As `columns`; `values` has the shape (n_columns,) and `out` (n_samples, n_joints).
     """

@@ -1,7 +1,7 @@
-"""The Newton-Euler recursion with NumPy's arrays, without a compiler.
+"""Newton-Euler recursion on NumPy arrays, without a compiler.
 
-Equations and their order are those of `hil.model.recursion`, so that regressors are the same to the
-last bit; torques come from a pass inwards.
+Equations and their order are those of `hil.model.recursion`, so that regressors are equal to the
+last bit; torques come from an inward pass.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hil.model.newton_euler import Scalar, Vector
 
 _UNITS = [[Exact(value) for value in unit] for unit in np.eye(10).tolist()]
-"""Bodies of one standard parameter each."""
+"""Bodies of a single standard parameter."""
 
 
 def columns(
@@ -31,21 +31,21 @@ def columns(
     rows: Integers,
     out: Array,
 ) -> None:
-    """Torque on the joints `rows` per unit of standard parameters.
+    """Compute the torque on the joints `rows` per unit of standard parameters.
 
     Parameters
     ----------
     state : sequence
-        Of each joint cosine and sine of the angle about its axis, shift along it, velocity and
+        For each joint cosine and sine of the angle about its axis, shift along it, velocity and
         acceleration: each an array of shape (n_samples,) or a number.
     chain, gravity, kinds, links, rows, out
         As of `hil.model.recursion.columns`.
     """
     out[:] = 0.0
-    joints, qd, qdd = _known(state, chain)
+    joints, qd, qdd = _unpack(state, chain)
     axes: list[tuple[Vector, Vector]] = []
     for link, motion in enumerate(motions(joints, qd, qdd, gravity.tolist())):
-        axes = [joints[link].carried(axis) for axis in axes]
+        axes = [joints[link].carry(axis) for axis in axes]
         if link in rows:
             axes.append(joints[link].axis)
         for column in np.flatnonzero(links == link).tolist() if axes else ():
@@ -65,22 +65,22 @@ def torques(
     values: Array,
     out: Array,
 ) -> None:
-    """Torque on all joints with standard parameters of given `values`, shape (n_columns,).
+    """Compute the torques for standard parameters of the given `values`, shape (n_columns,).
 
     As `columns`; `out` has the shape (n_samples, n_joints) and must be zero.
     """
     bodies: list[list[Scalar]] = [[ZERO] * 10 for _ in chain]
     for kind, link, value in zip(kinds, links, values.tolist(), strict=True):
         bodies[link][kind] = Exact(value)
-    joints, qd, qdd = _known(state, chain)
+    joints, qd, qdd = _unpack(state, chain)
     for link, torque in enumerate(rigid_bodies(joints, bodies, qd, qdd, gravity.tolist())):
         out[:, link] = torque
 
 
-def _known(
+def _unpack(
     state: Sequence[Sequence[Scalar]], chain: Array
 ) -> tuple[list[Joint], list[Scalar], list[Scalar]]:
-    """Joints, velocities and accelerations; numbers are known as such."""
+    """Return joints, velocities and accelerations, with numbers as `Exact`."""
     joints, rates = [], []
     for (ca, sa, d, revolute), now in zip(chain.tolist(), state, strict=True):
         c, s, shift, *rate = (Exact(x) if isinstance(x, float) else x for x in now)

@@ -1,9 +1,8 @@
-"""A robot as everything above it sees it, and how it comes to be.
+"""Robot model, loaded from a robot file, a URDF, an MJCF or values.
 
-A `Robot` is immutable. It comes by name from those that come along, from a file, from a URDF, or
-from values; what one field alone cannot show (names of lengths, ties between parameters) is checked
-here. Its digest is that of the content, not of the text: plans keep it, so that no plan moves a
-robot that it was not made for.
+A `Robot` is immutable. Conditions across fields (names of lengths, ties between parameters) are
+checked here. The digest covers the content, not the text: plans store it, so that a plan only moves
+the robot that it was made for.
 """
 
 from __future__ import annotations
@@ -39,19 +38,19 @@ if TYPE_CHECKING:
 
 ROBOTS = Path(__file__).parents[1] / "robots"
 DESCRIPTIONS = (".urdf", ".xml", ".xacro")
-"""Endings of files that are read as a URDF."""
+"""Endings of URDF and MJCF files."""
 _NEEDED = "is unknown; state it, since nothing moves without it"
 _TIE = re.compile(r"^\s*(\w+)\s*=\s*(\w+)\s*$")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot(RobotArrays):
-    """A robot: what its file says (`RobotArrays`), and where that stands.
+    """Robot: arrays from the robot file (`RobotArrays`), with the source of the file.
 
     Attributes
     ----------
     source : str
-        Where the file stands; `text` is what stands there, to be copied into run folders.
+        Path of the file; `text` is the content, to be copied into run folders.
     """
 
     source: str
@@ -98,11 +97,11 @@ class Robot(RobotArrays):
         """
         path = Path(path)
         if path.suffix.lower() in DESCRIPTIONS:
-            return _described(path, base, tip, gravity)
+            return _load_description(path, base, tip, gravity)
         if path.suffix not in {".yaml", ".yml"} and len(path.parts) == 1 and not path.is_file():
-            path = _of_name(str(path))
+            path = _find_built_in(str(path))
         if (text := read_text(path)).lstrip().startswith("<"):
-            return _described(path, base, tip, gravity)  # or states what else it is
+            return _load_description(path, base, tip, gravity)  # or states what else it is
         if any(each is not None for each in (base, tip, gravity)):
             raise InvalidValue(
                 f"{path}: is no URDF, and states its chain itself; leave base, tip and gravity out"
@@ -110,7 +109,7 @@ class Robot(RobotArrays):
         return parse_robot(text, str(path))
 
     @classmethod
-    def from_values(
+    def create(
         cls,
         name: str,
         joints: Sequence[Mapping[str, object]],
@@ -118,13 +117,13 @@ class Robot(RobotArrays):
         lengths: Mapping[str, float] | None = None,
         ties: Sequence[str] = (),
     ) -> Robot:
-        """Make a robot of plain values, named as in a robot file.
+        """Create a robot from plain values, named as in a robot file.
 
         Parameters
         ----------
         name : str
         joints : sequence of mapping
-            Of each joint what `hil.model.robot_file.Joint` names: frame, limits, drive.
+            Values of each joint, named as in `hil.model.robot_file.Joint`: frame, limits, drive.
         gravity : sequence of three floats
             In the base frame [m/s^2].
         lengths : mapping, optional
@@ -161,7 +160,7 @@ class Robot(RobotArrays):
         Raises
         ------
         FileError
-            It cannot be written, or is there already.
+            An existing file, or a write error.
         """
         path = Path(path)
         if path.exists():
@@ -171,15 +170,15 @@ class Robot(RobotArrays):
         except OSError as error:
             raise FileError(f"{path}: cannot be written: {error.strerror}") from error
 
-    def with_limits(self, limits: Mapping[str, Sequence[float]]) -> Robot:
-        """Return the same robot with values for limits that its file leaves unknown.
+    def fill_limits(self, limits: Mapping[str, Sequence[float]]) -> Robot:
+        """Return the robot with values for limits unknown in the robot file.
 
         Parameters
         ----------
         limits : mapping of str to sequence (n_joints,) of float
             By key of the file, such as ``velocity_limit``; those that it states stay.
         """
-        return self.with_joints({
+        return self.replace_joints({
             axis: {
                 key: float(values[axis])
                 for key, values in limits.items()
@@ -188,23 +187,23 @@ class Robot(RobotArrays):
             for axis, joint in enumerate(self.file.joints)
         })  # fmt: skip
 
-    def with_whole_links(self, links: Iterable[int] | None = None) -> Robot:
-        """Return the same robot with all ten parameters of all or some links (from 0), not tied."""
+    def free_links(self, links: Iterable[int] | None = None) -> Robot:
+        """Return the robot with all ten parameters of `links` (from 0; default all), untied."""
         whole = set(range(self.n_joints) if links is None else links)
         own = {f"{name}{link + 1}" for name in LINK_PARAMETERS for link in whole}
         ties = tuple(tie for tie in self.file.ties if not own & set(split_tie(tie)))
         joints = {link: {"parameters": LINK_PARAMETERS} for link in whole}
-        return self.with_joints(joints).changed(ties=ties)
+        return self.replace_joints(joints).changed(ties=ties)
 
-    def with_joints(self, changes: Mapping[int, Mapping[str, object]]) -> Robot:
-        """Return the same robot with keys of some joints, from 0, changed."""
+    def replace_joints(self, changes: Mapping[int, Mapping[str, object]]) -> Robot:
+        """Return the robot with changed keys of some joints, from 0."""
         joints = enumerate(self.file.joints)
         return self.changed(
             joints=tuple(joint.model_copy(update=changes.get(axis, {})) for axis, joint in joints)
         )
 
     def changed(self, **keys: object) -> Robot:
-        """Return the same robot with keys of its file changed, unchecked; its digest differs."""
+        """Return the robot with changed keys of the robot file, unchecked; the digest differs."""
         return replace(self, file=self.file.model_copy(update=keys))
 
     def __repr__(self) -> str:
@@ -218,20 +217,20 @@ class Robot(RobotArrays):
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the content (not of its layout and names of joints), in hexadecimal."""
+        """SHA-256 of the content (without layout and joint names), in hexadecimal."""
         names = {"joints": {"__all__": {"name"}}}
         content = self.file.model_dump(mode="json", exclude_none=True, exclude=names)
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 load_robot = Robot.load
-"""Name of `Robot.load` until version 0.2."""
+"""Deprecated name of `Robot.load`, from before version 0.2."""
 
 
-def _described(
+def _load_description(
     path: Path, base: str | None, tip: str | None, gravity: Sequence[float] | None
 ) -> Robot:
-    """Make a robot of a URDF or an MJCF, whichever the file's root says."""
+    """Create a robot from a URDF or an MJCF, according to the root of the file."""
     if XmlFile(path).root.tag != "mujoco":
         return robot_from_urdf(path, base, tip, gravity)
     from hil.model.readers.mjcf import read_mjcf  # noqa: PLC0415 - MuJoCo is an extra
@@ -246,7 +245,7 @@ def robot_from_urdf(
     tip: str | None = None,
     gravity: Sequence[float] | None = None,
 ) -> Robot:
-    """Make a robot of the chain between two links of a URDF.
+    """Create a robot from the chain between two links of a URDF.
 
     Parameters
     ----------
@@ -267,18 +266,18 @@ def robot_from_urdf(
         return parse_robot(robot_as_stated(chain, gravity), str(path))
     except FileError as error:
         raise FileError(
-            "\n".join(_in_urdf(chain, line) for line in str(error).split("\n"))
+            "\n".join(_locate_in_urdf(chain, line) for line in str(error).split("\n"))
         ) from error
 
 
-def _in_urdf(chain: UrdfChain, problem: str) -> str:
-    """A problem of a robot file that was made of a URDF, at its line there."""
+def _locate_in_urdf(chain: UrdfChain, problem: str) -> str:
+    """Locate a robot-file problem in the original URDF."""
     found = re.match(r".*?:\d+: joints\.(\d+)\.(\w+): (.*)", problem)
     return f"{chain.joints[int(found[1])].place}: {found[2]}: {found[3]}" if found else problem
 
 
 def refuse_unknown(robot: Robot) -> None:
-    """Refuse to move a robot, or to plan motions of it, of which too little is known.
+    """Refuse motions of a robot with unknown limits or drive trains.
 
     Raises
     ------
@@ -296,7 +295,7 @@ def refuse_unknown(robot: Robot) -> None:
 
 
 def parse_robot(text: str, source: str) -> Robot:
-    """Make a robot of a robot file's text; `source` names it in messages.
+    """Create a robot from a robot file's text; messages name `source`.
 
     Raises
     ------
@@ -309,11 +308,11 @@ def parse_robot(text: str, source: str) -> Robot:
 
 
 def available_robots() -> list[str]:
-    """Return the names of the robots that come along."""
+    """Return the names of the built-in robots."""
     return sorted(path.stem for path in ROBOTS.glob("*.yaml") if len(path.suffixes) == 1)
 
 
-def _of_name(name: str) -> Path:
+def _find_built_in(name: str) -> Path:
     if name not in available_robots():
         raise UnknownName(
             f"{name}: unknown robot{did_you_mean(name, available_robots())}; available:"
@@ -324,7 +323,7 @@ def _of_name(name: str) -> Path:
 
 
 def wrong_names(robot: RobotArrays) -> Iterator[Problem]:
-    """Yield the place in the file, and what is wrong there."""
+    """Yield problems of names in a robot file: place and description."""
     yield from _unknown_lengths(robot)
     yield from _wrong_ties(robot)
     yield from _wrong_couplings(robot)
@@ -332,7 +331,7 @@ def wrong_names(robot: RobotArrays) -> Iterator[Problem]:
 
 
 def unknown_for_motion(robot: RobotArrays) -> Iterator[Problem]:
-    """Yield what the file leaves unknown and nothing moves without; rotor inertias are not."""
+    """Yield the unknown values needed for motion; rotor inertias are not."""
     limits = ("velocity_limit", "acceleration_limit", "torque_limit")
     for j, joint in enumerate(robot.file.joints):
         for key in limits:

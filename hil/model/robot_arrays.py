@@ -1,4 +1,4 @@
-"""What a robot file says, as arrays indexed by joint: frames, limits, drive trains, parameters."""
+"""Contents of a robot file as arrays indexed by joint: frames, limits, drive trains, parameters."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.model.drive_train_file import NO_DRIVE, UNKNOWN, USUAL_UNCERTAINTY, Drive
-from hil.model.frames import pose_of
+from hil.model.frames import frame_pose
 from hil.model.polynomial import Polynomial, parse
 from hil.model.robot_file import LINK_PARAMETERS, Joint, RobotFile, split_tie
 
@@ -27,7 +27,7 @@ _SPRINGS = {"linear": "k", "cosine": "kc", "sine": "ks"}
 
 
 def _per_joint(value: Callable[[Joint], float | str]) -> cached_property[Array]:
-    """A read-only array of what a joint states, NaN where it is unknown; shape (n_joints,)."""
+    """Return a property: read-only array of a joint's value, NaN if unknown, shape (n_joints,)."""
 
     def array(robot: RobotArrays) -> Array:
         stated = [value(joint) for joint in robot.file.joints]
@@ -37,12 +37,12 @@ def _per_joint(value: Callable[[Joint], float | str]) -> cached_property[Array]:
 
 
 def _per_drive(value: Callable[[Drive], float | str]) -> cached_property[Array]:
-    """The same of its drive train."""
+    """Return a property for a read-only array of a drive train's value, as `_per_joint`."""
     return _per_joint(lambda joint: value(joint.drive or NO_DRIVE))
 
 
 class MotorCoupling(NamedTuple):
-    """A motor that the motion of a second joint turns as well.
+    """Motor also turned by the motion of a second joint.
 
     Attributes
     ----------
@@ -60,12 +60,12 @@ class MotorCoupling(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RobotArrays:
-    """A robot in numbers; all arrays are read-only and indexed by joint, from 0.
+    """Robot in numbers; the arrays are read-only and indexed by joint, from 0.
 
     Attributes
     ----------
     file : RobotFile
-        What its file says.
+        Content of the robot file.
     """
 
     file: RobotFile
@@ -77,7 +77,7 @@ class RobotArrays:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, in the order of `q`; numbered where the file names none."""
+        """Names of the joints, in the order of `q`; numbers for unnamed joints."""
         return tuple(j.name or f"joint {n}" for n, j in enumerate(self.file.joints, start=1))
 
     @property
@@ -92,33 +92,33 @@ class RobotArrays:
 
     @cached_property
     def revolute(self) -> Mask:
-        """Which joints turn; the others slide. Shape (n_joints,)."""
+        """Mask of revolute joints, shape (n_joints,)."""
         return read_only([joint.type == "revolute" for joint in self.file.joints], bool)
 
     def position_unit(self, axis: int) -> str:
-        """Unit of q of a joint (from 0): rad or m."""
+        """Return the unit of q of a joint (from 0): rad or m."""
         return "rad" if self.revolute[axis] else "m"
 
     def torque_unit(self, axis: int) -> str:
-        """Unit of the torque, or force, of a joint (from 0): N m or N."""
+        """Return the unit of a joint's torque or force (from 0): N m or N."""
         return "N m" if self.revolute[axis] else "N"
 
     @property
     def torque_units(self) -> str:
-        """Unit of a column of torques of all joints: N m, N, or both."""
+        """Unit of a table column with torques of the joints: N m, N, or both."""
         units = dict.fromkeys(self.torque_unit(axis) for axis in range(self.n_joints))
         return " or ".join(units)
 
     @property
     def position_units(self) -> str:
-        """Unit of a column of positions of all joints: rad, m, or both."""
+        """Unit of a table column with positions of the joints: rad, m, or both."""
         units = dict.fromkeys(self.position_unit(axis) for axis in range(self.n_joints))
         return " or ".join(units)
 
     alpha = _per_joint(lambda joint: joint.frame.alpha)
     """Angles between successive axes [rad]."""
     theta = _per_joint(lambda joint: joint.frame.theta)
-    """Angles about the axes; q adds to those of revolute joints [rad]."""
+    """Angles about the axes; offsets of revolute joints' q [rad]."""
 
     @cached_property
     def d(self) -> Array:
@@ -127,17 +127,17 @@ class RobotArrays:
 
     @cached_property
     def r(self) -> Array:
-        """Shifts along the axes; q adds to those of prismatic joints [m]."""
+        """Shifts along the axes; offsets of prismatic joints' q [m]."""
         return read_only([length.evaluate(self.file.lengths) for length in self.r_expressions])
 
     @cached_property
     def d_expressions(self) -> tuple[Polynomial, ...]:
-        """`d` in the names of lengths."""
+        """Polynomials of `d` in named lengths."""
         return tuple(parse(joint.frame.d) for joint in self.file.joints)
 
     @cached_property
     def r_expressions(self) -> tuple[Polynomial, ...]:
-        """`r` in the names of lengths."""
+        """Polynomials of `r` in named lengths."""
         return tuple(parse(joint.frame.r) for joint in self.file.joints)
 
     q_min = _per_joint(lambda joint: joint.q_min)
@@ -145,15 +145,15 @@ class RobotArrays:
     q_max = _per_joint(lambda joint: joint.q_max)
     """Upper ends of the joints' ranges [rad]."""
     velocity_limit = _per_joint(lambda joint: joint.velocity_limit)
-    """Greatest speeds [rad/s]; NaN where the file leaves them unknown."""
+    """Maximum speeds [rad/s]; NaN if unknown."""
     acceleration_limit = _per_joint(lambda joint: joint.acceleration_limit)
-    """Greatest accelerations [rad/s^2]; NaN where unknown."""
+    """Maximum accelerations [rad/s^2]; NaN if unknown."""
     torque_limit = _per_joint(lambda joint: joint.torque_limit)
-    """Greatest joint torques [N m]; NaN where unknown."""
+    """Maximum joint torques [N m]; NaN if unknown."""
 
     @property
     def limits_known(self) -> bool:
-        """Whether the file states speeds, accelerations and torques of all joints."""
+        """True if the file states speeds, accelerations and torques of every joint."""
         limits = self.velocity_limit, self.acceleration_limit, self.torque_limit
         return all(np.isfinite(limit).all() for limit in limits)
 
@@ -164,18 +164,18 @@ class RobotArrays:
 
     @cached_property
     def rotor_inertia_unknown(self) -> Mask:
-        """Which motors' inertia is to be identified, shape (n_joints,)."""
+        """Mask of motors with an inertia to be identified, shape (n_joints,)."""
         return read_only(np.isnan(self.rotor_inertia), bool)
 
     @cached_property
     def reflected_inertia(self) -> Array:
-        """Known motor inertias as the joints feel them [kg m^2]; 0 where unknown."""
+        """Known motor inertias reflected to the joints [kg m^2]; 0 if unknown."""
         return read_only(np.nan_to_num(self.gear_ratio**2 * self.rotor_inertia))
 
     torque_constant = _per_drive(lambda drive: drive.torque_constant)
     """Motor torque per current [N m/A]; NaN where unknown."""
     encoder_resolution = _per_drive(lambda drive: drive.encoder_resolution or UNKNOWN)
-    """Increments per turn of the motors; NaN where they are not stated."""
+    """Increments per turn of the motors; NaN if unknown."""
     rotor_inertia_uncertainty = _per_drive(lambda drive: drive.rotor_inertia_uncertainty)
     """Relative standard deviations of `rotor_inertia`."""
     torque_constant_uncertainty = _per_drive(lambda drive: drive.torque_constant_uncertainty)
@@ -188,7 +188,7 @@ class RobotArrays:
 
     @cached_property
     def usual_uncertainty(self) -> Array:
-        """Relative standard deviations of values that are stated without one, by usual tolerances.
+        """Relative standard deviations by common tolerances, for values stated without any.
 
         As `stated_uncertainty`; 0 where the file states an uncertainty or no value.
         """
@@ -198,7 +198,7 @@ class RobotArrays:
 
     @cached_property
     def couplings(self) -> tuple[MotorCoupling, ...]:
-        """Motors that a second joint turns as well."""
+        """Motors also turned by a second joint."""
         stated = self.file.couplings or ()
         return tuple(MotorCoupling(c.motor - 1, c.joint - 1, c.ratio) for c in stated)
 
@@ -215,32 +215,32 @@ class RobotArrays:
         return read_only(self.gear_ratio[:, np.newaxis] * turns)
 
     def link_pose(self, joint: int) -> Array:
-        """Pose of frame j in frame j-1 at q_j + theta_j = 0 (revolute) or q_j = 0 (prismatic)."""
+        """Return the pose of frame j in j-1, at q_j + theta_j = 0 (revolute) or q_j = 0."""
         return self._pose(joint, self.d[joint], self.r[joint])
 
     def symbolic_link_pose(self, joint: int) -> NDArray[np.object_]:
-        """`link_pose` with entries that are polynomials in the lengths' names."""
+        """Return `link_pose` with polynomials in named lengths as entries."""
         pose = self._pose(joint, self.d_expressions[joint], self.r_expressions[joint])
         lifted = [x if isinstance(x, Polynomial) else Polynomial.constant(x) for x in pose.flat]
         return np.array(lifted, dtype=object).reshape(4, 4)
 
     def zero_pose(self, joint: int) -> Array:
-        """Pose of frame j in frame j-1 at q_j = 0, shape (4, 4)."""
-        return pose_of(self.alpha[joint], self.d[joint], self.theta[joint], self.r[joint])
+        """Return the pose of frame j in frame j-1 at q_j = 0, shape (4, 4)."""
+        return frame_pose(self.alpha[joint], self.d[joint], self.theta[joint], self.r[joint])
 
     def _pose(self, joint: int, d: Any, r: Any) -> NDArray[Any]:
         theta = 0.0 if self.revolute[joint] else self.theta[joint]
-        return pose_of(self.alpha[joint], d, theta, r)
+        return frame_pose(self.alpha[joint], d, theta, r)
 
     @cached_property
     def link_parameters(self) -> tuple[str, ...]:
-        """Names of all ten parameters of every link, eq. (5): ``Ixx1`` to ``m<n>``."""
+        """Names of the ten parameters of every link, eq. (5): ``Ixx1`` to ``m<n>``."""
         links = range(1, self.n_joints + 1)
         return tuple(f"{parameter}{link}" for link in links for parameter in LINK_PARAMETERS)
 
     @cached_property
     def added_parameters(self) -> tuple[str, ...]:
-        """Names of unknowns that no link has (`hil.model.added_parameters`)."""
+        """Names of unknowns of drives and springs (`hil.model.added_parameters`)."""
         own = (f"Ia{j + 1}" for j in np.flatnonzero(self.rotor_inertia_unknown))
         shared = (f"Iam{each.motor + 1}" for each in self.couplings)
         springs = (f"{_SPRINGS[each.shape]}{each.joint}" for each in self.file.springs or ())
@@ -248,24 +248,24 @@ class RobotArrays:
 
     @property
     def standard_parameters(self) -> tuple[str, ...]:
-        """Names of the links' parameters, and of unknown ones of drive trains and springs."""
+        """Names of the links' parameters, and of unknown parameters of drive trains and springs."""
         return (*self.link_parameters, *self.added_parameters)
 
     @cached_property
     def present(self) -> tuple[str, ...]:
-        """Standard parameters that are present (Table 1), those tied to others included."""
+        """Present standard parameters (Table 1), tied parameters included."""
         joints = enumerate(self.file.joints, start=1)
         links = (f"{name}{link}" for link, joint in joints for name in joint.parameters)
         return (*links, *self.added_parameters)
 
     @cached_property
     def ties(self) -> dict[str, str]:
-        """From each tied standard parameter to the one whose value it has."""
+        """Map from tied standard parameters to the parameters with equal value."""
         return dict(split_tie(tie) for tie in self.file.ties)
 
 
 def read_only(values: object, kind: type = float) -> NDArray[Any]:
-    """Return values as an array that nobody can change."""
+    """Return values as a read-only array."""
     array: NDArray[Any] = np.array(values, dtype=kind)
     array.setflags(write=False)
     return array

@@ -1,10 +1,10 @@
-"""What a robot file may say, and what it may not.
+"""Robot file: schema and validation.
 
-One YAML file states everything that is known of a robot beforehand: its frames in modified
-Denavit-Hartenberg notation (Khalil and Kleinfinger 1986), which link parameters are present and
-which are tied by symmetry, the limits of its joints and its drive trains. SI throughout: rad and
-N m for revolute joints, m and N for prismatic ones. A value whose magnitude betrays another unit
-(degrees, millimetres, kg cm^2) is refused here, before anything is planned with it.
+One YAML file states the prior knowledge of a robot: its frames in modified Denavit-Hartenberg
+notation (Khalil and Kleinfinger 1986), present link parameters and ties by symmetry, the limits of
+its joints and its drive trains. SI throughout: rad and N m for revolute joints, m and N for
+prismatic ones. A value with a magnitude typical of another unit (degrees, millimetres, kg cm^2) is
+refused here, before any planning.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from hil.model.polynomial import parse
 LinkParameter = Literal["Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "sx", "sy", "sz", "m"]
 
 LINK_PARAMETERS: tuple[LinkParameter, ...] = get_args(LinkParameter)
-"""Of every link, in the order of eq. (4): inertia about the frame's origin, first moment, mass."""
+"""Parameters of a link, in the order of eq. (4): inertia about the frame's origin, moment, mass."""
 
 MOST_JOINTS = 30
-"""Joints of a chain: more is no robot, and the time for the equations grows with their cube."""
+"""Maximum number of joints of a chain; the cost of the equations grows with the cube."""
 EARTH = (0.0, 0.0, -9.81)
-"""Gravity where the base stands upright [m/s^2]."""
+"""Gravity at an upright base [m/s^2]."""
 MAX_RANGE = {"revolute": 20.0, "prismatic": 20.0}
-"""Greatest position of a joint by its type [rad or m]."""
+"""Maximum position by joint type [rad or m]."""
 MAX_VELOCITY = {"revolute": 40.0, "prismatic": 20.0}
-"""Greatest speed of a joint by its type [rad/s or m/s]."""
+"""Maximum speed by joint type [rad/s or m/s]."""
 MAX_TORQUE = 1e5
-"""Greatest torque or force of a joint [N m or N]."""
+"""Maximum torque or force of a joint [N m or N]."""
 _MAX_ACCELERATION = {"revolute": 1000.0, "prismatic": 500.0}
 _MAX_GEAR_RATIO = {"revolute": 1e4, "prismatic": 1e5}
 _UNIT = {"revolute": "rad", "prismatic": "m"}
@@ -41,14 +41,14 @@ _WRONG_UNIT = {"revolute": "degrees", "prismatic": "millimetres"}
 
 
 class Joint(FileModel):
-    """One joint, the link that it carries, its limits and its drive train.
+    """Joint with attached link, limits and drive train.
 
     Attributes
     ----------
     name : str, optional
-        As in the URDF, for the reader; the digest of the robot is without it.
+        Name as in the URDF, for the reader; not part of the robot's digest.
     type : {"revolute", "prismatic"}
-        What q is: an angle [rad] or a displacement [m].
+        Type of q: an angle [rad] or a displacement [m].
     parameters : tuple of str
         Link parameters that are present; the others are zero or negligible. All ten by default.
     q_min, q_max : float
@@ -144,7 +144,7 @@ def _conversion(kind: str, value: float) -> str:
 
 
 class RobotFile(FileModel):
-    """A robot file as a whole; names across it are checked by `hil.model.robot.Robot.load`.
+    """Robot file; `hil.model.robot.Robot.load` checks names across the file.
 
     Attributes
     ----------
@@ -186,7 +186,7 @@ class RobotFile(FileModel):
 
 
 def split_tie(tie: str) -> tuple[str, str]:
-    """Names of the tied parameter, and of the one whose value it has."""
+    """Split a tie into the tied parameter and the parameter with equal value."""
     tied, value = tie.split("=")
     return tied.strip(), value.strip()
 
@@ -217,7 +217,7 @@ def _angle(value: object) -> float:
 
 
 def _refuse_rounded_right_angle(radians: float) -> None:
-    """Refuse 1.57 for pi/2: a frame that is nearly square has other base parameters."""
+    """Refuse 1.57 for pi/2, since base parameters differ for nearly perpendicular frames."""
     quarters = round(radians / (math.pi / 2))
     exact = quarters * math.pi / 2
     if quarters and any(round(exact, digits) == radians for digits in range(2, 9)):
@@ -229,7 +229,7 @@ Angle = Annotated[float, BeforeValidator(_angle)]
 
 
 class Frame(FileModel):
-    """Frame j in frame j-1: turn by alpha and shift by d about x, by theta and r about z.
+    """Frame j in frame j-1: rotation alpha and shift d about x, rotation theta and shift r about z.
 
     ``q`` adds to theta of a revolute joint, to r of a prismatic one.
     """
@@ -244,7 +244,7 @@ Point = tuple[float, float, float]
 
 
 class Capsule(FileModel):
-    """Shape of a link: all points within `radius` of the segment between `ends` [m].
+    """Shape of a link: points within `radius` of the segment between `ends` [m].
 
     The ends are in the link's own frame; both may be the same point.
     """

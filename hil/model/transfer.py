@@ -1,19 +1,19 @@
-"""Which link parameters can move to the link before without a change of torque in any motion.
+"""Transfer of link parameters to the previous link without a change of torque.
 
-A change of the standard parameters of links j and j-1 shows in no torque if it leaves the kinetic
-energy, and the potential energy up to a constant, as they were for every motion. From the tip down
-this splits into one question per joint: which changes delta of link j's ten parameters (i) are not
-seen by the joint's own rate, and (ii) look the same, to everything that link j-1 can feel, at
-whatever q_j? Those form the space T_j; expressed in frame j-1 and taken from link j-1 they are
-undone. For a revolute joint T_j always holds m, sz and Ixx = Iyy, for a prismatic one the whole
-inertia: the general rules of Gautier and Khalil (IEEE Trans. Robotics and Automation 6, 1990). It
-holds more where the links before cannot move freely (parallel axes, axes along gravity, prismatic
-joints before the second revolute direction): their special rules.
+A change of the standard parameters of links j and j-1 has no effect on torques if it leaves the
+kinetic energy, and the potential energy up to a constant, unchanged for every motion. From the tip
+down this splits into one question per joint: which changes delta of link j's ten parameters (i) are
+invisible to the joint's own rate, and (ii) look the same to all motions of link j-1 at every q_j?
+Those form the space T_j; expressed in frame j-1 and subtracted from link j-1 they are cancelled.
+For a revolute joint T_j always contains m, sz and Ixx = Iyy, for a prismatic one the whole inertia:
+the general rules of Gautier and Khalil (IEEE Trans. Robotics and Automation 6, 1990). It is larger
+where the previous links cannot move freely (parallel axes, axes along gravity, prismatic joints
+before the second revolute direction): their special rules.
 
-What link j can feel is the span D_j of linear functionals of its parameters: the energies' terms.
-Motion of joint j multiplies parameters by exp(q L), so spans over all q are Krylov spaces of L, and
-the infinite set of configurations needs only finitely many conditions (Wensing, Niemeyer, Slotine,
-Int. J. Robotics Research 43, 2024)::
+The observable part of link j is the span D_j of linear functionals of its parameters: the energies'
+terms. Motion of joint j multiplies parameters by exp(q L), so spans over all q are Krylov spaces of
+L, and the infinite set of configurations needs only finitely many conditions (Wensing, Niemeyer,
+Slotine, Int. J. Robotics Research 43, 2024)::
 
     V_j = span over q of (velocities of link j-1 seen in frame j), and the joint's own axis s
     D_j = span over q of (D_(j-1) seen in frame j), and v' I(.) s for all v in V_j
@@ -45,11 +45,11 @@ if TYPE_CHECKING:
 
 
 _ELIMINATION_ORDER = (9, 8, 3, 4, 2, 1, 0, 5, 7, 6)
-"""Parameters to give away first: m, sz, Iyy as Gautier and Khalil do, then whatever is left."""
+"""Order of elimination: m, sz, Iyy as in Gautier and Khalil, then the rest."""
 
 
 def transfers(robot: Robot) -> list[tuple[Array, list[int]]]:
-    """Return what each joint lets move to the link before, T_j, see the module.
+    """Compute the transferable parameters T_j of every joint; see the module.
 
     Returns
     -------
@@ -76,7 +76,7 @@ def transfers(robot: Robot) -> list[tuple[Array, list[int]]]:
 
 
 def _krylov(rows: Array, step: Array) -> Array:
-    """Span of rows exp(q step) over all q: the least space that holds `rows` and its own image."""
+    """Compute the span of rows exp(q step) over all q, the smallest invariant space with `rows`."""
     space = _span(rows)
     while True:
         larger = _span(np.vstack([space, space @ step]))
@@ -86,7 +86,7 @@ def _krylov(rows: Array, step: Array) -> Array:
 
 
 def _span(rows: Array) -> Array:
-    """Orthonormal basis of the rows' span."""
+    """Compute an orthonormal basis of the rows' span."""
     norms = np.linalg.norm(rows, axis=1)
     rows = rows[norms > ROUNDED_OFF] / norms[norms > ROUNDED_OFF, None]
     if not len(rows):
@@ -97,7 +97,7 @@ def _span(rows: Array) -> Array:
 
 
 def _null_space(rows: Array) -> Array:
-    """Orthonormal basis, as rows, of what all `rows` send to zero."""
+    """Compute an orthonormal basis of the null space of `rows`, as rows."""
     space = _span(rows)
     return np.linalg.svd(space)[2][len(space) :]
 

@@ -1,11 +1,11 @@
-"""What to measure, as data, and what it will take and give. Nothing moves here.
+"""Planning: measurements as data, and predictions of their duration and precision; no motion.
 
-What the command line shows as defaults and bounds stands here, where it is read without numerics.
+Defaults and bounds of the command line are defined here, importable without numerics.
 """
 
 BITRATE = 1_000_000
-"""Bit rate that is assumed where nothing else is known [bit/s]."""
+"""Bit rate assumed unless stated [bit/s]."""
 CYCLES_MAX = 10_000
-"""Most times that one measurement goes back and forth, or repeats its period."""
+"""Maximum number of cycles or periods of a measurement."""
 LONGEST = 86400.0
-"""Duration of a warm-up, or of a plan that is asked for by its time [s]."""
+"""Maximum duration of a warm-up and of a plan limited by time [s]."""

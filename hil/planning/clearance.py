@@ -1,14 +1,14 @@
-"""Whether an arm that moves keeps clear of boxes: links as capsules, all configurations between.
+"""Clearance between a moving arm and boxes: links as capsules, checked over continuous sweeps.
 
-A sweep is a set of configurations: all angles that a stroke passes, all instants of a travel. It is
-cut into cells. A cell spans a small box of joint angles; the arm is placed in the middle of the
-cell's parameters, which is a configuration of the sweep, and no point of a link is farther from
-there, anywhere in the cell, than the sum of the joints' ways to its ends times their reach
-(`hil.model.capsules`). So a cell is clear for certain where the distance of a link's segment from a
-box exceeds radius, margin and that bound; otherwise it is halved. Cells that are down to
-`RESOLUTION` and still not clear count as hits: what passes is safe, what fails may miss by a
-centimetre. Cells that cannot beat the deepest hit found so far are left out, and where only the
-answer counts (`are_clear`) so are all cells of a sweep that has one.
+A sweep is a set of configurations: all angles of a stroke, all instants of a travel. It is cut into
+cells. A cell spans a small box of joint angles; the arm is placed at the middle of the cell's
+parameters, a configuration of the sweep. Within the cell no point of a link moves farther than the
+sum of the joints' half-ranges times their reach (`hil.model.capsules`). So a cell is clear for
+certain if the distance between a link's segment and a box exceeds radius, margin and that bound;
+otherwise it is halved. Cells of size `RESOLUTION` not proven clear count as hits: an accepted sweep
+is safe, a rejected one may miss the box by a centimetre. Cells that cannot exceed the deepest hit
+so far are skipped; if only the answer matters (`are_clear`), so are all further cells of a sweep
+with a hit.
 """
 
 from __future__ import annotations
@@ -28,42 +28,42 @@ if TYPE_CHECKING:
 
 
 RESOLUTION = 0.01
-"""Way of a link within a cell below which it is not halved any more [m]."""
+"""Largest motion of a link within a cell that is not halved further [m]."""
 
 _CHUNK = 4096
-"""Cells at a time, to bound the memory."""
+"""Number of cells processed at once, which bounds the memory."""
 
 
 class Sweep(Protocol):
-    """Sets of configurations, each named by its number (owner).
+    """Sets of configurations, identified by the number of an owner.
 
     Attributes
     ----------
     low, high : array (n_owners, n_parameters)
-        Ranges of the parameters that a set is passed by.
+        Ranges of the parameters of each set.
     slack : float
-        How far a parameter may be off.
+        Uncertainty of a parameter.
     """
 
     low: Array
     high: Array
     slack: float
 
-    def at(self, owner: Indices, parameters: Array) -> Array:
-        """Configurations (n, n_joints); each joint monotonic in one parameter."""
+    def configurations(self, owner: Indices, parameters: Array) -> Array:
+        """Return configurations (n, n_joints); each joint is monotonic in one parameter."""
 
 
 class Hit(NamedTuple):
-    """The deepest intrusion of a sweep.
+    """Deepest intrusion of a sweep.
 
     Attributes
     ----------
     link, box : int
-        From 0.
+        Indices from 0.
     depth : float
-        How far the capsule and the margin about it reach into the box, at most [m].
+        Largest depth of the capsule with margin in the box [m].
     q : array (n_joints,)
-        Where [rad or m].
+        Configuration of the intrusion [rad or m].
     """
 
     link: int
@@ -73,7 +73,7 @@ class Hit(NamedTuple):
 
 
 def are_clear(robot: Robot, workspace: Workspace, sweep: Sweep) -> Mask:
-    """Whether each owner of `sweep` keeps clear of all boxes, shape (n_owners,)."""
+    """Return True for every owner of `sweep` clear of the boxes, shape (n_owners,)."""
     clear = np.ones(len(sweep.low), dtype=bool)
     clear[list(find_hits(robot, workspace, sweep, deepest=False))] = False
     return clear
@@ -82,7 +82,7 @@ def are_clear(robot: Robot, workspace: Workspace, sweep: Sweep) -> Mask:
 def find_hits(
     robot: Robot, workspace: Workspace, sweep: Sweep, *, deepest: bool = True
 ) -> dict[int, Hit]:
-    """Intrusion of each owner of `sweep` that is not clear of all boxes: the deepest, or any."""
+    """Find an intrusion for every owner of `sweep` in a box: the deepest, or any."""
     found: dict[int, Hit] = {}
     if not workspace.boxes or not len(sweep.low):
         return found
@@ -97,12 +97,12 @@ def find_hits(
         if not deepest:
             undecided &= best[owner] == 0.0
         if undecided.any():
-            cells.append(_halved(robot, owner[undecided], low[undecided], high[undecided]))
+            cells.append(_halve(robot, owner[undecided], low[undecided], high[undecided]))
     return found
 
 
 def box_distance(first: Array, last: Array, low: Sequence[float], high: Sequence[float]) -> Array:
-    """Distance of segments from a box, 0 where they enter it [m].
+    """Compute the distance of segments from a box, 0 where they enter the box [m].
 
     Along a segment the squared distance is convex and quadratic between the faces' planes, so its
     slope is linear there: the least distance is where the slope changes its sign.
@@ -141,11 +141,14 @@ def _judge(
     best: Array,
     found: dict[int, Hit],
 ) -> Mask:
-    """Note hits in `best` and `found`; return which cells must be halved."""
+    """Note hits in `best` and `found`; return the cells to be halved."""
     owner, low, high = cells
-    middle = sweep.at(owner, (low + high) / 2)
-    half = _farthest(middle, sweep.at(owner, low), sweep.at(owner, high))
-    slack = sweep.at(owner, low - sweep.slack), sweep.at(owner, high + sweep.slack)
+    middle = sweep.configurations(owner, (low + high) / 2)
+    half = _farthest(middle, sweep.configurations(owner, low), sweep.configurations(owner, high))
+    slack = (
+        sweep.configurations(owner, low - sweep.slack),
+        sweep.configurations(owner, high + sweep.slack),
+    )
     reach = capsules(robot).reach
     bound = _farthest(middle, *slack) @ reach.T
     small = (half @ reach.T).max(axis=1) < RESOLUTION
@@ -169,7 +172,7 @@ def _farthest(middle: Array, first: Array, last: Array) -> Array:
 
 
 def intrusions(robot: Robot, workspace: Workspace, q: Array) -> Array:
-    """How far links and margin reach into boxes at configurations, shape (n, n_links, n_boxes) [m].
+    """Compute the depth of links, with margin, in boxes, shape (n, n_links, n_boxes) [m].
 
     Negative where they are clear, minus infinity for links that a box ignores.
 
@@ -190,8 +193,8 @@ def intrusions(robot: Robot, workspace: Workspace, q: Array) -> Array:
     return depths
 
 
-def _halved(robot: Robot, owner: Indices, low: Array, high: Array) -> tuple[Indices, Array, Array]:
-    """Cut each cell across the parameter that moves the arm most."""
+def _halve(robot: Robot, owner: Indices, low: Array, high: Array) -> tuple[Indices, Array, Array]:
+    """Halve cells across the parameter with the largest effect on the arm."""
     span = high - low
     if low.shape[1] == robot.n_joints:
         span = span * capsules(robot).reach.max(axis=0)

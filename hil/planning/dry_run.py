@@ -1,9 +1,9 @@
-"""What a plan will cost and give: a fold over it, without a bus and without motion.
+"""Dry run of a plan: problems, duration, bus load and identifiability, without bus and motion.
 
-Three questions are answered. Does every configuration, stroke and profile keep inside the robot's
-limits and the arm out of forbidden boxes, and is each stroke long enough for what it is to show
-(`Problem`)? How long will it take and how much of the bus will it use? What can be identified from
-it (`hil.planning.prediction.identifiability`)?
+It answers three questions. Do all configurations, strokes and profiles keep inside the robot's
+limits and outside forbidden boxes, with strokes long enough for their purpose (`Problem`)? How long
+will the plan take, and how much bus load will it cause? Which parameters will it identify
+(`hil.planning.prediction.identifiability`)?
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil.planning.lag import check_lag, furthest
-from hil.planning.measurement import element_measurements, shows_parameters, without_law
+from hil.planning.lag import check_lag, find_largest_lag
+from hil.planning.measurement import axes_lacking_law, element_measurements, shows_parameters
 from hil.planning.path_clearance import obstacles
 from hil.planning.prediction.identifiability import Identifiability, identifiability
 from hil.planning.timetable import timetable
 from hil.planning.trajectory import check_trajectory
-from hil.planning.workspace import narrowed
+from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Why a plan is refused.
+    """Reason to refuse a plan.
 
     Attributes
     ----------
@@ -48,16 +48,16 @@ class Problem:
 
 
 class BusCycle(NamedTuple):
-    """What SYNC and all that belongs to it put on the bus, as whoever knows the bus states it.
+    """Bus traffic of a SYNC cycle.
 
     Attributes
     ----------
     duration : float
-        How long these frames occupy the bus [s].
+        Time on the bus per cycle [s].
     bitrate : int
         [bit/s].
     frames : str
-        Which frames these are, for readers.
+        Description of the frames.
     most : float
         Share of the bus that they may take.
     """
@@ -70,7 +70,7 @@ class BusCycle(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DryRun:
-    """Answer of a dry run.
+    """Result of a dry run.
 
     Attributes
     ----------
@@ -79,19 +79,19 @@ class DryRun:
     durations : dict
         Time of each kind, of travels and of the warm-up [s].
     bus : BusCycle or None
-        What a cycle puts on the bus, where that is known.
+        Bus traffic per cycle, if known.
     bus_load : float
         Share of the bus that it takes at the sample period.
     problems : tuple of Problem
         Why the plan must not be run; empty when it may.
     without_law : dict
-        Axes, from 0, of which too few measurements are planned for a law of friction, and how many
-        these are; empty where no parameters are identified.
+        Axes, from 0, with too few measurements for a friction law, and the number of measurements;
+        empty if no parameters are identified.
     lags : tuple of Lag
-        Where each trajectory comes nearest to what its drives allow; empty where that is unknown.
+        Largest relative lag of each trajectory; empty if unknown.
     groups : tuple of Identifiability
-        What each group of base parameters can expect; empty where there are problems with the
-        measurements, or where all of them are about friction or trajectories.
+        Identifiability of each group of base parameters; empty if measurements have problems, or if
+        all of them are about friction or trajectories.
     """
 
     counts: dict[str, int]
@@ -105,23 +105,23 @@ class DryRun:
 
     @property
     def duration(self) -> float:
-        """Expected robot time of everything [s]."""
+        """Expected robot time in total [s]."""
         return sum(self.durations.values())
 
 
 def dry_run(
     plan: Plan, robot: Robot, bus: BusCycle | None = None, following: Following | None = None
 ) -> DryRun:
-    """Fold over a plan.
+    """Check a plan and predict duration, bus load and identifiability.
 
     Parameters
     ----------
     plan, robot : Plan, Robot
         The plan was made for this robot.
     bus : BusCycle, optional
-        What a cycle puts on the bus.
+        Bus traffic per cycle.
     following : Following, optional
-        How closely the axes must follow trajectories, and how late they do.
+        Following error limits and delays, to check trajectories.
     """
     of_groups = bool(element_measurements(plan.measurements))
     measurements = measurement_problems(plan, robot)
@@ -133,7 +133,7 @@ def dry_run(
     lags = []
     for number, measurement in enumerate(plan.measurements):
         if following is not None and measurement.streamed:
-            lags.append(furthest(measurement, following))
+            lags.append(find_largest_lag(measurement, following))
             measurements += [
                 Problem(("measurements", number, "sine"), message)
                 for message in check_lag(measurement, robot, following)
@@ -144,7 +144,7 @@ def dry_run(
         bus=bus,
         bus_load=bus.duration / plan.sample_period if bus else 0.0,
         problems=tuple(measurements + list(_check_load(bus, plan))),
-        without_law=without_law(plan.measurements, robot.n_joints)
+        without_law=axes_lacking_law(plan.measurements, robot.n_joints)
         if any(shows_parameters(each) for each in plan.measurements)
         else {},
         lags=tuple(lags),
@@ -153,8 +153,8 @@ def dry_run(
 
 
 def measurement_problems(plan: Plan, robot: Robot) -> list[Problem]:
-    """Return where a measurement leaves the limits of `robot` and of the plan's workspace."""
-    guarded = narrowed(robot, plan.workspace)
+    """Return measurements beyond the limits of `robot` or of the plan's workspace."""
+    guarded = narrow_ranges(robot, plan.workspace)
     return [
         problem
         for number, measurement in enumerate(plan.measurements)
@@ -184,7 +184,7 @@ def _check_load(bus: BusCycle | None, plan: Plan) -> Iterator[Problem]:
 
 
 def _check(number: int, measurement: Measurement, robot: Robot, period: float) -> Iterator[Problem]:
-    """Everything that is wrong with one measurement."""
+    """Yield the problems of a measurement."""
     here: tuple[str | int, ...] = ("measurements", number)
     if measurement.streamed:
         for message in check_trajectory(measurement, robot, period):
@@ -200,7 +200,7 @@ def _check(number: int, measurement: Measurement, robot: Robot, period: float) -
 def _check_ends(
     here: tuple[str | int, ...], measurement: Strokes, robot: Robot
 ) -> Iterator[Problem]:
-    """Both ends of the strokes, and so the whole way between them, keep inside the range."""
+    """Check that both ends of the strokes keep inside the joint range."""
     ends = zip(measurement.start, measurement.end, robot.q_min, robot.q_max, strict=True)
     for index, (first, last, low, high) in enumerate(ends):
         beyond = min(first, last) if min(first, last) < low else max(first, last)
@@ -233,7 +233,7 @@ def _check_profile(
 def _check_window(
     here: tuple[str | int, ...], measurement: Strokes, robot: Robot
 ) -> Iterator[Problem]:
-    """Find a stroke too short for constant velocity, or for the partner's strokes."""
+    """Report a stroke too short for constant velocity or for the partner's strokes."""
     cruise, lacking = measurement.cruise, measurement.lacking
     if cruise is None or not lacking:
         return
@@ -248,7 +248,7 @@ def _check_window(
 
 
 def _remedy(unit: str, value: float, low: float, high: float, remedy: str) -> str:
-    """Return `remedy`, or the value in SI where degrees or millimetres seem to stand."""
+    """Return `remedy`, or the value in SI if the unit seems to be degrees or millimetres."""
     other, si = ("degrees", math.radians(value)) if unit == "rad" else ("millimetres", value / 1e3)
     if abs(value) > 5 * max(abs(low), abs(high)) and low <= si <= high:
         return f"is it in {other}? then write {si:.5g}"

@@ -1,6 +1,6 @@
-"""A motion that was recorded elsewhere, as data: what a foreign recording has in a plan.
+"""Motion imported from a foreign recording, as data.
 
-It cannot be measured again: a plan that holds one describes a run that was imported.
+It cannot be measured again: a plan with such a motion describes an imported run.
 """
 
 from __future__ import annotations
@@ -16,30 +16,29 @@ from hil.planning.plan_values import Name, Positive, Real
 
 
 class FreeMotion(FileModel):
-    """Any motion of the joints, without a gap, as somebody else recorded it.
+    """Continuous motion of the joints recorded by another system.
 
     Attributes
     ----------
     q : tuple of float
         Mean configuration [rad or m].
     duration : float
-        From the first to the last sample [s].
+        Time from the first to the last sample [s].
     cycles : int
-        Groups of the recording, blocks of about equal length: friction may change from one to the
-        next.
+        Number of blocks of about equal length; friction may change between blocks.
     alone : int, optional
-        The axis that moves back and forth while all others stand still, if it is such a motion; the
-        recording then numbers its strokes, and its groups are pairs of these.
+        Axis moving back and forth while all others stand still, if any; strokes are then numbered,
+        and blocks are pairs of strokes.
     cut_off : float, optional
-        Of the low-pass that its samples are to pass [Hz]; by default it is chosen from them.
+        Cut-off frequency of the low-pass [Hz]; by default chosen from the samples.
     unknown_gains : tuple of int, optional
-        Axes, from 1, whose torques are in units of unknown worth, the same in all motions of a run.
+        Axes, from 1, with torques in an unknown unit, common to all motions of a run.
     source : str
-        File and rows that it comes from.
+        Source file and rows.
     """
 
     streamed: ClassVar[Literal[True]] = True
-    """Set-points are not known, and are no strokes between two ends."""
+    """True: set-points are unknown and do not form strokes."""
 
     id: Name
     kind: Literal["free"] = "free"
@@ -59,15 +58,15 @@ class FreeMotion(FileModel):
 
     @property
     def moved(self) -> tuple[int, ...]:
-        """Joint indices of the axes that move, from 0."""
+        """Joint indices of the moving axes, from 0."""
         return self.read if self.alone is None else (self.alone - 1,)
 
     @property
     def read(self) -> tuple[int, ...]:
-        """Joint indices of all axes, since the torque of each was recorded."""
+        """Joint indices of all axes, from 0; torques of all were recorded."""
         return tuple(range(len(self.q)))
 
     @property
     def axes_in_words(self) -> str:
-        """The axes that move, for readers."""
+        """Moving axes in words."""
         return "all axes" if self.alone is None else f"axis {self.alone}"

@@ -1,4 +1,4 @@
-"""Halton's low-discrepancy sequence: points that fill a unit cube evenly, however many are taken.
+"""Halton's low-discrepancy sequence: points that fill a unit cube evenly at any number of points.
 
 Coordinate k of point i is i written in the k-th prime, its digits mirrored at the point (Halton,
 Numer. Math. 2 (1960) 84-90). These are the points of scipy.stats.qmc, of which the import alone
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-"""Step of the sequence k GOLDEN mod 1, which does the same for a single coordinate."""
+"""Step of the one-dimensional low-discrepancy sequence k GOLDEN mod 1."""
 
 
 def halton(n: int, dimensions: int) -> Array:
-    """Points 1 to n of the sequence, shape (n, dimensions), each coordinate within 0 ... 1."""
+    """Return points 1 to n of the sequence, shape (n, dimensions), coordinates within 0 ... 1."""
     points = np.zeros((n, dimensions))
     for k, base in enumerate(islice(_primes(), dimensions)):
         share, left = 1.0 / base, np.arange(1, n + 1)

@@ -1,9 +1,9 @@
-"""How far axes lag behind the set-points of a trajectory, and what their drives allow.
+"""Lag of axes behind the set-points of a trajectory, compared with the drives' windows.
 
-An axis at constant speed is behind its set-points by that speed times a time: what the drive takes
-from one set-point to the next, and the lag of its position loop, one over its gain, where it does
-not feed the demand's velocity forward. A drive faults where the following error leaves its window
-(6065) for longer than its time (6066), and the driver's own corridor is as wide.
+At constant speed an axis lags by the speed times a delay: the drive's interpolation from one
+set-point to the next, and one over the gain of its position loop unless it feeds the velocity
+forward. A drive faults if the following error exceeds its window (6065) for longer than its timeout
+(6066), and the driver's own corridor is as wide.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from hil.planning.trajectory import Trajectory
 
 MARGIN = 0.7
-"""Share of the window that a trajectory may take by its speed when it is planned: what torques and
-friction make of the following error beside it was up to 0.2 of it on the manutec-r15."""
+"""Share of the window available to the lag in a planned trajectory; torques and friction took up to
+0.2 more on the manutec-r15."""
 SAMPLES = 2000
-"""Instants of a period at which lags are looked at."""
+"""Number of instants per period at which lags are evaluated."""
 
 
 class Following(NamedTuple):
-    """How closely axes must follow, and how late they do.
+    """Following error limits and following delay of the axes.
 
     Attributes
     ----------
@@ -43,12 +43,12 @@ class Following(NamedTuple):
 
     @property
     def speed(self) -> Array:
-        """Speeds that leave a margin [rad/s or m/s]."""
+        """Highest speeds within the margin [rad/s or m/s]."""
         return MARGIN * self.window / self.lag
 
 
 class Lag(NamedTuple):
-    """Where a trajectory comes nearest to the window of a drive: which axis, from 0, how far."""
+    """Largest lag of a trajectory relative to the window: axis from 0, lag and window."""
 
     trajectory: str
     axis: int
@@ -56,15 +56,15 @@ class Lag(NamedTuple):
     window: float
 
 
-def furthest(trajectory: Trajectory, following: Following) -> Lag:
-    """Return the axis whose lag is the largest share of its window."""
+def find_largest_lag(trajectory: Trajectory, following: Following) -> Lag:
+    """Return the axis with the largest lag relative to the window."""
     most = _lags(trajectory, following).max(axis=0)
     axis = int((most / following.window).argmax())
     return Lag(trajectory.id, axis, float(most[axis]), float(following.window[axis]))
 
 
 def check_lag(trajectory: Trajectory, robot: Robot, following: Following) -> Iterator[str]:
-    """Find axes that lag by more than their drives allow, for longer than they allow."""
+    """Yield axes with a following error beyond the drive's window for longer than the timeout."""
     lags = _lags(trajectory, following)
     for axis, (window, time) in enumerate(zip(following.window, following.time, strict=True)):
         lasts = _longest(lags[:, axis] > window) * trajectory.period / SAMPLES
@@ -84,7 +84,7 @@ def _lags(trajectory: Trajectory, following: Following) -> Array:
 
 
 def _longest(beyond: Array) -> int:
-    """Samples of the longest run of a period that repeats itself."""
+    """Return the longest run of samples in a periodic sequence."""
     if beyond.all():
         return len(beyond)
     runs = np.diff(np.flatnonzero(~np.concatenate([beyond, beyond])))

@@ -1,4 +1,4 @@
-"""The kinds of measurement, as data: their models, and one table of what all stages ask of them.
+"""Kinds of measurement, as data: models, and a table of properties for the stages.
 
 All but the trajectory (`hil.planning.trajectory`) follow section 6.3 of Grotjahn, Daemi and Heimann
 (2001): an axis goes back and forth (`hil.planning.strokes`).
@@ -8,16 +8,15 @@ gravity
 inertia
     a large share of acceleration: M_ii(q) by eq. (19) and (20);
 coupling
-    the axis whose torque is read creeps, so that it never sticks, while a partner accelerates back
-    and forth: M_ij(q) by eq. (21);
+    the read axis creeps, so that it never sticks, while a partner accelerates back and forth:
+    M_ij(q) by eq. (21);
 friction
-    constant velocity again, at any speed of the axis, with the history that friction depends on:
-    how long the axis stood still, and how long it was kept in motion, just before (section 3).
+    constant velocity at any speed of the axis, with a defined history of standstill and motion
+    just before (section 3).
 
-A further kind is a model and a row of `KINDS` here, and an entry wherever a stage has functions by
-kind: how it moves (`hil.measuring.motion`), what its recordings must show
-(`hil.measuring.checks.recording_checks`), what is estimated from it alone
-(`hil.estimation.local_fits`) and, if `hil plan` chooses it, where
+A new kind is a model and a row of `KINDS` here, and an entry in each stage with functions by kind:
+motion (`hil.measuring.motion`), checks of recordings (`hil.measuring.checks.recording_checks`),
+local estimates (`hil.estimation.local_fits`) and, if `hil plan` chooses it, configurations
 (`hil.planning.design.measurable_elements`).
 """
 
@@ -44,20 +43,20 @@ if TYPE_CHECKING:
 
 
 FOR_A_LAW = 3
-"""Measurements of an axis, or periods of trajectories, below which no law of friction is chosen.
+"""Minimum number of measurements of an axis, or periods of trajectories, to choose a friction law.
 
 Each counts as one draw of the level of friction, and a scatter needs two beyond the mean.
 """
 
 
 class Gravity(Strokes):
-    """Constant velocity back and forth: gravity torque of the axis at q."""
+    """Measurement of gravity: constant velocity back and forth about q."""
 
     kind: Literal["gravity"] = "gravity"
 
 
 class Inertia(Strokes):
-    """Acceleration back and forth: diagonal element of the mass matrix at q.
+    """Measurement of a diagonal element of the mass matrix: acceleration back and forth about q.
 
     Attributes
     ----------
@@ -71,7 +70,7 @@ class Inertia(Strokes):
     spread: Positive | None = None
 
     def profile(self, stroke: int) -> Trapezoid:
-        """Profile of stroke number `stroke` (from 0); both strokes of a cycle accelerate alike."""
+        """Return the profile of a stroke, from 0; both strokes of a cycle accelerate alike."""
         stated = super().profile(stroke)
         if self.spread is None:
             return stated
@@ -81,7 +80,7 @@ class Inertia(Strokes):
 
     @property
     def unit_acceleration(self) -> tuple[float, ...]:
-        """The axis itself accelerates."""
+        """Unit acceleration of the axis."""
         return _unit(self.index, len(self.q))
 
     @property
@@ -91,12 +90,12 @@ class Inertia(Strokes):
 
     @property
     def cruise(self) -> Cruise | None:
-        """None: the torque is read from the ramps."""
+        """None, since the torque is read on the ramps."""
         return None
 
 
 class Coupling(Strokes):
-    """The axis creeps, its partner accelerates: off-diagonal element of the mass matrix at q."""
+    """Measurement of an off-diagonal mass matrix element: creeping axis, accelerating partner."""
 
     kind: Literal["coupling"] = "coupling"
     partner: Partner
@@ -114,12 +113,12 @@ class Coupling(Strokes):
 
     @property
     def partners(self) -> tuple[Partner, ...]:
-        """The one that accelerates."""
+        """The accelerating partner."""
         return (self.partner,)
 
     @property
     def unit_acceleration(self) -> tuple[float, ...]:
-        """The partner accelerates."""
+        """Unit acceleration of the partner."""
         return _unit(self.partner.index, len(self.q))
 
     @property
@@ -129,20 +128,20 @@ class Coupling(Strokes):
 
     @property
     def cruise(self) -> Cruise | None:
-        """Two strokes of the partner have their place in it."""
+        """Constant velocity needed for two strokes of the partner."""
         there_and_back = 2 * (self.partner.profile(self.q, 0).duration + PARTNER_TURN)
         return Cruise(SETTLED + there_and_back, "creep, needed for two strokes of the partner")
 
 
 class Friction(Strokes):
-    """Constant velocity back and forth: friction torque of the axis at one speed.
+    """Measurement of friction at a speed: constant velocity back and forth.
 
     Attributes
     ----------
     rest : float, optional
-        How long all axes stand still beforehand [s].
+        Standstill of all axes before the recording [s].
     exercise : float, optional
-        How long the same strokes go on beforehand, after the rest, without a recording [s].
+        Duration of unrecorded strokes before the recording, after the rest [s].
     """
 
     kind: Literal["friction"] = "friction"
@@ -156,7 +155,7 @@ class Friction(Strokes):
 
     @property
     def exercised(self) -> float:
-        """How long the same strokes go on before the recording [s]."""
+        """Duration of the strokes before the recording [s]."""
         return self.exercise or 0.0
 
 
@@ -168,11 +167,11 @@ Measurement = Annotated[
 RecordedMotion = Annotated[
     Gravity | Inertia | Coupling | Friction | Trajectory | FreeMotion, Field(discriminator="kind")
 ]
-"""What a recording is of: a measurement, or a motion that somebody else recorded."""
+"""Content of a recording: a measurement, or a motion recorded by another system."""
 ParameterMeasurement = ElementMeasurement | Trajectory
-"""Measurements from which base parameters are estimated: all but those of friction."""
+"""Measurements used to estimate base parameters: all but friction measurements."""
 ParameterMotion = ParameterMeasurement | FreeMotion
-"""The same, and motions that somebody else recorded."""
+"""`ParameterMeasurement`, and motions recorded by another system."""
 M = TypeVar("M", bound=Strokes | Trajectory | FreeMotion)
 T = TypeVar("T")
 
@@ -180,20 +179,20 @@ KEYS = (
     *("id", "kind", "axis", "q", "stroke", "velocity", "acceleration", "partner", "cycles"),
     *("spread", "rest", "exercise", "period", "sine", "cosine"),
 )
-"""Keys of all kinds in the order in which a plan's file has them."""
+"""Keys of all kinds, in the order of a plan's file."""
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Row of the table: what does not depend on a measurement; its model answers what does.
+    """Properties of a kind of measurement, independent of a single measurement.
 
     Attributes
     ----------
     model : type
     seen : str
-        What a spectator of the robot sees, for `str.format` with `axis` and `partner`, from 1.
+        Visible motion, for `str.format` with `axis` and `partner`, from 1.
     shows : str
-        What the torques of this motion show, for readers who do not know base parameters.
+        Content of the torques, for readers unfamiliar with base parameters.
     """
 
     model: type[Strokes | Trajectory]
@@ -202,33 +201,33 @@ class Kind:
 
     @property
     def name(self) -> str:
-        """As plans state it."""
+        """Name of the kind in plans."""
         return str(self.model.model_fields["kind"].default)
 
 
 @dataclass(frozen=True, slots=True)
 class ElementKind(Kind):
-    """A kind whose measurements show one element of g(q) or M(q) each.
+    """Kind of measurement of an element of g(q) or M(q).
 
     Attributes
     ----------
     group : str
-        Group of base parameters that it serves (`hil.model.dependencies`).
+        Group of base parameters shown by the kind (`hil.model.dependencies`).
     letter : str
-        First letter of the ids that `hil plan` gives.
+        First letter of ids in `hil plan`.
     count : int
-        Measurements of a plan by counts unless asked for. Section 8 has 64, 92 and 9; of the last,
-        which the off-diagonal group depends on, that was too few.
+        Default number of measurements in a plan by counts. Section 8 has 64, 92 and 9; the last was
+        too few for the off-diagonal group.
     symbol : {"g", "M"}
-        Vector or matrix that the element stands in.
+        Vector or matrix of the element.
     quantity, unit : str
-        What it is, of joints that turn.
+        Quantity and unit, for revolute joints.
     pair : bool
-        Whether it belongs to two axes: one creeps and is read, the other one accelerates.
+        True for an element of two axes: one creeps and is read, the other accelerates.
     colour, marker : str
-        In plots of all kinds.
+        Colour and marker in plots.
     elements, figure, caption : str
-        For the report: the elements as a phrase, the paper's figure of them, what is drawn.
+        Texts of the report: the elements as a phrase, the paper's figure, caption.
     """
 
     group: str
@@ -245,13 +244,13 @@ class ElementKind(Kind):
     caption: str
 
     def unit_of(self, robot: Robot, axis: int, partner: int) -> str:
-        """Unit of one element, by whether its joints (from 0) turn or slide."""
+        """Return the unit of an element for revolute or prismatic joints (from 0)."""
         if self.symbol == "g":
             return robot.torque_unit(axis)
         return ("kg", "kg m", "kg m²")[int(robot.revolute[axis]) + int(robot.revolute[partner])]
 
     def element(self, axis: int, partner: int) -> str:
-        """One element as a formula; joint indices from 0."""
+        """Format an element as a formula; joint indices from 0."""
         index = f"{axis + 1}" if self.symbol == "g" else f"{axis + 1}{partner + 1}"
         return f"{self.symbol}_{{{index}}}"
 
@@ -301,21 +300,21 @@ _TABLE = (
     ),
 )  # fmt: skip
 KINDS: dict[str, Kind] = {kind.name: kind for kind in _TABLE}
-"""All kinds by the name that plans state, in the order of tables and plots."""
+"""All kinds by their name in plans, in the order of tables and plots."""
 ELEMENT_KINDS: dict[str, ElementKind] = {
     name: kind for name, kind in KINDS.items() if isinstance(kind, ElementKind)
 }
-"""Those that show elements of g(q) or M(q)."""
+"""Kinds that show elements of g(q) or M(q)."""
 
 
-def words_of(measurement: Measurement) -> tuple[str, str]:
-    """Return what a spectator sees of a measurement, and what its torques show."""
+def describe_measurement(measurement: Measurement) -> tuple[str, str]:
+    """Describe the visible motion of a measurement, and the content of the torques."""
     kind, axes = KINDS[measurement.kind], [axis + 1 for axis in measurement.moved]
     return kind.seen.format(axis=axes[0], partner=axes[-1]), kind.shows
 
 
 def shows_element(measurement: RecordedMotion) -> TypeGuard[ElementMeasurement]:
-    """Whether a measurement shows one element of g(q) or M(q)."""
+    """Return True if a measurement shows an element of g(q) or M(q)."""
     return measurement.kind in ELEMENT_KINDS
 
 
@@ -324,12 +323,12 @@ def shows_parameters(measurement: Measurement) -> TypeGuard[ParameterMeasurement
 @overload
 def shows_parameters(measurement: RecordedMotion) -> TypeGuard[ParameterMotion]: ...
 def shows_parameters(measurement: RecordedMotion) -> bool:
-    """Whether base parameters are estimated from a measurement."""
+    """Return True if a measurement serves to estimate base parameters."""
     return not isinstance(measurement, Friction)
 
 
-def without_law(measurements: Iterable[RecordedMotion], n_joints: int) -> dict[int, int]:
-    """Axes, from 0, of which too few measurements are planned for a law of friction; how many."""
+def axes_lacking_law(measurements: Iterable[RecordedMotion], n_joints: int) -> dict[int, int]:
+    """Find axes (from 0) with too few measurements for a friction law; return the counts."""
     found = dict.fromkeys(range(n_joints), 0)
     for each in measurements:
         for axis in each.moved if shows_parameters(each) else ():
@@ -338,12 +337,12 @@ def without_law(measurements: Iterable[RecordedMotion], n_joints: int) -> dict[i
 
 
 def element_measurements(measurements: Iterable[RecordedMotion]) -> list[ElementMeasurement]:
-    """Those that show an element of g(q) or M(q)."""
+    """Return the measurements of an element of g(q) or M(q)."""
     return [m for m in measurements if shows_element(m)]
 
 
-def recorded_as(model: type[M], recorded: Iterable[tuple[RecordedMotion, T]]) -> list[tuple[M, T]]:
-    """Measurements of one kind with what was recorded of them."""
+def select_kind(model: type[M], recorded: Iterable[tuple[RecordedMotion, T]]) -> list[tuple[M, T]]:
+    """Return the measurements of a kind with recordings."""
     return [(m, recording) for m, recording in recorded if isinstance(m, model)]
 
 

@@ -1,10 +1,10 @@
-"""Every path of a plan against the forbidden boxes: measurements, and the travels between them.
+"""Clearance of a plan's paths from the forbidden boxes: measurements and travels.
 
-A measurement sweeps all that its strokes can reach: the way of its axis, with a partner the whole
-rectangle of both. A travel moves all axes at once, each with a trapezoid of its own duration; the
-axes count as up to `SKEW` apart in time, since each drive begins when it has taken its set-point.
-Where the robot stands before the first travel is known on the spot only, so the sequencer asks
-about every travel again before it commands it (`refuse_travel`).
+The sweep of a measurement is the stroke of its axis, with a partner the whole rectangle of both. A
+travel moves all axes at once, each with a trapezoid of its own duration; the axes may start up to
+`SKEW` apart, since each drive begins when it has taken its set-point. The robot's configuration
+before the first travel is only known at run time, so the sequencer checks every travel again before
+commanding it (`refuse_travel`).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _AT_THE_START = "correct box or capsule, or bring the arm out of there with hil 
 
 
 class JointBoxes:
-    """Boxes in joint space, each spanned by two configurations (n, n_joints) [rad or m]."""
+    """Boxes in joint space, spanned by two configurations (n, n_joints) [rad or m]."""
 
     slack = 0.0
 
@@ -43,14 +43,14 @@ class JointBoxes:
         self.low = np.minimum(start, end)
         self.high = np.maximum(start, end)
 
-    def at(self, owner: Indices, parameters: Array) -> Array:
-        """Return the parameters, which are the joints' coordinates."""
+    def configurations(self, owner: Indices, parameters: Array) -> Array:
+        """Return the parameters, which are joint coordinates."""
         del owner
         return parameters
 
 
 def obstacles(plan: Plan, robot: Robot) -> Iterator[tuple[int, str]]:
-    """Find all paths of `plan` that come too near to a box of its workspace.
+    """Yield the paths of `plan` too close to a box of the workspace.
 
     Yields
     ------
@@ -68,7 +68,7 @@ def obstacles(plan: Plan, robot: Robot) -> Iterator[tuple[int, str]]:
             on_path = find_hits(robot, workspace, JointBoxes(path[:-1], path[1:])).values()
             hits |= {number: max(on_path, key=lambda hit: hit.depth)} if on_path else {}
     for number, hit in sorted(hits.items()):
-        yield number, f"{measurements[number].id}: {_described(hit, robot, workspace)}"
+        yield number, f"{measurements[number].id}: {_describe(hit, robot, workspace)}"
     ways = [("travel to", 1, start[:-1], start[1:], plan.travel)]
     if plan.warm_up:
         fraction, following = plan.warm_up.fraction, np.roll(start, -1, 0)
@@ -78,7 +78,7 @@ def obstacles(plan: Plan, robot: Robot) -> Iterator[tuple[int, str]]:
         hits = find_hits(robot, workspace, travels(begins, ends, fraction, robot))
         for number, hit in sorted(hits.items()):
             place = f"{what} {measurements[number + first].id}"
-            yield number + first, f"{place}: {_described(hit, robot, workspace)}"
+            yield number + first, f"{place}: {_describe(hit, robot, workspace)}"
 
 
 def refuse_travel(
@@ -88,12 +88,12 @@ def refuse_travel(
     end: Sequence[float],
     fraction: float,
 ) -> None:
-    """Refuse a travel that comes too near to a box, or begins there.
+    """Refuse a travel too close to a box.
 
     Raises
     ------
     LimitExceeded
-        Which link, which box; nothing was commanded.
+        Names link and box; nothing was commanded.
     """
     if workspace is None:
         return
@@ -101,18 +101,18 @@ def refuse_travel(
     for hit in find_hits(robot, workspace, JointBoxes(here, here)).values():
         raise LimitExceeded(
             f"the arm stands in {workspace.boxes[hit.box].name} or too near to it:"
-            f" {_described(hit, robot, workspace, _AT_THE_START)}"
+            f" {_describe(hit, robot, workspace, _AT_THE_START)}"
         )
     sweep = travels(here, np.array([end]), fraction, robot)
     for hit in find_hits(robot, workspace, sweep).values():
         where = ", ".join(f"{q:.3g}" for q in start)
         raise LimitExceeded(
-            f"travel from ({where}): {_described(hit, robot, workspace)}; bring the robot nearer"
+            f"travel from ({where}): {_describe(hit, robot, workspace)}; bring the robot nearer"
             " to its next configuration with hil drives jog"
         )
 
 
-def _described(hit: Hit, robot: Robot, workspace: Workspace, remedy: str = _IN_A_PLAN) -> str:
+def _describe(hit: Hit, robot: Robot, workspace: Workspace, remedy: str = _IN_A_PLAN) -> str:
     shapes, box = capsules(robot), workspace.boxes[hit.box]
     into = hit.depth - workspace.margin
     if into >= shapes.radii[hit.link]:

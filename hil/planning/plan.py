@@ -1,9 +1,9 @@
-"""The plan: what to measure, as data.
+"""Plan of a campaign, as data.
 
-A plan is a frozen, validated document that never touches hardware. A dry run is a fold over it,
-the sequencer carries it out, two plans are compared with `diff`: one short block a measurement
-(`measurement`), numbers rounded, and a plan read back equals the plan written. It names the
-robot file that it was made for by digest, so that it never moves another robot.
+A plan is a frozen, validated document that never touches hardware. A dry run checks it, the
+sequencer carries it out, and `diff` compares two plans: a short block per measurement
+(`measurement`), rounded numbers, and a plan read back equals the plan written. It names its robot
+file by digest, so that it never moves another robot.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from checked_files.yaml_file import FileError, FileModel, load_yaml, read_text, 
 from hil.planning import LONGEST
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import KEYS, Measurement
-from hil.planning.plan_values import LONGEST_NAME, Fraction, to_millionths
+from hil.planning.plan_values import LONGEST_NAME, Fraction, round_to_millionths
 from hil.planning.workspace import Workspace
 from hil.planning.workspace_check import refuse_unfit
 
@@ -32,12 +32,12 @@ if TYPE_CHECKING:
 
 
 class PlannedRobot(FileModel):
-    """For which robot the plan was made.
+    """Reference to the robot that a plan was made for.
 
     Attributes
     ----------
     name, digest : str
-        Of the robot, and of its file's content.
+        Name of the robot, and digest of the file's content.
     file : str, optional
         Path of its file, from the plan's folder; none for a robot that comes along.
     """
@@ -48,14 +48,14 @@ class PlannedRobot(FileModel):
 
 
 class WarmUp(FileModel):
-    """Motion before the first measurement: for how long [s], at which share of the limits."""
+    """Motion before the first measurement: duration [s] and share of the limits."""
 
     duration: Annotated[float, Field(gt=0, le=LONGEST)]
     fraction: Fraction = 0.5
 
 
 class Plan(FileModel):
-    """A campaign: which robot, how it travels, what is measured in which order.
+    """Campaign: robot, travel settings and measurements in order.
 
     Attributes
     ----------
@@ -64,14 +64,16 @@ class Plan(FileModel):
     travel : float
         Share of the velocity and acceleration limits used between configurations.
     attempts : int
-        How often a measurement is tried before its best recording is kept with its findings.
+        Maximum number of attempts; afterwards the best recording is kept with its findings.
     workspace : Workspace, optional
-        What the arm must keep clear of, checked along every path.
+        Workspace to keep clear along every path.
     """
 
     format: Literal[1] = 1
     robot: PlannedRobot
-    sample_period: Annotated[float, Field(ge=1e-4, le=0.1), AfterValidator(to_millionths)] = 0.004
+    sample_period: Annotated[float, Field(ge=1e-4, le=0.1), AfterValidator(round_to_millionths)] = (
+        0.004
+    )
     travel: Fraction = 0.3
     attempts: int = Field(default=3, ge=1, le=20)
     warm_up: WarmUp | None = None
@@ -102,17 +104,17 @@ class Plan(FileModel):
 
     @property
     def digest(self) -> str:
-        """Fingerprint of the content: comments and layout of the file do not matter."""
+        """Fingerprint of the content, independent of comments and layout of the file."""
         return hashlib.sha256(dump_plan(self).encode()).hexdigest()
 
 
-def as_plan(
+def make_plan(
     robot: Robot,
     measurements: Iterable[Measurement],
     warm_up: float = 0.0,
     workspace: Workspace | None = None,
 ) -> Plan:
-    """Plan of `measurements` of a robot, in this order, after a warm-up of so long [s]."""
+    """Create a plan from `measurements` of a robot, after a warm-up of this duration [s]."""
     return Plan(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         warm_up=WarmUp(duration=warm_up) if warm_up else None,
@@ -122,7 +124,7 @@ def as_plan(
 
 
 def load_plan(path: Path | str, robot: Robot | None = None) -> Plan:
-    """Read a plan and, where `robot` is given, refuse one that was made for another.
+    """Read a plan; with `robot`, refuse a plan made for another robot.
 
     Raises
     ------
@@ -136,25 +138,25 @@ def load_plan(path: Path | str, robot: Robot | None = None) -> Plan:
 
 
 def refuse_other_robot(plan: Plan, robot: Robot, path: Path | str) -> None:
-    """Refuse a plan made for another robot, or for this one before its file was changed.
+    """Refuse a plan made for another robot, or for an earlier version of the robot file.
 
     Parameters
     ----------
     path : path or str
-        Of the plan's file, which messages name with the line.
+        Path of the plan's file, named in messages with the line.
 
     Raises
     ------
     FileError
         Name, digest or number of joints differ.
     """
-    if wrong := list(islice(_of_another(plan, robot), 1)):
+    if wrong := list(islice(_find_mismatches(plan, robot), 1)):
         refuse(str(path), read_text(path), wrong)
     if plan.workspace is not None:
         refuse_unfit(plan.workspace, robot, str(path), within=("workspace",))
 
 
-def _of_another(plan: Plan, robot: Robot) -> Iterator[tuple[tuple[str | int, ...], str]]:
+def _find_mismatches(plan: Plan, robot: Robot) -> Iterator[tuple[tuple[str | int, ...], str]]:
     remedy = f"make a new plan with: hil plan {robot.name} -o plan.yaml"
     if plan.robot.name != robot.name:
         yield (
@@ -176,8 +178,8 @@ def _of_another(plan: Plan, robot: Robot) -> Iterator[tuple[tuple[str | int, ...
             )
 
 
-def repeated(plan: Plan, rounds: int) -> Plan:
-    """Return a plan with all measurements so many times, numbered by round where there are more.
+def repeat_measurements(plan: Plan, rounds: int) -> Plan:
+    """Repeat the measurements of a plan, with the round's number in the ids.
 
     Raises
     ------
@@ -201,7 +203,7 @@ def repeated(plan: Plan, rounds: int) -> Plan:
 
 
 def dump_plan(plan: Plan) -> str:
-    """Write a plan as YAML: a short block a measurement, joints in one line."""
+    """Format a plan as YAML: a short block per measurement, joints on a line."""
     data = plan.model_dump(mode="json", exclude_none=True)
     data["measurements"] = [
         {key: item[key] for key in sorted(item, key=KEYS.index)} for item in data["measurements"]
@@ -210,7 +212,7 @@ def dump_plan(plan: Plan) -> str:
 
 
 class _Dumper(Dumper):
-    """Lists of numbers in one line, everything else in blocks."""
+    """YAML dumper with lists of numbers on a line, everything else in blocks."""
 
     def represent_sequence(
         self, tag: str, sequence: object, flow_style: bool | None = None
@@ -224,7 +226,7 @@ class _Dumper(Dumper):
 
 
 class RecordedMotions(FileModel):
-    """Motions that somebody else recorded of a robot; nothing of it can be measured again.
+    """Imported motions of a robot; no new measurement is possible.
 
     Attributes
     ----------
@@ -243,7 +245,7 @@ class RecordedMotions(FileModel):
         return hashlib.sha256(self.text().encode()).hexdigest()
 
     def text(self) -> str:
-        """As YAML."""
+        """Format as YAML."""
         content = self.model_dump(mode="json", exclude_none=True)
         text: str = yaml.dump(content, Dumper=Dumper, sort_keys=False, width=200)
         return text

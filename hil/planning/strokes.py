@@ -1,4 +1,4 @@
-"""An axis that goes back and forth about a configuration: what most kinds of measurement share.
+"""Strokes of an axis back and forth about a configuration: base of most kinds of measurement.
 
 After section 6.3 of Grotjahn, Daemi and Heimann (2001): `cycles` times from
 ``q[axis] - stroke/2`` to ``q[axis] + stroke/2`` and back, each stroke a trapezoid of its own.
@@ -24,28 +24,28 @@ if TYPE_CHECKING:
     from typing import Self
 
 REST = 0.3
-"""Time at rest recorded before the motion and after it, padding for filters [s]."""
+"""Rest before and after the motion in a recording, padding for filters [s]."""
 TURN = 0.03
 """Expected time between the end of one stroke's profile and the start of the next [s]."""
 SETTLED = 0.2
 """Time after the creeping axis's ramp before its partner may start [s]."""
 PARTNER_TURN = 2 * TURN
-"""Time for handshake and settling between a partner's profile and its next one [s]."""
+"""Expected time for handshake and settling between two strokes of a partner [s]."""
 MARGIN = 0.1
-"""Time after a ramp that does not count as constant velocity yet [s]."""
+"""Time after a ramp excluded from constant velocity [s]."""
 SHORTEST_WINDOW = 0.15
 """Least duration of constant velocity in a stroke [s]."""
 
 
 class Cruise(NamedTuple):
-    """How long a stroke must last at constant velocity [s], and what that time is."""
+    """Required duration of constant velocity in a stroke [s], and the purpose."""
 
     duration: float
     purpose: str
 
 
 class Partner(FileModel):
-    """The axis that accelerates back and forth while another one creeps."""
+    """Partner: axis that accelerates back and forth while the read axis creeps."""
 
     axis: int = Field(ge=1)
     stroke: Positive
@@ -54,20 +54,20 @@ class Partner(FileModel):
 
     @property
     def index(self) -> int:
-        """Joint index, from 0."""
+        """Joint index of the axis, from 0."""
         return self.axis - 1
 
     def profile(self, q: Sequence[float], stroke: int) -> Trapezoid:
-        """Profile of stroke number `stroke` about `q`; even numbers go forward."""
+        """Return the profile of a stroke about `q`; even numbers go forward."""
         middle, half = q[self.index], self.stroke / 2
         return _stroke(middle - half, middle + half, self.velocity, self.acceleration, stroke)
 
 
 class Strokes(FileModel):
-    """An axis going back and forth about a configuration."""
+    """Axis moving back and forth about a configuration."""
 
     streamed: ClassVar[Literal[False]] = False
-    """Whether set-points are streamed; if not, drives are given the ends of strokes."""
+    """False: drives receive the ends of strokes, not a stream of set-points."""
 
     id: Name
     axis: int = Field(ge=1)
@@ -87,40 +87,40 @@ class Strokes(FileModel):
 
     @property
     def index(self) -> int:
-        """Joint index of the axis whose torque is read, from 0."""
+        """Joint index of the read axis, from 0."""
         return self.axis - 1
 
     @property
     def partners(self) -> tuple[Partner, ...]:
-        """Axes that accelerate back and forth meanwhile."""
+        """Axes that accelerate back and forth in the same measurement."""
         return ()
 
     @property
     def read(self) -> tuple[int, ...]:
-        """Joint indices of the axes whose torque is read, from 0."""
+        """Joint indices of the read axes, from 0."""
         return (self.index,)
 
     @property
     def moved(self) -> tuple[int, ...]:
-        """Joint indices of all axes that move on purpose, from 0."""
+        """Joint indices of all moving axes, from 0."""
         return (self.index, *(partner.index for partner in self.partners))
 
     @property
     def axes_in_words(self) -> str:
-        """The axes that move, for readers."""
+        """Moving axes in words."""
         return f"axis {self.axis}" + "".join(f" with partner {p.axis}" for p in self.partners)
 
     @property
     def unit_acceleration(self) -> tuple[float, ...]:
-        """Accelerations of all joints to which the torque that is read is due, as a unit vector.
+        """Unit acceleration of all joints measured by the torque.
 
-        Zero where it is read at constant velocity.
+        Zero if the torque is read at constant velocity.
         """
         return (0.0,) * len(self.q)
 
     @property
     def torque_per_element(self) -> float:
-        """What the element of g(q) or M(q) is multiplied with in the torque that is read.
+        """Factor of the element of g(q) or M(q) in the measured torque.
 
         1 for gravity, the acceleration [rad/s^2] for an inertia.
         """
@@ -128,17 +128,17 @@ class Strokes(FileModel):
 
     @property
     def highest_acceleration(self) -> float:
-        """Of any axis [rad/s^2]."""
+        """Highest acceleration of any axis [rad/s^2]."""
         return max([self.acceleration, *(partner.acceleration for partner in self.partners)])
 
     @property
     def cruise(self) -> Cruise | None:
-        """Constant velocity that every stroke needs; None where nothing is read from it."""
+        """Constant velocity needed in every stroke; None if the torque is read on the ramps."""
         return Cruise(MARGIN + SHORTEST_WINDOW, "constant velocity")
 
     @property
     def lacking(self) -> float:
-        """Time by which a stroke falls short of the constant velocity that it needs, or 0 [s]."""
+        """Time missing from a stroke's required constant velocity, or 0 [s]."""
         if self.cruise is None:
             return 0.0
         begin, end = self.profile(0).window
@@ -146,21 +146,21 @@ class Strokes(FileModel):
 
     @property
     def n_strokes(self) -> int:
-        """Strokes in all; even numbers go forward, odd ones back."""
+        """Number of strokes; even numbers go forward, odd ones back."""
         return 2 * self.cycles
 
     @property
     def start(self) -> tuple[float, ...]:
-        """Configuration where the first strokes of all axes begin and the last ones end [rad]."""
-        return self._at_end(-1)
+        """Configuration at the beginning of the first strokes and the end of the last [rad]."""
+        return self._end_configuration(-1)
 
     @property
     def end(self) -> tuple[float, ...]:
-        """Configuration where the forward strokes of all axes end [rad]."""
-        return self._at_end(1)
+        """Configuration at the end of forward strokes [rad]."""
+        return self._end_configuration(1)
 
     def profile(self, stroke: int) -> Trapezoid:
-        """Profile of stroke number `stroke` (from 0) of the axis."""
+        """Return the profile of a stroke of the axis, numbered from 0."""
         low, high = self.start[self.index], self.end[self.index]
         return _stroke(low, high, self.velocity, self.acceleration, stroke)
 
@@ -171,21 +171,21 @@ class Strokes(FileModel):
 
     @property
     def exercised(self) -> float:
-        """How long the same strokes go on before the recording [s]."""
+        """Duration of the strokes before the recording [s]."""
         return 0.0
 
     @property
     def duration(self) -> float:
-        """Expected time from rest at the start to rest after the last stroke, preparation too."""
+        """Expected time from preparation to rest after the last stroke [s]."""
         return self.preparation + self.beginnings[-1] + REST
 
     @property
     def beginnings(self) -> tuple[float, ...]:
-        """When each stroke is expected to begin, and the rest after the last one [s]."""
+        """Expected start of every stroke, and of the rest after the last [s]."""
         durations = (self.profile(number).duration + TURN for number in range(self.n_strokes))
         return tuple(accumulate(durations, initial=REST))
 
-    def _at_end(self, sign: int) -> tuple[float, ...]:
+    def _end_configuration(self, sign: int) -> tuple[float, ...]:
         q = list(self.q)
         q[self.index] += sign * self.stroke / 2
         for partner in self.partners:

@@ -1,6 +1,6 @@
-"""How long things take: travels between configurations, measurements, a whole plan.
+"""Timetable: duration of travels, measurements and whole plans.
 
-Used by the dry run, which states it beforehand, and by the sequencer, which states what is left.
+The dry run uses it for the total, the sequencer for the remaining time.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 
 SKEW = 0.02
-"""Axes that are sent at once may be this far apart in time [s]."""
+"""Maximum time between the starts of axes commanded together [s]."""
 SETTLING = 0.3
-"""Expected time from the end of a travel's profile until all axes stand still [s]."""
+"""Expected time from the end of a travel's profile to standstill of all axes [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One line of the timetable: a measurement and the travel that leads to it [s]."""
+    """Line of the timetable: a measurement and the preceding travel [s]."""
 
     measurement: Measurement
     travel: float
@@ -35,14 +35,14 @@ class Entry:
 
 
 class Travels:
-    """Trapezoids of all axes at once, passed by time.
+    """Simultaneous trapezoids of all axes, as functions of time.
 
     Parameters
     ----------
     start, end : array (n, n_joints)
-        Where each travel begins and ends [rad or m].
+        Begin and end of each travel [rad or m].
     velocity, acceleration : array (n_joints,)
-        Of its axes [rad/s, rad/s^2].
+        Limits of the axes in the travels [rad/s, rad/s^2].
     """
 
     slack = SKEW
@@ -59,8 +59,8 @@ class Travels:
         self.high = self._duration.max(axis=1, keepdims=True)
         self.low = np.zeros_like(self.high)
 
-    def at(self, owner: Indices, parameters: Array) -> Array:
-        """Configurations at times (n, 1) since the set-points [s]."""
+    def configurations(self, owner: Indices, parameters: Array) -> Array:
+        """Return configurations at times (n, 1) since the set-points [s]."""
         duration, ramp = self._duration[owner], self._ramp[owner]
         t = np.clip(parameters, 0.0, duration)
         rising, falling = np.minimum(t, ramp), np.maximum(t - duration + ramp, 0.0)
@@ -69,14 +69,14 @@ class Travels:
 
 
 def travels(start: Array, end: Array, fraction: float, robot: Robot) -> Travels:
-    """Travels between configurations (n, n_joints) at a share of the robot's limits."""
+    """Create travels between configurations (n, n_joints) at a share of the robot's limits."""
     return Travels(start, end, fraction * robot.velocity_limit, fraction * robot.acceleration_limit)
 
 
 def travel_time(
     robot: Robot, start: Sequence[float], end: Sequence[float], fraction: float
 ) -> float:
-    """Duration of moving all axes at once from `start` to `end` [s].
+    """Compute the duration of a travel of all axes at once from `start` to `end` [s].
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def travel_time(
 
 
 def travel_times(robot: Robot, start: Array, ends: Array, fraction: float) -> Array:
-    """The same from `start` to each of `ends`, shape (n,)."""
+    """Compute the durations of travels from `start` to each of `ends`, shape (n,) [s]."""
     return np.asarray(travels(start, ends, fraction, robot).high[:, 0])
 
 
@@ -99,12 +99,12 @@ def timetable(
     measurements: Sequence[Measurement],
     start: Sequence[float] | None = None,
 ) -> list[Entry]:
-    """Timetable of `measurements`, in order.
+    """Compute the timetable of `measurements` in order.
 
     Parameters
     ----------
     start : sequence (n_joints,), optional
-        Where the robot stands [rad]; all joints at 0 where it is not known.
+        Present configuration [rad]; all joints at 0 by default.
     """
     entries = []
     place: Sequence[float] = start if start is not None else [0.0] * robot.n_joints

@@ -1,4 +1,4 @@
-"""A periodic trajectory of all joints, as data: the measurement of conventional identification.
+"""Periodic trajectory of all joints, as data: the measurement of conventional identification.
 
 Every joint follows a finite Fourier series (Swevers et al., *Optimal robot excitation and
 identification*, IEEE Trans. Robotics and Automation 13, 1997),
@@ -33,18 +33,18 @@ if TYPE_CHECKING:
 
 Amplitudes = tuple[tuple[Real, ...], ...]
 ACCELERATION_SHARE = 0.5
-"""Of each axis's acceleration limit that a trajectory may use. The limit is what an axis can do
-while the others rest. On a trajectory all accelerate at once and load each other; how much, nobody
-knows before the model is known. At 0.9 of it drives of the manutec-r15 saturate and fault."""
+"""Usable share of each axis's acceleration limit. The limit holds for one accelerating axis; on a
+trajectory all axes accelerate and load each other. At a share of 0.9, drives of the manutec-r15
+saturate and fault."""
 ROUNDED = 0.5e-6
-"""By which plans round amplitudes, so that no sum of them is exactly zero [rad or m]."""
+"""Rounding error of amplitudes in plans, a bound on non-zero sums [rad or m]."""
 _WHY = {
     "acceleration": f", {ACCELERATION_SHARE:.0%} of its limit, since all axes load each other",
 }
 
 
 class Trajectory(FileModel):
-    """Periods of a Fourier series of all joints, streamed set-point by set-point.
+    """Fourier series of all joints, streamed set-point by set-point.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Trajectory(FileModel):
     """
 
     streamed: ClassVar[Literal[True]] = True
-    """Whether set-points are streamed; if not, drives are given the ends of strokes."""
+    """True: set-points are streamed."""
 
     id: Name
     kind: Literal["trajectory"] = "trajectory"
@@ -83,32 +83,32 @@ class Trajectory(FileModel):
 
     @property
     def moved(self) -> tuple[int, ...]:
-        """Joint indices of all axes, since all move."""
+        """Joint indices of all axes, from 0; all move."""
         return tuple(range(len(self.q)))
 
     @property
     def read(self) -> tuple[int, ...]:
-        """Joint indices of all axes, since the torque of each is read."""
+        """Joint indices of all axes, from 0; all torques are read."""
         return self.moved
 
     @property
     def axes_in_words(self) -> str:
-        """The axes that move, for readers."""
+        """Moving axes in words."""
         return "all axes"
 
     @property
     def preparation(self) -> float:
-        """None: the recording follows the travel [s]."""
+        """Zero: the recording follows the travel [s]."""
         return 0.0
 
     @property
     def once(self) -> Self:
-        """One period of it."""
+        """Trajectory reduced to a period."""
         return self.model_copy(update={"cycles": 1})
 
     @property
     def start(self) -> tuple[float, ...]:
-        """Configuration at the beginning and end of each period [rad]."""
+        """Configuration at the beginning and end of a period [rad]."""
         return tuple(float(q) for q in self.motion(0.0)[0])
 
     @property
@@ -122,7 +122,7 @@ class Trajectory(FileModel):
         return 2 * REST + self.cycles * self.period
 
     def motion(self, t: ArrayLike) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations, each of shape (*t.shape, n_joints).
+        """Compute positions, velocities and accelerations, shapes (*t.shape, n_joints).
 
         Parameters
         ----------
@@ -141,22 +141,22 @@ class Trajectory(FileModel):
         )
 
     def within(self, t: ArrayLike) -> Array:
-        """Times since the first period began that lie before or after the motion, put into it."""
+        """Clip times since the start of the first period to the duration of the motion."""
         inside: Array = np.clip(np.asarray(t, dtype=float), 0.0, self.cycles * self.period)
         return inside
 
     def path(self, sample_period: float) -> Array:
-        """Set-points with the rest before and after, shape (n, n_joints) [rad]."""
+        """Return set-points with the rest before and after, shape (n, n_joints) [rad]."""
         t = sample_period * np.arange(-round(REST / sample_period), self.n_samples(sample_period))
         return self.motion(self.within(t))[0]
 
     def n_samples(self, sample_period: float) -> int:
-        """Set-points from the first of the motion to the last at rest."""
+        """Return the number of set-points from the start of the motion to the end of the rest."""
         return round((self.cycles * self.period + REST) / sample_period) + 1
 
 
 def check_trajectory(trajectory: Trajectory, robot: Robot, period: float) -> Iterator[str]:
-    """Find what is wrong with a trajectory, sampled every `period` [s].
+    """Yield problems of a trajectory sampled every `period` [s].
 
     Yields
     ------
@@ -186,7 +186,7 @@ def check_trajectory(trajectory: Trajectory, robot: Robot, period: float) -> Ite
             ("velocity", qd, float(robot.velocity_limit[joint]), ROUNDED * order.sum()),
             ("acceleration", qdd, float(robot.acceleration_limit[joint]), ROUNDED * order @ order),
         ):
-            # a period may begin with a thousandth of the limits of velocity and acceleration
+            # tolerance: a thousandth of the limits of velocity and acceleration
             if abs(values[0, joint]) > max(1e-3 * limit, rounding):
                 yield (
                     f"{trajectory.id}: joint {joint + 1} begins with {what}"

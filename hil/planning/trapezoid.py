@@ -1,10 +1,9 @@
-"""Trapezoids of velocity: what a drive in profile position makes of a set-point.
+"""Velocity trapezoids: motion of a drive in profile position mode.
 
 A move from `start` to `end` accelerates with a constant acceleration to the profile velocity,
-cruises and decelerates alike. Where the distance is shorter than both ramps the trapezoid becomes
-a triangle and the profile velocity is never reached. Everything that has to know beforehand how
-long a move lasts, where it cruises or what it excites (plan, dry run, checks of a recording) asks
-here.
+cruises and decelerates likewise. If the distance is shorter than both ramps, the trapezoid becomes
+a triangle and the profile velocity is never reached. Plan, dry run and checks of a recording
+compute durations, windows and excitation from here.
 """
 
 from __future__ import annotations
@@ -24,12 +23,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Trapezoid:
-    """One move from rest to rest.
+    """Move from rest to rest.
 
     Attributes
     ----------
     start, end : float
-        Where it begins and ends [rad, or m].
+        Positions at the beginning and the end [rad, or m].
     velocity, acceleration : float
         Profile velocity and acceleration, both positive [rad/s, rad/s^2].
     """
@@ -41,22 +40,22 @@ class Trapezoid:
 
     @property
     def distance(self) -> float:
-        """Length of the way, never negative [rad]."""
+        """Length of the move, never negative [rad]."""
         return abs(self.end - self.start)
 
     @cached_property
     def peak(self) -> float:
-        """Highest speed that is reached [rad/s]."""
+        """Highest speed of the move [rad/s]."""
         return min(self.velocity, math.sqrt(self.distance * self.acceleration))
 
     @property
     def ramp_time(self) -> float:
-        """Duration of one ramp [s]."""
+        """Duration of a ramp [s]."""
         return self.peak / self.acceleration
 
     @property
     def ramp(self) -> float:
-        """Way of one ramp [rad]."""
+        """Length of a ramp [rad]."""
         return self.peak**2 / (2 * self.acceleration)
 
     @cached_property
@@ -68,7 +67,7 @@ class Trapezoid:
 
     @cached_property
     def window(self) -> tuple[float, float]:
-        """Begin and end of constant velocity [s]; both alike for a triangle."""
+        """Begin and end of constant velocity [s]; equal for a triangle."""
         return self.ramp_time, max(self.ramp_time, self.duration - self.ramp_time)
 
     @property
@@ -76,7 +75,7 @@ class Trapezoid:
         return math.copysign(1.0, self.end - self.start)
 
     def motion(self, t: ArrayLike) -> tuple[Array, Array, Array]:
-        """q, qd and qdd at times `t` (any shape) since the start; at rest outside the move."""
+        """Compute q, qd and qdd at times `t` (any shape) since the start; at rest outside."""
         times = np.asarray(t, dtype=float)
         (begin, end), duration, peak = self.window, self.duration, self.peak
 
@@ -97,5 +96,5 @@ class Trapezoid:
         return q, qd, rate * (rising.astype(float) - falling)
 
     def q(self, t: ArrayLike) -> Array:
-        """Position at times `t` (any shape) since the start [rad]; at rest outside the move."""
+        """Compute the position at times `t` (any shape) since the start [rad]."""
         return self.motion(t)[0]

@@ -1,11 +1,11 @@
-"""The guarded workspace: where the arm may be, beyond what its joints' limits say.
+"""Guarded workspace: permitted joint ranges and forbidden boxes.
 
-A workspace belongs to the place where a robot stands, so it is a file of its own. It may narrow
+A workspace belongs to a robot's place of installation, so it is a file of its own. It may narrow
 joint ranges, and it lists boxes that no link may enter: table, fence, controller cabinet, operator.
 A plan made with a workspace carries it, so that it is checked again wherever the plan is used.
 
-The boxes stand in the robot's base frame, in which the robot file gives gravity; their edges are
-parallel to its axes. A turned obstacle takes several boxes.
+Boxes are in the robot's base frame, in which the robot file gives gravity, with edges parallel to
+its axes. A rotated obstacle takes several boxes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Box(FileModel):
-    """A box that no link may enter, from corner `low` to corner `high` [m].
+    """Box closed to the links, from corner `low` to corner `high` [m].
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Box(FileModel):
     ignore_links: tuple[Annotated[int, Field(ge=1)], ...] = ()
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_order(self) -> Self:
         for axis, low, high in zip("xyz", self.low, self.high, strict=True):
             if not low < high:
                 raise ValueError(f"low {axis} = {low:g} m must be below high {axis} = {high:g} m")
@@ -46,7 +46,7 @@ class Box(FileModel):
 
 
 class Workspace(FileModel):
-    """Joint ranges and forbidden boxes.
+    """Joint ranges and forbidden boxes at a robot's place of installation.
 
     Attributes
     ----------
@@ -62,9 +62,7 @@ class Workspace(FileModel):
 
     @field_validator("ranges")
     @classmethod
-    def _ranges_ordered(
-        cls, value: dict[int, tuple[float, float]]
-    ) -> dict[int, tuple[float, float]]:
+    def _check_ranges(cls, value: dict[int, tuple[float, float]]) -> dict[int, tuple[float, float]]:
         for joint, (low, high) in value.items():
             if not low < high:
                 raise ValueError(f"joint {joint}: {low:g} must be below {high:g}; exchange them")
@@ -80,9 +78,9 @@ class Workspace(FileModel):
         return value
 
 
-def narrowed(robot: Robot, workspace: Workspace | None) -> Robot:
-    """Return `robot` with the workspace's joint ranges, for checks only: its digest differs."""
+def narrow_ranges(robot: Robot, workspace: Workspace | None) -> Robot:
+    """Return `robot` with the workspace's joint ranges, for checks only: the digest differs."""
     if workspace is None or not workspace.ranges:
         return robot
     ranges = workspace.ranges.items()
-    return robot.with_joints({k - 1: {"q_min": low, "q_max": high} for k, (low, high) in ranges})
+    return robot.replace_joints({k - 1: {"q_min": low, "q_max": high} for k, (low, high) in ranges})

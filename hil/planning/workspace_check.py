@@ -1,11 +1,11 @@
-"""Whether a workspace can be meant for a robot: its joints, its units, boxes against the reach.
+"""Validation of a workspace against a robot: joints, units, boxes within reach.
 
-A box in millimetres would lie far beyond the arm and guard nothing. No point of a link is farther
-from the base frame's origin than the lengths of the chain in between, so the arm itself bounds the
-numbers that a box can have: a coordinate beyond `FARTHEST` times that reach is refused as one in
-another unit, and so is a box smaller than a screw. What lies nearer, yet where no link comes, is
-accepted with a remark (`remarks`). A box that a link stands in wherever the joints are is refused
-with the remedy for that, rather than through every measurement of a plan.
+A box in millimetres would be far beyond the arm and guard nothing. No point of a link is farther
+from the base frame's origin than the lengths of the chain in between, so the arm bounds the
+plausible coordinates: one beyond `FARTHEST` times the reach is refused as a wrong unit, and so is a
+box smaller than a screw. A box nearer, yet beyond the reach of all links, is accepted with a remark
+(`remarks`). A box that contains a link at every configuration is refused with a specific remedy,
+instead of errors in every measurement of a plan.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from checked_files.yaml_file import parse_yaml, read_text, refuse
-from hil.model.capsules import capsules, reaches
+from hil.model.capsules import capsules, link_reaches
 from hil.planning.clearance import intrusions
 from hil.planning.workspace import Workspace
 
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from hil.planning.workspace import Box
 
 FARTHEST = 20.0
-"""Coordinates of a box may be this many times the reach of the arm."""
+"""Largest coordinate of a box, in multiples of the arm's reach."""
 SMALLEST = 1 / 500
-"""Longest edge of a box, as a share of the reach, below which nothing is guarded by it."""
+"""Smallest useful longest edge of a box, as share of the reach."""
 
 Place = tuple[str | int, ...]
 
@@ -41,7 +41,7 @@ def load_workspace(path: Path | str, robot: Robot) -> Workspace:
     Raises
     ------
     FileError
-        It is no workspace, or not one for this robot.
+        No workspace file, or one for another robot.
     """
     text = read_text(path)
     workspace = parse_yaml(text, Workspace, str(path))
@@ -56,7 +56,7 @@ def refuse_unfit(
     text: str | None = None,
     within: tuple[str, ...] = (),
 ) -> None:
-    """Refuse a workspace with joints, ranges or boxes that `robot` cannot have.
+    """Refuse a workspace with joints, ranges or boxes unsuitable for `robot`.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def refuse_unfit(
 
 
 def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
-    """Yield what makes a workspace unfit for `robot`: keys that lead to the value, and the reason.
+    """Yield key and reason of every value in the workspace unsuitable for `robot`.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
             yield from _range(joint, low, high, robot)
     sound = True
     for number, box in enumerate(workspace.boxes):
-        for place, reason in _of_box(box, robot):
+        for place, reason in _check_box(box, robot):
             sound = False
             yield ("boxes", number, *place), reason
     if sound and workspace.boxes:
@@ -97,10 +97,10 @@ def misfits(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
 
 
 def remarks(workspace: Workspace | None, robot: Robot) -> list[str]:
-    """Return a line for each box that no link can reach, so that it guards nothing."""
+    """Return a remark for every box beyond the reach of the links."""
     if workspace is None:
         return []
-    reach = reaches(robot)
+    reach = link_reaches(robot)
     lines = []
     for box in workspace.boxes:
         checked = [k for k in range(robot.n_joints) if k + 1 not in box.ignore_links]
@@ -132,11 +132,11 @@ def _range(joint: int, low: float, high: float, robot: Robot) -> Iterator[tuple[
     )
 
 
-def _of_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
-    """Refuse links that there are not, and coordinates that are in another unit than metres."""
+def _check_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
+    """Check a box for nonexistent links and for coordinates in another unit than metres."""
     if any(link > robot.n_joints for link in box.ignore_links):
         yield ("ignore_links",), f"{robot.name} has links 1 to {robot.n_joints}"
-    reach = float(reaches(robot).max())
+    reach = float(link_reaches(robot).max())
     far = FARTHEST * reach
     for key, corner in (("low", box.low), ("high", box.high)):
         worst = max(corner, key=abs)
@@ -156,8 +156,8 @@ def _of_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
 
 
 def _always_inside(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
-    """Refuse boxes in which one link stands at all configurations that are looked at."""
-    # 256, spread over the joint ranges, in which a link must stand clear of a box once
+    """Yield boxes with a link inside at every sampled configurations."""
+    # 256 configurations over the joint ranges; a link must be clear of a box in at least one
     spread = np.random.default_rng(0).uniform(size=(256, robot.n_joints))
     q = robot.q_min + spread * (robot.q_max - robot.q_min)
     inside = np.all(intrusions(robot, workspace, q) > 0.0, axis=0)

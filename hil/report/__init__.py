@@ -1,4 +1,4 @@
-"""A run's report: one HTML file with its tables and charts; and pages of other commands."""
+"""Report of a run: one HTML file with tables and charts; also pages of other commands."""
 
 from hil.callable_package import make_callable
 

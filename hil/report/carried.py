@@ -1,7 +1,7 @@
-"""What a page carries with it: recordings behind the points of plots, parameters as files.
+"""Data carried by a page: recordings behind the points of plots, parameters as files.
 
-Recordings are as on the page of `hil view`, with what the model predicts of them, thinned to what a
-screen shows. Base parameters are CSV for tables and JSON for programs.
+Recordings and predicted torques are as on the page of `hil view`, thinned to the resolution of a
+screen. Base parameters are CSV for tables and JSON for programs.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from hil.commands.torques import packed_recordings
 from hil.model.base_parameters import base_parameters
 from hil.show.section import data_uri
-from hil.view.along_motion import beside
+from hil.view.along_motion import join_predictions
 from hil.view.stretches import carriers
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> str:
-    """What a page's script reads (`hil.view.packed`), compressed; empty where there is nothing.
+    """Pack the data for a page's script (`hil.view.packed`), compressed; empty without data.
 
     Parameters
     ----------
@@ -42,10 +42,10 @@ def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> 
     shown = run.shown_torques if run.is_identified else None
     wanted |= set(played) if shown is own else set()
     pairs = (pair for pair in run.recordings if pair[0].id in wanted)
-    recordings = [*beside(pairs, found)]
+    recordings = [*join_predictions(pairs, found)]
     if shown is not None and shown is not own:  # behind the run's own, whose ids they may have
         others = (pair for pair in shown.recordings if pair[0].id in played)
-        recordings += beside(others, shown.stretches)
+        recordings += join_predictions(others, shown.stretches)
     titles = base_parameters(run.robot).titles if of else ()
     parameters = {
         name: {"title": title, "by": [[each, round(100 * share, 1)] for each, share in by]}
@@ -55,11 +55,11 @@ def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> 
 
 
 Downloads = tuple[tuple[str, str, str], ...]
-"""Name of each file, what it holds, and an address with its content."""
+"""File name, format and data address of downloads."""
 
 
 def downloads(model: Model) -> Downloads:
-    """Return the base parameters of a model as files."""
+    """Convert the base parameters of a model to files."""
     rows = _rows(model)
     name = f"{model.robot.name}-parameters"
     return (

@@ -1,4 +1,4 @@
-"""Charts of models and recordings as figures that a notebook shows: SVG, as in a report."""
+"""Charts of models and recordings as notebook figures: SVG, as in a report."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 SPEEDS = 200
-"""Speeds at which a law of friction is drawn."""
+"""Number of speeds at which a friction law is drawn."""
 MOST = 2000
-"""Samples of a recording that are drawn: as many as a screen has columns."""
+"""Maximum number of samples drawn, the columns of a screen."""
 
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """A chart; a notebook shows it, `savefig` writes it.
+    """Chart displayed by a notebook and saved by `savefig`.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class Figure:
 
     @property
     def svg(self) -> str:
-        """The picture."""
+        """Chart as SVG."""
         return file(self.chart).decode()
 
     def savefig(self, path: Path | str) -> Path:
@@ -77,7 +77,7 @@ def plot_torque(model: Model, run: Run | Path | str, measurement: str | None = N
     model : Model
     run : Run or path
     measurement : str, optional
-        Its id; by default the first that can be predicted.
+        Id of the measurement; by default the first predictable one.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def plot_torque(model: Model, run: Run | Path | str, measurement: str | None = N
 
 
 def plot_friction(model: Model) -> Figure:
-    """Draw the law of friction of each axis over its speed, with the interval of 95 %.
+    """Draw the friction law of every axis over speed, with the 95 % interval.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def plot_friction(model: Model) -> Figure:
 
 
 def plot_friction_over_time(model: Model) -> Figure:
-    """Draw the level of friction in each measurement of a campaign.
+    """Draw the friction level of every measurement in a campaign.
 
     Raises
     ------
@@ -143,7 +143,7 @@ def plot_friction_over_time(model: Model) -> Figure:
 
 
 def plot_parameters(model: Model) -> Figure:
-    """Draw the standard error of each base parameter as a share of its value.
+    """Draw the standard errors of base parameters relative to the values.
 
     Beyond 100 % not even the sign is known, as of parameters that are zero.
     """

@@ -1,9 +1,9 @@
-"""A run's report: one HTML file with everything in it, made from the recordings alone.
+"""Report of a run: one self-contained HTML file, computed from the recordings alone.
 
-It can be written again at any time, without hardware and without the network. What stands in it,
-and in which order, is the registry of `hil.report.sections`; the one that leads stands on the first
-screen, beside what the result is worth and a picture of the robot. Plots are part of the page as
-SVG, and behind their points are the recordings (`hil.report.carried`).
+It can be written again at any time, without hardware and without the network. The registry of
+`hil.report.sections` states content and order; the leading section is on the first screen, next to
+the judgement of the result and a picture of the robot. Plots are part of the page as SVG, and their
+points link to the recordings (`hil.report.carried`).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ TEMPLATES: tuple[Path, ...] = (Path(__file__).parent / "sections",)
 
 
 def report(run: Run | Path | str, figures: Path | None = None) -> Path:
-    """Write the report of a run into its folder, as `hil identify` identifies it.
+    """Write the report of a run into the run's folder, identified as by `hil identify`.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     Returns
     -------
     Path
-        Of the report.
+        Path of the report.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def _values(whole: ReportedRun, sections: Sequence[Section]) -> dict[str, object
 
 
 def _top(run: ReportedRun) -> dict[str, object]:
-    """What a report is about, what it is worth where it was identified, and its facts by name."""
+    """Return title, judgement and facts of a report."""
     source, journal = run.source, run.source.journal
     last = journal.sessions[-1] if journal.sessions else None
     began, bus = (when(last.started), last.bus) if last else ("unknown", "unknown")
@@ -117,7 +117,7 @@ def _top(run: ReportedRun) -> dict[str, object]:
 
 
 def _text(templates: Environment, section: Section) -> str:
-    """Text of a section."""
+    """Render a section."""
     plots = {plot.name: plot for plot in section.plots}
     return templates.get_template(section.template).render(plots=plots, **section.values)
 
@@ -130,7 +130,7 @@ def _write_figures(folder: Path, plots: Iterable[Plot]) -> None:
 
 
 def counts(campaign: Sequence[Measured]) -> str:
-    """State how many measurements there are of each kind."""
+    """Format the number of measurements by kind."""
     kinds: list[str] = [measured.measurement.kind for measured in campaign]
     each = (f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
     return f"{len(kinds)} ({', '.join(each)})"

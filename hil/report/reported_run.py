@@ -1,4 +1,4 @@
-"""What a report is about: a run, read once, its friction, and what `hil identify` finds in it."""
+"""Subject of a report: a run with friction and identification results, computed on demand."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hil.errors import FileError, HilError, Mismatch
 from hil.estimation.identify import JOINT, METHODS, default_method
-from hil.planning.measurement import Friction, recorded_as
+from hil.planning.measurement import Friction, select_kind
 from hil.results.findings import found_in
 from hil.results.model import Model
 from hil.results.model_file import NAME, read_model_file
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class ShownTorques(NamedTuple):
-    """Torques that are drawn.
+    """Torques to draw.
 
     Attributes
     ----------
@@ -41,7 +41,7 @@ class ShownTorques(NamedTuple):
     recordings : tuple
         Motions and recordings.
     words : str
-        Whether the model was made from them, a sentence.
+        Sentence on the recordings' relation to the model.
     """
 
     stretches: dict[tuple[str, int], PredictedTorque]
@@ -50,9 +50,9 @@ class ShownTorques(NamedTuple):
 
 
 class ReportedRun:
-    """A run, whatever it measures; its recordings are read, and it is identified, where asked for.
+    """Run of any content; recordings are read, and the identification is computed, on demand.
 
-    What is not kept of the run is identified as `hil identify` does, and kept; a run about friction
+    Results missing in the run are identified as by `hil identify`, and kept; a run about friction
     alone is not identified.
 
     Attributes
@@ -72,47 +72,47 @@ class ReportedRun:
 
     @property
     def robot(self) -> Robot:
-        """The robot as its file states it."""
+        """Robot of the robot file."""
         return self.source.robot
 
     @property
     def is_identified(self) -> bool:
-        """Whether there is more in it than friction."""
+        """True if the run contains more than friction measurements."""
         return not _friction_alone(self.source)
 
     @cached_property
     def campaign(self) -> tuple[Measured, ...]:
-        """All that was recorded, in the plan's order."""
+        """Recordings in the plan's order."""
         return tuple(self.source)
 
     @cached_property
     def recordings(self) -> Recordings:
-        """The same on one time line."""
+        """Motions and recordings on a common time line."""
         return tuple(recorded(self.campaign))
 
     @cached_property
     def friction(self) -> FrictionResult | None:
-        """Where friction was measured."""
+        """Result of the friction measurements, None without any."""
         return friction_of_run(self.source, self.recordings)
 
     @cached_property
     def found(self) -> Findings:
-        """What `hil identify` finds, by the method of its model."""
+        """Results of `hil identify`, by the method of the kept model."""
         return found_in(self.source, *_method(self.source), self.campaign)
 
     @property
     def estimate(self) -> Estimate:
-        """What the report is about."""
+        """Estimate shown in the report."""
         return self.found.estimate
 
     @property
     def model(self) -> Model:
-        """Of that estimate."""
+        """Model of the estimate."""
         return self.found.model
 
     @cached_property
     def kept_model(self) -> Model | None:
-        """The model in the run's folder; None where it is not the one that the report is about."""
+        """Model in the run's folder, None if different from the report's model."""
         with suppress(HilError):
             kept = Model.load(self.source.path / NAME)
             if not same_parameters(kept.values.tolist(), self.model.values):
@@ -127,7 +127,7 @@ class ReportedRun:
 
     @cached_property
     def shown_torques(self) -> ShownTorques:
-        """Torques of the run that the model was validated on last; its own without one."""
+        """Torques of the run used for the last validation, or the run's own torques."""
         for each in reversed(self.kept_model.validations if self.kept_model else ()):
             with suppress(HilError):
                 other = tuple(recorded(Run.open(self.source.path / each.run)))
@@ -136,14 +136,14 @@ class ReportedRun:
         return self.own_torques
 
     def local_values(self, kind: str) -> list[LocalValue]:
-        """Measurements of one kind by themselves, in the order of the plan."""
+        """Return the local values of a kind of measurement, in the order of the plan."""
         return [value for value in self.estimate.local if value.kind == kind]
 
 
 def _method(run: Run) -> tuple[str, tuple[Run, ...]]:
-    """Method of the model that `hil identify` wrote, and runs of other kinds that it was of, too.
+    """Return the method of the kept model, and jointly identified runs.
 
-    Without a model it is the method for what was recorded.
+    Without a model, the method follows from the recordings.
     """
     method, together = default_method(run.motions)[0], tuple[str, ...]()
     with suppress(FileError):
@@ -154,23 +154,23 @@ def _method(run: Run) -> tuple[str, tuple[Run, ...]]:
 
 
 def _friction_alone(run: Run) -> bool:
-    """Whether a run measures nothing but friction."""
+    """Return True if a run contains only friction measurements."""
     return all(isinstance(each, Friction) for each in run.plan.measurements)
 
 
 def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
-    """Evaluate the friction of a run as `hil friction` did it last; None where there is none.
+    """Evaluate the friction of a run with the settings of the last `hil friction`, None if absent.
 
-    The model of gravity, if it is still there, and the bound of asymmetry are the same.
+    The settings are the model of gravity, if it still exists, and the bound of asymmetry.
 
     Raises
     ------
     NotEnoughData
         No recordings of friction in a run about friction alone.
     """
-    if not recorded_as(Friction, recordings) and not _friction_alone(run):
+    if not select_kind(Friction, recordings) and not _friction_alone(run):
         return None
-    # of runs that measure friction: other reports need none of this
+    # imported only for runs with friction measurements
     from hil.commands.friction import fit_friction, load_friction  # noqa: PLC0415
     from hil.estimation.friction.symmetry import BOUND  # noqa: PLC0415
 

@@ -27,7 +27,7 @@ from hil.least_squares.regression import ByName
 from hil.model.base_parameters import base_parameters
 from hil.model.load import FIRST_MOMENTS, load_columns
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.planning.design.candidates import weighed
+from hil.planning.design.candidates import weigh
 from hil.planning.design.load import WithoutLoad
 from hil.planning.measurement import shows_element
 from hil.results.findings import found_in
@@ -104,7 +104,7 @@ class BareRun:
             noise, information, _ = noise_levels(
                 robot, [(m, s) for m, s in prepared if shows_element(m)]
             )
-        weight = weighed(information.matrix, information.scatter)
+        weight = weigh(information.matrix, information.scatter)
         return WithoutLoad(robot, run.planned, found.p, self._friction(), noise, weight)
 
     def _friction(self, unknown_share: float = 0.1) -> Array:
@@ -327,7 +327,7 @@ def _beside_axis(
     newly = [k for k in FIRST_MOMENTS if LINK_PARAMETERS[k] in found.unseen]
     if not newly or runs.unknown:
         return fit, found
-    wider = runs.robot.with_whole_links([runs.robot.n_joints - 1])
+    wider = runs.robot.free_links([runs.robot.n_joints - 1])
     fit_wider = runs.fit(wider)
     beside = fit_wider()
     error = np.sqrt(np.diag(beside.covariance))[newly]

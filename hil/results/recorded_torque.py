@@ -19,7 +19,7 @@ from hil.estimation.free_motion.motion import Processing, filtered_motion
 from hil.estimation.nuisances import STEP
 from hil.estimation.signals import signals
 from hil.friction.law import friction_torque, friction_variance, law_columns
-from hil.least_squares.solving import orthonormal, projected_out
+from hil.least_squares.solving import orthonormal, project_out
 from hil.least_squares.uncertainty import TWICE
 from hil.least_squares.window import APART
 from hil.model.dynamics import gravity_torque, inverse_dynamics, regressor
@@ -289,7 +289,7 @@ def _information(model: Model, motion: Along, axes: Sequence[int], A: Array) -> 
     for axis in axes:
         v = qd[:, axis]
         friction, _ = orthonormal(np.column_stack([np.ones(len(v)), np.sign(v), v]))
-        left = projected_out(friction, A[:, axis]) / noise[axis]
+        left = project_out(friction, A[:, axis]) / noise[axis]
         found[axis] = apart * left.T @ left
     return found
 

@@ -1,4 +1,4 @@
-"""Data as text that HTML may hold."""
+"""Compression of data for HTML."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import gzip
 import json
 
 
-def deflated(data: object) -> str:
-    """Return JSON of `data`, compressed, as text that HTML may hold."""
+def deflate(data: object) -> str:
+    """Return compressed JSON of `data`, as text safe in HTML."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return base64.b64encode(gzip.compress(text.encode(), compresslevel=6, mtime=0)).decode()

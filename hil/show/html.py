@@ -1,4 +1,4 @@
-"""Tables on a page, drawn by one Jinja template; and how names of parameters are typeset there."""
+"""HTML of tables, from a Jinja template, and typesetting of parameter names."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 
 def environment(*folders: Path) -> Environment:
-    """Templates of all pages and of `folders`; ``table``, ``symbols`` and ``when`` typeset."""
+    """Create the template environment of pages; filters ``table``, ``symbols``, ``when``."""
     made = Environment(
         loader=FileSystemLoader((TEMPLATES, *folders)), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
@@ -37,7 +37,7 @@ def environment(*folders: Path) -> Environment:
 
 
 def html(table: Table) -> Markup:
-    """Return a table as HTML, with its notes below."""
+    """Render a table as HTML, with notes below."""
     return Markup(_template().render(content=table))  # noqa: S704 - the template has escaped it
 
 

@@ -1,7 +1,7 @@
-"""What a command found: one value, which terminal, page, notebook and JSON show alike.
+"""Result of a command, displayed by terminal, page, notebook and JSON alike.
 
-A command computes an `Outcome`; who shows it knows nothing of what it is about. Plots, and the
-recordings that a page plays, are made when a page asks for them.
+A command computes an `Outcome`; the display is independent of the subject. Plots, and the
+recordings that a page plays, are made on demand.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     from hil.show.table import Table
 
 STYLE = "<style>.wide th, .wide td { text-align: left } .wide .number { text-align: right }</style>"
-"""Of a notebook, which aligns all cells to the right by itself."""
+"""Style for notebooks, which would align all cells to the right."""
 
 
 class Verdict(NamedTuple):
-    """A sentence about a result.
+    """Sentence about a result.
 
     Attributes
     ----------
     kind : {"good", "doubtful", "failed"}
         Colour of the sentence.
     word : str
-        What stands out on a page: the kind itself, or a word of the command.
+        Highlighted word on a page: the kind itself, or a word of the command.
     text : str
     """
 
@@ -49,7 +49,7 @@ class Verdict(NamedTuple):
 
 
 class Played(NamedTuple):
-    """Torques of recordings as plots, and the recordings, which a page plays.
+    """Torque plots of recordings, with the recordings for playback.
 
     Attributes
     ----------
@@ -66,29 +66,29 @@ class Played(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What a command found; ``print`` it, or let a notebook show it.
+    """Result of a command, for ``print`` and notebooks.
 
     Attributes
     ----------
     tables : tuple of Table
-        Those without rows are not shown.
+        Tables; those without rows are hidden.
     remarks : tuple of str
-        What restricts the tables.
+        Restrictions of the tables.
     sentences : tuple of str
-        What no table says.
+        Further sentences.
     verdicts : tuple of Verdict
-        What the result is worth, the worst first; notes behind.
+        Verdicts on the result, the worst first; notes last.
     plots : tuple of Plot
     title : str
-        Of the page: the robot, and what it is about.
+        Title of the page: robot and subject.
     facts : mapping of str to str
-        What the page states at its top, by name.
+        Facts at the top of the page, by name.
     note : str
-        At the foot of the page.
+        Note at the foot of the page.
     simulated : bool
-        Whether any of it was measured on the virtual plant.
+        True if any data comes from the virtual plant.
     played : callable
-        Returns what the page plays.
+        Function returning the recordings to play.
     """
 
     tables: tuple[Table, ...] = ()
@@ -103,7 +103,7 @@ class Outcome:
     played: Callable[[], Played] = Played
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """What rich prints."""
+        """Yield the parts for rich."""
         del console
         for table in self.tables:
             if table.parts:

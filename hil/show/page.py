@@ -1,4 +1,4 @@
-"""Pages: one HTML file each with everything in it, which needs neither server nor network."""
+"""Self-contained HTML pages, without server and network."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import now, versions
-from hil.show.deflated import deflated
+from hil.show.deflated import deflate
 from hil.show.html import TEMPLATES, environment
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def write_outcome(path: Path, found: Outcome) -> Path:
-    """Write the page of what a command found, whole or not at all, and return its path.
+    """Write the page of a result atomically, and return the path.
 
     Raises
     ------
@@ -36,18 +36,18 @@ def write_outcome(path: Path, found: Outcome) -> Path:
 
 
 def write_html(path: Path, template: str, player: str = "", **values: object) -> None:
-    """Write a page, whole or not at all, with when and by which version it is written.
+    """Write a page atomically, with time and version.
 
     Parameters
     ----------
     player : str
         Script that plays the recordings; empty where the page carries none.
     **values : object
-        What else the template shows.
+        Further values for the template.
     """
     own = (TEMPLATES / "report.js").read_text(encoding="utf-8")
     about = {
-        "bundle": deflated(player),
+        "bundle": deflate(player),
         "written": now(),
         "version": versions()["canopen-robot-identification"],
         "script": Markup(own),  # noqa: S704 - our own
@@ -58,5 +58,5 @@ def write_html(path: Path, template: str, player: str = "", **values: object) ->
 
 
 def _hash(script: str) -> str:
-    """Source of a script by its content, as a policy names it."""
+    """Return the hash of a script for a content security policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'"

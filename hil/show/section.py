@@ -1,4 +1,4 @@
-"""What a report is made of: sections, each with its text, tables and plots."""
+"""Sections of a report: text, tables and plots."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """A plot, which is drawn when it is wanted.
+    """Plot, drawn on demand.
 
     Attributes
     ----------
     name : str
-        Of its file; unique within a report.
+        Name of the plot's file; unique within a report.
     draw : callable
         Returns the chart.
     alternative : str
-        What it shows, for those who do not see it.
+        Alternative text for readers who cannot see the plot.
     caption : str
     """
 
@@ -41,12 +41,12 @@ class Plot:
 
     @cached_property
     def chart(self) -> Chart:
-        """As it was made."""
+        """Chart, drawn once."""
         return self.draw()
 
     @property
     def panels(self) -> list[tuple[float, Markup]]:
-        """Width that each panel is drawn for, and its picture."""
+        """Width and picture of the panels."""
         return [
             (panel.width, picture)
             for panel, picture in zip(self.chart.panels, svg.panels(self.chart), strict=True)
@@ -54,23 +54,23 @@ class Plot:
 
     @property
     def legend(self) -> list[tuple[Markup, str]]:
-        """What explains its marks."""
+        """Legend symbols with labels."""
         return svg.legend(self.chart)
 
     @property
     def file(self) -> bytes:
-        """As an SVG file."""
+        """SVG file of the plot."""
         return file(self.chart)
 
 
 def data_uri(content: bytes, kind: str) -> str:
-    """Return an address that holds the content of a file itself."""
+    """Return a data URI with the content of a file."""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Section:
-    """A section of a report.
+    """Section of a report.
 
     Attributes
     ----------
@@ -78,10 +78,10 @@ class Section:
     template : str
         File of `hil/report/sections` with its text; its plots are there as ``plots``, by name.
     values : mapping
-        What else the template shows.
+        Further values for the template.
     plots : tuple of Plot
     leads : bool
-        Whether it stands at the top of the page, where one looks first, and needs no heading.
+        True for the section at the top of the page, without heading.
     """
 
     heading: str
@@ -92,5 +92,5 @@ class Section:
 
     @property
     def anchor(self) -> str:
-        """Name under which the contents link to it."""
+        """Anchor for links from the contents."""
         return re.sub(r"[^a-z0-9]+", "-", self.heading.lower()).strip("-")

@@ -1,4 +1,4 @@
-"""A table of plain strings, which says nothing of how it is drawn but what its columns hold."""
+"""Tables of plain strings, independent of the display."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ Row = tuple[str, ...]
 
 
 class Marked(str):
-    """The text of a cell that stands out."""
+    """Text of a highlighted cell."""
 
     __slots__ = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """What stands in one column.
+    """Column of a table.
 
     Attributes
     ----------
@@ -27,9 +27,9 @@ class Column:
     align : {"left", "right"}
         Figures stand to the right.
     folds : bool
-        Whether cells may take several lines.
+        True if cells may take several lines.
     symbols : bool
-        Whether cells are names and expressions of parameters, such as ``l1^2 Izz2``.
+        True if cells are names and expressions of parameters, such as ``l1^2 Izz2``.
     """
 
     head: str
@@ -40,7 +40,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Rows that belong together, under a name or none."""
+    """Group of rows, with optional name."""
 
     rows: tuple[Row, ...]
     name: str = ""
@@ -48,7 +48,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """One table; it is false where it has no rows.
+    """Table; false without rows.
 
     Attributes
     ----------
@@ -58,9 +58,9 @@ class Table:
         The first names the rows.
     parts : tuple of Part
     explanation : str
-        What the columns mean, in sentences, where there is room for them: on a page.
+        Meaning of the columns, in sentences, shown on pages.
     notes : tuple of str
-        What restricts the figures, a line each.
+        Restrictions of the figures, a line each.
 
     Raises
     ------
@@ -84,12 +84,12 @@ class Table:
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """Those of all parts."""
+        """Rows of the parts."""
         return tuple(row for part in self.parts for row in part.rows)
 
 
 def figures(*heads: str) -> tuple[Column, ...]:
-    """Columns of figures."""
+    """Create columns of figures."""
     return tuple(Column(head, "right") for head in heads)
 
 
@@ -100,7 +100,7 @@ def table(
     explanation: str = "",
     notes: tuple[str, ...] = (),
 ) -> Table:
-    """Make a table of rows, or of parts; a text heads plain cells."""
+    """Create a table from rows or parts; a plain heading makes a text column."""
     made = tuple(Column(each) if isinstance(each, str) else each for each in columns)
     given = tuple(rows)
     parts = tuple(each for each in given if isinstance(each, Part))

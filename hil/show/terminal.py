@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
 
 BETWEEN = 3
-"""Characters between two columns."""
+"""Characters between columns."""
 
 
 class DrawnTable(RichTable):
-    """What rich prints of a table, which it knows."""
+    """Rich table with the source table."""
 
     source: Table
 
 
 def rich_table(table: Table, width: int) -> DrawnTable:
-    """Return what rich prints of a table; names of parts stand in the first column that folds.
+    """Create the rich table; names of parts are in the first folding column.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def rich_table(table: Table, width: int) -> DrawnTable:
         Characters that there is room for; where they are few, heads take several lines.
     """
     title = Text(table.title, style="table.title") if table.title else None
-    # figures are never to be cropped: where no column folds by itself, the first one does
+    # figures must never be cropped: without a folding column, fold the first one
     folding = [column.folds for column in table.columns]
     folding[:1] = [folding[0] or not any(folding)]
     narrow = sum(_widths(table, folding, broken=False)) > width
@@ -44,7 +44,7 @@ def rich_table(table: Table, width: int) -> DrawnTable:
     made = DrawnTable(title=title, box=box.SIMPLE_HEAD, pad_edge=False, collapse_padding=narrow)
     made.source = table
     for column, folds, least in zip(table.columns, folding, widths, strict=True):
-        head = Text(_broken(column.head) if narrow else column.head)
+        head = Text(_break_heading(column.head) if narrow else column.head)
         made.add_column(
             head,
             justify=column.align,
@@ -62,10 +62,10 @@ def rich_table(table: Table, width: int) -> DrawnTable:
 
 
 def show(table: Table, console: Console) -> None:
-    """Print a table, if it has rows, with its notes below."""
+    """Print a table with rows, and notes below."""
     if table:
         made = rich_table(table, console.width)
-        # what has no room even so goes on in the terminal's next line, and nothing is lost
+        # a table too wide for the terminal wraps instead of being cropped
         needed = console.measure(made, options=console.options.update(max_width=10_000)).minimum
         made.width = needed if needed > console.width else None
         console.print(made, highlight=False, crop=False)
@@ -74,29 +74,29 @@ def show(table: Table, console: Console) -> None:
 
 
 def show_sentence(text: str, console: Console) -> None:
-    """Print a line beside a table; none if it is empty."""
+    """Print a line next to a table; nothing if empty."""
     if text:
         console.print(Text(text), highlight=False, soft_wrap=True)
 
 
 def show_remark(text: str, console: Console) -> None:
-    """Print a line that restricts what stands above."""
+    """Print a remark about the result above."""
     console.print(Text(text, style="yellow"), highlight=False, soft_wrap=True)
 
 
 def _widths(table: Table, folding: list[bool], broken: bool, least: int = 12) -> list[int]:
-    """Characters that each column needs, with what is between columns; what folds needs `least`."""
+    """Compute column widths in characters, spacing included; folding columns need `least`."""
     found = []
     for k, (column, folds) in enumerate(zip(table.columns, folding, strict=True)):
-        head = _broken(column.head) if broken else column.head
+        head = _break_heading(column.head) if broken else column.head
         cells = [*head.split("\n"), *(row[k] for row in table.rows)]
         longest = max(map(cell_len, cells))
         found.append(BETWEEN + (min(longest, least) if folds else longest))
     return found
 
 
-def _broken(head: str) -> str:
-    """Words of a head below each other, its unit in one line."""
+def _break_heading(head: str) -> str:
+    """Break the words of a heading into lines, with the unit on a line."""
     name, comma, unit = head.rpartition(", ")
     return f"{name.replace(' ', chr(10))},\n{unit}" if comma else head.replace(" ", "\n")
 

@@ -14,7 +14,7 @@ from checked_files.yaml_file import FileError, line_of
 from drivers.opening import open_drive_bus
 from hil.measuring.campaign import run_campaign
 from hil.planning.dry_run import dry_run as checked
-from hil.planning.plan import repeated
+from hil.planning.plan import repeat_measurements
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import locked
 from hil.runs.journal import BusName
@@ -181,7 +181,9 @@ def measure(
     own, text = checked_drives(the_plan, the_robot, drives, named)
     channel = channel or the_robot.name
     with keeper_of_run(output, interface, channel) as keeper:
-        folder = prepared_folder(output, repeated(the_plan, 1), the_robot, text, resume=resume)[0]
+        folder = prepared_folder(
+            output, repeat_measurements(the_plan, 1), the_robot, text, resume=resume
+        )[0]
         if folder.missing:
             with locked(folder.path):
                 bus = open_drive_bus(own, interface, channel, options, keeper=keeper)

@@ -273,7 +273,7 @@ def _trajectory(
 ) -> Designed:
     """Design a periodic trajectory within the limits, repeated as time permits."""
     from hil.planning.design import trajectories
-    from hil.planning.plan import as_plan
+    from hil.planning.plan import make_plan
     from hil.tasks.robot_drives import following_of, known_drives
 
     robot = _required(robot)
@@ -285,7 +285,7 @@ def _trajectory(
         robot, period, cycles, criterion, seed,
         harmonics=harmonics, speed=following.speed if following else None,
     )  # fmt: skip
-    plan = as_plan(robot, (found,), warm_up)
+    plan = make_plan(robot, (found,), warm_up)
     condition = trajectories.condition(robot, found)
     return Designed(
         plan, robot, (f"{cycles} periods of {period:g} s, condition number {condition:.3g}",)
@@ -301,7 +301,7 @@ def _load(
     refine: Sequence[Path] = (),
 ) -> Designed:
     """Design slow strokes for a load, after a run without load; with `refine` faster ones."""
-    from hil.planning.design.load import REACH, fast_plan, holds, slow_plan
+    from hil.planning.design.load import REACH, fast_plan, load_capacity, slow_plan
     from hil.results.load import BareRun, estimate_load
     from hil.runs.run import Run
 
@@ -322,7 +322,7 @@ def _load(
     now("choosing slow measurements")
     plan = slow_plan(known, minutes, at_most, pose)
     held = (
-        f"all axes hold up to {holds(known, plan):.3g} kg in these poses, its centre up to"
+        f"all axes hold up to {load_capacity(known, plan):.3g} kg in these poses, its centre up to"
         f" {REACH:g} m from the last frame"
     )
     return Designed(plan, model.robot, (held,))

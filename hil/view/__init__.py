@@ -1,4 +1,4 @@
-"""A page that plays a plan, a run or a robot in three dimensions: data here, its scripts in `web/`.
+"""Page of a plan, a run or a robot in three dimensions: data here, scripts in `web/`.
 
-`hil.view.scene` is what is packed into a page, `hil.view.page` writes it.
+`hil.view.scene` prepares the data, `hil.view.page` writes the page.
 """

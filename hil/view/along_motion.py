@@ -1,11 +1,11 @@
-"""A motion in time: what a run has measured, torques by a model, links nearest to boxes.
+"""Motion over time: recordings, predicted torques, distances from boxes.
 
 The clock of the page is not that of the run: pauses, repetitions and time between sessions are left
-out, and the ways between recordings, of which nothing is recorded, take as long as the dry run
-reckons and are drawn straight.
+out, and the unrecorded travels between recordings last as long as in the dry run and are drawn
+straight.
 
-Distances are by what the safety check computes with. The check bounds them between the instants too
-(`hil.planning.clearance`); here they are those of the capsules at the instants themselves.
+Distances use the capsules of the safety check. The check also bounds distances between the instants
+(`hil.planning.clearance`); here they hold at the instants themselves.
 """
 
 from __future__ import annotations
@@ -23,7 +23,14 @@ from hil.planning.clearance import intrusions
 from hil.planning.free_motion import FreeMotion
 from hil.planning.timetable import SETTLING, travel_time
 from hil.runs.set_points import set_points
-from hil.view.packed import INSTANT, Segment, Track, all_simplified, described, with_holes
+from hil.view.packed import (
+    INSTANT,
+    Segment,
+    Track,
+    describe_motion,
+    simplify_columns,
+    simplify_with_gaps,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -40,7 +47,7 @@ if TYPE_CHECKING:
 
 
 class Predicted(NamedTuple):
-    """Torque of each joint, what it consists of, and half-widths of its intervals of 95 %."""
+    """Predicted joint torques, description, and half-widths of 95 % intervals."""
 
     tracks: tuple[Track, ...]
     words: str
@@ -48,7 +55,7 @@ class Predicted(NamedTuple):
 
 
 class MeasuredTracks(NamedTuple):
-    """Recordings in time: tracks of each joint."""
+    """Tracks of recordings, by joint."""
 
     segments: tuple[Segment, ...]
     position: tuple[Track, ...]
@@ -59,18 +66,18 @@ class MeasuredTracks(NamedTuple):
 
 
 class Shown(NamedTuple):
-    """A recording that is shown, and what a model predicts of it, by axis from 0."""
+    """Displayed recording with predicted torques by axis from 0."""
 
     motion: RecordedMotion
     recording: Recording
     predicted: Mapping[int, PredictedTorque]
 
 
-def beside(
+def join_predictions(
     recorded: Iterable[tuple[RecordedMotion, Recording]],
     found: Mapping[tuple[str, int], PredictedTorque],
 ) -> Iterator[Shown]:
-    """Put what a model predicts of recordings beside them."""
+    """Combine recordings with predicted torques."""
     of: defaultdict[str, dict[int, PredictedTorque]] = defaultdict(dict)
     for (name, axis), each in found.items():
         of[name][axis] = each
@@ -78,8 +85,8 @@ def beside(
         yield Shown(motion, recording, of[motion.id])
 
 
-def measured(robot: Robot, shown: Sequence[Shown], most: int) -> MeasuredTracks:
-    """Lay recordings behind each other, with about `most` instants in all."""
+def concatenate_recordings(robot: Robot, shown: Sequence[Shown], most: int) -> MeasuredTracks:
+    """Concatenate recordings, with about `most` instants in total."""
     segments: list[Segment] = []
     pieces: list[tuple[Array, ...]] = []
     samples = sum(each.recording.n_samples for each in shown)
@@ -91,19 +98,19 @@ def measured(robot: Robot, shown: Sequence[Shown], most: int) -> MeasuredTracks:
             segments.append(Segment("travel", f"travel to {motion.id}, not recorded", begin, end))
             begin = end
         pieces.append(_piece(each, begin, every))
-        words, end = described(motion), float(pieces[-1][0][-1])
+        words, end = describe_motion(motion), float(pieces[-1][0][-1])
         axes = motion.read or motion.moved
         segments.append(Segment(motion.kind, words, begin, end, axes, recorded=True, id=motion.id))
     time, q, qd, tau, planned, torque, half = map(np.concatenate, zip(*pieces, strict=True))
     angle = 2e-5  # by which a drawn position may be off [rad or m]
     known = bool(np.isfinite(planned).all())
-    holed = partial(all_simplified, time, by=with_holes)
+    holed = partial(simplify_columns, time, by=simplify_with_gaps)
     return MeasuredTracks(
         tuple(segments),
-        all_simplified(time, q, angle),
-        all_simplified(time, qd),
-        all_simplified(time, tau),
-        all_simplified(time, planned, angle) if known else None,
+        simplify_columns(time, q, angle),
+        simplify_columns(time, qd),
+        simplify_columns(time, tau),
+        simplify_columns(time, planned, angle) if known else None,
         Predicted(holed(torque), _words(shown), holed(half)) if np.isfinite(torque).any() else None,
     )
 
@@ -120,7 +127,7 @@ def _words(shown: Sequence[Shown]) -> str:
 
 
 def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
-    """Duration of the way from `place` to where a motion begins [s]; 1 s where it is not known."""
+    """Compute the travel time from `place` to the start of a motion [s]; 1 s if unknown."""
     if isinstance(motion, FreeMotion):
         return 1.0
     start = np.where(np.isfinite(place), place, motion.start).tolist()
@@ -128,7 +135,7 @@ def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
 
 
 def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
-    """Samples of one recording, thinned: time on the page's clock, arrays (n, n_joints).
+    """Return the thinned samples of a recording: time on the page's clock, arrays (n, n_joints).
 
     Positions, velocities, torques, set-points, predicted torques and half-widths of their
     intervals, NaN where nothing was planned or is predicted.
@@ -139,18 +146,18 @@ def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
     planned = np.full_like(recording.q, np.nan) if planned is None else planned
     velocity, torque = _velocity(recording, time)[kept], _means(recording.tau, every)
     time = time[kept]
-    beside, half = np.full_like(torque, np.nan), np.full_like(torque, np.nan)
+    join_predictions, half = np.full_like(torque, np.nan), np.full_like(torque, np.nan)
     for axis, each in predicted.items():
-        low_passed, beside[:, axis], half[:, axis] = (
+        low_passed, join_predictions[:, axis], half[:, axis] = (
             np.interp(time, each.time, values, np.nan, np.nan)
             for values in (each.measured, each.predicted, each.half)
         )
         torque[:, axis] = np.where(np.isfinite(low_passed), low_passed, torque[:, axis])
-    return begin + time, recording.q[kept], velocity, torque, planned[kept], beside, half
+    return begin + time, recording.q[kept], velocity, torque, planned[kept], join_predictions, half
 
 
 def _velocity(recording: Recording, time: Array) -> Array:
-    """As it was recorded, or from positions over some samples on either side."""
+    """Return the recorded velocity, or a central difference of positions over some samples."""
     if recording.qd is not None:
         return recording.qd
     n = len(time)
@@ -163,7 +170,7 @@ def _velocity(recording: Recording, time: Array) -> Array:
 
 
 def _means(values: Array, every: int) -> Array:
-    """Means of `every` successive rows; what is missing is left out."""
+    """Compute means of `every` successive rows, ignoring missing values."""
     there = np.isfinite(values)
     starts = np.arange(0, len(values), every)
     sums = np.add.reduceat(np.where(there, values, 0.0), starts)
@@ -183,19 +190,19 @@ def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Pre
             torque = [model.drive_torque(q[p], qd[p], qdd[p]) for p in parts]
     of = "" if len(lack) == n else f" of axis {', '.join(map(str, lack))}"
     words = f"predicted, without friction{of}" if lack else "predicted"
-    return Predicted(all_simplified(time, np.concatenate(torque)), words)
+    return Predicted(simplify_columns(time, np.concatenate(torque)), words)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Distances:
-    """The least distance of any capsule to any box.
+    """Smallest distance between capsules and boxes.
 
     Attributes
     ----------
     track : Track
         [m]; negative by how far a capsule reaches into a box.
     link, box : array (n,)
-        Between which it is, from 0.
+        Nearest link and box, from 0.
     """
 
     track: Track
@@ -203,18 +210,18 @@ class Distances:
     box: NDArray[np.intp]
 
     def data(self) -> dict[str, object]:
-        """As a page has it, to a tenth of a millimetre."""
+        """Convert to the page's data, rounded to a tenth of a millimetre."""
         numbers = {"link": self.link.tolist(), "box": self.box.tolist()}
         return self.track.data(1e-4) | numbers
 
     @property
     def least(self) -> int:
-        """Number of the instant at which the distance is smallest."""
+        """Index of the instant of smallest distance."""
         return int(self.track.value.argmin())
 
 
 def distances(robot: Robot, workspace: Workspace | None, time: Array, q: Array) -> Distances | None:
-    """Find the distances at configurations q (n, n_joints); None where there is nothing to be near.
+    """Compute distances at configurations q (n, n_joints); None without boxes or checked links.
 
     Parameters
     ----------
@@ -232,7 +239,7 @@ def distances(robot: Robot, workspace: Workspace | None, time: Array, q: Array) 
 
 
 def smallest(found: Distances, workspace: Workspace) -> str:
-    """Return the smallest distance in words: between what, and when."""
+    """Describe the smallest distance: link, box and time."""
     at, depth = found.least, found.track.value[found.least]
     name = workspace.boxes[int(found.box[at])].name
     where = f"link {found.link[at] + 1}, {round(found.track.time[at] / INSTANT) * INSTANT:.1f} s"
@@ -242,12 +249,12 @@ def smallest(found: Distances, workspace: Workspace) -> str:
 
 
 def _nearest(robot: Robot, workspace: Workspace, q: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Least distance at each configuration, and the number of its link and box."""
+    """Compute the smallest distance per configuration, and the number of link and box."""
     free = workspace.margin - intrusions(robot, workspace, q).reshape(len(q), -1)
     nearest = free.argmin(axis=1)
     return free[np.arange(len(q)), nearest], nearest
 
 
 def _parts(n: int, most: int = 4096) -> list[slice]:
-    """Parts of n instants that are computed at a time."""
+    """Divide n instants into parts computed at a time."""
     return [slice(begin, begin + most) for begin in range(0, n, most)]

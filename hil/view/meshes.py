@@ -1,6 +1,6 @@
-"""Triangles: of mesh files (STL, binary or as text, and the faces of OBJ) and of simple shapes.
+"""Triangle meshes from files (STL, binary or text; OBJ faces) and of simple shapes.
 
-A page has few of them: vertices that are close together become one.
+Vertices are merged by distance to limit the size of a page.
 """
 
 from __future__ import annotations
@@ -83,13 +83,13 @@ def _obj(content: bytes, path: Path) -> Array:
 
 
 def _fan(polygon: list[int]) -> Iterator[tuple[int, int, int]]:
-    """Triangles of a polygon, all with its first corner."""
+    """Yield the triangles of a polygon as a fan from the first corner."""
     for second, third in pairwise(polygon[1:]):
         yield polygon[0], second, third
 
 
 def _index(word: str, count: int, path: Path) -> int:
-    """Index of a vertex, from 0; files count from 1, or back from the last one."""
+    """Parse the index of a vertex, from 0; files count from 1, or backwards from the last."""
     try:
         number = int(word.partition("/")[0])
     except ValueError:
@@ -111,7 +111,7 @@ def _numbers(words: list[str], path: Path) -> list[float]:
 
 
 def box(size: Sequence[float]) -> Array:
-    """Triangles (12, 3, 3) of a box about the origin with edges `size` (3,) [m]."""
+    """Return triangles (12, 3, 3) of a box about the origin with edges `size` (3,) [m]."""
     half = np.asarray(size) / 2
     found = []
     for axis, side in product(range(3), (-1.0, 1.0)):
@@ -123,20 +123,20 @@ def box(size: Sequence[float]) -> Array:
 
 
 def cylinder(radius: float, length: float) -> Array:
-    """Triangles (n, 3, 3) of a cylinder along z about the origin [m]."""
-    return _turned(
+    """Return triangles (n, 3, 3) of a cylinder along z about the origin [m]."""
+    return _revolve(
         [(0.0, -length / 2), (radius, -length / 2), (radius, length / 2), (0.0, length / 2)]
     )
 
 
 def sphere(radius: float, sides: int = 24) -> Array:
-    """Triangles (n, 3, 3) of a ball about the origin [m]."""
+    """Return triangles (n, 3, 3) of a sphere about the origin [m]."""
     angles = np.linspace(-np.pi / 2, np.pi / 2, sides // 2 + 1)
-    return _turned([(radius * np.cos(a), radius * np.sin(a)) for a in angles.tolist()])
+    return _revolve([(radius * np.cos(a), radius * np.sin(a)) for a in angles.tolist()])
 
 
-def _turned(outline: Sequence[tuple[float, float]], sides: int = 24) -> Array:
-    """Triangles of what an outline (distance from z, height) passes by turning about z."""
+def _revolve(outline: Sequence[tuple[float, float]], sides: int = 24) -> Array:
+    """Return triangles of the surface of revolution of an outline (radius, height) about z."""
     angles = np.linspace(0.0, 2 * np.pi, sides + 1)
     rings = [
         np.column_stack([r * np.cos(angles), r * np.sin(angles), 0 * angles + z])
@@ -152,31 +152,31 @@ def _turned(outline: Sequence[tuple[float, float]], sides: int = 24) -> Array:
 
 
 FINEST = 1e-4
-"""Edge of the cells that vertices are gathered in, at first [m]."""
+"""Initial edge of the cells for merging vertices [m]."""
 
 
 class Mesh(NamedTuple):
-    """Vertices (n, 3) [m], triangles (m, 3) of their numbers, and the edge of the cells [m]."""
+    """Vertices (n, 3) [m], triangles (m, 3) of vertex indices, and edge of the cells [m]."""
 
     vertices: Array
     triangles: NDArray[np.intp]
     cell: float
 
 
-def thinned(corners: Array, most: int) -> Mesh:
-    """Gather the corners of triangles (n, 3, 3) in cells until at most `most` triangles are left.
+def merge_corners(corners: Array, most: int) -> Mesh:
+    """Merge the corners of triangles (n, 3, 3) in cells, down to at most `most` triangles.
 
-    Triangles that lose a corner that way, and those that occur twice, are left out.
+    Degenerate and duplicate triangles are removed.
     """
     cell = FINEST
     while True:
-        mesh = _gathered(corners, cell)
+        mesh = _merge(corners, cell)
         if len(mesh.triangles) <= most:
             return mesh
         cell *= 1.5
 
 
-def _gathered(corners: Array, cell: float) -> Mesh:
+def _merge(corners: Array, cell: float) -> Mesh:
     whole = np.rint(corners.reshape(-1, 3) / cell).astype(np.int64)
     cells, numbers = np.unique(whole, axis=0, return_inverse=True)
     triangles = numbers.reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""What a page has of time: stretches of the time line and quantities by their knots, compressed.
+"""Compressed data of a page: segments of the time line and tracks of quantities.
 
 A page has one object of data, whatever it is of; ``web/src/recorded.js`` reads it. What a page does
 not show is null.
@@ -59,24 +59,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """One stretch of time.
+    """Segment of the time line.
 
     Attributes
     ----------
     kind : str
-        Of measurement, or ``travel`` or ``warm-up``.
+        Kind of measurement, or ``travel`` or ``warm-up``.
     words : str
-        What happens, for readers.
+        Description for readers.
     begin, end : float
         [s].
     axes : tuple of int
         Whose torque is read, from 0.
     recorded : bool
-        Whether it is a measurement.
+        True for a measurement.
     problem : str, optional
         Why the dry run refuses it.
     id : str
-        Of the measurement.
+        Id of the measurement.
     """
 
     kind: str
@@ -91,13 +91,13 @@ class Segment:
 
 RECORDED_ELSEWHERE = str(FreeMotion.model_fields["kind"].default)
 BETWEEN = {"travel": "#6b7885", "warm-up": "#94722f"}
-"""Motion between measurements, and its colours."""
+"""Motion between measurements, with colours."""
 _FURTHER = ("#8b4fb0", "#0f7c8a", "#a3354f")
-"""Colours of kinds whose row states none."""
+"""Colours of kinds without a colour of their own."""
 
 
 def shown_kinds(occurring: Iterable[str]) -> list[dict[str, object]]:
-    """Name and colour of the kinds that occur, measurements first."""
+    """Return name and colour of the occurring kinds, measurements first."""
     wanted = set(occurring)
     further = chain(_FURTHER, repeat(_FURTHER[-1]))
     colours = {
@@ -113,7 +113,7 @@ def shown_kinds(occurring: Iterable[str]) -> list[dict[str, object]]:
 
 
 def packed(values: ArrayLike, step: float) -> dict[str, object]:
-    """Numbers of any shape in order, as multiples of `step`: each by its difference to the last."""
+    """Encode numbers as differences of successive multiples of `step`."""
     given = np.ravel(np.asarray(values, dtype=float))
     there = np.isfinite(given)
     differences = np.full(len(given), None, dtype=object)
@@ -127,7 +127,7 @@ INSTANT = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """Knots of one quantity, joined by lines, or by cubics where the slopes are known.
+    """Knots of a quantity, joined by lines, or by cubics if slopes are given.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ class Track:
     slope: Array | None = None
 
     def data(self, step: float) -> dict[str, object]:
-        """As a page has it, values rounded to `step`."""
+        """Convert to the page's data, with values rounded to `step`."""
         found: dict[str, object] = {
             "time": packed(self.time, INSTANT),
             "value": packed(self.value, step),
@@ -150,11 +150,11 @@ class Track:
         return found if self.slope is None else found | {"slope": packed(self.slope, step)}
 
 
-def simplified(time: Array, value: Array, tolerance: float) -> Track:
-    """Lines through as few of the samples as stay within `tolerance` of all of them.
+def simplify(time: Array, value: Array, tolerance: float) -> Track:
+    """Simplify samples to a polyline within `tolerance` (swinging door algorithm).
 
-    From one knot on, the slopes that pass by every sample within the tolerance narrow from sample
-    to sample; where none is left, the sample before becomes the next knot (the swinging door).
+    The range of slopes from a knot that pass all later samples within the tolerance narrows from
+    sample to sample; when it is empty, the previous sample becomes the next knot.
     """
     finite = np.isfinite(value)
     t, x = (np.asarray(each[finite], dtype=np.float64) for each in (time, value))
@@ -170,7 +170,7 @@ def simplified(time: Array, value: Array, tolerance: float) -> Track:
 
 
 def swinging_door(t: list[float], x: list[float], tolerance: float, kept: Mask) -> None:
-    """Mark the samples that `simplified` keeps; ``simplify.c`` does the same."""
+    """Mark the samples kept by `simplified`; ``simplify.c`` is the compiled version."""
     begin, low, high = 0, -np.inf, np.inf
     kept[[0, -1]] = True
     for i in range(1, len(t)):
@@ -184,12 +184,12 @@ def swinging_door(t: list[float], x: list[float], tolerance: float, kept: Mask) 
             high = min(high, (x[i] + tolerance - x[begin]) / way)
 
 
-def with_holes(time: Array, value: Array, tolerance: float) -> Track:
-    """Simplify samples as `simplified` does, with a knot that is no number in each hole."""
+def simplify_with_gaps(time: Array, value: Array, tolerance: float) -> Track:
+    """Simplify samples as in `simplified`, with a NaN knot in every gap."""
     there = np.isfinite(value)
     runs = np.split(np.arange(len(time)), np.flatnonzero(np.diff(there)) + 1)
     parts = [
-        simplified(time[own], value[own], tolerance)
+        simplify(time[own], value[own], tolerance)
         if there[own[0]]
         else Track(time[own[:1]], value[own[:1]])
         for own in runs
@@ -197,14 +197,14 @@ def with_holes(time: Array, value: Array, tolerance: float) -> Track:
     return Track(*(np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "value")))
 
 
-def all_simplified(
+def simplify_columns(
     time: Array,
     values: Array,
     tolerance: float | None = None,
     share: float = 1e-3,
-    by: Callable[[Array, Array, float], Track] = simplified,
+    by: Callable[[Array, Array, float], Track] = simplify,
 ) -> tuple[Track, ...]:
-    """Simplify each column of values (n, n_joints); by default within a share of its greatest."""
+    """Simplify columns of values (n, n_joints), by default within a share of the maximum."""
     greatest = np.where(np.isfinite(values), np.abs(values), 0.0).max(axis=0, initial=1e-9)
     allowed = share * greatest if tolerance is None else np.full_like(greatest, tolerance)
     return tuple(
@@ -212,6 +212,6 @@ def all_simplified(
     )
 
 
-def described(motion: RecordedMotion) -> str:
-    """Return a motion's id, kind and axes, for readers."""
+def describe_motion(motion: RecordedMotion) -> str:
+    """Format id, kind and axes of a motion."""
     return f"{motion.id}: {motion.kind}, {motion.axes_in_words}"

@@ -1,7 +1,7 @@
-"""The page: one HTML file with everything in it, no server, no network, of 3 MB at most.
+"""Stand-alone HTML page of a scene, at most 3 MB, without server and network.
 
-Its scripts are bundled from `web/` beforehand (`make view-bundle`); here the data joins them. Where
-a page becomes too large, fewer instants are shown.
+The scripts are bundled from `web/` in advance (`make view-bundle`); this module adds the data.
+Pages too large are written with fewer instants.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from checked_files.yaml_file import FileError
 from hil.errors import InvalidValue
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import versions
-from hil.show.deflated import deflated
+from hil.show.deflated import deflate
 from hil.show.html import TEMPLATES, environment
 
 if TYPE_CHECKING:
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 ASSETS = Path(__file__).parent / "assets"
 MOST = (100_000, 50_000, 25_000, 12_000, 6_000)
-"""Instants that are shown, tried one after the other."""
+"""Maximum numbers of instants, tried in turn."""
 MARK = '<meta name="generator" content="hil view">'
-"""By which a page is known for one that may be written anew."""
+"""Marker of a page that may be overwritten."""
 
 
 def write_page(path: Path, make: Callable[[int], Scene], largest: int = 3_000_000) -> int:
@@ -45,7 +45,7 @@ def write_page(path: Path, make: Callable[[int], Scene], largest: int = 3_000_00
     FileError
         The file is there and is no such page, or cannot be written.
     InvalidValue
-        It is too large with the fewest instants.
+        A page too large even with the fewest instants.
     """
     refuse_other_file(path)
     size = 0
@@ -62,13 +62,13 @@ def write_page(path: Path, make: Callable[[int], Scene], largest: int = 3_000_00
 
 
 def html(scene: Scene) -> str:
-    """Return the page of a scene."""
+    """Render the page of a scene."""
     return (
         environment(ASSETS)
         .get_template("page.html")
         .render(
             scene=scene,
-            data=deflated(scene.data()),
+            data=deflate(scene.data()),
             style=_asset("curves.css", TEMPLATES) + _asset("view.css"),
             script=_asset("view.js"),
             mark=Markup(MARK),  # noqa: S704 - our own
@@ -78,7 +78,7 @@ def html(scene: Scene) -> str:
 
 
 def refuse_other_file(path: Path) -> None:
-    """Refuse to write over what is no page of ours.
+    """Refuse to overwrite a file other than a page of `hil view`.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def refuse_other_file(path: Path) -> None:
 
 
 def view_script() -> str:
-    """Return the bundle of all pages."""
+    """Return the script bundle of the pages."""
     return str(_asset("view.js"))
 
 

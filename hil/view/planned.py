@@ -1,8 +1,9 @@
-"""The motion of a whole plan in time, as the dry run reckons it: warm-up, travels, measurements.
+"""Planned motion over time: warm-up, travels and measurements, as in the dry run.
 
-It is stated by knots. Trapezoids are parabolas between their corners, which cubics with stated
-slopes pass exactly; so a stroke takes four knots, however long it is. Trajectories take `KNOTS` a
-period of the highest harmonic, between which cubics are off by less than 2e-5 of its amplitude.
+The motion is stored as knots. Trapezoids are parabolas between their corners, which cubics with
+given slopes reproduce exactly; so a stroke takes four knots, however long it is. Trajectories take
+`KNOTS` a period of the highest harmonic, between which cubics are off by less than 2e-5 of its
+amplitude.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from hil.planning.prediction.information import partner_strokes
 from hil.planning.strokes import REST
 from hil.planning.timetable import SETTLING, travel_time
 from hil.planning.trapezoid import Trapezoid
-from hil.view.packed import Segment, Track, described
+from hil.view.packed import Segment, Track, describe_motion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,20 +36,20 @@ if TYPE_CHECKING:
 
 
 class Planned(NamedTuple):
-    """A plan in time: knots of each joint, which stands still beyond its last one."""
+    """Plan over time: knots per joint; joints rest after the last knot."""
 
     tracks: tuple[Track, ...]
     segments: tuple[Segment, ...]
 
-    def at(self, time: Array) -> tuple[Array, Array, Array]:
-        """q, qd and qdd at instants (n,), each of shape (n, n_joints)."""
+    def evaluate(self, time: Array) -> tuple[Array, Array, Array]:
+        """Compute q, qd and qdd at instants (n,), shapes (n, n_joints)."""
         found = [_cubic(track, time) for track in self.tracks]
         q, qd, qdd = (np.column_stack(each) for each in zip(*found, strict=True))
         return q, qd, qdd
 
 
 def planned(plan: Plan, robot: Robot) -> Planned:
-    """Let `robot` pass `plan`, from all joints at 0 as the dry run does.
+    """Compute the motion of `robot` for `plan`, starting with all joints at 0 like the dry run.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def planned(plan: Plan, robot: Robot) -> Planned:
         passage.note("travel", f"travel to {measurement.id}")
         passage.measure(measurement)
         passage.note(
-            measurement.kind, described(measurement), measurement.read,
+            measurement.kind, describe_motion(measurement), measurement.read,
             recorded=True, problem=problems.get(number),
         )  # fmt: skip
     tracks = tuple(Track(*np.array(knots).T) for knots in passage.knots)
@@ -72,7 +73,7 @@ def planned(plan: Plan, robot: Robot) -> Planned:
 
 
 def problems_by_number(plan: Plan, robot: Robot) -> dict[int, str]:
-    """Why the dry run refuses measurements, or ways to them, by their numbers from 0."""
+    """Return the dry run's problems by number of the measurement, from 0."""
     found: defaultdict[int, list[str]] = defaultdict(list)
     for problem in (wrong := measurement_problems(plan, robot)):
         found[int(problem.location[1])].append(problem.message)
@@ -82,7 +83,7 @@ def problems_by_number(plan: Plan, robot: Robot) -> dict[int, str]:
 
 
 class _Passage:
-    """Knots of all joints and segments up to now, in the order of time."""
+    """Knots and segments of the motion so far, in order of time."""
 
     def __init__(self, plan: Plan, robot: Robot) -> None:
         self.knots: list[Rows] = [[(0.0, 0.0, 0.0)] for _ in range(robot.n_joints)]
@@ -92,12 +93,12 @@ class _Passage:
         self._now = 0.0
 
     def note(self, kind: str, words: str, axes: tuple[int, ...] = (), **more: Any) -> None:
-        """State what has happened since the last segment."""
+        """Add a segment from the end of the last one until now."""
         begin = self.segments[-1].end if self.segments else 0.0
         self.segments.append(Segment(kind, words, begin, self._now, axes, **more))
 
     def warm_up(self) -> None:
-        """Go round the plan's own configurations until time is up, as the sequencer does."""
+        """Cycle through the plan's configurations for the duration of the warm-up."""
         warm_up = self._plan.warm_up
         targets = cycle(end for m in self._plan.measurements for end in (m.start, m.end))
         while warm_up and self._now < warm_up.duration:
@@ -106,7 +107,7 @@ class _Passage:
             self.note("warm-up", "warm-up")
 
     def travel(self, end: Sequence[float], fraction: float) -> None:
-        """Let all joints go to `end` at once, each at a share of its own limits."""
+        """Move the joints to `end` simultaneously, at a fraction of the limits."""
         robot = self._robot
         velocity, acceleration = (
             fraction * limit for limit in (robot.velocity_limit, robot.acceleration_limit)
@@ -118,7 +119,7 @@ class _Passage:
         self._place = end
 
     def measure(self, measurement: Measurement) -> None:
-        """Carry out a measurement from rest at its start."""
+        """Add a measurement, starting at rest."""
         begin, self._now = self._now, self._now + measurement.duration
         if measurement.streamed:
             n = measurement.cycles * KNOTS * len(measurement.sine[0])
@@ -134,7 +135,7 @@ class _Passage:
                 self._move(partner.index, profile, begin + at)
 
     def _move(self, joint: int, profile: Trapezoid, begin: float) -> None:
-        """Let a joint follow a profile from `begin` on [s]."""
+        """Add a joint's profile starting at `begin` [s]."""
         if not profile.duration:
             return
         corners = np.unique([0.0, *profile.window, profile.duration])
@@ -142,7 +143,7 @@ class _Passage:
         self.knots[joint] += zip((begin + corners).tolist(), q.tolist(), qd.tolist(), strict=True)
 
     def _exercise(self, measurement: Strokes, begin: float) -> None:
-        """Pairs of strokes, as many as end before the recording."""
+        """Add the pairs of strokes that end before the recording."""
         pair = [measurement.profile(number) for number in (0, 1)]
         took = sum(profile.duration for profile in pair)
         at = begin + measurement.preparation - measurement.exercised
@@ -152,14 +153,14 @@ class _Passage:
                 at += profile.duration
 
     def _follow(self, time: Array, q: Array, qd: Array) -> None:
-        """Pass configurations (n, n_joints) at instants (n,)."""
+        """Add configurations (n, n_joints) at instants (n,)."""
         rows = np.dstack([np.broadcast_to(time, q.T.shape), q.T, qd.T]).tolist()
         for knots, more in zip(self.knots, rows, strict=True):
             knots.extend(map(tuple, more))
 
 
 def _refuse_endless(plan: Plan, most: float = 1e6) -> None:
-    """Refuse more knots of all joints than a page opens with in reasonable time, beforehand."""
+    """Refuse a plan with too many knots for a page, before the computation."""
     least = sum(_knots(measurement) for measurement in plan.measurements)
     rounds = plan.warm_up.duration / SETTLING if plan.warm_up else 0.0
     knots = least + 4 * len(plan.measurements[0].q) * (rounds + len(plan.measurements))
@@ -182,11 +183,11 @@ def _knots(measurement: Measurement) -> float:
 
 
 KNOTS = 24
-"""Of a trajectory in each period of its highest harmonic."""
+"""Knots per period of a trajectory's highest harmonic."""
 
 
 def _cubic(track: Track, time: Array) -> tuple[Array, Array, Array]:
-    """Value, rate and its rate by cubics between knots."""
+    """Interpolate value, first and second derivative by cubics between knots."""
     assert track.slope is not None  # noqa: S101 - planned motions state slopes
     last = np.clip(np.searchsorted(track.time, time, side="right") - 1, 0, None)
     following = np.minimum(last + 1, len(track.time) - 1)

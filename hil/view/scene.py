@@ -1,4 +1,4 @@
-"""What a page shows: of a robot, a plan or a run."""
+"""Content of a page for a robot, a plan or a run."""
 
 from __future__ import annotations
 
@@ -9,9 +9,15 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.model.capsules import capsules
-from hil.planning.workspace import narrowed
+from hil.planning.workspace import narrow_ranges
 from hil.runs.pooling import recorded
-from hil.view.along_motion import beside, distances, measured, predicted, smallest
+from hil.view.along_motion import (
+    concatenate_recordings,
+    distances,
+    join_predictions,
+    predicted,
+    smallest,
+)
 from hil.view.packed import shown_kinds
 from hil.view.planned import planned
 from hil.view.stretches import stretches
@@ -38,7 +44,7 @@ WITHOUT_MODEL = "No torque without a model; --model RUN adds the torque that it 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """All of a page.
+    """Content of a page.
 
     Attributes
     ----------
@@ -55,9 +61,9 @@ class Scene:
     predicted : Predicted, optional
     distances : Distances, optional
     notes : tuple of str
-        What the reader should know of it.
+        Remarks for the reader.
     simulated : bool
-        Whether anything shown was measured on the virtual plant, or follows from what was.
+        True if anything shown comes from the virtual plant.
     """
 
     title: str
@@ -73,12 +79,12 @@ class Scene:
     simulated: bool = False
 
     def data(self) -> dict[str, object]:
-        """As the page's scripts read it."""
+        """Convert to the data read by the page's scripts."""
         kinds = shown_kinds(segment.kind for segment in self.segments)
         number = {kind["name"]: n for n, kind in enumerate(kinds)}
         return {
             "title": self.title,
-            "robot": robot_data(narrowed(self.robot, self.workspace), self.visuals),
+            "robot": robot_data(narrow_ranges(self.robot, self.workspace), self.visuals),
             "workspace": workspace_data(self.workspace),
             "kinds": kinds,
             "segments": [_segment(each, number[each.kind]) for each in self.segments],
@@ -100,27 +106,27 @@ class Scene:
         }
 
 
-def of_robot(
+def robot_scene(
     robot: Robot, workspace: Workspace | None = None, visuals: Sequence[Visual] = ()
 ) -> Scene:
-    """A robot whose joints the reader sets."""
+    """Create the scene of a robot with adjustable joints."""
     return Scene(
         title=f"{robot.name}: {robot.n_joints} joints",
         robot=robot,
         workspace=workspace,
         visuals=visuals,
-        notes=_of_capsules(robot),
+        notes=_describe_capsules(robot),
     )
 
 
-def of_plan(
+def plan_scene(
     plan: Plan,
     robot: Robot,
     most: int,
     model: Model | None = None,
     visuals: Sequence[Visual] = (),
 ) -> Scene:
-    """A plan as the dry run reckons it.
+    """Create the scene of a plan, with the timing of the dry run.
 
     Parameters
     ----------
@@ -136,7 +142,7 @@ def of_plan(
     """
     passed = planned(plan, robot)
     time = _instants(passed.segments[-1].end, most)
-    q, qd, qdd = passed.at(time)
+    q, qd, qdd = passed.evaluate(time)
     near = distances(robot, plan.workspace, time, q)
     torque = predicted(model, time, q, qd, qdd) if model else None
     return Scene(
@@ -151,18 +157,18 @@ def of_plan(
         notes=(
             "As the dry run reckons it; it begins with all joints at 0, since where the robot"
             " stands is not known.",
-            *_of_distance(near, plan.workspace),
-            *_of_capsules(robot),
+            *_describe_distance(near, plan.workspace),
+            *_describe_capsules(robot),
             *(() if torque else (WITHOUT_MODEL,)),
         ),
-        simulated=_of_virtual_plant(model),
+        simulated=_is_simulated(model),
     )
 
 
-def of_run(
+def run_scene(
     run: Run, most: int, model: Model | None = None, visuals: Sequence[Visual] = ()
 ) -> Scene:
-    """What a run has measured, beside its set-points.
+    """Create the scene of a run's recordings, with set-points.
 
     Parameters
     ----------
@@ -181,8 +187,8 @@ def of_run(
     pairs = tuple(recorded(run))
     if not pairs:
         raise NotEnoughData(f"{run.path}: no recordings to show; measure them with --resume")
-    shown = tuple(beside(pairs, stretches(model, pairs) if model else {}))
-    found = measured(run.robot, shown, most)
+    shown = tuple(join_predictions(pairs, stretches(model, pairs) if model else {}))
+    found = concatenate_recordings(run.robot, shown, most)
     workspace = None if run.imported else run.planned.workspace
     time = _instants(found.segments[-1].end, most)
     q = np.column_stack([np.interp(time, each.time, each.value) for each in found.position])
@@ -200,32 +206,32 @@ def of_run(
         notes=(
             "As it was measured. Pauses are left out, and ways between recordings, which are not"
             " recorded, are drawn straight.",
-            *_of_distance(near, workspace),
-            *_of_capsules(run.robot),
+            *_describe_distance(near, workspace),
+            *_describe_capsules(run.robot),
         ),
-        simulated=run.journal.simulated or _of_virtual_plant(model),
+        simulated=run.journal.simulated or _is_simulated(model),
     )
 
 
-def _of_virtual_plant(model: Model | None) -> bool:
+def _is_simulated(model: Model | None) -> bool:
     return model is not None and model.provenance.of_virtual_plant
 
 
 def _instants(duration: float, most: int) -> Array:
-    """Instants at which torques and distances are computed, 10 ms apart, `most` at most."""
+    """Return instants for torques and distances, 10 ms apart, at most `most`."""
     n = int(min(max(duration / 0.01, 1), most))
     return np.linspace(0.0, duration, n + 1)
 
 
-def _of_distance(found: Distances | None, workspace: Workspace | None) -> tuple[str, ...]:
+def _describe_distance(found: Distances | None, workspace: Workspace | None) -> tuple[str, ...]:
     if found is None or workspace is None:
         return ()
     words = smallest(found, workspace)
     return (f"{words[0].upper()}{words[1:]}.",)
 
 
-def _of_capsules(robot: Robot) -> tuple[str, ...]:
-    """State which capsules are no more than assumed."""
+def _describe_capsules(robot: Robot) -> tuple[str, ...]:
+    """Describe capsules that are only assumed."""
     stated = capsules(robot).stated
     if all(stated):
         return ()
@@ -241,7 +247,7 @@ def _segment(segment: Segment, kind: int) -> dict[str, object]:
 def _tracks(
     tracks: Sequence[Track] | None, step: float | None = None
 ) -> list[dict[str, object]] | None:
-    """Tracks as the page has them, by default to 5e-4 of the greatest value."""
+    """Convert tracks to the page's data, by default to 5e-4 of the largest value."""
     if tracks is None:
         return None
     return [

@@ -1,6 +1,6 @@
-"""Stretches of recordings that are drawn: torques of an axis over time, measured and predicted.
+"""Selection of recordings to draw: an axis's torque over time, measured and predicted.
 
-Of many recordings those are shown that ask most of the axes, which is not where a model looks best.
+The most demanding recordings are selected, not those where the model looks best.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 LONGEST = 20.0
-"""Time that is drawn of a recording at most [s]: reversals are apart on a screen."""
+"""Maximum time drawn of a recording [s], for separate reversals on a screen."""
 DEMANDING = 0.5
-"""Share of the greatest scatter of an axis's torque from which on a recording shows the axis."""
+"""Minimum torque scatter of a recording for an axis, as share of the maximum."""
 
 
 def stretches(
     model: Model, recorded: Iterable[tuple[RecordedMotion, Recording]]
 ) -> dict[tuple[str, int], PredictedTorque]:
-    """Predict recordings: of each the axes that it moves, by recording and axis (from 0).
+    """Predict the torques of moved axes in recordings, by recording and axis (from 0).
 
     Times are since the recording began. There is no prediction (NaN) where the axis hardly moves,
-    and where the model states no friction of it, friction is fitted. What is too short for a
-    low-pass, and what has a gain that nobody knows, is passed over.
+    and where the model states no friction of it, friction is fitted. Recordings too short for a
+    low-pass, or with unknown gains, are skipped.
     """
     found = {}
     for motion, recording in recorded:
@@ -47,12 +47,12 @@ def stretches(
             whole = predict_whole(model, in_si(model, motion, recording), motion.id, motion.moved)
             whole = replace(whole, time=whole.time - recording.time[0])
             for axis in motion.moved:
-                found[motion.id, axis] = _drawn(model, whole.of_axis(axis))
+                found[motion.id, axis] = _select_moving(model, whole.of_axis(axis))
     return found
 
 
-def _drawn(model: Model, found: PredictedTorque) -> PredictedTorque:
-    """One axis, where it moves; with friction of its own where the model states none."""
+def _select_moving(model: Model, found: PredictedTorque) -> PredictedTorque:
+    """Return one axis's prediction during motion, with fitted friction if the model has none."""
     axis, speed, predicted = found.axis, found.qd, found.predicted
     moves = np.abs(speed) > SLOW * max(float(np.abs(speed).max(initial=0.0)), 1e-300)
     own = axis + 1 not in model.axes_without_friction
@@ -71,7 +71,7 @@ def _drawn(model: Model, found: PredictedTorque) -> PredictedTorque:
 def carriers(
     found: Mapping[tuple[str, int], PredictedTorque], names: Sequence[str], most: int = 10
 ) -> dict[str, list[tuple[str, float]]]:
-    """Recordings that carry each base parameter, with their shares, the greatest first.
+    """Find the recordings with the largest contributions to every base parameter.
 
     With the covariance C = N^-1 of the information N = sum N_r the shares (C N_r C)_kk / C_kk of
     recordings r in the certainty of parameter k add up to one.
@@ -93,7 +93,7 @@ def carriers(
 
 
 def most_demanding(found: Mapping[tuple[str, int], PredictedTorque]) -> list[PredictedTorque]:
-    """One stretch of each axis, in as few recordings as ask much of all axes, `LONGEST` at most."""
+    """Select a stretch per axis, at most `LONGEST`, in few recordings demanding for the axes."""
     scatter = {key: float(np.std(each.measured)) for key, each in found.items()}
     left = {axis: max(s for (_, a), s in scatter.items() if a == axis) for _, axis in found}
     chosen: dict[int, PredictedTorque] = {}
@@ -111,7 +111,7 @@ def most_demanding(found: Mapping[tuple[str, int], PredictedTorque]) -> list[Pre
 
 
 def _busiest(own: list[PredictedTorque]) -> float:
-    """Begin of the `LONGEST` in which torques of all axes together scatter most [s]."""
+    """Find the start of the interval `LONGEST` with the largest total torque scatter [s]."""
     first, last = min(each.time[0] for each in own), max(each.time[-1] for each in own)
     begins = np.arange(first, max(last - LONGEST, first) + 1e-9, LONGEST / 4)
     scatter = [

@@ -1,4 +1,4 @@
-"""A robot as a page draws it: frames by constant poses, capsules, limits, visual meshes of a URDF.
+"""Drawing data of a robot: frames, capsules, limits, visual meshes of a URDF.
 
 A URDF's links have frames of their own; each is fixed in one frame of the robot, or in its base
 frame, where the pose follows from the zero configuration. What cannot be shown (a format that is
@@ -14,11 +14,11 @@ from urllib.parse import unquote
 import numpy as np
 
 from hil.errors import FileError, Mismatch
-from hil.model.capsules import capsules, reaches
+from hil.model.capsules import capsules, link_reaches
 from hil.model.frames import inverse
-from hil.model.readers.axes_to_frames import difference, frames_of
+from hil.model.readers.axes_to_frames import difference, find_frames
 from hil.model.readers.urdf import UrdfReader
-from hil.view.meshes import FINEST, box, cylinder, read_triangles, sphere, thinned
+from hil.view.meshes import FINEST, box, cylinder, merge_corners, read_triangles, sphere
 from hil.view.packed import packed
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object]:
-    """As a page has it; `visuals` are shown in place of the capsules.
+    """Convert a robot to the page's data; `visuals` replace capsules.
 
     Two capsules of a swept volume are 0.7 of the smallest radius apart.
     """
@@ -42,7 +42,7 @@ def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object
     return {
         "name": robot.name,
         "up": _up(robot.gravity),
-        "reach": float(reaches(robot).max()),
+        "reach": float(link_reaches(robot).max()),
         "joints": [
             _joint(robot, j) | {"step": float(0.7 * shapes.radii.min() / ways[j])}
             for j in range(robot.n_joints)
@@ -52,7 +52,7 @@ def robot_data(robot: Robot, visuals: Sequence[Visual] = ()) -> dict[str, object
 
 
 def workspace_data(workspace: Workspace | None) -> dict[str, object] | None:
-    """Boxes and margin as a page has them."""
+    """Convert boxes and margin to the page's data."""
     if workspace is None:
         return None
     boxes = [{"name": b.name, "low": b.low, "high": b.high} for b in workspace.boxes]
@@ -66,8 +66,8 @@ def _joint(robot: Robot, joint: int) -> dict[str, object]:
         "before": (robot.zero_pose(joint).ravel() + 0.0).tolist(),  # no -0.0
         "lower": float(robot.q_min[joint]),
         "upper": float(robot.q_max[joint]),
-        "velocity": _known(robot.velocity_limit[joint]),
-        "torque": _known(robot.torque_limit[joint]),
+        "velocity": _finite_or_none(robot.velocity_limit[joint]),
+        "torque": _finite_or_none(robot.torque_limit[joint]),
         "unit": robot.position_unit(joint),
         "torque_unit": robot.torque_unit(joint),
         "capsule": {
@@ -77,29 +77,29 @@ def _joint(robot: Robot, joint: int) -> dict[str, object]:
     }
 
 
-def _known(limit: float) -> float | None:
+def _finite_or_none(limit: float) -> float | None:
     return float(limit) if np.isfinite(limit) else None
 
 
 def _up(gravity: Array) -> list[float]:
-    """Against gravity; along z where there is none."""
+    """Return the direction against gravity, or z without gravity."""
     strength = float(np.linalg.norm(gravity))
     return [0.0, 0.0, 1.0] if strength == 0.0 else (-gravity / strength).tolist()
 
 
 MOST_TRIANGLES = 40_000
-"""Of all meshes of a page."""
+"""Maximum number of triangles in the meshes of a page."""
 BASE = -1
-"""Number of what stands still."""
+"""Link number of the base."""
 
 
 class Visual(NamedTuple):
-    """A mesh in the frame of a link.
+    """Mesh in the frame of a link.
 
     Attributes
     ----------
     link : int
-        From 0; `BASE` for the base frame.
+        Index from 0; `BASE` for the base frame.
     mesh : Mesh
     """
 
@@ -107,7 +107,7 @@ class Visual(NamedTuple):
     mesh: Mesh
 
     def data(self) -> dict[str, object]:
-        """As a page has it."""
+        """Convert to the page's data."""
         return {
             "link": self.link,
             "vertices": packed(self.mesh.vertices, FINEST),
@@ -116,14 +116,14 @@ class Visual(NamedTuple):
 
 
 class Visuals(NamedTuple):
-    """Meshes that can be shown, and in words what is left out."""
+    """Displayable meshes, and descriptions of omissions."""
 
     visuals: tuple[Visual, ...]
     left_out: tuple[str, ...]
 
 
 def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
-    """Read the visual meshes of a URDF that `robot` was made from.
+    """Read the visual meshes of the URDF that `robot` was made from.
 
     Parameters
     ----------
@@ -138,28 +138,28 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
     FileError
         No URDF.
     Mismatch
-        Its joints are not those of the robot.
+        Joints different from those of the robot.
     """
     reader = UrdfReader(urdf)
     chain = reader.chain(None, None)
     _refuse_other(chain, robot, urdf)
     shapes: list[tuple[int, Array]] = []
     left_out = []
-    for link, pose, element in _placed(reader, chain):
+    for link, pose, element in _attached_links(reader, chain):
         for visual in element.findall("visual"):
             try:
                 corners = _triangles(reader, visual, urdf, meshes)
             except FileError as error:
                 left_out.append(f"{error}; left out")
                 continue
-            shapes.append((link, _moved(corners, pose @ reader.origin(visual))))
+            shapes.append((link, _transform(corners, pose @ reader.origin(visual))))
     most = _allowance([len(corners) for _, corners in shapes])
-    found = [Visual(link, thinned(corners, most)) for link, corners in shapes]
+    found = [Visual(link, merge_corners(corners, most)) for link, corners in shapes]
     return Visuals(tuple(v for v in found if len(v.mesh.triangles)), (*left_out, *_coarse(found)))
 
 
 def _allowance(sizes: list[int]) -> int:
-    """Triangles that each mesh may have; what small ones leave is for the large ones."""
+    """Compute the maximum number of triangles per mesh; small meshes leave more for large ones."""
     left, most = MOST_TRIANGLES, MOST_TRIANGLES
     for number, size in enumerate(sorted(sizes)):
         most = left // (len(sizes) - number)
@@ -176,7 +176,7 @@ def _coarse(found: list[Visual]) -> Iterator[str]:
 
 
 def _refuse_other(chain: UrdfChain, robot: Robot, urdf: Path) -> None:
-    """Refuse a URDF whose frames are not those of the robot file."""
+    """Refuse a URDF with frames different from the robot file."""
     if difference(chain, robot):
         raise Mismatch(
             f"{urdf}: its joints from {chain.base} to {chain.tip} are not where those of"
@@ -184,21 +184,21 @@ def _refuse_other(chain: UrdfChain, robot: Robot, urdf: Path) -> None:
         )
 
 
-def _placed(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, Element]]:
-    """Links that hang on the chain: number, pose of the link's frame in the robot's, element."""
-    frames = frames_of(chain)
+def _attached_links(reader: UrdfReader, chain: UrdfChain) -> Iterator[tuple[int, Array, Element]]:
+    """Yield links attached to the chain: number, pose in the robot's frame, element."""
+    frames = find_frames(chain)
     at_zero = np.zeros(len(chain.joints))
     of_urdf, of_robot = chain.frames(at_zero), frames.poses(at_zero, chain.revolute)
     hung = [(BASE, chain.base, inverse(frames.base))]
     for number, joint in enumerate(chain.joints):
         hung.append((number, joint.link, inverse(of_robot[number]) @ of_urdf[number]))
     for number, link, place in hung:
-        for name, pose in reader.attached(link, place):
+        for name, pose in reader.find_attached(link, place):
             yield number, pose, reader.links[name]
 
 
 def _triangles(reader: UrdfReader, visual: Element, urdf: Path, meshes: Path | None) -> Array:
-    """Triangles (n, 3, 3) of a visual in its own frame [m]."""
+    """Return triangles (n, 3, 3) of a visual in the visual's frame [m]."""
     geometry = visual.find("geometry")
     shape = geometry[0] if geometry is not None and len(geometry) else None
     if shape is None:
@@ -220,7 +220,7 @@ def _triangles(reader: UrdfReader, visual: Element, urdf: Path, meshes: Path | N
 
 
 def _file(stated: str, urdf: Path) -> tuple[Path, Path]:
-    """Path of a mesh, and the folder that it must be in: the URDF's, or that of the package.
+    """Return the path of a mesh, and the permitted folder: the URDF's or the package's.
 
     A package's folder is at or above the URDF, by its name or by its package.xml.
     """
@@ -238,12 +238,12 @@ def _file(stated: str, urdf: Path) -> tuple[Path, Path]:
 
 
 def _inside(found: tuple[Path, Path], meshes: Path | None) -> Path:
-    """Return the path of a mesh that is in its folder, or in one that the user names.
+    """Return the path of a mesh inside the permitted folders.
 
     Raises
     ------
     FileError
-        It is elsewhere: a file of the user's that a stranger's URDF names.
+        A file elsewhere: a user's file named by a stranger's URDF.
     """
     path, root = found
     allowed = [each.resolve() for each in (root, meshes) if each is not None]
@@ -255,6 +255,6 @@ def _inside(found: tuple[Path, Path], meshes: Path | None) -> Path:
     return path
 
 
-def _moved(corners: Array, pose: Array) -> Array:
+def _transform(corners: Array, pose: Array) -> Array:
     moved: Array = corners @ pose[:3, :3].T + pose[:3, 3]
     return moved

@@ -1,1 +1,1 @@
-"""Measured torque against the model's, sample by sample, while axes move."""
+"""Detection of external forces: measured against predicted torque, sample by sample."""

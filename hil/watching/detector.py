@@ -1,28 +1,28 @@
-"""Finds pushes in the torques of moving axes, sample by sample.
+"""Detection of pushes in the torques of moving axes, sample by sample.
 
-Newton's law holds within every short time: what the drives and the model's friction, gravity and
-Coriolis forces have done to the momentum of the axes, and what has become of it by the encoders,
-differ by what somebody else has done. Accelerations from encoders are far too noisy to be looked at
-one by one, but their mean over a window is a difference of two velocities, and with it the mean of
-what is left,
+Newton's law holds over every short time: the change of the axes' momentum computed from drive
+torques and the model's friction, gravity and Coriolis forces differs from the change measured by
+the encoders by the external momentum. Accelerations from encoders are far too noisy for single
+samples, but their mean over a window is a difference of two velocities, and with it the mean of the
+residual,
 
     r = tau - A(q, qd, qdd) p - H qdd - friction,
 
-is the momentum that the drives have spent on whoever pushes, over the window's length: a push
-forward is -r. That is what an observer of the momentum integrates, over a finite time instead of a
-fading one. It needs no set-points, so it holds for every kind of motion. The acceleration of a
-sample takes the next one, which is all the delay there is.
+is the momentum that the drives have spent on external contact, divided by the window's length: a
+push forward is -r. This is a momentum observer with a finite instead of a fading memory. It needs
+no set-points, so it holds for every kind of motion. The acceleration of a sample needs the next
+sample, the only delay.
 
-Windows of several lengths are looked at: short ones see strong pushes soon, long ones weak pushes.
+Windows of several lengths are tested: short ones show strong pushes soon, long ones weak pushes.
 Each has a threshold,
 
     sqrt((sigmas * scatter)^2 + (2 * standard error)^2) + turning,
 
-from how such means scatter on this machine (`hil.watching.scatter`), from the model's own interval
-(base parameters, and friction as it is followed, `hil.watching.friction`), and from what
-friction may be wrong by just after a reversal or a standstill (`hil.watching.turning`). At rest
-friction holds against anything up to its level in either direction, so only more than that is
-seen. Of an axis that has not moved yet nothing is known, so nothing is seen.
+from the scatter of such means on this machine (`hil.watching.scatter`), from the model's own
+interval (base parameters, and tracked friction, `hil.watching.friction`), and from the possible
+friction error just after a reversal or a standstill (`hil.watching.turning`). At rest, friction
+balances any force up to its level in either direction, so only more than that is visible. For an
+axis that has not moved yet nothing is known, so nothing is detected.
 """
 
 from __future__ import annotations
@@ -55,19 +55,19 @@ SLOW = 0.01
 
 
 class Judged(NamedTuple):
-    """What some samples show.
+    """Result of judging some samples.
 
     Attributes
     ----------
     time : ndarray, shape (n,)
-        Of the samples with which it was known [s].
+        Time of the samples that completed the judgement [s].
     measured, predicted : ndarray, shape (n, n_joints)
-        Of the samples one period before [N m or N].
+        Torques of the samples one period earlier [N m or N].
     outside, threshold : ndarray, shape (n, n_windows, n_joints)
-        Mean torque from outside in each window that ends with these, and the threshold of its
-        size, infinite where nothing is seen [N m or N].
+        Mean external torque in each window ending there, and the threshold of its size, infinite
+        where nothing can be seen [N m or N].
     band : ndarray, of the same shape
-        Within which 95 % of such means lie about 0 while nobody pushes [N m or N].
+        Half-width of the band about 0 with 95 % of such means without contact [N m or N].
     moving : ndarray of bool, shape (n, n_joints)
     """
 
@@ -80,12 +80,12 @@ class Judged(NamedTuple):
     moving: Flags
 
     def after(self, first: int) -> Judged:
-        """Return it without the first samples."""
+        """Return the result without the first samples."""
         return Judged(*(values[first:] for values in self))  # type: ignore[arg-type]
 
 
 class _Learned(NamedTuple):
-    """What a block of samples shows for the next ones; arrays as in `Judged`, shares of limits."""
+    """Results of a block for later learning; arrays as in `Judged`, relative to the limits."""
 
     columns: Array
     left: Array
@@ -95,12 +95,12 @@ class _Learned(NamedTuple):
 
 
 class Detector:
-    """Judges samples in their order, one or many at a time with the same result.
+    """Detector of samples in order, in any block size with equal results.
 
     Parameters
     ----------
     model : Model
-        With a law of friction.
+        Model with a friction law.
     period : float
         Time between two samples [s].
     sigmas : float
@@ -140,11 +140,11 @@ class Detector:
 
     @property
     def distance(self) -> Array:
-        """Presliding distances that are taken, shape (n_joints,) [rad or m]."""
+        """Presliding distances in use, shape (n_joints,) [rad or m]."""
         return self._turning.distance
 
     def take(self, time: Array, q: Array, tau: Array) -> Iterator[Judged]:
-        """Take the next samples.
+        """Judge further samples.
 
         Parameters
         ----------
@@ -169,7 +169,7 @@ class Detector:
             yield from self._go_on(time[part], q[part], tau[part])
 
     def _go_on(self, time: Array, q: Array, tau: Array) -> Iterator[Judged]:
-        """Judge samples that follow each other, and the last two before."""
+        """Judge successive samples, together with the last two."""
         kept = slice(len(self._q) - len(self._time), None)
         time = np.concatenate([self._time, time])
         q, tau = np.concatenate([self._q[kept], q]), np.concatenate([self._tau[kept], tau])
@@ -194,12 +194,12 @@ class Detector:
         qd, qdd = (step[1:] + step[:-1]) / (2 * period), np.diff(step, axis=0) / period**2
         q = q[1:-1]
         rigid = inverse_dynamics(robot, self._model.values, q, qd, qdd)
-        offset, level = self._tables.at(qd, rigid)
+        offset, level = self._tables.evaluate(qd, rigid)
         frictionless = rigid + motor_torque(robot, q, qd, qdd) + offset
         turn = self._turning.take(step[:-1], qd, measured - frictionless, level)
         speed = np.abs(qd) / self._speed
         columns = columns_of(turn.direction, level / self._limit, speed)
-        drifted, spread = self._level.at(columns)
+        drifted, spread = self._level.evaluate(columns)
         predicted = frictionless + turn.direction * level + turn.damping + drifted * self._limit
         left = (measured - predicted) / self._limit
         rest = np.clip(1.0 - speed / SLOW, 0.0, 1.0) * (1.0 + np.abs(turn.direction))
@@ -207,7 +207,7 @@ class Detector:
         means, bands = self._windows(left, wrong * level / self._limit)
         error = 4 * (spread**2 + self._parameter_variance(robot, q, qd))[:, np.newaxis]
         scatter = self._scatter.bound
-        # standard deviations within which 95 % of what is normal lies
+        # standard deviations of the alarm threshold, and of the displayed 95 % band
         threshold, band = (
             np.sqrt((sigmas * scatter) ** 2 + error) + bands for sigmas in (self._sigmas, 1.96)
         )
@@ -220,13 +220,13 @@ class Detector:
         return Judged(time, measured, predicted, *shown, moving)
 
     def _parameter_variance(self, robot: Robot, q: Array, qd: Array) -> Array:
-        """Of the torque by the base parameters, as share of the limit; without accelerations."""
+        """Compute the relative torque variance from base parameters, at constant speed."""
         A = regressor(robot, q, qd, np.zeros_like(qd))
         variance = np.einsum("njk,njk->nj", A @ self._model.covariance, A)
         return np.asarray(variance.clip(0.0) / self._limit**2)
 
     def _windows(self, left: Array, band: Array) -> tuple[Array, Array]:
-        """Means over the windows that end with each sample, shape (n, n_windows, n_joints)."""
+        """Compute means over windows ending at the samples, shape (n, n_windows, n_joints)."""
         longest = self.windows[-1]
         rows = np.concatenate([self._recent, np.stack([left, band])], axis=1)
         self._recent = rows[:, -longest:]
@@ -236,16 +236,15 @@ class Detector:
         return means[0], means[1]
 
     def _learn(self, longest: float = 10.0) -> None:
-        """Let what a block has shown count.
+        """Learn from the results of a block.
 
-        What lasts for the `longest` time [s] is learned all the same: a load, or friction that has
-        changed.
+        A deviation for the `longest` time [s] is learned as well: a load, or changed friction.
         """
         shown = [np.concatenate(values) for values in zip(*self._learned, strict=True)]
         columns, left, means, doubtful, sure = shown
         self._learned.clear()
         duration = len(left) * self._period
-        # before scatter is known everything is doubtful, and the quietest blocks would be chosen
+        # without a known scatter every block is doubtful, and only the quietest would be used
         doubted = doubtful.any(axis=0) & self._scatter.known
         self._doubted = np.where(doubted, self._doubted + duration, 0.0)
         trusted = (self._doubted == 0) | (self._doubted > longest)

@@ -1,21 +1,20 @@
-"""The friction of a model while axes are watched: tables by speed, and what it has become since.
+"""Friction during a watch: tables of the model's law by speed, and the tracked deviation.
 
-Friction at a speed is known for either direction. Half of their sum is no friction but an offset,
-half of their difference is the level: friction is ``offset + direction * level``, whatever way the
-direction turns round after a reversal (`hil.watching.turning`). Both are linear in the torque that
-the axis transmits. Ripple is left out: its mean over a turn of the motor is zero. As tables one
-sample costs microseconds.
+Friction at a speed is known for either direction. Half of their sum is an offset, half of their
+difference is the level: friction is ``offset + direction * level``, also while the direction
+reverses (`hil.watching.turning`). Both are linear in the transmitted torque. Torque ripple is left
+out: its mean over a turn of the motor is zero. With tables one sample costs microseconds.
 
-Temperature and lubricant change a level of friction by a tenth and more, in minutes, and a law of
-friction is never quite the axis's. A push comes within milliseconds and goes. So what friction is
-beside the law's is unknown at a row of speeds, linear between them, and wanders; a Kalman filter
-follows it block by block:
+Temperature and lubricant change a friction level by a tenth and more, in minutes, and a friction
+law is never exact. A push comes within milliseconds and ends. So the deviation of friction from the
+law is unknown at a row of speeds, linear between them, and wanders; a Kalman filter tracks it block
+by block:
 
     residual / limit = z level x(u) / limit + offset,
 
-with direction z and speed u as a share of the velocity limit. What neighbours in the row say is
-alike, as what a walk over the row's numbers would leave. It begins with what the model says of the
-uncertainty of its friction. What the filter says of its own is part of every threshold.
+with direction z and speed u as a share of the velocity limit. Neighbours in the row are correlated.
+The initial covariance comes from the model's uncertainty of friction. The filter's own uncertainty
+is part of every threshold.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ NODES = 401
 
 
 class FrictionTables:
-    """Friction of all axes by speed.
+    """Friction of the axes, tabulated by speed.
 
     Parameters
     ----------
@@ -73,8 +72,8 @@ class FrictionTables:
         )
         self.uncertainty = self._relative_error(speeds, free[1])
 
-    def at(self, qd: Array, load: Array) -> tuple[Array, Array]:
-        """Offset and level of friction of samples, each of shape (n, n_joints) [N m or N].
+    def evaluate(self, qd: Array, load: Array) -> tuple[Array, Array]:
+        """Return offset and level of friction, shapes (n, n_joints) [N m or N].
 
         Parameters
         ----------
@@ -89,12 +88,12 @@ class FrictionTables:
         return offset + heavy * offset_by_load, np.maximum(level + heavy * level_by_load, 0.0)
 
     def _both_ways(self, speeds: Array, load: float) -> Array:
-        """Offset and level at a load, shape (2, NODES, n_joints)."""
+        """Compute offset and level at a load, shape (2, NODES, n_joints)."""
         forth, back = (self._one_way(sign, speeds, load) for sign in (1.0, -1.0))
         return np.stack([forth + back, forth - back]) / 2
 
     def _one_way(self, sign: float, speeds: Array, load: float, angles: int = 16) -> Array:
-        """Friction in one direction; ripple is averaged out over angles of the motor."""
+        """Compute friction in one direction, with torque ripple averaged over motor angles."""
         robot = self._model.robot
         turn = 2 * np.pi / np.nan_to_num(robot.gear_ratio, nan=1.0)
         direction = [Direction(np.full(NODES, sign), np.zeros(NODES))] * robot.n_joints
@@ -115,22 +114,22 @@ class FrictionTables:
 
 
 SPEEDS = np.array([0.0, 0.01, 0.03, 0.07, 0.15, 0.3, 0.6, 1.2])
-"""Shares of the velocity limit at which friction is unknown; faster is as fast as the last."""
+"""Speeds of the unknown friction deviation, as shares of the velocity limit; constant beyond."""
 LEVEL, SHAPE, OFFSET = 0.02, 0.05, 0.01
-"""Standard deviations at the beginning, at least: shares of the level, and of the torque limit."""
+"""Minimum initial standard deviations, as shares of the level and of the torque limit."""
 LEVEL_WANDER, SHAPE_WANDER, OFFSET_WANDER = 0.05, 0.04, 0.005
-"""Standard deviations of what they wander in a minute."""
+"""Standard deviations of the random walk per minute."""
 N_UNKNOWNS = len(SPEEDS) + 1
-"""Friction beside the law's at each of the speeds, and the offset."""
+"""Number of unknowns: friction deviation by speed, and offset."""
 
 
 class FrictionLevel:
-    """Follows the friction of all axes.
+    """Kalman filter for the friction of the axes.
 
     Parameters
     ----------
     uncertainty : ndarray, shape (n_joints,)
-        Of the law's level, as a share of it.
+        Uncertainty of the law's level, relative to the level.
     slowest : ndarray, shape (n_joints,)
         Speeds from which the law was found, as shares of the velocity limit.
     """
@@ -148,13 +147,13 @@ class FrictionLevel:
         even = np.full(len(SPEEDS), SHAPE_WANDER)
         self._wander = _covariance(LEVEL_WANDER, even, OFFSET_WANDER)
 
-    def at(self, columns: Array) -> tuple[Array, Array]:
-        """What friction adds to the law's, and its standard error, as shares of the torque limit.
+    def evaluate(self, columns: Array) -> tuple[Array, Array]:
+        """Return friction deviation and standard error, as shares of the torque limit.
 
         Parameters
         ----------
         columns : ndarray, shape (n, n_joints, n_unknowns)
-            Those of `columns_of`.
+            Columns from `columns_of`.
         """
         spread = np.einsum("njk,jkl,njl->nj", columns, self._covariance, columns)
         return np.einsum("njk,jk->nj", columns, self._x), np.sqrt(spread)
@@ -162,7 +161,7 @@ class FrictionLevel:
     def follow(
         self, columns: Array, left: Array, used: Array, duration: float, error: float = 0.004
     ) -> None:
-        """Take one block of samples.
+        """Update by a block of samples.
 
         Parameters
         ----------
@@ -171,7 +170,7 @@ class FrictionLevel:
             Measured less predicted, with what was followed before, as shares of the torque limit.
         used : ndarray of bool, shape (n, n_joints)
         duration : float
-            Of the block [s].
+            Duration of the block [s].
         error : float
             Share of the torque limit by which the mean of a block errs that is no friction.
         """
@@ -186,7 +185,7 @@ class FrictionLevel:
 
 
 def columns_of(direction: Array, level: Array, speed: Array) -> Array:
-    """Columns of the unknowns, shape (n, n_joints, n_unknowns).
+    """Return the columns of the unknowns, shape (n, n_joints, n_unknowns).
 
     Parameters
     ----------
@@ -202,9 +201,9 @@ def columns_of(direction: Array, level: Array, speed: Array) -> Array:
 
 
 def _covariance(level: float, shape: Array, offset: float, alike: float = 2.0) -> Array:
-    """Of the unknowns, shape (n_unknowns, n_unknowns); `shape` is of each speed.
+    """Compute the covariance of the unknowns, shape (n_unknowns, n_unknowns).
 
-    After `alike` places in the row of speeds it has half gone over into something else.
+    The correlation between speeds halves within `alike` places.
     """
     found = np.zeros((N_UNKNOWNS, N_UNKNOWNS))
     number = np.arange(len(SPEEDS))

@@ -1,4 +1,4 @@
-"""How much means over short times scatter while nobody pushes: learned, and followed."""
+"""Scatter of torque means over short windows without contact, learned and tracked."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
 
 
 SURE = 3.0
-"""Standard deviations by which fewer squares may by chance be too small."""
+"""Standard deviations of the chance error in a mean of few squares."""
 
 
 def window_lengths(period: float, seconds: float = 0.1, shortest: int = 2) -> tuple[int, ...]:
-    """Lengths of the windows, each about a third longer than the one before [samples].
+    """Return window lengths, growing by about a third from window to window [samples].
 
-    The longest takes so many `seconds`, the `shortest` so many samples.
+    The longest takes `seconds`, the shortest `shortest` samples.
     """
     lengths, longest = [shortest], max(round(seconds / period), shortest)
     while lengths[-1] < longest:
@@ -28,12 +28,12 @@ def window_lengths(period: float, seconds: float = 0.1, shortest: int = 2) -> tu
 
 
 class Scatter:
-    """Mean squares of windows of several lengths, of all axes.
+    """Mean squares of windows of several lengths, by axis.
 
     Parameters
     ----------
     lengths : ndarray of int, shape (n_windows,)
-        Of the windows [samples].
+        Lengths of the windows [samples].
     n_joints : int
     period : float
         Time between two samples [s].
@@ -62,12 +62,11 @@ class Scatter:
 
     @property
     def bound(self) -> Array:
-        """What the root mean squares may really be, shape (n_windows, n_joints).
+        """Upper bound of the root mean squares, shape (n_windows, n_joints).
 
-        Of an axis that has moved for too short a time: a mean of n squares, those of windows that
-        do not overlap, is by chance as small as (1 - 2 / 9n - `SURE` sqrt(2 / 9n))^3 times the true
-        one (Wilson and Hilferty, Proc. Natl. Acad. Sci. 17, 1931). Infinite where that says
-        nothing.
+        For an axis that has moved too briefly: a mean of n squares, of non-overlapping windows, is
+        by chance as small as (1 - 2 / 9n - `SURE` sqrt(2 / 9n))^3 times the true one (Wilson and
+        Hilferty, Proc. Natl. Acad. Sci. 17, 1931). Infinite where that gives no bound.
         """
         ninths = 2 / 9 * self._lengths[:, np.newaxis] / np.maximum(self._weights, 1e-9)
         least = (1.0 - ninths - SURE * np.sqrt(ninths)).clip(0.0) ** 3
@@ -76,11 +75,11 @@ class Scatter:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Of which axes enough has been seen, shape (n_joints,)."""
+        """Mask of axes with enough motion, shape (n_joints,)."""
         return np.asarray(self._weights >= self._enough)
 
     def take(self, means: Array, used: NDArray[np.bool_]) -> None:
-        """Take the windows that end with some samples.
+        """Update by the windows ending at some samples.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Torques around alarms, for a picture; without one, those at the end."""
+"""Torque traces around alarms, or at the end without an alarm."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class TraceStretch(NamedTuple):
-    """Torques of one axis over a short time.
+    """Torques of an axis over a short time.
 
     Attributes
     ----------
@@ -30,7 +30,7 @@ class TraceStretch(NamedTuple):
 
 
 class Trace:
-    """Keeps the last samples, and those around each axis's first alarm.
+    """Buffer of the last samples, and traces around the first alarm of every axis.
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ class Trace:
 
     @property
     def waiting(self) -> bool:
-        """Whether what follows an alarm has not come yet."""
+        """True while a trace after an alarm is incomplete."""
         return bool(self._wanted)
 
     def take(self, judged: Judged, window: int, rows: slice = slice(None)) -> None:
-        """Take what some samples show, with the threshold of one window."""
+        """Add judged samples, with the threshold of a window."""
         last = slice(-self._length, None)
         self._last = tuple(
             np.concatenate([kept, new[rows]])[last]
@@ -74,12 +74,12 @@ class Trace:
                 del self._wanted[axis]
 
     def keep(self, axis: int, alarm: float) -> None:
-        """Keep what is around an alarm, if it is the axis's first."""
+        """Keep the trace around an axis's first alarm."""
         if axis not in self._kept:
             self._wanted.setdefault(axis, alarm)
 
     def stretches(self) -> tuple[TraceStretch, ...]:
-        """One of each axis; empty where nothing was watched."""
+        """Return a trace per axis; empty without samples."""
         if not len(self._last[0]):
             return ()
         return tuple(

@@ -1,23 +1,23 @@
-"""How friction turns round after a reversal, while it is not known over what distance.
+"""Friction after a reversal, with unknown presliding distance.
 
 Teeth and bristles bend before they slip: friction's direction follows the velocity's sign over a
 presliding distance d, after Dahl
 
-    dz/ds = (sign - z) / d,    s being the way,
+    dz/ds = (sign - z) / d,    s being the distance,
 
 from sample to sample as an exponential; and while they bend they are damped, after Canudas de Wit
 et al. (IEEE Trans. Automat. Contr. 40, 1995), which adds a torque
 
     c (v - |v| z)
 
-to that of z: where an axis reverses within few samples, at the end of a stroke, it is larger than
-friction itself. Which distance and damping are those of an axis shows in its torque after
-reversals, so directions are found for a row of distances, each with the damping that fits it, and
-the distance that fits best is taken. What its neighbours in the row say otherwise is how uncertain
-the direction is, and so is a share of the damping.
+to that of z: if an axis reverses within few samples, at the end of a stroke, it is larger than
+friction itself. Distance and damping of an axis show in its torque after reversals, so directions
+are computed for a row of distances, each with its fitted damping, and the best fitting distance is
+used. The difference from its neighbours in the row is the uncertainty of the direction, plus a
+share of the damping.
 
-At a standstill the direction goes wherever the torque does, which no encoder shows. From there on
-it is unknown until the axis has moved over the presliding distance.
+At a standstill the direction follows the torque, invisible to an encoder. From there on it is
+unknown until the axis has moved over the presliding distance.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ if TYPE_CHECKING:
     Flags = NDArray[np.bool_]
 
 DISTANCES = 5e-5 * 2.0 ** np.arange(9)
-"""Presliding distances that are tried [rad or m]."""
+"""Candidate presliding distances [rad or m]."""
 
 
 class Turned(NamedTuple):
-    """Friction while it turns round; each of shape (n, n_joints).
+    """Friction during a reversal, with shapes (n, n_joints).
 
     Attributes
     ----------
     direction : ndarray
-        From -1 to 1.
+        Direction from -1 to 1.
     damping : ndarray
         Torque of the damping, beside that of the direction [N m or N].
     doubt : ndarray
-        What both may be wrong by, as a share of friction's level.
+        Possible error of both, relative to the friction level.
     """
 
     direction: Array
@@ -56,7 +56,7 @@ class Turned(NamedTuple):
 
 
 class Turning:
-    """Directions of friction of all axes, and the distance and damping of each.
+    """Friction directions of the axes, with presliding distance and damping.
 
     Parameters
     ----------
@@ -83,32 +83,32 @@ class Turning:
 
     @property
     def distance(self) -> Array:
-        """Presliding distances that are taken, shape (n_joints,) [rad or m]."""
+        """Presliding distances in use, shape (n_joints,) [rad or m]."""
         return np.asarray(DISTANCES[self._taken])
 
     @property
     def damping(self) -> Array:
-        """Dampings that are taken, shape (n_joints,) [N m s/rad or N s/m]."""
+        """Damping in use, shape (n_joints,) [N m s/rad or N s/m]."""
         return self._damping
 
     def take(
         self, step: Array, qd: Array, friction: Array, level: Array, damping_doubt: float = 0.3
     ) -> Turned:
-        """Take samples in their order.
+        """Process samples in order.
 
         Parameters
         ----------
         step : ndarray, shape (n, n_joints)
-            By how much positions have changed since the sample before [rad or m].
+            Change of position since the last sample [rad or m].
         qd : ndarray, shape (n, n_joints)
             [rad/s or m/s].
         friction, level : ndarray, shape (n, n_joints)
-            What friction was, and its level by the law [N m or N].
+            Observed friction, and its level by the law [N m or N].
         damping_doubt : float
-            Of the damping, as a share of it. The customary damping goes with the root of the
-            stiffness, so a distance that is wrong by a place in the row makes 0.41 of it; 0.5
-            blinds more and 0.3 raises no alarm (`benchmarks/pushes.py` with seeds 31 to 33; eight
-            minutes of strokes with seeds 964 and 965).
+            Uncertainty of the damping, relative to the damping. The customary damping is
+            proportional to the square root of the stiffness, so a distance wrong by one step of the
+            row changes it by a factor of 0.41; 0.5 blinds more, and 0.3 raises no alarm in
+            `benchmarks/pushes.py`.
         """
         still = self._still(step)
         rows, unknown = self._directions(step, still)
@@ -124,9 +124,9 @@ class Turning:
         return Turned(rows[:, self._taken, self._axes], damping, doubt)
 
     def settle(self, used: Flags | bool = True, enough: int = 25) -> None:
-        """Let the samples since last time count, of axes that are `used`.
+        """Use the new samples of `used` axes for fitting.
 
-        Takes the distance and damping that fit best of each axis, after `enough` samples.
+        The best fitting distance and damping of each axis are selected after `enough` samples.
         """
         self._sums += np.where(used, self._new, 0.0)
         self._new[:] = 0.0
@@ -139,11 +139,11 @@ class Turning:
 
     @property
     def _neighbours(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Slower and faster neighbours of what is taken, in the row."""
+        """Slower and faster neighbours of the distances in use."""
         return np.minimum(self._taken + 1, len(DISTANCES) - 1), np.maximum(self._taken - 1, 0)
 
     def _still(self, step: Array) -> Flags:
-        """Whether an axis has stayed within the shortest distance, shape (n, n_joints)."""
+        """Return True for axes within the shortest distance, shape (n, n_joints)."""
         length = len(self._recent)
         way = np.concatenate([self._recent, self._recent[-1] + step.cumsum(axis=0)])
         self._recent = way[-length:] - way[-1]
@@ -151,7 +151,7 @@ class Turning:
         return np.asarray(np.ptp(windows, axis=-1) < DISTANCES[0])
 
     def _directions(self, step: Array, still: Flags) -> tuple[Array, Array]:
-        """Directions with every distance, and what a standstill has left unknown of the one taken.
+        """Compute directions for every distance, and the doubt from standstills for the one in use.
 
         Shapes (n, n_distances, n_joints) and (n, n_joints).
         """

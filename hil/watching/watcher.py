@@ -1,6 +1,6 @@
-"""Raises alarms from what single samples show, and counts how well each axis was seen.
+"""Alarms from judged samples, and statistics of the visibility of pushes.
 
-Samples come from recordings, or from a bus that is watched whatever moves on it.
+Samples come from recordings, or from a watched bus with any motion.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 
 APART = 0.04
-"""Time over which torques are averaged to be drawn [s]: 25 a second, enough for the eye."""
+"""Averaging time of displayed torques [s]: 25 values a second."""
 HELD = 500
-"""Means that are held for whoever draws them: 20 s of motion."""
+"""Maximum number of means kept for display: 20 s of motion."""
 
 
 class Course(NamedTuple):
@@ -35,10 +35,10 @@ class Course(NamedTuple):
     Attributes
     ----------
     time : ndarray, shape (n,)
-        Of the last sample of each [s].
+        Time of the last sample in each mean [s].
     measured, predicted, band : ndarray, shape (n, n_joints)
-        Band about the predicted torque in which 95 % of the measured means lie while nobody pushes;
-        infinite where that is not known [N m or N].
+        Band about the predicted torque with 95 % of the measured means without contact; infinite if
+        unknown [N m or N].
     """
 
     time: Array
@@ -48,12 +48,12 @@ class Course(NamedTuple):
 
 
 class Watcher:
-    """Watches all axes.
+    """Watch over the axes of a robot.
 
     Parameters
     ----------
     model : Model
-        With a law of friction.
+        Model with a friction law.
     period : float
         Time between two samples [s].
     learning : float
@@ -95,12 +95,12 @@ class Watcher:
         self.trace = Trace(n, period)
 
     def take(self, *samples: Sample) -> tuple[Alarm, ...]:
-        """Take the next samples; return the alarms that begin with them."""
+        """Process further samples; return new alarms."""
         columns = zip(*((each.time, each.q, each.tau) for each in samples), strict=True)
         return self.take_all(*map(np.array, columns))
 
     def take_all(self, time: Array, q: Array, tau: Array) -> tuple[Alarm, ...]:
-        """Take the next samples, with the same result as one by one; return their alarms.
+        """Process further samples, with the same result as in single calls; return new alarms.
 
         Parameters
         ----------
@@ -121,7 +121,7 @@ class Watcher:
         return tuple(begun)
 
     def course(self) -> Course:
-        """Take the torques since last asked, the last `HELD` of them."""
+        """Return the torques since the last call, at most `HELD` values."""
         held, self._averaged = self._averaged[-HELD:], []
         if not held:
             n = self._robot.n_joints
@@ -129,35 +129,35 @@ class Watcher:
         return Course(*map(np.array, zip(*held, strict=True)))
 
     def unit(self, alarm: Alarm) -> str:
-        """Unit of an alarm's torque."""
+        """Return the unit of an alarm's torque."""
         return self._robot.torque_unit(alarm.axis - 1)
 
     def sights(self) -> tuple[Sight, ...]:
-        """How well each axis was seen."""
+        """Return the visibility of pushes on every axis."""
         return tuple(self._sight(axis) for axis in range(self._robot.n_joints))
 
     @property
     def learned(self) -> float:
-        """Time with an axis in motion from which thresholds were learned [s]."""
+        """Time of motion used for learning thresholds [s]."""
         return self._moved * self._period
 
     @property
-    def to_learn(self) -> float:
-        """Time of motion from which thresholds are to be learned [s]."""
+    def required(self) -> float:
+        """Required time of motion for learning thresholds [s]."""
         return self._needed * self._period
 
     @property
     def watched(self) -> float:
-        """Time since then, in which alarms may be raised [s]."""
+        """Time since the end of learning [s]."""
         return self._judged * self._period
 
     @property
     def learning(self) -> bool:
-        """Whether thresholds are still learned, and no alarm is raised."""
+        """True during learning, without alarms."""
         return self._moved < self._needed
 
     def torques(self) -> Array:
-        """Torques now, shape (n_joints, 4) [N m or N].
+        """Return the present torques, shape (n_joints, 4) [N m or N].
 
         Measured, predicted, mean from outside over the longest window, and its threshold, which is
         infinite where nothing is seen; NaN before the first.
@@ -168,12 +168,12 @@ class Watcher:
         return np.column_stack([measured, predicted, outside[self._late], threshold[self._late]])
 
     def found(self, plan_digest: str, model: str) -> Watched:
-        """All that was found until now.
+        """Return the results so far.
 
         Parameters
         ----------
         plan_digest, model : str
-            Of what was watched, and path of the model's file; to be kept.
+            Digest of the watched plan, and path of the model's file.
         """
         return Watched(
             robot_digest=self._robot.digest,
@@ -203,7 +203,7 @@ class Watcher:
             del self._averaged[:-HELD]
 
     def _learn(self, judged: Judged) -> int:
-        """Return how many of the samples go into learning alone."""
+        """Return the number of samples used only for learning."""
         if not self.learning:
             return 0
         moved = self._moved + judged.moving.any(axis=1).cumsum()
@@ -221,13 +221,13 @@ class Watcher:
         begun: list[Alarm] = []
         for row in range(len(judged.time)):
             self.trace.take(judged, self._soon, slice(row, row + 1))
-            begun += self._raised(judged, row, ratio[row], signs[row])
+            begun += self._update_alarms(judged, row, ratio[row], signs[row])
         return begun
 
-    def _raised(
+    def _update_alarms(
         self, judged: Judged, row: int, ratio: Array, signs: Array, over: float = 0.25
     ) -> Iterator[Alarm]:
-        """Begin alarms, go on with others and end those that gave no sign for a time [s]."""
+        """Start new alarms, continue present ones, and end alarms without sign for a time [s]."""
         now = float(judged.time[row])
         for axis in np.flatnonzero(signs).tolist():
             self._signs[axis] = now
@@ -259,7 +259,7 @@ class Watcher:
         return alarm.model_copy(update={"peak": max(alarm.peak, seen, key=abs), "lasted": lasted})
 
     def _count(self, judged: Judged, every: int = 8, most: int = 100_000) -> None:
-        """Count how well was seen; for medians one of `every` sample, so many at most."""
+        """Update the visibility statistics, with one of `every` sample for medians."""
         pairs = judged.threshold[:, [self._soon, self._late]]
         self._unseen += (pairs > self._sizes).sum(axis=0)
         self._still += (~judged.moving).sum(axis=0)
@@ -291,7 +291,7 @@ class Watcher:
 
 
 class WatchingBus(BusInFront):
-    """A `drivers.drive_bus.StreamingBus` in front of another one.
+    """Bus in front of another `drivers.drive_bus.StreamingBus` that watches the samples.
 
     Parameters
     ----------
@@ -325,7 +325,7 @@ class WatchingBus(BusInFront):
         self._stop = stop
 
     def sample(self) -> Sample:
-        """Wait for the next SYNC, and judge what has come.
+        """Wait for the next SYNC, and judge the samples.
 
         Raises
         ------
@@ -339,14 +339,16 @@ class WatchingBus(BusInFront):
             alarms = self._watcher.take(*self._held)
             self._held.clear()
         if alarms and self._stop:
-            raise Tripped(f"{in_words(alarms[0], self._watcher.unit(alarms[0]))}; all axes stop")
+            raise Tripped(
+                f"{describe_alarm(alarms[0], self._watcher.unit(alarms[0]))}; all axes stop"
+            )
         for alarm in alarms or (None,):
             self._show(alarm)
         return sample
 
 
-def in_words(alarm: Alarm, unit: str) -> str:
-    """Axis, instant, size and estimate of an alarm."""
+def describe_alarm(alarm: Alarm, unit: str) -> str:
+    """Describe an alarm: axis, time, size and threshold."""
     return (
         f"axis {alarm.axis}: {alarm.torque:+.3g} {unit} from outside at {alarm.time:.3f} s, in a"
         f" mean over {1e3 * alarm.window:.0f} ms; threshold {alarm.threshold:.3g} {unit}"

@@ -32,7 +32,7 @@ def commands() -> list[tuple[str, str]]:
 
 def options_of(words: list[str]) -> set[str]:
     """Return the options that a command knows; of a group, those of the subcommand or of all."""
-    command = cli.imported(words[0])
+    command = cli.import_command(words[0])
     subcommands = getattr(command, "commands", {})
     chosen = [subcommands[word] for word in words[1:2] if word in subcommands]
     known = [command, *(chosen or subcommands.values())]

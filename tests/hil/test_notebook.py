@@ -74,14 +74,14 @@ def test_importing_hil_loads_no_numerics():
 class TestRobotOfValues:
     def test_it_is_the_robot_of_the_same_file(self, manutec):
         content = manutec.file.model_dump(exclude_none=True)
-        same = hil.Robot.from_values(**content)
+        same = hil.Robot.create(**content)
         assert same == manutec
-        assert hil.Robot.from_values(**same.file.model_dump(exclude_none=True)).text == same.text
+        assert hil.Robot.create(**same.file.model_dump(exclude_none=True)).text == same.text
 
     def test_a_tie_to_an_absent_parameter_is_refused(self, manutec):
         content = manutec.file.model_dump(exclude_none=True) | {"ties": ("Iyy6 = Ixx9",)}
         with pytest.raises(hil.errors.InvalidValue, match=r"ties\.0: Ixx9 is not present"):
-            hil.Robot.from_values(**content)
+            hil.Robot.create(**content)
 
 
 class TestRecording:

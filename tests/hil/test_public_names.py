@@ -36,7 +36,7 @@ def swung(seed: int = 0, duration: float = 20.0) -> tuple[np.ndarray, np.ndarray
     q = (0.35 * np.sin(phase)).sum(axis=1)
     qd = (0.35 * rates * 2 * np.pi * np.cos(phase)).sum(axis=1)
     qdd = -(0.35 * (rates * 2 * np.pi) ** 2 * np.sin(phase)).sum(axis=1)
-    robot = hil.Robot.from_values("pendulum", [JOINT])
+    robot = hil.Robot.create("pendulum", [JOINT])
     base = hil.base_parameters(robot)
     values = np.array([{"Izz1": 2.0, "sx1": 1.5, "sy1": -0.4}[e] for e in base.expressions])
     columns = [each[:, None] for each in (q, qd, qdd)]
@@ -46,7 +46,7 @@ def swung(seed: int = 0, duration: float = 20.0) -> tuple[np.ndarray, np.ndarray
 
 
 def test_a_robot_of_one_s_own_is_identified_from_arrays(tmp_path: Path) -> None:
-    robot = hil.Robot.from_values("pendulum", [JOINT])
+    robot = hil.Robot.create("pendulum", [JOINT])
     t, q, tau = swung()
     run = hil.Run.import_arrays(robot, t, q, tau)
     model = hil.identify(run)
@@ -73,7 +73,7 @@ def test_a_robot_of_one_s_own_is_identified_from_arrays(tmp_path: Path) -> None:
     ],
 )
 def test_arrays_that_cannot_be_used_are_refused(change, why: str) -> None:
-    robot = hil.Robot.from_values("pendulum", [JOINT])
+    robot = hil.Robot.create("pendulum", [JOINT])
     with pytest.raises(hil.errors.InvalidArray, match=why):
         hil.Run.import_arrays(robot, *change(*swung()))
 
@@ -101,7 +101,7 @@ def test_friction_over_time_is_known_of_a_loaded_model_too(tmp_path: Path) -> No
 
 
 def test_a_monte_carlo_study_needs_no_folders(campaign: Path, tmp_path: Path) -> None:
-    robot = hil.Robot.from_values("pendulum", [JOINT])
+    robot = hil.Robot.create("pendulum", [JOINT])
     run = hil.Run.import_arrays(robot, *swung(duration=10.0))
     found = [hil.identify(run.add_noise(torque=0.5, seed=seed)).values for seed in range(3)]
     again = hil.identify(run.add_noise(torque=0.5, seed=0)).values

@@ -3,13 +3,15 @@
 from collections.abc import Iterator
 from typing import Any
 
-from hil.cli import COMMANDS, imported
+from hil.cli import COMMANDS, import_command
 
 
 def every_command() -> dict[str, Any]:
     """Name, as it is typed, and command of all commands and groups of commands."""
     return {
-        name: command for first in COMMANDS for name, command in _with_inner(first, imported(first))
+        name: command
+        for first in COMMANDS
+        for name, command in _with_inner(first, import_command(first))
     }
 
 

@@ -41,7 +41,7 @@ def arm(*, geared: bool = True, **drive: float) -> Robot:
     if geared:
         stated = {"gear_ratio": 50.0, "rotor_inertia": 1e-4, "torque_constant": 0.1}
         joint["drive"] = stated | drive
-    return Robot.from_values(
+    return Robot.create(
         "arm",
         [
             joint | {"frame": {"alpha": 0}, "parameters": ["Izz", "sx", "sy"]},

@@ -6,5 +6,5 @@ import json
 
 
 def inflated(text: str) -> object:
-    """Return what `hil.view.packed.deflated` has packed."""
+    """Return what `hil.show.deflated.deflate` has packed."""
     return json.loads(gzip.decompress(base64.b64decode(text)))

@@ -51,7 +51,7 @@ class Served:
         return self.url.partition(f":{self.port}")[2]
 
     def publish(self, kind: str, **values: object) -> None:
-        self.listener.write(lines.encoded(kind, **values))
+        self.listener.write(lines.encode(kind, **values))
 
     def begin(
         self, robot: Robot, plan: Plan, axes: tuple[AxisInfo, ...], *, pushed: bool = False

@@ -98,7 +98,7 @@ def _curve(recordings: Sequence[Halves], solution: Solution) -> FrictionCurve:
     weight = np.concatenate([each.pairs.weights for each in recordings])
     speed = np.concatenate([each.speed for each in recordings])
     pair = numbered_pairs(recordings)
-    places = [fit.layout.at(name, axis) for name in ("offset", "asymmetric")]
+    places = [fit.layout.index(name, axis) for name in ("offset", "asymmetric")]
     constant, per_speed = (TermValue.estimated(fit.x[k], fit.covariance[k, k]) for k in places)
     return FrictionCurve(
         axis=axis + 1,

@@ -80,7 +80,7 @@ def nearest_robot(
         No bodies meet the conditions, or none could be found in double precision.
     """
     bounds = bounds or BodyBounds()
-    whole = robot.with_whole_links()
+    whole = robot.free_links()
     asked = tightened(whole, bounds)
     expected = likely_bodies(robot) if likely is None else likely
     space = Space.of(robot, whole, p, covariance, expected)

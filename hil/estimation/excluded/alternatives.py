@@ -26,7 +26,7 @@ from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.columns import across_gravity, instants
 from hil.least_squares.normal_equations import Normal
 from hil.least_squares.regression import ROUNDS, Regression
-from hil.least_squares.solving import inverse, solved_each
+from hil.least_squares.solving import inverse, solve_each
 from hil.model.dynamics import mass_matrix, regressor
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ class Explained:
         columns = _columns(self.robot, self.evidence, reading, self.more)
         blocks = columns.blocks
         apart, counts = Normal.split(blocks.products[0]), blocks.counts[0]
-        left = apart.square - np.sum(apart.v * solved_each(apart.N, apart.v), axis=1)
+        left = apart.square - np.sum(apart.v * solve_each(apart.N, apart.v), axis=1)
         least = counts @ np.log(np.maximum(left / np.maximum(counts, 1.0), self.evidence.least))
         return self.instead(reading, columns=columns) if least < most else None
 

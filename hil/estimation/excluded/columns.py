@@ -313,7 +313,7 @@ def _of_gaps(rows: _Rows, axis: int, half_gaps: Sequence[float]) -> Iterator[tup
 def _load(rows: _Rows) -> Iterator[tuple[Column, Array]]:
     """Parameters of the last link: those that the robot file leaves out, all if it came later."""
     robot, evidence = rows.robot, rows.evidence
-    complete = robot.with_whole_links([robot.n_joints - 1])
+    complete = robot.free_links([robot.n_joints - 1])
     stated, all_of_it = base_parameters(robot), base_parameters(complete)
     names = [head for head in all_of_it.heads if head not in stated.heads]
     directions = np.eye(len(all_of_it))[:, [all_of_it.heads.index(name) for name in names]]

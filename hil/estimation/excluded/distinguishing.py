@@ -34,12 +34,12 @@ from hil.estimation.excluded.foreseen import expected_evidence, foreseen_tests, 
 from hil.estimation.excluded.limits import POWER, noncentrality, smallest
 from hil.estimation.excluded.words import in_words, name_of, unit_of
 from hil.estimation.signals import signals
-from hil.planning.design.by_minutes import lasting, numbered, ordered
+from hil.planning.design.by_minutes import assign_ids, order_by_travel, total_duration
 from hil.planning.design.candidates import strokes
 from hil.planning.design.tour import TRAVEL, guarded_tour
 from hil.planning.measurement import shows_parameters
 from hil.planning.timetable import SETTLING, travel_times
-from hil.planning.workspace import narrowed
+from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -186,7 +186,10 @@ def distinguish(
     return Distinguished(
         plan=search.plan,
         added=tuple(m.id for m in search.plan.measurements if m.id not in ids),
-        durations=(lasting(robot, plan.measurements), lasting(robot, search.plan.measurements)),
+        durations=(
+            total_duration(robot, plan.measurements),
+            total_duration(robot, search.plan.measurements),
+        ),
         before=each[0],
         after=each[-1],
     )
@@ -201,7 +204,7 @@ class _Search:
         self.robot, self.plan, self.noise, self.p = robot, plan, noise, p
         self.taken: list[int] = []
         """Candidates that were added."""
-        self.most = lasting(robot, plan.measurements) / ROUNDS
+        self.most = total_duration(robot, plan.measurements) / ROUNDS
         """Time that may be added in a round [s]."""
         self.battery, self.tests = self._tested()
         every = self.battery.columns.tests
@@ -236,9 +239,9 @@ class _Search:
     def _candidates(self) -> list[ElementMeasurement]:
         """Strokes among which a plan chooses; if a load is named, they vary what shows it, too."""
         guard = self.plan.workspace
-        robot = narrowed(self.robot, guard)
+        robot = narrow_ranges(self.robot, guard)
         if any(cause == "load" for cause, _ in self.keys):
-            robot = robot.with_whole_links([robot.n_joints - 1])
+            robot = robot.free_links([robot.n_joints - 1])
         return [measurement for _, measurement, _ in strokes(robot, guard, EACH)]
 
     def _products(self, measurement: ParameterMeasurement) -> Array:
@@ -373,8 +376,8 @@ def _excess(wanted: Array, there: Array) -> Array:
 
 def _with(robot: Robot, plan: Plan, more: Sequence[ElementMeasurement]) -> Plan:
     """The plan with more measurements behind its own; in a guarded workspace in one tour of all."""
-    named = numbered(ordered(robot, more), {each.id for each in plan.measurements})
+    named = assign_ids(order_by_travel(robot, more), {each.id for each in plan.measurements})
     every = [*plan.measurements, *named]
     if plan.workspace is not None:
-        every = guarded_tour(narrowed(robot, plan.workspace), plan.workspace, every)
+        every = guarded_tour(narrow_ranges(robot, plan.workspace), plan.workspace, every)
     return plan.model_copy(update={"measurements": tuple(every)})

@@ -59,7 +59,7 @@ def bias_test(
         return None
     n, tiny, m = len(first), np.finfo(float).tiny, products.n_pieces
     plain = choice.of(products.pieces[0])
-    crossed = plain.of(products.instruments)
+    crossed = plain.transfer(products.instruments)
     difference = (crossed.solution - plain.solution)[:n]
     of_plain, of_crossed = (_influence(each.normal)[:, :n] for each in (plain, crossed))
     scatter = np.sqrt(np.maximum(((of_crossed - of_plain) ** 2).sum(axis=0) * m / (m - 1), tiny))

@@ -151,7 +151,7 @@ def choose(
                 for law in _different(tried, products, axis)
             }
             kept = {law: kept_by(whole.layout, each) for law, each in others.items()}
-            load = whole.layout.at("load", axis)
+            load = whole.layout.index("load", axis)
             # a gear of which friction took more than the load would not move, and one of which it
             # took less than nothing would push: such a solution makes up for something else
             found = held_out.errors({

@@ -50,7 +50,7 @@ def axis_friction(
                 law=law,
                 speed=float(processing.speed[axis]),
                 presliding=float(processing.presliding[axis]),
-                bend=_value(fit, fit.layout.at(BENT, axis)),
+                bend=_value(fit, fit.layout.index(BENT, axis)),
                 terms=_values(fit, axis, LAWS[law]),
                 plain=_values(plain, axis, CLASSICAL),
                 held_out=choice.held_out[axis],
@@ -64,11 +64,11 @@ def axis_friction(
 
 
 def _places(fit: Fit, axis: int, terms: Sequence[str]) -> Indices:
-    return np.array([fit.layout.at(term, axis) for term in terms], dtype=np.intp)
+    return np.array([fit.layout.index(term, axis) for term in terms], dtype=np.intp)
 
 
 def _values(fit: Fit, axis: int, terms: Sequence[str]) -> dict[str, TermValue]:
-    return {term: _value(fit, fit.layout.at(term, axis)) for term in terms}
+    return {term: _value(fit, fit.layout.index(term, axis)) for term in terms}
 
 
 def _value(fit: Fit, place: int) -> TermValue:
@@ -94,7 +94,7 @@ def torque_lags(gathered: Gathered) -> tuple[TermValue, ...]:
 
 def compliances(robot: Robot, soft: Sequence[int], fit: Fit) -> dict[int, TermValue]:
     """Compliances of the gears that give way, by axis from 1."""
-    places = {axis + 1: fit.layout.at(compliance_names(robot)[axis]) for axis in soft}
+    places = {axis + 1: fit.layout.index(compliance_names(robot)[axis]) for axis in soft}
     return {
         axis: TermValue.estimated(STEP * fit.x[k], STEP**2 * fit.covariance[k, k])
         for axis, k in places.items()
@@ -107,8 +107,8 @@ def coupled_friction(robot: Robot, fit: Fit) -> tuple[CoupledFriction, ...]:
         CoupledFriction(
             motor=motor + 1,
             joint=joint + 1,
-            viscous=_value(fit, fit.layout.at(viscous)),
-            coulomb=_value(fit, fit.layout.at(coulomb)),
+            viscous=_value(fit, fit.layout.index(viscous)),
+            coulomb=_value(fit, fit.layout.index(coulomb)),
         )
         for (motor, joint, _), (viscous, coulomb) in zip(
             robot.couplings, coupled_names(robot), strict=True

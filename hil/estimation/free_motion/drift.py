@@ -94,7 +94,7 @@ class Drift:
         for axis, spans in enumerate(self.spans):
             ends = np.linspace(0.0, 1.0, spans + 1)
             hats = _hats(ends, spans) - _hats(_middles(n_pieces), spans).mean(axis=0)
-            change = hats @ x[[layout.at(name) for name in self.names(axis)]] if spans else ()
+            change = hats @ x[[layout.index(name) for name in self.names(axis)]] if spans else ()
             each.append(1.0 + np.array(change))
         return tuple(each)
 

@@ -147,7 +147,7 @@ class Gathered:
     def rescaled(self, fit: Fit) -> Gathered:
         """The same with unknown gains as a fit has them, near which they are linearised anew."""
         gains, unknown = self.scaling.gains.copy(), self.scaling.unknown
-        gains[list(unknown)] *= np.exp([fit.x[fit.layout.at(gain_name(k))] for k in unknown])
+        gains[list(unknown)] *= np.exp([fit.x[fit.layout.index(gain_name(k))] for k in unknown])
         scaling = around(self.recorded, replace(self.scaling, gains=gains), self.choice)
         return replace(self, scaling=scaling)
 
@@ -276,7 +276,7 @@ def as_kinds(gathered: Sequence[Gathered]) -> list[Kind]:
         names = tuple(f"{name} import {number}" for name in cells.channels)
         blocks = replace(fitted.blocks.grouped(BLOCKS), channels=names)
         cells = replace(cells, channels=names)
-        kinds.append(Kind(fitted.of(blocks), cells, each.beside, each.effect))
+        kinds.append(Kind(fitted.transfer(blocks), cells, each.beside, each.effect))
     return kinds
 
 

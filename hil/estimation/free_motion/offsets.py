@@ -56,7 +56,7 @@ def with_doubt(x: Array, V: Array, metric: Array, layout: Layout) -> tuple[Array
     """
     unusual, n_shared = [], len(layout.shared)
     for axis in range(layout.n_channels):
-        place = layout.at("offset", axis)
+        place = layout.index("offset", axis)
         s = ASYMMETRY * _friction(x[layout.place(axis)[n_shared:]])
         more = float(x[place] ** 2 - s**2 - V[place, place])
         # share of an offset's variance that comes from base parameters, from which on it counts:
@@ -102,7 +102,7 @@ def split_covariance(directions: dict[int, int], layout: Layout, x: Array) -> Ar
     """Covariance of how offset and Coulomb friction share their sum, shape (n, n)."""
     found = np.zeros((len(x), len(x)))
     for axis, direction in directions.items():
-        places = [layout.at(term, axis) for term in ("offset", "Coulomb")]
+        places = [layout.index(term, axis) for term in ("offset", "Coulomb")]
         both = np.array([1.0, direction])
         exchanged = both @ x[places] / 2.0 * np.array([1.0, -direction])
         found[np.ix_(places, places)] = np.outer(exchanged, exchanged)

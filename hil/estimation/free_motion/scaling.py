@@ -105,7 +105,7 @@ class Scaling:
 
     def applied(self, recorded: Condensed) -> Condensed:
         """Products of SI torque; unknown gains' changes are the last of the shared columns."""
-        torque, rotor = self.signal(recorded.layout), recorded.layout.at(ROTOR)
+        torque, rotor = self.signal(recorded.layout), recorded.layout.index(ROTOR)
         torque[:, 1 + rotor] = -1.0
         return recorded.recast(torque, self.columns(recorded.layout), (ROTOR,))
 
@@ -133,9 +133,9 @@ def _alone(layout: Layout, rows: Mapping[int, Array]) -> dict[str, Array]:
 
 def modelled(layout: Layout, x: Array, axis: int) -> Array:
     """Torque of one axis with its rotor, as a combination of the recorded columns, shape (m,)."""
-    without = np.delete(np.arange(layout.size), layout.at(ROTOR))
+    without = np.delete(np.arange(layout.size), layout.index(ROTOR))
     whole = embedded(x, without, layout.size)
-    whole[layout.at(ROTOR)] = 1.0
+    whole[layout.index(ROTOR)] = 1.0
     return np.concatenate([[0.0], whole[layout.place(axis)]])
 
 
@@ -197,12 +197,12 @@ def _beside(recorded: Blocks, unknown: tuple[int, ...], p: Array) -> Scaling:
     torque = Scaling.known(np.ones(recorded.n_channels)).signal(layout)
     model = np.zeros_like(torque)
     model[:, recorded.place(*base)] = p
-    model[:, 1 + layout.at(ROTOR)] = 1.0
+    model[:, 1 + layout.index(ROTOR)] = 1.0
     columns = _alone(layout, {axis: model[axis] for axis in unknown})
     # axes of known gain say nothing of others
     torque[[axis for axis in range(len(torque)) if axis not in unknown]] = 0.0
     found = usual(recorded.recast(torque, columns, (*base, ROTOR)))
-    reciprocal = np.array([found.solution[found.layout.at(gain_name(axis))] for axis in unknown])
+    reciprocal = np.array([found.solution[found.layout.index(gain_name(axis))] for axis in unknown])
     lost = [axis for axis, each in zip(unknown, reciprocal, strict=True) if not each > 0]
     if lost:
         raise NotIdentifiable(
@@ -239,7 +239,7 @@ def refined(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
 def _step(scaling: Scaling, linearised: Regression) -> tuple[Scaling, float]:
     """One round, and the largest change of a gain's logarithm."""
     x, layout = linearised.solution, linearised.layout
-    places = [layout.at(gain_name(axis)) for axis in scaling.unknown]
+    places = [layout.index(gain_name(axis)) for axis in scaling.unknown]
     change = np.clip(x[places], -STRIDE, STRIDE)
     gains = scaling.gains.copy()
     gains[list(scaling.unknown)] *= np.exp(change)
@@ -259,14 +259,14 @@ def _by_linear_problem(recorded: Blocks, unknown: tuple[int, ...], of_usual_size
     torque = Scaling.known(np.ones(recorded.n_channels)).signal(layout)
     signals = _alone(layout, {axis: -torque[axis] for axis in axes})
     torque[axes, 0] = 0.0
-    torque[:, 1 + layout.at(ROTOR)] = -1.0
+    torque[:, 1 + layout.index(ROTOR)] = -1.0
     linear = recorded.recast(torque, signals, (ROTOR,))
     square = _mean_squares(recorded)[:, 0]
     weights = np.where(square > _TINY, 1.0 / np.maximum(of_usual_size**2 * square, _TINY), 0.0)
     kept = kept_by(linear.layout, [USUAL] * recorded.n_channels)
     x = Regression(linear, weights, kept).solution
     gains = of_usual_size.copy()
-    gains[axes] = [x[linear.layout.at(gain_name(axis))] for axis in axes]
+    gains[axes] = [x[linear.layout.index(gain_name(axis))] for axis in axes]
     return np.clip(gains, of_usual_size / FARTHEST, of_usual_size * FARTHEST)
 
 
@@ -285,7 +285,7 @@ def _usual_torque(recorded: Blocks, unknown: tuple[int, ...]) -> float:
     known = known[known > _TINY]  # an axis without torque has no usual one
     if known.size:
         return float(known.mean())
-    return float(np.mean(squares[:, 1 + recorded.layout.at(ROTOR)])) or 1.0
+    return float(np.mean(squares[:, 1 + recorded.layout.index(ROTOR)])) or 1.0
 
 
 def require_scale(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> None:
@@ -344,7 +344,7 @@ def _any_solution(recorded: Blocks, unknown: tuple[int, ...], seed: int) -> Arra
     layout, squares = recorded.layout, _mean_squares(recorded)[:, 1:]
     n_shared = len(layout.shared)
     size = np.concatenate([squares[:, :n_shared].mean(axis=0), squares[:, n_shared:].ravel()])
-    rotor = layout.at(ROTOR)
+    rotor = layout.index(ROTOR)
     kept = kept_by(layout, [USUAL] * layout.n_channels)
     kept = kept[kept != rotor]
     drawn = embedded(np.random.default_rng(seed).standard_normal(len(kept)), kept, len(size))
@@ -368,7 +368,7 @@ def found_gains(robot: Robot, scaling: Scaling, fit: Fit) -> tuple[GainValue, ..
     NotIdentifiable
         Gains that the recordings hardly fix, and so all that depends on them.
     """
-    places = [fit.layout.at(gain_name(axis)) for axis in scaling.unknown]
+    places = [fit.layout.index(gain_name(axis)) for axis in scaling.unknown]
     change, error = fit.x[places], np.sqrt(np.diag(fit.covariance)[places])
     loose = [axis for axis, each in zip(scaling.unknown, error, strict=True) if not each < LOOSE]
     if loose:

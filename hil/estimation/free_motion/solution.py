@@ -103,7 +103,7 @@ def solve(
     if callable(solver):
         asked = replace(pieces, solver=solver)
     elif solver == "instrumental" and products.instruments is not None:
-        asked = pieces.of(products.instruments)
+        asked = pieces.transfer(products.instruments)
     # the others' equations are not weighted, or not symmetric, as other rules need them
     rule: Covariance = options.covariance if solver == "positive" else "jackknife"
     fit = asked.fit(rule, products.cells[choice.slowest], BLOCKS)

@@ -64,7 +64,7 @@ def fit_load(
     load = load_columns(robot)
     known, free = np.zeros(10), load.free
     if mass is not None:
-        known[MASS], free = mass, load.without_mass
+        known[MASS], free = mass, load.massless_columns
     terms = Terms(load.K @ known, load.K @ free, "load")
     change = terms.known
     before: list[Evidence] = []

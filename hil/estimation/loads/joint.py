@@ -47,7 +47,7 @@ from scipy import special
 from hil.estimation.condensed import ROTOR
 from hil.estimation.free_motion.scaling import CONVERGED, ROUNDS, STRIDE, Scaling, gain_name
 from hil.estimation.loads.figures import AxisMisfit
-from hil.least_squares.balance import Kind, Shares, carried
+from hil.least_squares.balance import Kind, Shares, propagate
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
@@ -134,8 +134,8 @@ class JointRuns:
         if terms.name == "load":
             shares, of, doubts = self._shares()
             c = shares.factors()
-            beside = shares.beside(c) + carried(shares.parts(c), doubts)
-            at = np.array([self.layout.at(name) for name in self._shared])
+            beside = shares.extra_covariance(c) + propagate(shares.parts(c), doubts)
+            at = np.array([self.layout.index(name) for name in self._shared])
             self._beside = embedded(beside, at, self.layout.size)
             if not runs.alike:
                 self._factors = c[of]
@@ -187,7 +187,7 @@ class JointRuns:
 
     def places(self, kind: str) -> Indices:
         """Where unknowns stand: of "base" parameters, of the "load" or "change", of each "gain"."""
-        return np.array([self.layout.at(name) for name in self._names[kind]], dtype=np.intp)
+        return np.array([self.layout.index(name) for name in self._names[kind]], dtype=np.intp)
 
     def of(self, kind: str) -> Array:
         """Solution for them."""

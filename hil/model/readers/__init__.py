@@ -1,1 +1,1 @@
-"""URDF and tables of Denavit-Hartenberg parameters, as the text of a robot file."""
+"""Conversion of URDF, MJCF and Denavit-Hartenberg tables to robot files."""

@@ -1,9 +1,9 @@
-"""From where a chain's axes lie to frames in modified Denavit-Hartenberg notation.
+"""Frames in modified Denavit-Hartenberg notation from the axes of a chain.
 
 Frame j has z along axis j and x along the common normal to axis j+1 (Khalil and Kleinfinger 1986),
-so that four numbers take it to the next one. What the notation leaves open is settled so that few
-lengths are left: frame 0 is frame 1 at q = 0, the last frame turns and shifts about z by nothing,
-and of the common normals of parallel axes that one is taken which begins where the last one ended.
+so that four numbers lead to the next one. Freedom in the notation is used to minimise the number of
+lengths: frame 0 is frame 1 at q = 0, the last frame has neither rotation nor shift about z, and of
+the common normals of parallel axes the one through the end of the previous normal is taken.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.model.frames import QUARTER, ROUNDED_OFF, inverse, meant, pose_of
+from hil.model.frames import QUARTER, ROUNDED_OFF, frame_pose, inverse, snap_angle
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Mask
@@ -41,17 +41,17 @@ class Frames:
     base: Array
 
     def poses(self, q: Array, revolute: Mask) -> Array:
-        """All frames in the base link, shape (n_joints, 4, 4)."""
+        """Compute the frames in the base link, shape (n_joints, 4, 4)."""
         here, found = self.base, []
         theta, r = self.theta + q * revolute, self.r + q * ~revolute
         for each in zip(self.alpha, self.d, theta, r, strict=True):
-            here = here @ pose_of(*each)
+            here = here @ frame_pose(*each)
             found.append(here)
         return np.array(found)
 
 
-def frames_of(chain: UrdfChain) -> Frames:
-    """Frames for the axes of a chain."""
+def find_frames(chain: UrdfChain) -> Frames:
+    """Compute frames for the axes of a chain."""
     n = len(chain.joints)
     still = chain.frames(np.zeros(n))
     points = still[:, :3, 3]
@@ -63,16 +63,16 @@ def frames_of(chain: UrdfChain) -> Frames:
         if j + 1 < n:
             normal, meets = _common_normal(points[j], z[j], points[j + 1], z[j + 1], origin)
             if normal is not None:
-                # the way round that turns least; the length between the axes may be negative
+                # take the smaller rotation; the length between the axes may be negative
                 x, origin = (-normal if normal @ x < -ROUNDED_OFF else normal), meets
         else:
             x = placed[-1][:3, 0] if placed else x
-        placed.append(_placed(origin, x, z[j]))
+        placed.append(_place_frame(origin, x, z[j]))
     base = placed[0]
     if n > 1:
-        # the last frame turns and shifts about its own axis by nothing
+        # the last frame has neither rotation nor shift about its own axis
         alpha, d, _, _ = _parameters(inverse(placed[-2]) @ placed[-1])
-        placed[-1] = placed[-2] @ pose_of(alpha, d, 0.0, 0.0)
+        placed[-1] = placed[-2] @ frame_pose(alpha, d, 0.0, 0.0)
     before = [base, *placed[:-1]]
     steps = [inverse(a) @ b for a, b in zip(before, placed, strict=True)]
     alpha, d, theta, r = np.array([_parameters(step) for step in steps]).T
@@ -80,17 +80,17 @@ def frames_of(chain: UrdfChain) -> Frames:
 
 
 def difference(chain: UrdfChain, robot: RobotArrays) -> str:
-    """What of a chain is not as the robot's, whole turns aside; empty where nothing is."""
+    """Describe the first difference of a chain from the robot, or return an empty string."""
     if not np.array_equal(chain.revolute, robot.revolute):
         return f"its joints are {', '.join(joint.type for joint in chain.joints)}"
-    frames = frames_of(chain)
+    frames = find_frames(chain)
     for key in ("alpha", "d", "theta", "r"):
         found, stated = getattr(frames, key), getattr(robot, key)
         apart = np.abs(found - stated)
         if key in {"alpha", "theta"}:
             apart = np.minimum(apart % math.tau, -apart % math.tau)
         worst = int(np.argmax(apart))
-        # frames that differ by up to 1e-6 [rad, m] are the same
+        # tolerance 1e-6 [rad, m]
         if apart[worst] > 1e-6:
             return (
                 f"{key} of joint {worst + 1} is {found[worst]:.6g}, of the model"
@@ -102,9 +102,9 @@ def difference(chain: UrdfChain, robot: RobotArrays) -> str:
 def _common_normal(
     p: Array, z: Array, other: Array, other_z: Array, origin: Array
 ) -> tuple[Array | None, Array]:
-    """Direction of the common normal of two axes, and where it meets the first.
+    """Compute the direction of the common normal of two axes, and the foot point on the first.
 
-    No direction where both are the same line.
+    The direction is None for coincident axes.
     """
     between = np.cross(z, other_z)
     sine = float(np.linalg.norm(between))
@@ -120,7 +120,7 @@ def _common_normal(
 
 
 def _foot(frame: Array, p: Array, z: Array) -> Array:
-    """Point of the line through `p` along `z` that lies on the x axis of `frame`, or nearest."""
+    """Compute the point of the line through `p` along `z` closest to the x axis of `frame`."""
     direction = frame[:3, 0]
     across = np.cross(direction, z)
     square = float(across @ across)
@@ -130,7 +130,7 @@ def _foot(frame: Array, p: Array, z: Array) -> Array:
     return p + along * z
 
 
-def _placed(origin: Array, x: Array, z: Array) -> Array:
+def _place_frame(origin: Array, x: Array, z: Array) -> Array:
     x = x - z * (x @ z)
     x = x / np.linalg.norm(x)
     frame = np.eye(4)
@@ -140,7 +140,7 @@ def _placed(origin: Array, x: Array, z: Array) -> Array:
 
 
 def _parameters(step: Array) -> tuple[float, float, float, float]:
-    """alpha, d, theta, r of one frame in the one before."""
+    """Return alpha, d, theta, r of a frame in the previous frame."""
     alpha = float(np.arctan2(-step[1, 2], step[2, 2]))
     theta = float(np.arctan2(-step[0, 1], step[0, 0]))
     r = float(step[2, 3] * np.cos(alpha) - step[1, 3] * np.sin(alpha))
@@ -149,7 +149,7 @@ def _parameters(step: Array) -> tuple[float, float, float, float]:
 
 
 def _clean_angle(angle: float) -> float:
-    exact = meant(angle, ROUNDED_OFF)
+    exact = snap_angle(angle, ROUNDED_OFF)
     return QUARTER * 2 if exact == -QUARTER * 2 else exact + 0.0
 
 
@@ -158,7 +158,7 @@ def _clean_length(length: float) -> float:
 
 
 def _any_normal(z: Array) -> Array:
-    """Some unit vector square to z."""
+    """Return a unit vector perpendicular to z."""
     unit = np.eye(3)[int(np.argmin(np.abs(z)))]
     normal = unit - z * (unit @ z)
     return np.asarray(normal / np.linalg.norm(normal))

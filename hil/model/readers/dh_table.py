@@ -1,19 +1,19 @@
-"""Frames of a robot from a table in standard or modified Denavit-Hartenberg notation.
+"""Robot frames from a table in standard or modified Denavit-Hartenberg notation.
 
-Both write the way from joint to joint as turns and shifts about x and z (Rx, Tx, Rz, Tz). A row of
-the modified notation (Khalil and Kleinfinger 1986; Craig) is
+Both describe the transformation from joint to joint by rotations and shifts about x and z (Rx, Tx,
+Rz, Tz). A row of the modified notation (Khalil and Kleinfinger 1986; Craig) is
 
     Rx(alpha) Tx(a) Rz(theta) Tz(d),
 
-which is what robot files state; one of the standard notation (Denavit and Hartenberg 1955) is
+as in robot files; one of the standard notation (Denavit and Hartenberg 1955) is
 
     Rz(theta) Tz(d) Tx(a) Rx(alpha).
 
-So a standard table is a modified one whose a and alpha are those of the row before; the last row's
-place the tool on the last link and concern no joint.
+So a standard table is a modified one with a and alpha of the previous row; the last row's place the
+tool on the last link and concern no joint.
 
-A table as CSV becomes YAML, each row one line on the line where it stands, so that whatever is
-wrong with it is reported with its line like anything else that users write.
+A CSV table is converted to YAML with each row on its original line, so that errors name the line as
+in other files.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from checked_files.yaml_file import FileError, FileModel, parse_yaml, read_text, refuse
-from hil.model.frames import QUARTER, meant
+from hil.model.frames import QUARTER, snap_angle
 from hil.model.polynomial import parse
 from hil.model.readers.axes_to_frames import Frames
 from hil.model.readers.urdf import ROUNDED, LimitedJoint
@@ -42,11 +42,11 @@ if TYPE_CHECKING:
 
 Notation = Literal["standard", "modified"]
 FARTHEST = 20.0
-"""Longest shift that is believed [m]."""
+"""Longest plausible shift [m]."""
 _VARIABLES = {"revolute": "theta", "prismatic": "d"}
 _TYPES = {"r": "revolute", "p": "prismatic"}
 KEYS = ("alpha", "a", "d", "theta", "type")
-"""Columns that a table is made of; type is revolute where it is left out."""
+"""Columns of a table; the default type is revolute."""
 LIMITS = ("q_min", "q_max", "velocity_limit", "acceleration_limit", "torque_limit")
 _HEAD = re.compile(r"\s*([^\[\](]+?)\s*(?:[\[(]\s*(\w+)\s*[\])])?\s*")
 _GREEK = {"α": "alpha", "θ": "theta"}
@@ -55,7 +55,7 @@ _COMMENT = "#"
 
 
 class DhRow(FileModel):
-    """A joint: its row of the table, and limits where the table states some.
+    """Row of the table for a joint, with optional limits.
 
     Angles and lengths are in the table's units; a limit is in those of the joint.
     """
@@ -92,7 +92,7 @@ class DhRow(FileModel):
 
 
 def _constant(value: object, key: str, kind: str) -> float:
-    """Number in a cell, without the joint's variable: ``q2 - 90`` is -90."""
+    """Parse the number in a cell, without the joint's variable: ``q2 - 90`` is -90."""
     variable = _VARIABLES[kind]
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise ValueError(f"{value!r} must be a number")  # noqa: TRY004 - pydantic expects ValueError
@@ -109,7 +109,7 @@ def _constant(value: object, key: str, kind: str) -> float:
 
 
 class DhTable(FileModel):
-    """A table, and the units of its angles and lengths."""
+    """Denavit-Hartenberg table with units of angles and lengths."""
 
     angles: Literal["rad", "deg"]
     lengths: Literal["m", "mm"] = "m"
@@ -119,7 +119,7 @@ class DhTable(FileModel):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DhRobot:
-    """What a table says of a robot.
+    """Robot read from a table.
 
     Attributes
     ----------
@@ -140,16 +140,16 @@ class DhRobot:
 
 
 def read_dh(path: str | Path, notation: Notation) -> DhRobot:
-    """Read a table: YAML, or CSV for any other ending.
+    """Read a table from YAML, or from CSV for any other file ending.
 
     Raises
     ------
     FileError
-        It cannot be read or used: one line for each problem, with its place.
+        An unreadable or invalid table: one line for each problem, with its place.
     """
     text, source = read_text(path), str(path)
     if Path(path).suffix.lower() not in (".yaml", ".yml"):
-        text = yaml_of_table(text, source)
+        text = convert_table(text, source)
     table = parse_yaml(text, DhTable, source)
     rows = enumerate(table.joints)
     refuse(source, text, chain.from_iterable(_implausible(*row, table) for row in rows))
@@ -191,16 +191,16 @@ def _robot(table: DhTable, name: str, notation: Notation) -> DhRobot:
     radians = math.pi / 180 if table.angles == "deg" else 1.0
     rows = table.joints
     stated = np.array([[row.alpha, row.theta] for row in rows]).T * radians
-    alpha, theta = exact = np.array([[meant(x, ROUNDED) for x in row] for row in stated])
+    alpha, theta = exact = np.array([[snap_angle(x, ROUNDED) for x in row] for row in stated])
     a, d = np.array([[row.a, row.d] for row in rows]).T * _metres(table)
     if notation == "standard":
         alpha, a = (np.concatenate([[0.0], column[:-1]]) for column in (alpha, a))
     frames = Frames(alpha=alpha, d=a, theta=theta, r=d, base=np.eye(4))
-    joints = tuple(_limited(row, f"joint {k}", table) for k, row in enumerate(rows, start=1))
+    joints = tuple(_make_joint(row, f"joint {k}", table) for k, row in enumerate(rows, start=1))
     return DhRobot(name, notation, joints, frames, float(np.max(np.abs(exact - stated))))
 
 
-def _limited(row: DhRow, name: str, table: DhTable) -> LimitedJoint:
+def _make_joint(row: DhRow, name: str, table: DhTable) -> LimitedJoint:
     turning = row.type == "revolute"
     unit = (math.pi / 180 if table.angles == "deg" else 1.0) if turning else _metres(table)
     return LimitedJoint(
@@ -214,13 +214,13 @@ def _limited(row: DhRow, name: str, table: DhTable) -> LimitedJoint:
     )
 
 
-def yaml_of_table(text: str, source: str) -> str:
-    """Text of a CSV as YAML of `hil.model.readers.dh_table.DhTable`, on the same lines.
+def convert_table(text: str, source: str) -> str:
+    """Convert a CSV to YAML of `hil.model.readers.dh_table.DhTable`, line by line.
 
     Raises
     ------
     FileError
-        It has no header with the columns and their units, or a row of another length.
+        A header without the columns or their units, or a row of another length.
     """
     lines = text.splitlines()
     used = [(k, line) for k, line in enumerate(lines) if _is_row(line)]
@@ -249,7 +249,7 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def _header(names: list[str], at: str) -> tuple[list[str], dict[str, str]]:
-    """Keys of the columns, and the units of angles and lengths."""
+    """Return the keys of the columns, and the units of angles and lengths."""
     keys: list[str] = []
     units: dict[str, str] = {}
     for name in names:
@@ -275,7 +275,7 @@ def _header(names: list[str], at: str) -> tuple[list[str], dict[str, str]]:
 
 
 def _row(keys: list[str], cells: list[str], delimiter: str) -> str:
-    """A row as a mapping; an empty cell is no key."""
+    """Format a row as a mapping; empty cells are left out."""
     text = [key in ("type", "name") for key in keys]
     pairs = [
         f"{key}: {json.dumps(cell if is_text or delimiter == ',' else cell.replace(',', '.'))}"

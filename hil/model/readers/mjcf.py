@@ -1,13 +1,13 @@
-"""A chain of joints from an MJCF file of MuJoCo, as its own compiler understands it.
+"""Chain of joints from an MJCF file, compiled by MuJoCo.
 
-Defaults, classes, frames, angles in degrees and all orientations are the compiler's work. Axes come
+The compiler resolves defaults, classes, frames, angles in degrees and all orientations. Axes come
 from the compiled model; names of files and lines come from the text (`MjcfText`), whose bodies and
-joints are in the compiler's order. The chain is that of a URDF
-(`hil.model.readers.urdf`): the frame of a joint has its origin at the joint's anchor and the body's
-directions; bodies without joints count with the link below them.
+joints are in the compiler's order. The chain is that of a URDF (`hil.model.readers.urdf`): the
+frame of a joint has its origin at the joint's anchor and the body's directions; bodies without
+joints belong to the link below them.
 
-Positions count as MuJoCo counts them: at `ref` a body is where the file places it. Links between
-two joints of one body have no body of their own.
+Positions count as in MuJoCo: at `ref` a body is at the position in the file. Links between two
+joints of one body have no body of their own.
 
 The format: mujoco.readthedocs.io, XML reference.
 """
@@ -45,7 +45,7 @@ _REFUSED = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MjcfChain(UrdfChain):
-    """Joints of a serial chain, and what else the file says of them.
+    """Joints of a serial chain, with further contents of the MJCF file.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class MjcfChain(UrdfChain):
     springs : tuple of int
         Joints, from 1, with a stiffness.
     not_taken : tuple of str
-        What of the file is left out, with line.
+        Omitted contents of the file, with line.
     """
 
     text: MjcfText
@@ -88,8 +88,8 @@ def read_mjcf(path: str | Path, base: str | None = None, tip: str | None = None)
     return _reader(Path(path)).chain(base, tip)
 
 
-def chains_of(path: Path, n_joints: int) -> Iterator[MjcfChain]:
-    """Yield every chain from the world with so many joints; errors as of `read_mjcf`."""
+def read_chains(path: Path, n_joints: int) -> Iterator[MjcfChain]:
+    """Yield every chain from the world with `n_joints` joints; errors as in `read_mjcf`."""
     reader = _reader(path)
     for tip in reader.tips(n_joints):
         yield reader.chain(None, tip)
@@ -100,7 +100,7 @@ def _reader(path: Path) -> _Reader:
     with needed_for(path, "mujoco"):
         import mujoco  # noqa: PLC0415 - optional, and slow to load
     try:
-        model = mujoco.MjModel.from_xml_string(*text.reduced())
+        model = mujoco.MjModel.from_xml_string(*text.reduce())
     except ValueError as error:
         why = " ".join(str(error).split())
         raise FileError(f"{path}: MuJoCo does not compile it: {why}") from error
@@ -160,19 +160,19 @@ class _Reader:
         )  # fmt: skip
 
     def _counts(self) -> Indices:
-        """Joints from the world to each body."""
+        """Count the joints from the world to every body."""
         counts = np.zeros(self.model.nbody, dtype=np.intp)
         for body in range(1, self.model.nbody):
             counts[body] = counts[self.model.body_parentid[body]] + self.model.body_jntnum[body]
         return counts
 
     def tips(self, n_joints: int) -> list[str]:
-        """Names of bodies with joints that so many joints lead to."""
+        """Return names of bodies at the end of `n_joints` joints."""
         there = (self._counts() == n_joints) & (self.model.body_jntnum > 0)
         return [self.name(body) for body in np.flatnonzero(there).tolist()]
 
     def _above(self, base: str | None, tip: str | None) -> list[int]:
-        """Bodies from below the base to the tip."""
+        """Return the bodies from below the base to the tip."""
         parents = self.model.body_parentid
         names = {self.name(body): body for body in range(self.model.nbody)}
         for each in filter(None, (base, tip)):
@@ -211,7 +211,7 @@ class _Reader:
     def _joint(
         self, k: int, placed: Placed, body: int, here: Array, *, last: bool
     ) -> tuple[UrdfJoint, Array]:
-        """A joint, and the pose of the body seen from it."""
+        """Return a joint, and the pose of the body relative to the joint."""
         model = self.model
         kind = placed.element.get("type", "free" if placed.element.tag == "freejoint" else "hinge")
         kind = {0: "free", 1: "ball"}.get(int(model.jnt_type[k]), kind)
@@ -219,7 +219,7 @@ class _Reader:
             name = model.jnt(k).name
             raise placed.wrong(f"joint {name!r} of body {self.name(body)!r}: {_REFUSED[kind]}")
         turns = int(model.jnt_type[k]) == 3
-        axis = _snapped(np.array(model.jnt_axis[k]))
+        axis = _snap(np.array(model.jnt_axis[k]))
         anchor = np.eye(4)
         anchor[:3, 3] = model.jnt_pos[k]
         joint = UrdfJoint(
@@ -236,17 +236,17 @@ class _Reader:
             place=str(placed.wrong(f"joint {model.jnt(k).name!r}")),
         )
         before = here @ anchor @ joint.motion(-float(model.qpos0[model.jnt_qposadr[k]]))
-        return _with_before(joint, before), inverse(anchor)
+        return _place_joint(joint, before), inverse(anchor)
 
 
-def _with_before(joint: UrdfJoint, before: Array) -> UrdfJoint:
+def _place_joint(joint: UrdfJoint, before: Array) -> UrdfJoint:
     exact = before.copy()
-    exact[:3, :3] = _snapped(before[:3, :3])
+    exact[:3, :3] = _snap(before[:3, :3])
     return replace(joint, before=exact)
 
 
-def _snapped(directions: Array) -> Array:
-    """Directions, exact where they are those of the coordinate axes but for rounding."""
+def _snap(directions: Array) -> Array:
+    """Return directions, rounded to coordinate axes within the tolerance."""
     nearest = np.round(directions)
     return nearest + 0.0 if np.abs(directions - nearest).max() < ROUNDED else directions
 

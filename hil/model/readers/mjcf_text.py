@@ -1,7 +1,8 @@
-"""The text of an MJCF file of MuJoCo with its includes: bodies and joints, each with file and line.
+"""Text of an MJCF file with includes: bodies and joints with file and line.
 
-Bodies and joints are in the compiler's order: depth first, includes in their place. A file of a
-stranger names no file outside of its folder, and MuJoCo compiles what moves joints alone.
+Bodies and joints are in the compiler's order: depth first, includes in their place. A stranger's
+file may not refer to files outside of its folder, and MuJoCo only compiles the parts relevant for
+the joints' motion.
 
 The format: mujoco.readthedocs.io, XML reference.
 """
@@ -18,23 +19,23 @@ if TYPE_CHECKING:
     from checked_files.yaml_file import FileError
 
 WRITTEN_OUT = {"replicate", "attach", "composite", "flexcomp"}
-"""Elements that stand for bodies that the file does not name one by one."""
+"""Elements that generate bodies."""
 MOST_INCLUDES = 100
 """Maximum number of files in a model."""
 _KEPT = {"compiler", "default", "worldbody"}
-"""Sections that MuJoCo compiles, beside gravity and meshes."""
+"""Sections passed to MuJoCo's compiler, in addition to gravity and meshes."""
 _WITHIN = {"default", "body", "frame", "joint", "freejoint", "inertial", "geom", "mesh"}
-"""Elements within these sections that it compiles."""
+"""Elements passed to the compiler within these sections."""
 _FOLDERS = {"assetdir", "meshdir", "texturedir", "strippath"}
 
 
 class Placed(NamedTuple):
-    """An element and the file that it is in."""
+    """Element with its file."""
 
     file: XmlFile
     element: Element
     children: list[Placed]
-    """Those of the element, with those of included files in their place."""
+    """Children of the element, with the contents of included files in place."""
 
     def wrong(self, what: str) -> FileError:
         """Return an error about the element, with file and line."""
@@ -42,7 +43,7 @@ class Placed(NamedTuple):
 
 
 class MjcfText:
-    """The files of an MJCF model: bodies, joints of each, and equalities, in the compiler's order.
+    """Files of an MJCF model: bodies, joints and equalities in the compiler's order.
 
     Attributes
     ----------
@@ -56,7 +57,7 @@ class MjcfText:
         root = self.files[path].root
         if root.tag != "mujoco":
             raise self.files[path].wrong(root, f"<{root.tag}> must be <mujoco>: this is no MJCF")
-        self._root = self._placed(self.files[path], root)
+        self._root = self._read_element(self.files[path], root)
         self.bodies: list[tuple[Placed, list[Placed]]] = [(self._root, [])]
         self.equalities = [each for part in self._parts("equality") for each in part.children]
         for each in self._parts("worldbody"):
@@ -65,12 +66,12 @@ class MjcfText:
     def _parts(self, tag: str) -> list[Placed]:
         return [each for each in self._root.children if each.element.tag == tag]
 
-    def _placed(self, file: XmlFile, element: Element) -> Placed:
-        """Read an element with all below it, and the files that these include."""
+    def _read_element(self, file: XmlFile, element: Element) -> Placed:
+        """Read an element with all descendants, including those from included files."""
         children: list[Placed] = []
         for child in element:
             if child.tag != "include":
-                children.append(self._placed(file, child))
+                children.append(self._read_element(file, child))
                 continue
             here = Placed(file, child, [])
             name = child.get("file") or ""
@@ -80,7 +81,7 @@ class MjcfText:
                 raise here.wrong(f"includes {name!r}, which is not there, or is included before")
             self._refuse_outside(here, found)
             self.files[found] = XmlFile(found)
-            children += self._placed(self.files[found], self.files[found].root).children
+            children += self._read_element(self.files[found], self.files[found].root).children
         return Placed(file, element, children)
 
     def _walk(self, parent: Placed, joints: list[Placed]) -> None:
@@ -101,23 +102,23 @@ class MjcfText:
                 joints.append(each)
 
     def _refuse_outside(self, element: Placed, found: Path) -> None:
-        """Refuse a file that a stranger's MJCF names outside of its own folder."""
+        """Refuse an included file outside the folder of the MJCF."""
         folder = self.path.parent.resolve()
         if not found.resolve().is_relative_to(folder):
             raise element.wrong(f"{found} is outside of {folder}, the folder of the MJCF; copy it")
 
     @property
     def compiler(self) -> dict[str, str]:
-        """Settings of the compiler; of several sections the last holds."""
+        """Settings of the compiler; the last section takes precedence."""
         return dict(item for each in self._parts("compiler") for item in each.element.items())
 
     @property
-    def from_geoms(self) -> bool:
-        """True if inertias of geoms take the place of stated inertials."""
+    def uses_geom_inertias(self) -> bool:
+        """True if inertias of geoms replace stated inertials."""
         return self.compiler.get("inertiafromgeom") == "true"
 
-    def reduced(self) -> tuple[str, dict[str, bytes]]:
-        """Return what MuJoCo compiles: bodies, joints and what inertias are made of.
+    def reduce(self) -> tuple[str, dict[str, bytes]]:
+        """Return the content for MuJoCo's compiler: bodies, joints and sources of inertia.
 
         Textures, height fields, tables and the like may be as large as a few characters state, and
         name any file. None of them moves a joint, so they are left out; meshes are read here, and
@@ -161,12 +162,12 @@ class MjcfText:
         return tostring(root, encoding="unicode"), given
 
     def _copy(self, source: Placed, target: Element, geoms: list[Element]) -> None:
-        """Copy what is kept of an element, and list its geoms; a stated inertial needs none."""
+        """Copy the relevant part of an element, and list geoms needed for inertias."""
         stated = any(each.element.tag == "inertial" for each in source.children)
         for each in source.children:
             tag, attributes = each.element.tag, dict(each.element.items())
             needless = tag == "geom" and (
-                (stated and not self.from_geoms) or "hfield" in attributes
+                (stated and not self.uses_geom_inertias) or "hfield" in attributes
             )
             if tag in _WITHIN and not needless:
                 attributes.pop("material", None)

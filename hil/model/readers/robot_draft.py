@@ -1,10 +1,10 @@
-"""A first robot file from a URDF or a table: frames, limits, and marks where only you know more.
+"""Draft of a robot file from a URDF or a table: frames, limits, and marks for missing values.
 
-A URDF says nothing of gears, rotors, torque constants and accelerations, and a table of
-Denavit-Hartenberg parameters as a rule nothing but frames, so these lines are marked as in a first
-drives file. Link parameters are all ten of each link: what is zero by symmetry is yours to leave
-out. To identify what somebody else recorded no more need be known: `robot_as_stated` leaves open
-what the URDF does, rotor inertias among it, which are identified then.
+A URDF contains no gears, rotors, torque constants and accelerations, and a table of
+Denavit-Hartenberg parameters usually only frames, so these lines are marked as in a first drives
+file. Link parameters are all ten of each link: leave out those that symmetry makes zero. Imported
+recordings need no more for identification: `robot_as_stated` leaves unknown values open, including
+rotor inertias, which are then identified.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from checked_files.yaml_file import UNSTATED
 from checked_files.yaml_text import comment, mark_unstated, number, scalar
 from hil.model.drive_train_file import UNKNOWN
 from hil.model.frames import QUARTER, ROUNDED_OFF
-from hil.model.readers.axes_to_frames import frames_of
+from hil.model.readers.axes_to_frames import find_frames
 from hil.model.readers.urdf import UrdfChain
 from hil.model.robot_file import EARTH
 
@@ -41,16 +41,16 @@ _ABOUT_MARKS = (
     "# SI, joint side; rotor_inertia and torque_constant on the motor's side.",
 )
 FARTHEST = round(2 * math.tau, 3)
-"""Either side of zero, where a URDF states no range: two turns, in three digits [rad or m]."""
+"""Range bound for a URDF joint without range: two turns, in three digits [rad or m]."""
 
 
 def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = None) -> str:
-    """Text of a robot file.
+    """Draft the text of a robot file.
 
     Parameters
     ----------
     source : UrdfChain or DhRobot
-        Of a URDF, or of a table.
+        Chain of a URDF, or table.
     gravity : sequence of three floats, optional
         In the URDF's base link, or in the table's frame 0 [m/s^2]. By default that of the earth:
         along -z of the URDF's root, turned by the joints above the base link, or of frame 0.
@@ -62,7 +62,7 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
     """
     if isinstance(source, UrdfChain):
         title = [comment(f"Robot {_ends(source)}, drafted from a URDF."), *_ABOUT_MARKS]
-        return _text(source, gravity, title, _to_be_stated)
+        return _text(source, gravity, title, _limits_to_state)
     title = [
         comment(
             f"Robot {one_line(source.name)}, drafted from a table of {source.notation}"
@@ -71,13 +71,13 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
         "# parameters. Here d and r are what the table calls a and d.",
         *_ABOUT_MARKS,
     ]
-    return _text(source, gravity, title, _to_be_stated)
+    return _text(source, gravity, title, _limits_to_state)
 
 
 def robot_as_stated(
     chain: UrdfChain, gravity: Sequence[float] | None = None, format_: str = "URDF"
 ) -> str:
-    """Text of a robot file that states no more than the URDF: enough to identify what was recorded.
+    """Convert a URDF to a robot file with unknown values, sufficient for identification.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def robot_as_stated(
     gravity : sequence of three floats, optional
         As of `draft_robot`.
     format_ : str
-        What the chain was read from.
+        Format of the chain's source.
 
     Raises
     ------
@@ -96,11 +96,11 @@ def robot_as_stated(
         comment(f"Robot {_ends(chain)}, as its {format_} says."),
         "# To move it, state what is unknown; an unknown rotor_inertia is identified.",
     ]
-    return _text(chain, gravity, title, _left_open)
+    return _text(chain, gravity, title, _known_limits)
 
 
 def mjcf_as_stated(chain: MjcfChain, gravity: Sequence[float] | None = None) -> str:
-    """Text of a robot file that states no more than an MJCF; what it leaves out is a comment.
+    """Convert an MJCF to a robot file with unknown values; comments list omissions.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def _text(
     source: UrdfChain | DhRobot, gravity: Sequence[float] | None, title: Sequence[str], rest: _Rest
 ) -> str:
     if isinstance(source, UrdfChain):
-        name, frames, in_base = source.robot, frames_of(source), source.gravity(gravity)
+        name, frames, in_base = source.robot, find_frames(source), source.gravity(gravity)
     else:
         name, frames = source.name, source.frames
         in_base = np.array(EARTH if gravity is None else gravity, dtype=float)
@@ -147,13 +147,13 @@ def _text(
 
 
 class _Lengths:
-    """Names of lengths; one that comes again keeps its name."""
+    """Names of lengths, reused for equal lengths."""
 
     def __init__(self) -> None:
         self._known: dict[str, float] = {}
 
     def expression(self, value: float, name: str) -> str:
-        """A length as frames state it, named `name` unless it is known."""
+        """Format a length for a frame, named `name` unless already known."""
         if not value:
             return "0"
         size = abs(value)
@@ -183,8 +183,8 @@ def _joint(joint: LimitedJoint, frame: str) -> Iterator[str]:
         yield f"    type: {joint.type}"
 
 
-def _to_be_stated(joint: LimitedJoint) -> Iterator[str]:
-    """Limits and drive train of a robot that is to be moved."""
+def _limits_to_state(joint: LimitedJoint) -> Iterator[str]:
+    """Yield limits and drive train with marks for missing values."""
     for key, value, what in _limits(joint):
         yield f"    {key}: {mark_unstated(what) if math.isnan(value) else number(value)}"
     yield "    drive:"
@@ -194,8 +194,8 @@ def _to_be_stated(joint: LimitedJoint) -> Iterator[str]:
     yield f"      torque_constant: {mark_unstated('of the motor [N m/A]')}"
 
 
-def _left_open(joint: LimitedJoint) -> Iterator[str]:
-    """Limits as far as they are known; a joint that turns for ever has two turns."""
+def _known_limits(joint: LimitedJoint) -> Iterator[str]:
+    """Yield the known limits; an unlimited revolute joint gets two turns."""
     endless = {"q_min": -FARTHEST, "q_max": FARTHEST}
     for key, value, _ in _limits(joint):
         stated = endless.get(key, math.nan) if math.isnan(value) else value
@@ -203,7 +203,7 @@ def _left_open(joint: LimitedJoint) -> Iterator[str]:
 
 
 def _limits(joint: LimitedJoint) -> Iterator[tuple[str, float, str]]:
-    """Key, value or NaN, and what it is."""
+    """Yield key, value or NaN, and description of the limits."""
     unit, effort = _UNITS[joint.type]
     yield "q_min", joint.lower, f"least position [{unit}]"
     yield "q_max", joint.upper, f"greatest position [{unit}]"
@@ -221,5 +221,5 @@ def _angle(angle: float) -> str:
 
 
 def _plain(name: str) -> str:
-    """Return a name as robot files may have it."""
+    """Convert a name to the characters permitted in robot files."""
     return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("._-") or "robot"

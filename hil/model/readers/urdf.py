@@ -1,16 +1,16 @@
-"""A chain of joints from a URDF file: where each axis lies, and what limits it.
+"""Chain of joints from a URDF file: axes and limits.
 
-Read is what the kinematics needs; fixed joints are merged with the next moving one, branches beside
-the chain are left out. Joints above the chain turn gravity into its base link. Angles that are a
-rounded multiple of a quarter turn (1.5708) count as that multiple: axes that are nearly parallel or
-square have other base parameters than those that are.
+Only the kinematics is read; fixed joints are merged with the next moving one, branches beside the
+chain are left out. Joints above the chain determine the direction of gravity in its base link.
+Rounded multiples of a quarter turn (1.5708) are replaced by the exact multiples, since nearly
+parallel or perpendicular axes have other base parameters than exact ones.
 
-The format: wiki.ros.org/urdf/XML. A xacro file is to be expanded first: what its elements and
-expressions stand for is in no part of the file, so either refuses the whole.
+The format: wiki.ros.org/urdf/XML. A xacro file must be expanded first: its elements and expressions
+are defined outside the file, so either refuses the whole.
 
 Links form a tree, each joint with a motor of its own. A loop of links, a link with two parents and
-a joint that mimics another one are refused. A parallelogram drive is a serial chain all the same:
-its motor turns with two joints, which `couplings` of a robot file state.
+a mimic joint are refused. A parallelogram drive is still a serial chain: its motor turns with two
+joints, as stated by `couplings` of a robot file.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 
 from checked_files.xml_file import XmlFile
 from checked_files.yaml_file import FileError
-from hil.model.frames import cos_sin, cross_matrix, meant
+from hil.model.frames import cos_sin, cross_matrix, snap_angle
 from hil.model.robot_file import EARTH, MAX_RANGE, MAX_TORQUE, MAX_VELOCITY, MOST_JOINTS
 
 if TYPE_CHECKING:
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 
 ROUNDED = 1e-3
-"""How far an angle may be from a multiple of a quarter turn that it stands for [rad]."""
+"""Tolerance for rounding an angle to a multiple of a quarter turn [rad]."""
 MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 OTHER_TYPES = ("fixed", "floating", "planar")
-"""Types of joints that a URDF may state besides."""
+"""Further joint types of the URDF format."""
 PARALLELOGRAM = (
     "loops are not modelled. A parallelogram drive is a serial chain whose motor turns with two"
     " joints: leave its crank and rod out, and state couplings in a robot file, such as couplings:"
@@ -49,7 +49,7 @@ XACRO = "a URDF is expanded xacro: write one with: xacro FILE.xacro -o FILE.urdf
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LimitedJoint:
-    """A joint; NaN is what is not known.
+    """Joint with limits; unknown limits are NaN.
 
     Attributes
     ----------
@@ -72,14 +72,14 @@ class LimitedJoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfJoint(LimitedJoint):
-    """A joint of the chain; a URDF states no accelerations.
+    """Joint of the chain; a URDF states no accelerations.
 
     Attributes
     ----------
     link : str
         Name of the link that it carries.
     before : ndarray, shape (4, 4)
-        Its frame in that of the joint before (the first one's: in the base link) at q = 0.
+        Frame in that of the previous joint (first joint: in the base link) at q = 0.
     axis : ndarray, shape (3,)
         Unit vector in its frame.
     place : str
@@ -92,18 +92,18 @@ class UrdfJoint(LimitedJoint):
     place: str = ""
 
     def motion(self, q: float) -> Array:
-        """Transform of its displacement by `q`, shape (4, 4)."""
+        """Compute the transform of a displacement by `q`, shape (4, 4)."""
         moved = np.eye(4)
         if self.type == "prismatic":
             moved[:3, 3] = q * self.axis
         else:
-            moved[:3, :3] = _turned_about(self.axis, q)
+            moved[:3, :3] = _rotation(self.axis, q)
         return moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfChain:
-    """Joints from one link of a URDF to another.
+    """Joints from a link of a URDF to another.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ class UrdfChain:
         Raises
         ------
         FileError
-            It is not stated, and a joint above the base link tilts that as it moves.
+            Gravity is not stated, and a joint above the base link tilts the base as it moves.
         """
         if stated is not None:
             return np.array(stated, dtype=float)
@@ -155,11 +155,11 @@ class UrdfChain:
 
     @property
     def revolute(self) -> Mask:
-        """Which joints turn; the others slide. Shape (n_joints,)."""
+        """Mask of revolute joints, shape (n_joints,)."""
         return np.array([joint.type == "revolute" for joint in self.joints])
 
     def frames(self, q: Array) -> Array:
-        """Frames of all joints in the base link, shape (n_joints, 4, 4)."""
+        """Compute the frames of the joints in the base link, shape (n_joints, 4, 4)."""
         here, found = np.eye(4), []
         for joint, angle in zip(self.joints, q, strict=True):
             here = here @ joint.before @ joint.motion(float(angle))
@@ -169,7 +169,7 @@ class UrdfChain:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfEdge:
-    """A joint between two links, as it stands in the file."""
+    """Joint between two links, as an element of the file."""
 
     element: Element
     parent: str
@@ -194,7 +194,7 @@ def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None)
 
 
 class UrdfReader:
-    """A URDF: `links`, and joints `below` and `above` each, as elements of its `file`."""
+    """Parsed URDF: `links`, and joints `below` and `above` every link, elements of the `file`."""
 
     def __init__(self, path: Path) -> None:
         self.file = XmlFile(path)
@@ -259,12 +259,12 @@ class UrdfReader:
         )
 
     def _mount(self, base: str) -> tuple[Array, str]:
-        """Return the rotation of a link in the root, and the joint above that tilts it, if any."""
+        """Return the rotation of a link in the root, and a tilting joint above, if any."""
         turned, tilting = np.eye(3), ""
         for edge in self._between(None, base) if base in self.above else ():
             turned = turned @ self.origin(edge.element)[:3, :3]
             kind = edge.element.get("type")
-            # what turns about the vertical keeps gravity
+            # rotation about the vertical leaves gravity unchanged
             upright = MOVING.get(str(kind)) == "revolute" and (
                 abs((turned @ self._axis(edge.element))[2]) > math.cos(ROUNDED)
             )
@@ -294,7 +294,7 @@ class UrdfReader:
         return edges
 
     def _longest(self, base: str | None) -> list[UrdfEdge]:
-        """Edges of the chain with most moving joints; it ends at the last of them."""
+        """Return the chain with most moving joints, ending at the last of these."""
         chains, following = {}, []
         for tip in self.links:
             above = self.above.get(tip)
@@ -329,7 +329,7 @@ class UrdfReader:
         return chains[best[0]][1]
 
     def _mimics(self, element: Element) -> FileError:
-        """Return the error that a joint of the chain follows another one."""
+        """Return the error for a mimic joint in the chain."""
         mimic = element.find("mimic")
         other = None if mimic is None else mimic.get("joint")
         return self.file.wrong(
@@ -394,15 +394,15 @@ class UrdfReader:
             raise self.file.wrong(element, f"joint {name!r}: axis 0 0 0 must have a direction")
         return axis / length
 
-    def attached(self, link: str, pose: Array) -> Iterator[tuple[str, Array]]:
-        """Yield a link at `pose` and those that fixed joints attach to it, with their poses."""
+    def find_attached(self, link: str, pose: Array) -> Iterator[tuple[str, Array]]:
+        """Yield a link at `pose` and links attached by fixed joints, with poses."""
         yield link, pose
         for edge in self.below.get(link, ()):
             if edge.element.get("type") == "fixed":
-                yield from self.attached(edge.child, pose @ self.origin(edge.element))
+                yield from self.find_attached(edge.child, pose @ self.origin(edge.element))
 
     def origin(self, element: Element) -> Array:
-        """Transform that a joint's <origin> states."""
+        """Compute the transform of a joint's <origin>."""
         found, origin = np.eye(4), element.find("origin")
         if origin is None:
             return found
@@ -411,16 +411,14 @@ class UrdfReader:
         )
         about = np.eye(3)
         found[:3, :3] = (
-            _turned_about(about[2], yaw)
-            @ _turned_about(about[1], pitch)
-            @ _turned_about(about[0], roll)
+            _rotation(about[2], yaw) @ _rotation(about[1], pitch) @ _rotation(about[0], roll)
         )
         found[:3, 3] = self.file.numbers(origin, "xyz", 3) or np.zeros(3)
         return found
 
     def _angle(self, stated: float) -> float:
-        """An angle, exact where it stands for a multiple of a quarter turn."""
-        exact = meant(stated, ROUNDED)
+        """Round an angle to a multiple of a quarter turn, within the tolerance."""
+        exact = snap_angle(stated, ROUNDED)
         self._rounded = max(self._rounded, abs(stated - exact))
         return exact
 
@@ -440,7 +438,7 @@ class UrdfReader:
         return UrdfEdge(element, *ends)
 
     def _greatest(self, element: Element | None, key: str) -> float:
-        """A limit of speeds or efforts, for which 0 is none."""
+        """Read a limit of speed or effort; 0 means no limit."""
         stated = self._number(element, key)
         return stated if stated > 0 else math.nan
 
@@ -450,7 +448,7 @@ class UrdfReader:
 
 
 def _limit(stated: float, greatest: float) -> float:
-    """Return a limit, or NaN where it exceeds what any joint has, in whichever unit.
+    """Return a limit, or NaN above the greatest plausible value in any unit.
 
     Published URDFs state +-10000 rad, say, where there is no limit; a value that is possible in
     degrees, mm or mN m is kept, and refused with that remark.
@@ -458,7 +456,7 @@ def _limit(stated: float, greatest: float) -> float:
     return math.nan if abs(stated) > greatest else stated
 
 
-def _turned_about(axis: Array, angle: float) -> Array:
-    """Rotation matrix by Rodrigues' formula; quarter turns about a coordinate axis are exact."""
+def _rotation(axis: Array, angle: float) -> Array:
+    """Compute a rotation matrix by Rodrigues' formula, exact for quarter turns."""
     c, s = cos_sin(angle)
     return np.eye(3) * c + s * cross_matrix(axis) + (1.0 - c) * np.outer(axis, axis)

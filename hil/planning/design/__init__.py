@@ -1,1 +1,1 @@
-"""Plans chosen by counts, by minutes, for friction, and for conventional identification."""
+"""Design of plans by counts, by time, for friction, and for conventional identification."""

@@ -1,17 +1,17 @@
 """Choice of configurations and motions from g(q) and M(q), section 6.2.
 
-From the candidates of an element (`hil.planning.design.measurable_elements`) those are taken, one
-after the other, that add most to the determinant of the group's information matrix (Fedorov's
-greedy D-optimal choice). The elements share the number of measurements as their rows hold
-parameters. How many measurements of each kind there are is given; `hil.planning.design.by_minutes`
-chooses that too.
+From the candidates of an element (`hil.planning.design.measurable_elements`) those with the largest
+increase of the determinant of the group's information matrix are taken in turn (Fedorov's greedy
+D-optimal choice). Each element gets measurements in proportion to the number of parameters in its
+rows. The number of measurements of each kind is given; `hil.planning.design.by_minutes` chooses it
+too.
 
-Measurements are for what they can show. A gravity torque that is the same everywhere is like an
-offset of the torque, however often it is measured: such an axis gets few measurements, and what
-they leave open is sought in moments of inertia (`Dependencies.hidden`).
+A constant gravity torque cannot be distinguished from a torque offset, however often it is
+measured: such an axis gets few measurements, and its parameters are determined from moments of
+inertia (`Dependencies.hidden`).
 
-The order is one of short travels, in a guarded workspace one in which they keep clear of the
-forbidden boxes (`hil.planning.design.tour`).
+The order minimises travel; in a guarded workspace travels also keep clear of the forbidden boxes
+(`hil.planning.design.tour`).
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from hil.model.base_parameters import base_parameters
 from hil.planning.design.measurable_elements import ELEMENTS, candidates
 from hil.planning.design.tour import guarded_tour, nearest_first
 from hil.planning.measurement import ELEMENT_KINDS
-from hil.planning.plan import Plan, as_plan
-from hil.planning.workspace import narrowed
+from hil.planning.plan import Plan, make_plan
+from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -37,12 +37,12 @@ if TYPE_CHECKING:
     from hil.planning.workspace import Workspace
 
     Chosen = tuple[Element, list[float], int]
-    """What to measure, where, and the measurement's number."""
+    """Element, configuration and number of a measurement."""
 
 COUNTS = {name: kind.count for name, kind in ELEMENT_KINDS.items()}
-"""Measurements of each kind unless asked for: as long as the 64, 92 and 9 of section 8."""
+"""Default number of measurements of each kind; the campaign lasts as long as section 8's."""
 LEAST_SHARE = 4
-"""Measurements that an element gets at least, however few parameters its row holds."""
+"""Minimum number of measurements of an element, however few parameters its row holds."""
 
 
 def design(
@@ -57,13 +57,12 @@ def design(
     ----------
     robot : Robot
     counts : mapping, optional
-        Number of measurements by kind. A kind that is not named gets its own of `COUNTS`, more
-        where there are many parameters, and few of gravity where that is the same everywhere. A
-        kind without parameters is left out.
+        Number of measurements by kind. The default of a kind is in `COUNTS`, increased for many
+        parameters, and reduced for constant gravity. A kind without parameters is left out.
     warm_up : float
         Motion before the first measurement; 0 for none [s].
     workspace : Workspace, optional
-        What the arm must keep clear of; the plan carries it.
+        Workspace to keep clear, stored in the plan.
 
     Raises
     ------
@@ -72,14 +71,13 @@ def design(
     """
     _refuse_few(robot, counts or {})
     sought = base_parameters(robot).dependencies.sought()
-    guarded = narrowed(robot, workspace)
+    guarded = narrow_ranges(robot, workspace)
     measurements: list[Measurement] = []
     for name, kind in ELEMENT_KINDS.items():
         columns = sought[kind.group]
         if columns:
             elements = ELEMENTS[name](guarded, list(columns))
-            # measurements of a kind, unless asked for otherwise: 3 at least for each parameter that
-            # it shows
+            # by default at least 3 measurements per parameter
             usual = max(COUNTS[name], 3 * len(columns))
             chosen = _choose(guarded, elements, (counts or {}).get(name), usual, workspace)
             middle = (guarded.q_min + guarded.q_max) / 2
@@ -90,11 +88,11 @@ def design(
             ]
     if workspace:
         measurements = guarded_tour(guarded, workspace, measurements)
-    return as_plan(robot, measurements, warm_up, workspace)
+    return make_plan(robot, measurements, warm_up, workspace)
 
 
 def greedy(rows: Array, places: Array, covariance: Array, count: int) -> list[int]:
-    """Choose `count` rows, each the one that then adds most to det(information).
+    """Choose `count` rows in turn by the largest increase of det(information).
 
     Candidates close to a chosen one are passed over while there are others, so that the
     measurements show a dependence on the configuration that the model lacks. `covariance`, the
@@ -109,14 +107,14 @@ def greedy(rows: Array, places: Array, covariance: Array, count: int) -> list[in
         best = int(np.argmax(np.where(left, gain, -1.0)))
         direction = covariance @ rows[best]
         covariance -= np.outer(direction, direction) / (1.0 + gain[best])
-        # least distance between configurations in one joint at least: 6 % of its range
+        # minimum distance between configurations: 6 % of the range in at least one joint
         left &= np.abs(places - places[best]).max(axis=1, initial=0.0) > 0.06
         picked.append(best)
     return picked
 
 
 def places(robot: Robot, q: Array) -> Array:
-    """Configurations in parts of the joints' ranges, without the joints that all share."""
+    """Return configurations as shares of the joint ranges, without joints held constant."""
     varied = np.ptp(q, axis=0) > 0
     return (q / (robot.q_max - robot.q_min))[:, varied]
 
@@ -139,7 +137,7 @@ def _choose(
     usual: int,
     workspace: Workspace | None,
 ) -> list[Chosen]:
-    """Elements and configurations of `count` measurements, or of as many as are of use."""
+    """Choose elements and configurations for `count` measurements, or for as many as help."""
     spread = [candidates(robot, element, workspace) for element in elements]
     weighted = [
         element.row(q) / robot.torque_limit[element.axis]
@@ -153,7 +151,7 @@ def _choose(
     ):
         picked = greedy(rows / scale, places(robot, q), covariance, share)
         chosen += [
-            (element, element.turned(robot, q[index], k), k)
+            (element, element.turn_motors(robot, q[index], k), k)
             for k, index in enumerate(picked, start=1)
         ]
     return chosen
@@ -162,7 +160,7 @@ def _choose(
 def _shares(
     elements: Sequence[Element], rows: Sequence[Array], count: int | None, usual: int
 ) -> list[int]:
-    """Divide `count` among the elements in proportion to the parameters that their rows hold.
+    """Divide `count` among elements in proportion to the parameters in every row.
 
     Elements that are like an offset wherever they are measured get few, unless all are and more
     are asked for.
@@ -176,11 +174,11 @@ def _shares(
         varying = [True] * len(rows)
     held = [max(1, int(np.any(np.abs(r) > 1e-12, axis=0).sum())) for r in rows]
     shown = [own if varies else 0 for own, varies in zip(held, varying, strict=True)]
-    return _divided(shown, count or usual)
+    return _divide(shown, count or usual)
 
 
-def _divided(held: Sequence[int], count: int) -> list[int]:
-    """Divide `count` in proportion to `held`, but so that each gets a least share."""
+def _divide(held: Sequence[int], count: int) -> list[int]:
+    """Divide `count` in proportion to `held`, with a minimum share."""
     least = min(LEAST_SHARE, count // len(held))
     spare = count - least * len(held)
     exact = [spare * h / sum(held) for h in held]

@@ -1,18 +1,18 @@
-"""A campaign of so many minutes: the most informative measurements, of all kinds together.
+"""Design of a campaign of limited duration: the most informative measurements of all kinds.
 
-A budget counts everything: measurements, the ways between them, a warm-up. First of all each group
-of base parameters gets the measurements that its rows call for (`CORE` for each parameter), so that
-the group can be identified by its own kind, as the two-step method wants it, and any measurement
-can be left out. Then each axis gets the measurements that its law of friction calls for. The rest
-of the time goes to whatever adds most to log det of the information about
-all base parameters in its time (`hil.planning.design.selection`).
+The budget includes measurements, travels and warm-up. First each group of base parameters gets
+`CORE` measurements of its own kind per parameter, so that the group can be identified by its own
+kind, as in the two-step method, and any measurement can be left out. Then each axis gets the
+measurements needed for its friction law. The rest of the time is filled with the largest increase
+per second of log det of the information about all base parameters
+(`hil.planning.design.selection`).
 
-With trajectories the core is half as large, and most time goes to them as a rule: in a minute all
-axes show more than strokes of one do. What they cannot do remains to strokes: friction alike forth
-and back, which cancels.
+With trajectories the core is half as large, and they usually get most of the time: in a minute all
+axes show more than strokes of one axis do. Strokes remain necessary where friction, equal forth and
+back, must cancel.
 
-A refinement begins with the information of an earlier run. It goes for the imprecise parameters:
-for what most lowers the variance of torques.
+A refinement starts with the information of an earlier run, and adds measurements for the imprecise
+parameters, by the decrease of the variance of torques.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.planning.design.by_counts import greedy, places
-from hil.planning.design.candidates import pool, trajectories, weighed
+from hil.planning.design.candidates import pool, trajectories, weigh
 from hil.planning.design.selection import Selection
 from hil.planning.design.tour import guarded_tour, nearest_first
-from hil.planning.measurement import ELEMENT_KINDS, FOR_A_LAW, without_law
-from hil.planning.plan import Plan, as_plan
+from hil.planning.measurement import ELEMENT_KINDS, FOR_A_LAW, axes_lacking_law
+from hil.planning.plan import Plan, make_plan
 from hil.planning.timetable import timetable
-from hil.planning.workspace import narrowed
+from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -44,13 +44,13 @@ if TYPE_CHECKING:
 
 
 CORE = 2
-"""Measurements of its own kind for each parameter of a group."""
+"""Measurements per parameter of a group, by the group's own kind."""
 OF_TRAJECTORIES = "t"
-"""First letter of their ids."""
+"""First letter of trajectory ids."""
 SAMPLE_PERIOD: float = Plan.model_fields["sample_period"].default
-"""That of plans [s]."""
+"""Default sample period of plans [s]."""
 CORE_BESIDE_TRAJECTORIES = CORE // 2
-"""The same where trajectories are measured too."""
+"""Core measurements per parameter when trajectories are measured too."""
 
 
 def design_within(
@@ -62,7 +62,7 @@ def design_within(
     *,
     with_trajectories: bool = False,
 ) -> Plan:
-    """Plan a campaign that takes at most `minutes`.
+    """Plan a campaign of at most `minutes`.
 
     Parameters
     ----------
@@ -70,11 +70,11 @@ def design_within(
     minutes : float
         Travel and warm-up included [min].
     noise : Noise
-        What disturbs the torques.
+        Disturbances of the torques.
     warm_up : float
         Motion before the first measurement; 0 for none [s].
     workspace : Workspace, optional
-        What the arm must keep clear of; the plan carries it.
+        Workspace to keep clear, stored in the plan.
     with_trajectories : bool
         Choose among trajectories too, which need drives that follow streams of set-points.
 
@@ -83,7 +83,7 @@ def design_within(
     ValueError
         Too little time to identify all parameters, or no clear configurations.
     """
-    guarded = narrowed(robot, workspace)
+    guarded = narrow_ranges(robot, workspace)
     options = pool(guarded, workspace, SAMPLE_PERIOD, noise)
     core = _core(guarded, options, CORE_BESIDE_TRAJECTORIES if with_trajectories else CORE)
     if with_trajectories:
@@ -94,8 +94,8 @@ def design_within(
     if not with_trajectories:  # every period of which moves all axes
         _reserve(robot, selection)
     budget, least = 60 * minutes - warm_up, len(selection.chosen)
-    order = _filled(robot, selection, budget, least, workspace)
-    return as_plan(robot, numbered(order, set()), warm_up, workspace)
+    order = _fill(robot, selection, budget, least, workspace)
+    return make_plan(robot, assign_ids(order, set()), warm_up, workspace)
 
 
 def refine(
@@ -106,7 +106,7 @@ def refine(
     run: Plan,
     taken: set[str] | None = None,
 ) -> Plan:
-    """Plan what to measure next, of at most `minutes`.
+    """Plan further measurements of at most `minutes`.
 
     Parameters
     ----------
@@ -114,11 +114,11 @@ def refine(
     minutes : float
         Travel included [min].
     noise : Noise
-        What disturbs the torques, best as the run showed it.
+        Disturbances of the torques, best from the run.
     known : Information
-        That of the run's measurements.
+        Information of the run's measurements.
     run : Plan
-        That of the run, from which workspace and sampling are taken.
+        Plan of the run, source of workspace and sampling.
     taken : set of str, optional
         Ids to be avoided; those of the run by default.
 
@@ -127,20 +127,20 @@ def refine(
     ValueError
         Not even one measurement fits.
     """
-    guarded = narrowed(robot, run.workspace)
+    guarded = narrow_ranges(robot, run.workspace)
     options = pool(guarded, run.workspace, run.sample_period, noise)
-    worth = weighed(known.matrix, known.scatter)
+    worth = weigh(known.matrix, known.scatter)
     selection = Selection(guarded, options, "torque", worth)
     _reserve(robot, selection, run.measurements)
     least = max(1, len(selection.chosen))
-    order = _filled(robot, selection, 60 * minutes, least, run.workspace)
+    order = _fill(robot, selection, 60 * minutes, least, run.workspace)
     avoided = {m.id for m in run.measurements} if taken is None else taken
-    plan = as_plan(robot, numbered(order, avoided), workspace=run.workspace)
+    plan = make_plan(robot, assign_ids(order, avoided), workspace=run.workspace)
     return plan.model_copy(update={"sample_period": run.sample_period})
 
 
 def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
-    """Numbers of the options that make every group identifiable by its own kind.
+    """Choose options to identify every group by its own kind of measurement.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
         q = np.array([options[k].measurement.q for k in numbers])
         covariance = 1e3 * np.eye(len(scale))
         wanted = each * rows.shape[1]
-        # strokes of another axis at the same place show something else: no spacing between them
+        # strokes of another axis at the same configuration are independent: no spacing needed
         moved = [options[k].measurement.moved for k in numbers]
         apart = [sorted(set(moved)).index(axes) for axes in moved]
         spread = np.column_stack([places(robot, q), apart])
@@ -165,40 +165,40 @@ def _core(robot: Robot, options: Sequence[Option], each: int) -> list[int]:
 
 
 def _reserve(robot: Robot, selection: Selection, before: Sequence[Measurement] = ()) -> None:
-    """Choose what a law of friction of each axis needs besides."""
+    """Choose the additional measurements needed for a friction law per axis."""
     chosen = [*before, *selection.measurements]
-    for axis, there in without_law(chosen, robot.n_joints).items():
+    for axis, there in axes_lacking_law(chosen, robot.n_joints).items():
         for _ in range(FOR_A_LAW - there):
             selection.take_best(axis)
 
 
-def _filled(
+def _fill(
     robot: Robot, selection: Selection, budget: float, least: int, workspace: Workspace | None
 ) -> list[ParameterMeasurement]:
-    """Choose on until `budget` [s] is full, then leave out the last ones that exceed it."""
-    # measurements are chosen for 15 % more than the budget before they are put in order
+    """Fill the `budget` [s] with measurements, and drop the last ones in excess."""
+    # choose for 15 % more than the budget; the travels in order decide what fits
     while selection.duration < 1.15 * budget or len(selection.chosen) < least:
         selection.take_best()
     chosen = selection.measurements
-    fits = _how_many(robot, chosen, least, budget)
+    fits = _count_fitting(robot, chosen, least, budget)
     if workspace is None:
         return _tour(robot, chosen[:fits])
-    guarded = narrowed(robot, workspace)
+    guarded = narrow_ranges(robot, workspace)
     while True:
-        order = guarded_tour(guarded, workspace, _merged(chosen[:fits]))
-        excess = lasting(robot, order) - budget
+        order = guarded_tour(guarded, workspace, _merge(chosen[:fits]))
+        excess = total_duration(robot, order) - budget
         if excess <= 0 or fits <= least:
             return order
         fits = max(least, fits - max(1, round(fits * excess / budget)))
 
 
 def _tour(robot: Robot, chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
-    """Those chosen as they are measured where nothing is in the way."""
-    return ordered(robot, _merged(chosen))
+    """Merge and order the chosen measurements for an unguarded workspace."""
+    return order_by_travel(robot, _merge(chosen))
 
 
-def _merged(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
-    """Blocks of a trajectory as one measurement without a stop, at the place of the first."""
+def _merge(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
+    """Merge blocks of a trajectory into a measurement without stops, placed at the first."""
     periods = Counter[str]()
     for each in chosen:
         periods[each.id] += each.cycles
@@ -212,17 +212,17 @@ def _merged(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement
     return found
 
 
-def _how_many(
+def _count_fitting(
     robot: Robot, chosen: Sequence[ParameterMeasurement], least: int, budget: float
 ) -> int:
-    """How many of `chosen`, from the first, fit into `budget` [s].
+    """Return the number of leading measurements of `chosen` that fit into `budget` [s].
 
     Raises
     ------
     ValueError
         Not even `least` of them.
     """
-    needed = lasting(robot, _tour(robot, chosen[:least]))
+    needed = total_duration(robot, _tour(robot, chosen[:least]))
     if needed > budget:
         raise ValueError(
             f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for"
@@ -231,32 +231,32 @@ def _how_many(
     fits, exceeds = least, len(chosen) + 1
     while exceeds - fits > 1:
         middle = (fits + exceeds) // 2
-        if lasting(robot, _tour(robot, chosen[:middle])) > budget:
+        if total_duration(robot, _tour(robot, chosen[:middle])) > budget:
             exceeds = middle
         else:
             fits = middle
     return fits
 
 
-def ordered(
+def order_by_travel(
     robot: Robot, measurements: Sequence[ParameterMeasurement]
 ) -> list[ParameterMeasurement]:
-    """Order by nearest neighbour in travel time, beginning nearest to all joints at 0."""
+    """Order measurements by nearest neighbour in travel time, starting near zero joint angles."""
     starts = np.array([measurement.start for measurement in measurements])
     order = nearest_first(robot, np.zeros(robot.n_joints), starts)
     return [measurements[number] for number in order]
 
 
-def lasting(robot: Robot, measurements: Sequence[Measurement]) -> float:
-    """Time of measurements in this order and of the ways between them [s]."""
-    plan = as_plan(robot, measurements[:1])
+def total_duration(robot: Robot, measurements: Sequence[Measurement]) -> float:
+    """Compute the duration of measurements in this order, travels included [s]."""
+    plan = make_plan(robot, measurements[:1])
     return sum(each.travel + each.duration for each in timetable(plan, robot, measurements))
 
 
-def numbered(
+def assign_ids(
     measurements: Sequence[ParameterMeasurement], taken: set[str]
 ) -> list[ParameterMeasurement]:
-    """Give ids in this order, kind by kind, that are not `taken`."""
+    """Assign ids in order, kind by kind, skipping `taken` ids."""
     letters = {kind: row.letter for kind, row in ELEMENT_KINDS.items()}
     numbers: dict[str, Iterator[int]] = defaultdict(lambda: count(1))
     named = []

@@ -1,16 +1,16 @@
-"""All measurements that could be made, each with its information and how long it would take.
+"""Candidate measurements with information and duration.
 
-Trajectories are among them where drives take streams of set-points: a few different ones, each in
-blocks of some periods, of which as many may be chosen as there is time for.
+For drives with streams of set-points, trajectories are included: a few different ones, each in
+blocks of some periods, of which as many may be chosen as the time permits.
 
 For every element of g(q) and M(q) the first configurations of its sequence are taken
 (`hil.planning.design.measurable_elements`). Each is planned as a measurement and judged by the
-simultaneous estimator's own information (`hil.planning.prediction.information`), so that kinds can
-be compared with each other: an inertia measurement says a good deal about gravity too.
+information of the simultaneous estimator (`hil.planning.prediction.information`), so that kinds are
+comparable: an inertia measurement also shows gravity.
 
-Least squares does not weigh noise that differs within an axis, such as friction that wanders. What
-a measurement is worth under its noise is I S^-1 I, with information I and scatter S: less than I
-where friction's wander counts.
+Least squares does not weight noise that differs within an axis, such as wandering friction. The
+effective information of a measurement is I S^-1 I, with information I and scatter S: less than I if
+friction wanders.
 """
 
 from __future__ import annotations
@@ -44,24 +44,24 @@ if TYPE_CHECKING:
 
 
 DIFFERENT, BLOCK = 2, 3
-"""Trajectories, and periods of a block."""
+"""Number of trajectories, and periods per block."""
 SEARCH = Search(random=100, refined=2)
 THINNED = 2
-"""Every so many samples are judged, as means of so many: that is quicker and as informative."""
+"""Number of samples averaged into one for judging: faster, equally informative."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Option:
-    """One measurement that could be made.
+    """Candidate measurement.
 
     Attributes
     ----------
     group : str
         Group of base parameters that its kind serves; empty where it serves all.
     measurement : ParameterMeasurement
-        Its id is provisional.
+        Measurement with a provisional id.
     row : ndarray, shape (n_row,)
-        What it shows of the group, over the torque limit.
+        Row of the group's regressor, relative to the torque limit.
     worth : tuple of (indices, matrix)
         For each axis that it moves: which unknowns, and what it is worth about them.
     """
@@ -75,7 +75,7 @@ class Option:
 def pool(
     robot: Robot, workspace: Workspace | None, period: float, noise: Noise, each: int = 64
 ) -> list[Option]:
-    """Plan and judge `each` measurements of every element, sampled every `period` [s].
+    """Design and judge `each` measurements of every element, sampled every `period` [s].
 
     Raises
     ------
@@ -83,7 +83,7 @@ def pool(
         No configuration of an element keeps clear of the workspace's boxes.
     """
     return [
-        Option(group, measurement, row, judged(robot, measurement, period, noise))
+        Option(group, measurement, row, judge(robot, measurement, period, noise))
         for group, measurement, row in strokes(robot, workspace, each)
     ]
 
@@ -91,21 +91,21 @@ def pool(
 def strokes(
     robot: Robot, workspace: Workspace | None, each: int
 ) -> Iterator[tuple[str, ElementMeasurement, Array]]:
-    """Plan `each` measurements of every element: group, measurement and row as of `Option`."""
+    """Design `each` measurements of every element; yield group, measurement, row (`Option`)."""
     sought = base_parameters(robot).dependencies.sought()
     for name, kind in ELEMENT_KINDS.items():
         for element in ELEMENTS[name](robot, list(sought[kind.group])):
             q = candidates(robot, element, workspace)[:each]
             rows = element.row(q) / robot.torque_limit[element.axis]
             for number, (configuration, row) in enumerate(zip(q, rows, strict=True), start=1):
-                turned = element.turned(robot, configuration, number)
+                turned = element.turn_motors(robot, configuration, number)
                 yield kind.group, element.measure(f"{kind.letter}{number}", turned, number), row
 
 
-def judged(
+def judge(
     robot: Robot, measurement: ParameterMeasurement, period: float, noise: Noise
 ) -> tuple[tuple[Indices, Array], ...]:
-    """What a measurement is worth, sampled every `period` [s]; see `Option`."""
+    """Compute the information of a measurement sampled every `period` [s]; see `Option.worth`."""
     noise = noise.sampled(robot, period)
     found = shares(robot, measurement, THINNED * period, noise.differences)
     return worth(robot, found, noise.mean(THINNED))
@@ -114,7 +114,7 @@ def judged(
 def trajectories(
     robot: Robot, workspace: Workspace | None, period: float, noise: Noise, minutes: float
 ) -> list[Option]:
-    """Design and judge trajectories, in blocks that together last `minutes` each.
+    """Design and judge trajectories, in blocks with a total duration of `minutes` per trajectory.
 
     Raises
     ------
@@ -142,23 +142,23 @@ def trajectories(
 
 
 def keeps_clear(robot: Robot, workspace: Workspace | None, q: Array) -> bool:
-    """Whether an arm keeps clear of all boxes that passes configurations (n, n_joints) in turn."""
+    """Return True if an arm passing configurations (n, n_joints) in turn is clear of the boxes."""
     sweep = JointBoxes(q[:-1], q[1:])
     return workspace is None or bool(are_clear(robot, workspace, sweep).all())
 
 
-def worth(robot: Robot, judged: Sequence[Share], noise: Noise) -> tuple[tuple[Indices, Array], ...]:
-    """What shares are worth under `noise`: which unknowns, and I S^-1 I."""
+def worth(robot: Robot, found: Sequence[Share], noise: Noise) -> tuple[tuple[Indices, Array], ...]:
+    """Compute the information of shares under `noise`: indices of unknowns, and I S^-1 I."""
     return tuple(
         (
             place(robot, share.axis),
-            weighed(share.information / noise.variance[share.axis], scatter_of(share, noise)),
+            weigh(share.information / noise.variance[share.axis], scatter_of(share, noise)),
         )
-        for share in judged
+        for share in found
     )
 
 
-def weighed(information: Array, scatter: Array) -> Array:
-    """I S^-1 I, with S inverted where it has an inverse."""
+def weigh(information: Array, scatter: Array) -> Array:
+    """Compute I S^-1 I, with the pseudoinverse of a singular S."""
     half = inverse_root(scatter).T @ information
     return half.T @ half

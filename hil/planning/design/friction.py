@@ -1,4 +1,4 @@
-"""Plans for friction: sweeps of speed, and the two experiments on its variance in time.
+"""Plans for friction: speed sweeps, and the two experiments on friction changing in time.
 
 sweep
     Constant velocity from creep to the speed limit, in both directions, one axis after the other
@@ -29,11 +29,11 @@ from hil.planning.design.standard_motions import RAMP_OF_CREEP
 from hil.planning.halton import GOLDEN, halton
 from hil.planning.measurement import Friction
 from hil.planning.path_clearance import JointBoxes
-from hil.planning.plan import as_plan
+from hil.planning.plan import make_plan
 from hil.planning.strokes import TURN
 from hil.planning.timetable import SETTLING
 from hil.planning.trapezoid import Trapezoid
-from hil.planning.workspace import narrowed
+from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,22 +44,22 @@ if TYPE_CHECKING:
 
 
 SLOWEST = 0.003
-"""Lowest speed of a sweep, as share of the limit: slow enough to show a Stribeck peak."""
+"""Lowest speed of a sweep as a share of the limit: low enough to show a Stribeck peak."""
 INTERVAL = 12.0
-"""Time from one torque to the next in continuous motion [s]."""
+"""Interval between torque readings in continuous motion [s]."""
 STOPS = (300.0, 60.0, 120.0)
-"""Stops in continuous motion [s]."""
+"""Durations of the stops in continuous motion [s]."""
 OPERATION = (0.0, 600.0, 1800.0, 3600.0)
-"""Times of continuous operation at which a characteristic is measured [s]."""
+"""Times of continuous operation before each characteristic [s]."""
 OPERATING_SPEEDS, OPERATING_SLOWEST = 10, 0.02
-"""Of a characteristic in operation; creeping would let the gear rest."""
+"""Number of speeds and slowest share in operation; creeping would let the gear rest."""
 CONTINUOUS = 0.5
 """Share of the speed limit in continuous motion."""
 
 EASY, HARDEST = 0.4, 0.8
-"""Shares of the acceleration limit: usually, and where the range is short."""
+"""Shares of the acceleration limit: default, and maximum for short ranges."""
 WINDOW, SHORT_WINDOW = 1.0, 0.5
-"""Constant velocity, transient after the ramp included: wanted, and at least [s]."""
+"""Duration of constant velocity, transient after the ramp included: desired and minimum [s]."""
 CANDIDATES = 64
 
 
@@ -81,7 +81,7 @@ def sweep(
     slowest : float
         Lowest speed as share of the limit.
     workspace : Workspace, optional
-        What the arm must keep clear of; the plan carries it.
+        Workspace to keep clear, stored in the plan.
 
     Raises
     ------
@@ -91,13 +91,13 @@ def sweep(
     bench = _Bench(robot, workspace)
     measurements = []
     for axis in axes or range(robot.n_joints):
-        order = _scattered(bench.speeds(axis, speeds, slowest))
+        order = _scatter(bench.speeds(axis, speeds, slowest))
         for number, velocity in enumerate(order, start=1):
             # 60 s of motion at about half the speed limit before an axis's sweep
             exercise = None if number > 1 else 60.0
             name = f"f{axis + 1}-{number:02d}"
             measurements.append(bench.measurement(name, axis, velocity, exercise=exercise))
-    return as_plan(robot, measurements, workspace=workspace)
+    return make_plan(robot, measurements, workspace=workspace)
 
 
 def stops(
@@ -107,7 +107,7 @@ def stops(
     rests: Sequence[float] = STOPS,
     workspace: Workspace | None = None,
 ) -> Plan:
-    """Plan continuous motion of one axis, with its torque every `INTERVAL`, and stops [s].
+    """Plan continuous motion of an axis with stops [s], reading the torque every `INTERVAL`.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def stops(
             history = {"rest": rest} if first else {"exercise": exercise}
             name = f"s{axis + 1}-{len(measurements) + 1:03d}"
             measurements.append(bench.measurement(name, axis, velocity, cycles=1, **history))
-    return as_plan(robot, measurements, workspace=workspace)
+    return make_plan(robot, measurements, workspace=workspace)
 
 
 def operation(
@@ -138,7 +138,7 @@ def operation(
     speeds: int = OPERATING_SPEEDS,
     workspace: Workspace | None = None,
 ) -> Plan:
-    """Plan the characteristic of one axis after several times of continuous operation [s].
+    """Plan the friction characteristic of an axis after given times of continuous operation [s].
 
     Raises
     ------
@@ -149,37 +149,37 @@ def operation(
     measurements: list[Friction] = []
     now = 0.0
     for number, time in enumerate(sorted(times), start=1):
-        for k, velocity in enumerate(_scattered(bench.speeds(axis, speeds, OPERATING_SLOWEST))):
+        for k, velocity in enumerate(_scatter(bench.speeds(axis, speeds, OPERATING_SLOWEST))):
             exercise = time - now if not k and time > now else None
             name = f"o{axis + 1}-{number}-{k + 1:02d}"
             made = bench.measurement(name, axis, velocity, exercise=exercise)
             measurements.append(made)
             now += made.duration + SETTLING
-    return as_plan(robot, measurements, workspace=workspace)
+    return make_plan(robot, measurements, workspace=workspace)
 
 
 class _Bench:
-    """A robot with the room that an axis has to move."""
+    """Robot and the space available per axis."""
 
     def __init__(self, robot: Robot, workspace: Workspace | None) -> None:
         self._robot = robot
-        self._guarded = narrowed(robot, workspace)
+        self._guarded = narrow_ranges(robot, workspace)
         self._workspace = workspace
         self._places: dict[int, tuple[float, ...]] = {}
 
     def room(self, axis: int) -> float:
-        """Longest stroke of an axis [rad]."""
+        """Return the longest stroke of an axis [rad]."""
         return RANGE * float(self._guarded.q_max[axis] - self._guarded.q_min[axis])
 
     def top(self, axis: int) -> float:
-        """Highest speed that the range allows to reach and to hold for a moment [rad/s]."""
+        """Compute the highest speed reachable and held for a moment within the range [rad/s]."""
         hardest = HARDEST * float(self._robot.acceleration_limit[axis])
         half = SHORT_WINDOW * hardest / 2
         reachable = math.sqrt(half**2 + hardest * self.room(axis)) - half
         return min(float(self._robot.velocity_limit[axis]), reachable)
 
     def speeds(self, axis: int, count: int, slowest: float) -> list[float]:
-        """Speeds spaced evenly in their logarithm, rising [rad/s]."""
+        """Return increasing, logarithmically spaced speeds [rad/s]."""
         top = self.top(axis)
         low = min(slowest * float(self._robot.velocity_limit[axis]), top)
         return [float(v) for v in np.geomspace(low, top, count)]
@@ -187,7 +187,7 @@ class _Bench:
     def measurement(
         self, name: str, axis: int, velocity: float, cycles: int = 2, **history: float | None
     ) -> Friction:
-        """One speed of one axis, about a configuration that all speeds of the axis share."""
+        """Create the measurement of a speed; the speeds of an axis share a configuration."""
         motion = self._motion(axis, velocity)
         return Friction(
             id=name,
@@ -200,7 +200,7 @@ class _Bench:
         )
 
     def _motion(self, axis: int, velocity: float) -> dict[str, Any]:
-        """Stroke and acceleration at a speed."""
+        """Choose stroke and acceleration for a speed."""
         room = self.room(axis)
         acceleration = min(
             EASY * float(self._robot.acceleration_limit[axis]), velocity / RAMP_OF_CREEP
@@ -213,7 +213,7 @@ class _Bench:
         return {"stroke": stroke, "acceleration": acceleration}
 
     def _place(self, axis: int) -> tuple[float, ...]:
-        """Joints in the middle of their ranges, or where the whole stroke is clear of boxes."""
+        """Return mid-range joint positions, or ones where the whole stroke is clear of boxes."""
         if axis in self._places:
             return self._places[axis]
         low, high = self._guarded.q_min, self._guarded.q_max
@@ -238,8 +238,8 @@ class _Bench:
         return self._places[axis]
 
 
-def _scattered(speeds: Sequence[float]) -> list[float]:
-    """About half of the highest speed first, the rest in an order without a trend."""
+def _scatter(speeds: Sequence[float]) -> list[float]:
+    """Put about half of the highest speed first, the rest in an order without a trend."""
     half = min(speeds, key=lambda v: abs(v - CONTINUOUS * max(speeds)))
     rest = [v for v in speeds if v != half]
     order = np.argsort([k * GOLDEN % 1.0 for k in range(len(rest))], kind="stable")

@@ -1,15 +1,15 @@
-"""A few minutes with a load: the measurements that show it best beside a run without it.
+"""Plan of a few minutes with a load: the most informative measurements beside an unloaded run.
 
 Both runs share base parameters p, torque ripple and friction of the transmitted torque; the loaded
-one has p + K phi and offsets of its own, since friction's asymmetry changes from day to day. Its
-normal equations over the unknowns x of `hil.friction.equation` become those of both runs by
+one has p + K phi and offsets of its own, since the asymmetry of friction changes from day to day.
+Its normal equations over the unknowns x of `hil.friction.equation` become those of both runs by
 
     x = E z,    z = (x of the run without, phi, offsets of the loaded run).
 
-Chosen is whatever adds most in its time to log det of the information about phi, all else
-eliminated, which no scale of mass or inertia sways: slow strokes first, then as fast as the axes
-can move the load that these find. What the axes must give in a measurement is computed with the
-loads that are possible; strokes of acceleration that call for too much are made slower.
+Measurements are chosen by the largest increase per second of log det of the information about phi,
+all else eliminated, a criterion independent of the scales of mass and inertia: slow strokes first,
+then strokes as fast as the axes can move the load estimated from these. Torques of a measurement
+are computed for the possible loads; accelerations beyond the torque limits are reduced.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.load import FIRST_MOMENTS, INERTIAS, MASS, LoadColumns, load_columns
 from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.planning.design.by_minutes import lasting, numbered, ordered
-from hil.planning.design.candidates import judged, keeps_clear, pool
+from hil.planning.design.by_minutes import assign_ids, order_by_travel, total_duration
+from hil.planning.design.candidates import judge, keeps_clear, pool
 from hil.planning.design.tour import TRAVEL, guarded_tour
 from hil.planning.measurement import shows_parameters
-from hil.planning.plan import as_plan
-from hil.planning.plan_values import with_values
+from hil.planning.plan import make_plan
+from hil.planning.plan_values import replace_values
 from hil.planning.prediction.information import forecast
 from hil.planning.strokes import Strokes
 from hil.planning.timetable import SETTLING, timetable, travel_times
-from hil.planning.workspace import narrowed
+from hil.planning.workspace import narrow_ranges
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -53,23 +53,22 @@ if TYPE_CHECKING:
     Worth = tuple[tuple[Indices, Array], ...]
 
 OFFSETS = 2
-"""Common terms of an axis that each run has by itself: a constant, one with |qd|."""
+"""Number of common terms estimated separately per run and axis: a constant, and one with |qd|."""
 HOLD = 0.9
-"""Share of an axis's torque limit that a measurement may call for."""
+"""Maximum share of an axis's torque limit in a measurement."""
 SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
-"""Shares of a candidate's acceleration that are tried, velocity by its root: steps of about root
-2."""
+"""Shares of a candidate's acceleration to try, in steps of about sqrt(2); velocity scales with the
+square root."""
 SLOW_SHARE = 0.4
 """Share of the time for slow strokes."""
 REACH = 0.2
-"""Radius of gyration that a load may have, and distance of its centre from the last frame, as long
-as they are unknown [m]."""
+"""Assumed radius of gyration and centre's distance from the last frame of an unknown load [m]."""
 _INSTANT = 0.02
-"""Between instants at which torques are looked at [s]."""
+"""Interval between torque evaluations [s]."""
 
 
 class FoundLoad(Protocol):
-    """What is known of the load so far, such as `hil.estimation.loads.figures.Load`."""
+    """Current estimate of the load, such as `hil.estimation.loads.figures.Load`."""
 
     @property
     def phi(self) -> Array:
@@ -77,22 +76,22 @@ class FoundLoad(Protocol):
 
     @property
     def covariance(self) -> Array:
-        """Of them, shape (10, 10)."""
+        """Covariance of the standard parameters, shape (10, 10)."""
 
     @property
     def unidentifiable(self) -> tuple[str, ...]:
-        """Those that are open."""
+        """Names of the unidentifiable parameters."""
 
 
 @dataclass(frozen=True, eq=False)
 class WithoutLoad:
-    """What a run without a load gives to one with it.
+    """Information from a run without load, for the design of a run with load.
 
     Attributes
     ----------
     robot : Robot
     plan : Plan
-        Of that run: its workspace and sample period.
+        Plan of the run: source of workspace and sample period.
     p : ndarray, shape (n_base,)
     friction : ndarray, shape (n_joints,)
         Highest friction of each axis [N m or N].
@@ -110,61 +109,62 @@ class WithoutLoad:
 
     @cached_property
     def columns(self) -> LoadColumns:
-        """What a load changes."""
+        """Base-parameter columns changed by a load."""
         return load_columns(self.robot)
 
     @cached_property
-    def at(self) -> slice:
-        """Where the load's free parameters stand among the unknowns z."""
+    def load_slice(self) -> slice:
+        """Slice of the load's free parameters in the unknowns z."""
         n = n_unknowns(self.robot)
         return slice(n, n + self.columns.free.shape[1])
 
     @cached_property
     def embedding(self) -> Array:
-        """E, shape (n_unknowns, n_unknowns + n_free + OFFSETS n_joints)."""
+        """Embedding E, shape (n_unknowns, n_unknowns + n_free + OFFSETS n_joints)."""
         n, n_base = n_unknowns(self.robot), len(base_parameters(self.robot))
         offsets = OFFSETS * self.robot.n_joints
-        E = np.hstack([np.eye(n, self.at.stop), np.zeros((n, offsets))])
-        E[:n_base, self.at] = self.columns.shown
+        E = np.hstack([np.eye(n, self.load_slice.stop), np.zeros((n, offsets))])
+        E[:n_base, self.load_slice] = self.columns.shown
         for axis in range(self.robot.n_joints):
             for k in range(OFFSETS):
                 own = n_base + axis * N_COMMON + k
-                E[own, own], E[own, self.at.stop + OFFSETS * axis + k] = 0.0, 1.0
+                E[own, own], E[own, self.load_slice.stop + OFFSETS * axis + k] = 0.0, 1.0
         return E
 
-    def judged(self, measurement: ParameterMeasurement) -> Worth:
-        """What a measurement is worth (`hil.planning.design.candidates.Option`)."""
-        return judged(self.robot, measurement, self.plan.sample_period, self.noise)
+    def judge(self, measurement: ParameterMeasurement) -> Worth:
+        """Compute the information of a measurement (`Option.worth`)."""
+        return judge(self.robot, measurement, self.plan.sample_period, self.noise)
 
-    def embedded(self, worth: Worth) -> Array:
-        """Information about z of a measurement with the load, shape (n_z, n_z)."""
+    def embed(self, worth: Worth) -> Array:
+        """Compute the information about z from a measurement with load, shape (n_z, n_z)."""
         total = np.zeros((self.embedding.shape[1],) * 2)
         for at, each in worth:
             total += self.embedding[at].T @ each @ self.embedding[at]
         return total
 
     def before(self, options: Sequence[Option], measured: Iterable[Plan] = ()) -> Array:
-        """Information about z by the run without the load, and by plans with it.
+        """Compute the information about z from the unloaded run and from plans with load.
 
         Parameters
         ----------
         options : sequence of Option
-            As small as counts as nothing beside one of them is what is known of a load otherwise.
+            Options; a negligible fraction of their mean information serves as the prior of the
+            load.
         """
         n = n_unknowns(self.robot)
-        mean = np.mean([np.diag(self.embedded(option.worth)) for option in options], axis=0)
-        # information that counts as nothing: a millionth of a mean option's
+        mean = np.mean([np.diag(self.embed(option.worth)) for option in options], axis=0)
+        # negligible information: a millionth of the mean option's
         known = np.diag(np.where(mean > 0, 1e-6 * mean, 1.0))
         known[:n, :n] += self.information
         for measurement in (m for plan in measured for m in plan.measurements):
             if shows_parameters(measurement):
-                known += self.embedded(self.judged(measurement))
+                known += self.embed(self.judge(measurement))
         return known
 
-    def of_load(self, information: Array) -> Array:
-        """Information about phi alone, all other unknowns eliminated."""
+    def load_information(self, information: Array) -> Array:
+        """Compute the information about phi, eliminating the remaining unknowns."""
         inside = np.zeros(len(information), dtype=bool)
-        inside[self.at] = True
+        inside[self.load_slice] = True
         across = information[np.ix_(inside, ~inside)]
         others = information[np.ix_(~inside, ~inside)]
         own = information[np.ix_(inside, inside)]
@@ -172,14 +172,14 @@ class WithoutLoad:
         return left
 
     def torque(self, measurement: ParameterMeasurement) -> tuple[tuple[Array, ...], Array]:
-        """Motion of a measurement, and its torques without a load, shape (n, n_joints)."""
+        """Return motion and unloaded torques of a measurement, shape (n, n_joints)."""
         planned = forecast(measurement, _INSTANT)
         motion = planned.q, planned.qd, planned.qdd
         tau = inverse_dynamics(self.robot, self.p, *motion) + motor_torque(self.robot, *motion)
         return motion, tau
 
     def strain(self, measurement: ParameterMeasurement, loads: Sequence[Array]) -> float:
-        """Largest torque of any axis with any of the loads, as share of its limit."""
+        """Compute the largest torque of any axis under any of the loads, as share of the limit."""
         motion, tau = self.torque(measurement)
         of_loads = [
             inverse_dynamics(self.robot, self.columns.K @ phi, *motion) if phi.any() else 0.0
@@ -190,7 +190,7 @@ class WithoutLoad:
         return float(np.max(shares))
 
     def bodies(self, mass: float) -> list[Array]:
-        """Loads of this mass with their centre in the last frame and `REACH` off it, each way."""
+        """Return loads of this mass centred in the last frame and `REACH` off each way."""
         shown = np.abs(self.columns.free).max(axis=1) > 0
         loads = [_body(mass, np.zeros(3), shown)]
         for k, at in enumerate(FIRST_MOMENTS):
@@ -207,7 +207,7 @@ def slow_plan(
     Parameters
     ----------
     minutes : float
-        Of both stages, ways included.
+        Duration of both stages, travels included.
     heaviest : float, optional
         Mass that the load has at most [kg].
     poses : tuple of (int, float)
@@ -229,13 +229,13 @@ def slow_plan(
             f" calls for more than {HOLD:.0%} of a torque limit; mount a lighter load, or correct"
             " torque_limit in the robot file"
         )
-    return _chosen(bare, fitting, bare.before(fitting), 60 * SLOW_SHARE * minutes)
+    return _choose(bare, fitting, bare.before(fitting), 60 * SLOW_SHARE * minutes)
 
 
 def fast_plan(
     bare: WithoutLoad, minutes: float, slow: Plan, found: FoundLoad, poses: Poses = ()
 ) -> Plan:
-    """Choose what is still missing, as fast as the axes can move the load found.
+    """Choose the remaining measurements, as fast as the axes can move the estimated load.
 
     Raises
     ------
@@ -258,13 +258,12 @@ def fast_plan(
         )
     entries = timetable(slow, bare.robot, slow.measurements)
     spent = sum(each.travel + each.duration for each in entries)
-    # drives take a little longer for many short strokes than their profiles do: 9/10 of what is
-    # left
-    return _chosen(bare, fitting, bare.before(fitting, [slow]), 0.9 * (60 * minutes - spent))
+    # 0.9: for many short strokes, drives take longer than their profiles
+    return _choose(bare, fitting, bare.before(fitting, [slow]), 0.9 * (60 * minutes - spent))
 
 
-def holds(bare: WithoutLoad, plan: Plan) -> float:
-    """Mass that all axes hold in a plan, its centre up to `REACH` from the last frame [kg]."""
+def load_capacity(bare: WithoutLoad, plan: Plan) -> float:
+    """Compute the mass held by the axes in a plan, up to `REACH` off the last frame [kg]."""
     found = np.inf
     for measurement in filter(shows_parameters, plan.measurements):
         motion, tau = bare.torque(measurement)
@@ -275,38 +274,40 @@ def holds(bare: WithoutLoad, plan: Plan) -> float:
     return max(found, 0.0)
 
 
-def allowed(
+def feasible_options(
     bare: WithoutLoad, found: FoundLoad | None = None, options: Sequence[Option] | None = None
 ) -> list[Option]:
-    """Measurements that could be made, with a load in which all axes can move it."""
+    """Return candidate measurements; with a load, only those within the torque limits."""
     options = _options(bare) if options is None else list(options)
     return options if found is None else _within_torque(bare, options, _possible(found))
 
 
-def at_position(
+def hold_axis(
     measurement: ParameterMeasurement, axis: int, position: float
 ) -> ParameterMeasurement:
-    """Return strokes with an axis held elsewhere; what moves all axes stays as it is."""
+    """Return strokes with an axis held at `position`; a trajectory is returned unchanged."""
     if not isinstance(measurement, Strokes):
         return measurement
     q = list(measurement.q)
     q[axis] = position
-    return with_values(measurement, q=tuple(q))
+    return replace_values(measurement, q=tuple(q))
 
 
 @lru_cache(maxsize=4)
 def _options(bare: WithoutLoad, poses: Poses = ()) -> list[Option]:
-    """All that both stages choose from."""
+    """Return the candidates for both stages."""
     if poses:
-        return _held(bare, _options(bare, poses[:-1]), *poses[-1])
+        return _hold_options(bare, _options(bare, poses[:-1]), *poses[-1])
     plan = bare.plan
-    guarded = narrowed(bare.robot, plan.workspace)
+    guarded = narrow_ranges(bare.robot, plan.workspace)
     return pool(guarded, plan.workspace, plan.sample_period, bare.noise, 24)
 
 
-def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: float) -> list[Option]:
-    """Options that do not move an axis, with it held at a position, clear of all boxes."""
-    guarded = replace(bare, robot=narrowed(bare.robot, bare.plan.workspace))
+def _hold_options(
+    bare: WithoutLoad, options: Sequence[Option], axis: int, position: float
+) -> list[Option]:
+    """Return options without motion of an axis, held at a position and clear of all boxes."""
+    guarded = replace(bare, robot=narrow_ranges(bare.robot, bare.plan.workspace))
     low, high = guarded.robot.q_min[axis], guarded.robot.q_max[axis]
     if not low <= position <= high:
         raise InvalidValue(
@@ -314,9 +315,9 @@ def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: flo
             f" {'rad' if bare.robot.revolute[axis] else 'm'}, its range; correct --pose"
         )
     still = [option for option in options if axis not in option.measurement.moved]
-    turned = [at_position(option.measurement, axis, position) for option in still]
+    turned = [hold_axis(option.measurement, axis, position) for option in still]
     found = [
-        replace(option, measurement=there, worth=guarded.judged(there))
+        replace(option, measurement=there, worth=guarded.judge(there))
         for option, there in zip(still, turned, strict=True)
         if keeps_clear(guarded.robot, bare.plan.workspace, forecast(there, _INSTANT).q)
     ]
@@ -329,18 +330,18 @@ def _held(bare: WithoutLoad, options: Sequence[Option], axis: int, position: flo
 
 
 def _possible(found: FoundLoad) -> list[Array]:
-    """The load found, and the largest that it may be: heavier, and of `REACH` about its centre."""
+    """Return the estimated load, and the largest likely load: heavier, with radius `REACH`."""
     shown = np.abs(found.phi) + np.diag(found.covariance) > 0
     shown[list(INERTIAS)] = True
     error = float(np.sqrt(found.covariance[MASS, MASS]))
-    # heavier by three standard errors
+    # upper bound of the mass: three standard errors
     most = max(found.phi[MASS] + 3.0 * error, 0.1)
     centre = found.phi[list(FIRST_MOMENTS)] / max(found.phi[MASS], most / 2)
     return [_body(mass, centre, shown) for mass in (max(found.phi[MASS], 0.0), most)]
 
 
 def _body(mass: float, centre: Array, shown: Mask) -> Array:
-    """Standard parameters of a load with radius of gyration `REACH`, shape (10,)."""
+    """Return the standard parameters of a load with radius of gyration `REACH`, shape (10,)."""
     phi = np.zeros(10)
     phi[MASS], phi[list(FIRST_MOMENTS)] = mass, mass * centre
     about = mass * (float(centre @ centre) * np.eye(3) - np.outer(centre, centre))
@@ -352,24 +353,24 @@ def _body(mass: float, centre: Array, shown: Mask) -> Array:
 def _within_torque(
     bare: WithoutLoad, options: Sequence[Option], loads: Sequence[Array]
 ) -> list[Option]:
-    """Options that all axes can carry out with every one of the loads, slower where need be."""
+    """Return options feasible with every load, slowed down where necessary."""
     found = []
     for option in options:
         for share in SLOWER[:1] if _is_slow(option.measurement) else SLOWER:
-            slower = _slowed(option.measurement, share)
+            slower = _slow_down(option.measurement, share)
             if bare.strain(slower, loads) <= HOLD:
-                worth = option.worth if share == 1.0 else bare.judged(slower)
+                worth = option.worth if share == 1.0 else bare.judge(slower)
                 found.append(replace(option, measurement=slower, worth=worth))
                 break
     return found
 
 
 def _is_slow(measurement: ParameterMeasurement) -> bool:
-    """Whether torques are read at constant velocity alone."""
+    """Return True if torques are read only at constant velocity."""
     return not measurement.streamed and not any(measurement.unit_acceleration)
 
 
-def _slowed(measurement: ParameterMeasurement, share: float) -> ParameterMeasurement:
+def _slow_down(measurement: ParameterMeasurement, share: float) -> ParameterMeasurement:
     if share == 1.0 or measurement.streamed:
         return measurement
     moved = measurement.partners[0] if measurement.partners else measurement
@@ -379,11 +380,11 @@ def _slowed(measurement: ParameterMeasurement, share: float) -> ParameterMeasure
     }
     if moved is not measurement:
         slow = {"partner": moved.model_dump() | slow}
-    return with_values(measurement, **slow)
+    return replace_values(measurement, **slow)
 
 
-def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> Plan:
-    """Choose measurements within `seconds`, ways included, one after the other.
+def _choose(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds: float) -> Plan:
+    """Choose measurements in turn within `seconds`, travels included.
 
     Parameters
     ----------
@@ -391,7 +392,7 @@ def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds:
         Information about z so far, of full rank.
     """
     robot, workspace = bare.robot, bare.plan.workspace
-    worth = [bare.embedded(option.worth) for option in options]
+    worth = [bare.embed(option.worth) for option in options]
     starts = np.array([option.measurement.start for option in options])
     durations = np.array([option.measurement.duration for option in options]) + SETTLING
     free, chosen = np.ones(len(options), dtype=bool), list[int]()
@@ -404,8 +405,10 @@ def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds:
         best = int(np.argmax(np.where(free, gains / (durations + ways), -np.inf)))
         free[best] = False
         tried = [options[k].measurement for k in (*chosen, best)]
-        tried = guarded_tour(robot, workspace, tried) if workspace else ordered(robot, tried)
-        if lasting(robot, tried) > seconds:
+        tried = (
+            guarded_tour(robot, workspace, tried) if workspace else order_by_travel(robot, tried)
+        )
+        if total_duration(robot, tried) > seconds:
             break
         chosen.append(best)
         order, known = tried, known + worth[best]
@@ -413,9 +416,9 @@ def _chosen(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds:
         raise InvalidValue(
             f"{seconds:.0f} s are too short for a measurement and the way to it; give more minutes"
         )
-    plan = as_plan(robot, numbered(order, set()), 0.0, workspace)
+    plan = make_plan(robot, assign_ids(order, set()), 0.0, workspace)
     return plan.model_copy(update={"sample_period": bare.plan.sample_period})
 
 
 def _log_det(bare: WithoutLoad, information: Array) -> float:
-    return float(np.linalg.slogdet(bare.of_load(information))[1])
+    return float(np.linalg.slogdet(bare.load_information(information))[1])

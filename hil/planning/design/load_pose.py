@@ -1,8 +1,8 @@
-"""Which position of which axis would show a parameter of the load that a measurement left rough.
+"""Search for the axis position that best determines an imprecise load parameter.
 
-Of all measurements that the load allows, the one is taken that lessens the predicted standard
-deviation of the parameter most, beside what was measured. Then one axis at a time is turned that it
-does not move: the one whose position matters most is the answer, at the position that is best.
+From all measurements feasible with the load, the one with the largest decrease of the parameter's
+predicted standard deviation is taken. Then each axis at rest in it is turned in turn: the axis with
+the largest effect, at its best position, is the answer.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.planning.design.load import FoundLoad, WithoutLoad, allowed, at_position
+from hil.planning.design.load import FoundLoad, WithoutLoad, feasible_options, hold_axis
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 
 STEP = math.radians(15)
-"""Between positions of an axis that turns."""
+"""Step between positions of a revolute axis."""
 
 
 class Pose(NamedTuple):
-    """What to measure again.
+    """Pose for another measurement of the load.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Pose(NamedTuple):
     position : float or None
         [rad or m]; None where no position matters.
     share : float
-        Of the predicted standard deviation, with one such measurement more.
+        Predicted standard deviation after another measurement, relative to the present one.
     """
 
     axis: int
@@ -49,21 +49,22 @@ class Pose(NamedTuple):
 def helpful_poses(
     bare: WithoutLoad, plans: Sequence[Plan], found: FoundLoad, names: Sequence[str]
 ) -> dict[str, Pose]:
-    """Find the pose that would show each of the parameters `names` of the load.
+    """Find the pose that best shows each load parameter in `names`.
 
     Parameters
     ----------
     plans : sequence of Plan
-        What was measured.
+        Plans measured so far.
     names : sequence of str
-        As the robot file has them, without the link's number; those that it leaves out are not
-        looked at.
+        Names as in the robot file, without the link's number; names absent there are ignored.
     """
     free = bare.columns.free
     columns = {name: free[LINK_PARAMETERS.index(name)] for name in names}
     search = _Search(bare, plans, found)
     poses = {
-        name: search.of(int(np.argmax(np.abs(row)))) for name, row in columns.items() if row.any()
+        name: search.best_pose(int(np.argmax(np.abs(row))))
+        for name, row in columns.items()
+        if row.any()
     }
     return {name: pose for name, pose in poses.items() if pose is not None}
 
@@ -71,36 +72,36 @@ def helpful_poses(
 class _Search:
     def __init__(self, bare: WithoutLoad, plans: Sequence[Plan], found: FoundLoad) -> None:
         self.bare, self.found = bare, found
-        self.options = allowed(bare)
+        self.options = feasible_options(bare)
         self.known = bare.before(self.options, plans)
 
     def deviation(self, k: int, more: Worth = ()) -> float:
-        left = self.bare.of_load(self.known + self.bare.embedded(more))
+        left = self.bare.load_information(self.known + self.bare.embed(more))
         return float(np.sqrt(np.linalg.inv(left)[k, k]))
 
-    def of(self, k: int) -> Pose | None:
+    def best_pose(self, k: int) -> Pose | None:
         now = self.deviation(k)
         gains = [self.deviation(k, each.worth) for each in self.options]
-        # the torques of the 40 most promising measurements are looked at
+        # torques are checked only for the 40 most promising measurements, for speed
         best = [self.options[at] for at in np.argsort(gains)[:40]]
-        fitting = allowed(self.bare, self.found, best)
+        fitting = feasible_options(self.bare, self.found, best)
         if not fitting:
             return None
         measurement = fitting[0].measurement
         still = [a for a in range(self.bare.robot.n_joints) if a not in measurement.moved]
         curves = [(a, *self._curve(k, measurement, a)) for a in still]
         axis, places, sizes = max(curves, key=lambda each: float(each[2].max() / each[2].min()))
-        # the position of an axis matters where it changes the deviation by a fifth
+        # an axis's position matters if it changes the deviation by a fifth
         if sizes.max() < 1.2 * sizes.min():
-            share = self.deviation(k, self.bare.judged(measurement)) / now
+            share = self.deviation(k, self.bare.judge(measurement)) / now
             return Pose(measurement.moved[0] + 1, None, share)
         return Pose(axis + 1, float(places[np.argmin(sizes)]), float(sizes.min() / now))
 
     def _curve(self, k: int, measurement: ParameterMeasurement, axis: int) -> tuple[Array, Array]:
-        """Positions of an axis, and the deviation with `measurement` there."""
+        """Return positions of an axis, and the standard deviation with `measurement` at these."""
         low, high = self.bare.robot.q_min[axis], self.bare.robot.q_max[axis]
         places: Array = STEP * np.arange(math.ceil(low / STEP), math.floor(high / STEP) + 1)
         if not self.bare.robot.revolute[axis]:
             places = np.linspace(low, high, 9)
-        turned = (at_position(measurement, axis, float(at)) for at in places)
-        return places, np.array([self.deviation(k, self.bare.judged(each)) for each in turned])
+        turned = (hold_axis(measurement, axis, float(at)) for at in places)
+        return places, np.array([self.deviation(k, self.bare.judge(each)) for each in turned])

@@ -1,14 +1,14 @@
-"""Which elements of g(q) and M(q) can be measured, and at which configurations.
+"""Measurable elements of g(q) and M(q), and configurations to measure them.
 
-What a measurement determines is one row: that of the axis's gravity torque (and of a torque offset,
-which only configurations of different gravity distinguish from it), of its moment of inertia, or of
-the coupling inertia with its partner. The rows depend on few joints, found by moving one joint at a
+A measurement determines one row: of the axis's gravity torque (and of a torque offset,
+distinguishable only by configurations of different gravity), of its moment of inertia, or of the
+coupling inertia with its partner. The rows depend on few joints, found by moving one joint at a
 time. Candidates spread these joints over their ranges by a low-discrepancy sequence and leave the
-others in the middle. In a guarded workspace only those count whose strokes keep clear of the boxes.
+others at mid-range. In a guarded workspace only candidates with clear strokes count.
 
-Every measurement of an axis has a number. By it it begins at another angle of its motor, spread by
-the golden ratio: torque ripple then averages out over the configurations instead of biasing all of
-them alike. Its corners fall at other instants between two samples for the same reason
+Successive measurements of an axis start at motor angles spread by the golden ratio: torque ripple
+then averages out over the configurations instead of biasing all of them alike. Their corners fall
+at different instants between two samples for the same reason
 (`hil.planning.design.standard_motions`).
 """
 
@@ -42,16 +42,16 @@ if TYPE_CHECKING:
     from hil.planning.workspace import Workspace
 
     Row = Callable[[Array], Array]
-    """Rows (n, n_parameters) at configurations (n, n_joints)."""
+    """Function from configurations (n, n_joints) to rows (n, n_parameters)."""
 
 CANDIDATES = 512
 RANGE = 0.95
-"""Share of each joint's range that configurations use."""
+"""Share of each joint's range used for configurations."""
 
 
 @dataclass(frozen=True, eq=False)
 class Element:
-    """One element of g(q) or M(q) that shows parameters of a group.
+    """Element of g(q) or M(q) that shows parameters of a group.
 
     Attributes
     ----------
@@ -71,15 +71,15 @@ class Element:
     row: Row
     measure: Callable[[str, Sequence[float], int], ElementMeasurement]
     like_offset: bool = False
-    """Where it does not vary with the configuration it cannot be distinguished from an offset."""
+    """True if a constant element cannot be distinguished from a torque offset."""
 
     @property
     def axes(self) -> tuple[int, int]:
-        """Axis that is read and axis that accelerates."""
+        """Read axis and accelerated axis."""
         return self.axis, self.accelerated
 
-    def turned(self, robot: Robot, q: Array, number: int) -> list[float]:
-        """Configuration `q` of measurement `number` (from 1), its motors turned by their share."""
+    def turn_motors(self, robot: Robot, q: Array, number: int) -> list[float]:
+        """Return configuration `q` for measurement `number` (from 1), with shifted motor angles."""
         moved = q.copy()
         for i in set(self.axes):
             moved[i] += (number * GOLDEN % 1.0 - 0.5) * _turn(robot, i)
@@ -88,7 +88,7 @@ class Element:
 
 
 def gravity_elements(robot: Robot, columns: list[int]) -> list[Element]:
-    """Axes whose gravity torque shows base parameters `columns`, or none."""
+    """Return axes whose gravity torque shows the base parameters `columns`."""
     if not columns:
         return []
     axes = np.flatnonzero(base_parameters(robot).dependencies.gravity.any(axis=1)).tolist()
@@ -105,7 +105,7 @@ def gravity_elements(robot: Robot, columns: list[int]) -> list[Element]:
 
 
 def inertia_elements(robot: Robot, columns: list[int]) -> list[Element]:
-    """Diagonal elements of M that show base parameters `columns`."""
+    """Return diagonal elements of M that show the base parameters `columns`."""
     mass = base_parameters(robot).dependencies.mass
 
     def element(i: int) -> Element:
@@ -121,7 +121,7 @@ def inertia_elements(robot: Robot, columns: list[int]) -> list[Element]:
 
 
 def coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
-    """One off-diagonal element of M for each of base parameters `columns`.
+    """Return an off-diagonal element of M for every base parameter in `columns`.
 
     Raises
     ------
@@ -158,11 +158,11 @@ ELEMENTS: dict[str, Callable[[Robot, list[int]], list[Element]]] = {
     "inertia": inertia_elements,
     "coupling": coupling_elements,
 }
-"""By the kind of measurement that shows them: from the base parameters that are sought."""
+"""Functions from base parameters to elements, by kind of measurement."""
 
 
 def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> Array:
-    """Configurations at which `element` can be measured, shape (n, n_joints).
+    """Return configurations suitable for measuring `element`, shape (n, n_joints).
 
     Raises
     ------
@@ -174,10 +174,10 @@ def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> A
 
 
 def _pairs(robot: Robot, columns: list[int]) -> list[tuple[int, int]]:
-    """Creeping and accelerated axis for every off-diagonal parameter.
+    """Return creeping and accelerated axis for every off-diagonal parameter.
 
-    Of the elements that hold a parameter the one is taken whose torque stands out most: much
-    acceleration on one side, little torque range (so little noise and friction) on the other.
+    Of the elements with a parameter, the one with the clearest torque is taken: large acceleration
+    on one side, small torque range (so little noise and friction) on the other.
     """
     mass = base_parameters(robot).dependencies.mass
     found = []
@@ -190,7 +190,7 @@ def _pairs(robot: Robot, columns: list[int]) -> list[tuple[int, int]]:
 
 
 def _gravity_row(robot: Robot, axis: int, axes: list[int], columns: list[int]) -> Row:
-    """Gravity torque, and the offset of each axis that must be distinguished from it."""
+    """Return rows of the gravity torque, with columns for the torque offset per axis."""
 
     def row(q: Array) -> Array:
         still = np.zeros_like(q)
@@ -213,7 +213,7 @@ def _inertia_row(robot: Robot, axis: int, accelerated: int, columns: list[int]) 
 
 
 def _spread(robot: Robot, strokes: dict[int, float], row: Row) -> Array:
-    """Spread the joints that `row` depends on over their ranges, the others stay in the middle."""
+    """Spread the joints that affect `row` over the ranges; keep the rest at mid-range."""
     middle = (robot.q_min + robot.q_max) / 2
     half = RANGE * (robot.q_max - robot.q_min) / 2
     for i, stroke in strokes.items():
@@ -228,7 +228,7 @@ def _spread(robot: Robot, strokes: dict[int, float], row: Row) -> Array:
 
 
 def _clear(robot: Robot, workspace: Workspace, strokes: dict[int, float], q: Array) -> Array:
-    """Candidates whose strokes keep clear of all boxes, whatever the motors' angles."""
+    """Return candidates with strokes clear of the boxes at any motor angle."""
     half = np.zeros(robot.n_joints)
     for i, stroke in strokes.items():
         half[i] = stroke / 2 + _turn(robot, i) / 2
@@ -243,14 +243,14 @@ def _clear(robot: Robot, workspace: Workspace, strokes: dict[int, float], q: Arr
 
 
 def _turn(robot: Robot, axis: int) -> float:
-    """Way over which configurations of an axis spread the motor's angle: a turn, if it fits."""
-    # a fifth of the range at most
+    """Return the range over which motor angles are spread: a turn, if possible."""
+    # at most a fifth of the range
     most = 0.2 * float(robot.q_max[axis] - robot.q_min[axis])
     return min(math.tau / float(robot.gear_ratio[axis]), most)
 
 
 def _influencing(row: Row, middle: Array, half: Array) -> list[int]:
-    """Joints whose angle changes the row."""
+    """Return the joints whose angle changes the row."""
     n = len(middle)
     base = middle + half * halton(16, n)
     moved = np.tile(base, (n + 1, 1, 1))

@@ -1,4 +1,4 @@
-"""One measurement after the other, each the one that adds most in its time.
+"""Greedy selection of measurements by information gain per second.
 
 With the information N of what was chosen so far, over base parameters p and common terms b, adding
 a measurement of worth I changes
@@ -41,7 +41,7 @@ SelectionCriterion = Literal["det", "torque"]
 
 
 class Selection:
-    """What was chosen of `options`, and what each of the others would add.
+    """Chosen options, and the gains of the remaining options.
 
     Parameters
     ----------
@@ -76,11 +76,11 @@ class Selection:
         self._way = np.full(len(options), np.inf)
         self.chosen: list[int] = []
         self.duration = 0.0
-        """Of what was chosen, ways included, estimated [s]."""
+        """Estimated duration of the chosen options, travels included [s]."""
 
     @property
     def measurements(self) -> list[ParameterMeasurement]:
-        """Those chosen, in the order of choice."""
+        """Chosen measurements, in the order of choice."""
         return [self._options[number].measurement for number in self.chosen]
 
     def take(self, number: int) -> None:
@@ -96,9 +96,9 @@ class Selection:
         self.chosen.append(number)
 
     def take_best(self, axis: int | None = None) -> None:
-        """Choose the option that adds most in its time, of those that move `axis` if one is named.
+        """Choose the option with the largest gain per second, among those moving `axis` if given.
 
-        Where none does, nothing is chosen.
+        If no option moves `axis`, nothing is chosen.
         """
         wanted = self._free if axis is None else self._moves[:, axis] & self._free
         if axis is not None and not wanted.any():
@@ -108,7 +108,7 @@ class Selection:
             self.take(int(np.argmax(np.where(wanted, rate, -np.inf))))
 
     def gains(self) -> Array:
-        """What each option would add to the criterion, shape (n_options,)."""
+        """Compute the gain of every option in the criterion, shape (n_options,)."""
         inverse = solved(self._information, np.eye(len(self._information)))
         nuisance = self._information[self._n_base :, self._n_base :]
         common = solved(nuisance, np.eye(len(nuisance)))
@@ -121,7 +121,7 @@ class Selection:
         return found
 
     def _growth(self, at: Indices, worth: Array, inverse: Array, common: Array) -> Array:
-        """Of log det, for options that touch the unknowns `at`."""
+        """Compute the growth of log det for options with unknowns `at`."""
         unit = np.eye(len(at))
         inner = at >= self._n_base
         own = at[inner] - self._n_base
@@ -132,7 +132,7 @@ class Selection:
         return growth
 
     def _relief(self, at: Indices, worth: Array, inverse: Array) -> Array:
-        """By which the variance of torques falls, as share of it."""
+        """Compute the relative decrease in the variance of torques."""
         rows = self._scale[:, np.newaxis] * inverse[: self._n_base, at]
         inside = np.linalg.solve(np.eye(len(at)) + worth @ inverse[np.ix_(at, at)], worth)
         fall: Array = np.einsum("ki,nij,kj->n", rows, inside, rows, optimize=True)
@@ -140,13 +140,13 @@ class Selection:
         return fall / variance
 
     def _costs(self) -> Array:
-        """Duration of each option with the way to it [s]."""
+        """Return the duration of every option, travel included [s]."""
         way = np.where(np.isfinite(self._way), self._way, 0.0)
         return self._durations + way + SETTLING
 
 
 def _blocks(options: Sequence[Option]) -> list[tuple[Indices, Indices, Array]]:
-    """Options by the unknowns that they touch: these, their numbers, their worth over these."""
+    """Group options by unknowns: unknowns, option numbers, information."""
     touched: dict[tuple[int, ...], list[int]] = {}
     for number, option in enumerate(options):
         unknowns = sorted({int(k) for its, _ in option.worth for k in its})
@@ -164,10 +164,10 @@ def _blocks(options: Sequence[Option]) -> list[tuple[Indices, Indices, Array]]:
 
 
 def _prior(options: Sequence[Option], n: int) -> Array:
-    """So little information that every determinant is finite."""
+    """Return a prior small enough to be negligible, large enough for finite determinants."""
     diagonal = np.zeros(n)
     for option in options:
         for at, worth in option.worth:
             diagonal[at] += np.diag(worth) / len(options)
-    # information that counts as nothing: a millionth of a mean option's
+    # negligible information: a millionth of the mean option's
     return np.diag(np.where(diagonal > 0, 1e-6 * diagonal, 1.0))

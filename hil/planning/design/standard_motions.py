@@ -1,19 +1,19 @@
-"""How each kind of measurement moves: shares of the limits that suit what it is to show.
+"""Standard motions of each kind of measurement, as shares of the robot's limits.
 
-Gravity is read at constant velocity, slowly. The sooner the axis comes back the less has friction
-wandered meanwhile, so a window lasts a second; but a stroke is at least `GRAVITY_STROKE` long, over
-which torque ripple and the encoder's error average out, unless that takes too long. Inertias are
-read with as much acceleration as leaves room for the load; couplings with an axis that creeps while
-its partner accelerates. Ramps shorter than `INERTIA_RAMP` hold too few samples where SYNC is slow.
+Gravity is measured at a low constant velocity. A short time between forward and backward motion
+limits the drift of friction, so a window lasts a second; but a stroke is at least `GRAVITY_STROKE`
+long, over which torque ripple and encoder error average out, unless that takes too long. Inertias
+are measured with the largest acceleration that leaves room for the load; couplings with a creeping
+axis while its partner accelerates. Ramps shorter than `INERTIA_RAMP` hold too few samples at slow
+SYNC.
 
-Where a joint's range leaves less room an axis moves so slowly that its ramps and its constant
-velocity find their place. Below `SLOWEST` of its velocity limit the estimator does not use its
-samples, so an axis that had to be slower is refused.
+In a short range an axis moves slowly enough for ramps and constant velocity to fit. Below `SLOWEST`
+of its velocity limit the estimator uses no samples, so a slower motion is refused.
 
-Measurements of the same axis differ a little in stroke and acceleration, so that the corners of
-their profiles fall anywhere between two samples. Strokes begin with a SYNC; were all alike, every
-corner would come at the same instant after one, and what sampling does to it would bias the lag of
-the torque, by 0.08 ms of 4 ms, instead of averaging out.
+Measurements of the same axis differ slightly in stroke and acceleration, so that the corners of
+their profiles fall anywhere between two samples. Strokes begin with a SYNC; with equal profiles
+every corner would come at the same instant after one, and the sampling error would bias the delay
+of the torque, by 0.08 ms of 4 ms, instead of averaging out.
 """
 
 from __future__ import annotations
@@ -28,33 +28,34 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 GRAVITY_SPEED, GRAVITY_TIME, GRAVITY_STROKE = 0.10, (1.0, 2.0), 0.3
-"""Share of the speed limit, shortest and longest window [s], way that prolongs one [rad]."""
+"""Share of the speed limit, shortest and longest window [s], and distance that a window must cover
+[rad]."""
 INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.9, 0.6, 0.15, 6
-"""Shares of the limits, shortest ramp [s]."""
+"""Shares of the limits, shortest ramp [s], and cycles."""
 RAMPS = 3
-"""Ways of a ramp that an inertia's stroke is long: both ramps, and constant velocity between."""
+"""Stroke of an inertia measurement in ramp lengths: two ramps and constant velocity."""
 LONGEST_STROKE = 1.0
-"""So that a measurement stays in the neighbourhood of its configuration [rad]."""
+"""Longest stroke, so that a measurement stays close to its configuration [rad]."""
 SLOWEST = 1.1 * SLOW
-"""Least speed at which anything is read, as share of the speed limit."""
+"""Lowest speed of a reading, as share of the speed limit."""
 CREEP_SPEED, CREEP_TIME, CREEP_CYCLES = 0.08, 7.0, 2
-"""Share of the speed limit, unless the range is short, duration [s], motions."""
+"""Share of the speed limit (unless the range is short), duration [s], cycles."""
 RAMP_OF_CREEP = 0.2
 """Duration of a ramp to constant velocity, unless the acceleration limit prolongs it [s]."""
 STEEPEST = 0.99
-"""Share of the acceleration limit that such a ramp uses at most: plans round their numbers."""
+"""Maximum share of the acceleration limit in such a ramp; plans round their numbers."""
 SHORTEST_CRUISE = 1.2 * (MARGIN + SHORTEST_WINDOW)
-"""Least duration of constant velocity where the range is short [s]."""
+"""Minimum duration of constant velocity for short ranges [s]."""
 SPREAD = 0.012
-"""Instants over which corners of profiles are spread, from one measurement to the next and from
-one cycle to the next [s]: the longest usual SYNC period."""
+"""Time over which the profiles' corners are spread between measurements and cycles [s]: the longest
+usual SYNC period."""
 _PLASTIC = sum(((9 + sign * math.sqrt(69)) / 18) ** (1 / 3) for sign in (1, -1))  # x^3 = x + 1
 SEQUENCE = (1 / _PLASTIC, 1 / _PLASTIC**2)
-"""Steps of the two-dimensional low-discrepancy sequence of Roberts: acceleration, stroke."""
+"""Steps of Roberts's two-dimensional low-discrepancy sequence: acceleration, stroke."""
 
 
 def gravity_motion(robot: Robot, axis: int) -> dict[str, Any]:
-    """Stroke, velocity, acceleration and cycles of a gravity measurement; `axis` from 0.
+    """Return stroke, velocity, acceleration and cycles of a gravity measurement; `axis` from 0.
 
     Raises
     ------
@@ -73,13 +74,13 @@ def gravity_motion(robot: Robot, axis: int) -> dict[str, Any]:
         "stroke": stroke,
         "velocity": velocity,
         "acceleration": velocity / _ramp(robot, axis, velocity),
-        # windows of one direction last 5 s together, at least
+        # total window per direction of at least 5 s
         "cycles": math.ceil(5.0 / window),
     }
 
 
 def inertia_motion(robot: Robot, axis: int, number: int = 0) -> dict[str, Any]:
-    """Those of inertia measurement `number` of the axis; 0 has the longest stroke.
+    """Return the motion of inertia measurement `number` of an axis; 0 has the longest stroke.
 
     Raises
     ------
@@ -94,7 +95,7 @@ def inertia_motion(robot: Robot, axis: int, number: int = 0) -> dict[str, Any]:
         _refuse_slow(robot, axis, velocity / 2, f"an inertia, in strokes of {room:.3g}")
     acceleration = min(limit, velocity / INERTIA_RAMP)
     ramp = velocity**2 / (2 * acceleration)
-    # the first corner comes up to SPREAD later, the second one up to SPREAD earlier
+    # the first corner is up to SPREAD later, the second up to SPREAD earlier
     later, earlier = (SPREAD * (number * step % 1.0) for step in SEQUENCE)
     return {
         "stroke": min(RAMPS * ramp, LONGEST_STROKE, room) - velocity * earlier,
@@ -106,7 +107,7 @@ def inertia_motion(robot: Robot, axis: int, number: int = 0) -> dict[str, Any]:
 
 
 def creep_motion(robot: Robot, axis: int) -> dict[str, Any]:
-    """Those of the creeping axis of a coupling measurement."""
+    """Return the motion of the creeping axis in a coupling measurement."""
     limit, room = float(robot.velocity_limit[axis]), _room(robot, axis)
     velocity = min(max(room / CREEP_TIME, SLOWEST * limit), CREEP_SPEED * limit)
     return {
@@ -118,7 +119,7 @@ def creep_motion(robot: Robot, axis: int) -> dict[str, Any]:
 
 
 def partner_motion(robot: Robot, axis: int, number: int = 0) -> Partner:
-    """Motion of the partner in coupling measurement `number` of a pair."""
+    """Return the motion of the partner in coupling measurement `number` of a pair."""
     motion = inertia_motion(robot, axis, number)
     return Partner(
         axis=axis + 1,
@@ -129,12 +130,12 @@ def partner_motion(robot: Robot, axis: int, number: int = 0) -> Partner:
 
 
 def _ramp(robot: Robot, axis: int, velocity: float) -> float:
-    """Duration of a ramp to constant velocity [s]."""
+    """Return the duration of a ramp to constant velocity [s]."""
     return max(velocity / (STEEPEST * float(robot.acceleration_limit[axis])), RAMP_OF_CREEP)
 
 
 def _cruising(robot: Robot, axis: int, stroke: float) -> float:
-    """Highest velocity that a stroke keeps for `SHORTEST_CRUISE`."""
+    """Compute the highest velocity held for `SHORTEST_CRUISE` in a stroke."""
     limit = STEEPEST * float(robot.acceleration_limit[axis])
     steep = SHORTEST_CRUISE * limit / 2
     # stroke = velocity (cruise + ramp), the ramp velocity / limit or RAMP_OF_CREEP
@@ -144,7 +145,7 @@ def _cruising(robot: Robot, axis: int, stroke: float) -> float:
 
 
 def _refuse_slow(robot: Robot, axis: int, velocity: float, what: str) -> None:
-    """Refuse motions of which the estimator would use no sample.
+    """Refuse motions too slow for the estimator to use any sample.
 
     Raises
     ------
@@ -161,5 +162,5 @@ def _refuse_slow(robot: Robot, axis: int, velocity: float, what: str) -> None:
 
 
 def _room(robot: Robot, axis: int) -> float:
-    # half of a joint's range at most; the rest is left to choose from
+    # at most half of a joint's range; the rest is left for the choice of configurations
     return 0.5 * float(robot.q_max[axis] - robot.q_min[axis])

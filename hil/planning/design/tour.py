@@ -1,8 +1,8 @@
-"""An order of measurements: from each the nearest one is next.
+"""Order of measurements by nearest neighbour.
 
-In a guarded workspace every travel keeps clear of the forbidden boxes: from each configuration the
-nearest one is next that a clear travel leads to. Those that nothing led to are put in afterwards,
-between two measurements where both ways are clear.
+In a guarded workspace every travel keeps clear of the forbidden boxes: the next configuration is
+the nearest one with a clear travel. Configurations not reached this way are inserted afterwards,
+between two measurements with clear travels.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ TRAVEL: float = Plan.model_fields["travel"].default
 
 
 def nearest_first(robot: Robot, here: Array, places: Array) -> list[int]:
-    """Numbers of `places` (n, n_joints), each the nearest in travel time to the one before.
+    """Return the numbers of `places` (n, n_joints) in nearest-neighbour order of travel time.
 
     The first is the one that is nearest to `here`.
     """
@@ -55,7 +55,7 @@ def guarded_tour(robot: Robot, workspace: Workspace, measurements: Sequence[M]) 
     starts = np.array([measurement.start for measurement in measurements])
     ways = _Ways(robot, workspace, starts)
     tour: list[int] = []
-    # as the first one 8 measurements are tried
+    # try up to 8 measurements as the first
     for first in range(min(8, len(measurements))):
         tour = max(tour, ways.greedy(first), key=len)
         if len(tour) == len(measurements):
@@ -79,7 +79,7 @@ class _Ways:
     starts: Array
 
     def greedy(self, first: int) -> list[int]:
-        """Go from `first` to the nearest that is left, as long as a clear travel leads there."""
+        """Visit the nearest remaining configuration from `first` on while travels are clear."""
         left = [number for number in range(len(self.starts)) if number != first]
         tour = [first]
         while (following := self._nearest(tour[-1], left)) is not None:
@@ -88,7 +88,7 @@ class _Ways:
         return tour
 
     def insert(self, tour: list[int], stray: int) -> bool:
-        """Put `stray` where the ways to and from it are clear; return whether there is a place."""
+        """Insert `stray` where both travels are clear; return False if there is no such place."""
         strays = [stray] * len(tour)
         to = np.append(True, self._clear(tour, strays))
         back = np.append(self._clear(strays, tour), True)
@@ -98,7 +98,7 @@ class _Ways:
         return len(places) > 0
 
     def _nearest(self, here: int, left: list[int], at_once: int = 4) -> int | None:
-        """Look at some of the ways together: mostly the first is clear."""
+        """Return the nearest reachable configuration; travels are checked in small groups."""
         durations = self._travels([here] * len(left), left).high[:, 0]
         order: list[int] = np.argsort(durations, kind="stable").tolist()
         for first in range(0, len(left), at_once):

@@ -1,25 +1,25 @@
-"""Exciting trajectories: Fourier amplitudes that make the regression well conditioned.
+"""Exciting trajectories: Fourier amplitudes optimised for a well-conditioned regression.
 
-Judged is the observation matrix W of section 5: the regressor of the base parameters along one
-period, each row over the torque limit of its axis, stacked, and each column over what a unit of its
-parameter amounts to in torque (`hil.planning.prediction.precision.torque_scale`). Without the
-latter a kg m^2 of the base would count as much as one of the hand, and the smallest condition
-number is that of a motion in which the wrist rests. Criteria, all to be small: the condition number
-of W (Armstrong 1989, Gautier and Khalil 1992), the reciprocal of its smallest singular value, or
--log det W'W (Swevers 1997, D-optimal).
+The observation matrix W of section 5 is judged: the regressor of the base parameters along one
+period, each row divided by the torque limit of its axis, stacked, and each column divided by the
+torque per unit of its parameter (`hil.planning.prediction.precision.torque_scale`). Without the
+column scaling a kg m^2 of the base would count as much as one of the hand, and the smallest
+condition number would be that of a motion with a resting wrist. Criteria to minimise: the condition
+number of W (Armstrong 1989, Gautier and Khalil 1992), the reciprocal of its smallest singular
+value, or -log det W'W (Swevers 1997, D-optimal).
 
-The last is taken where nobody chooses: no scale of columns matters to it, and it counts all
-combinations of parameters, the others only the worst or the worst and the best. On the manutec-r15
-the predicted error of torques after ten minutes is 0.019 to 0.024 % by it, 0.028 to 0.033 % by the
-smallest singular value and 0.071 % by the condition number.
+The last is the default: it is independent of column scales, and it counts all combinations of
+parameters, the others only the worst, or the worst and the best. On the manutec-r15 the predicted
+error of torques after ten minutes is 0.019 to 0.024 % with it, 0.028 to 0.033 % with the smallest
+singular value and 0.071 % with the condition number.
 
 For W = sum_k s_k u_k v_k', the derivative of a singular value is u_k' dW v_k, and that of a
-criterion is sum_ij G_ij dW_ij with G known from the decomposition. dW depends on the motion at its
-own sample alone. So the gradient needs, whatever the number of amplitudes, central differences of
-the regressor in q, qd and qdd of each joint, and then the linear map from amplitudes to motion.
-Limits enter as quadratic penalties; what is left beyond them at the end is scaled away. The search
-(L-BFGS) begins from the best of many random trajectories, and ends after a stated number of steps,
-so that the same seed gives the same trajectory on any machine.
+criterion is sum_ij G_ij dW_ij with G known from the decomposition. dW depends only on the motion at
+its own sample. So the gradient needs, for any number of amplitudes, central differences of the
+regressor in q, qd and qdd of each joint, and then the linear map from amplitudes to motion. Limits
+enter as quadratic penalties; a remaining excess is scaled away at the end. The search (L-BFGS)
+starts from the best of many random trajectories, and ends after a fixed number of steps, so that a
+seed gives the same trajectory on any machine.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ import numpy as np
 from scipy import optimize
 
 from hil.model.dynamics import regressor
-from hil.planning.plan import as_plan
+from hil.planning.plan import make_plan
 from hil.planning.prediction.precision import torque_scale
 from hil.planning.trajectory import ACCELERATION_SHARE, Trajectory
 
@@ -43,20 +43,20 @@ if TYPE_CHECKING:
 
 ExcitationCriterion = Literal["condition", "singular", "det"]
 PERIOD = 10.0023
-"""Of the fundamental [s]: no multiple of a usual SYNC period, so that periods see other increments
-of the encoders. Over twenty plants, ten minutes each, that made no difference to the torques."""
+"""Period of the fundamental [s]: no multiple of a usual SYNC period, so that the encoder increments
+differ between periods."""
 HARMONICS = 15
-"""With five of a period of 10 s, which is common, torques of the manutec-r15 had 1.3 to 1.9 times
-the error, depending on the method: how often the motion turns separates inertia from friction."""
+"""Number of harmonics; with the common five in 10 s, torque errors of the manutec-r15 were 1.3 to
+1.9 times as large."""
 SAMPLES = 20
-"""Instants of a period, for each harmonic, at which limits and regressor are judged."""
+"""Instants per harmonic in a period, used to evaluate limits and regressor."""
 SHARE = 0.9
-"""Of range and velocity limit that a trajectory may use."""
+"""Usable share of range and velocity limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """How much is tried: random starts, how many of them are refined, steps of each refinement."""
+    """Search effort: random starts, number of starts refined, steps per refinement."""
 
     random: int = 300
     refined: int = 6
@@ -79,19 +79,19 @@ def design_trajectory(
     Parameters
     ----------
     period : float
-        Of the fundamental [s].
+        Period of the fundamental [s].
     cycles : int
         Periods to be measured.
     criterion : {"condition", "singular", "det"}
-        What shall be small, see the module.
+        Criterion to minimise, see the module.
     seed : int
-        The same seed gives the same trajectory.
+        Seed of the search; equal seeds give equal trajectories.
     search : Search, optional
-        How much is tried.
+        Search effort.
     name : str
         Id of the measurement.
     harmonics : int
-        Of the Fourier series of each joint, at least 2.
+        Harmonics of each joint's Fourier series, at least 2.
     speed : ndarray, shape (n_joints,), optional
         Above which an axis would lag too far behind its set-points [rad/s or m/s].
 
@@ -112,7 +112,7 @@ def design_trajectory(
 
 
 class Basis:
-    """Motions at rest at the beginning of a period, linear in their unknowns.
+    """Trajectories at rest at the beginning of a period, linear in the unknowns.
 
     The unknowns `x`, shape (n_unknowns, n_joints), are of order one: first a joint's mean as a
     share of half its range, then amplitudes as shares of what the velocity limit allows.
@@ -121,7 +121,7 @@ class Basis:
     ----------
     robot : Robot
     period : float
-        Of the fundamental [s].
+        Period of the fundamental [s].
     harmonics : int
         At least 2.
     speed : ndarray, shape (n_joints,), optional
@@ -151,7 +151,7 @@ class Basis:
         k = np.arange(1, harmonics + 1)
         order = 2 * np.pi / period * k
         phase = np.outer(np.arange(self._n_samples) * period / self._n_samples, order)
-        # amplitudes per unit of velocity, free to choose but for rest at t = 0
+        # amplitudes per unit of velocity, constrained to rest at t = 0
         self._sines = _null(np.ones((1, harmonics))) / order[:, np.newaxis]
         self._cosines = _null(k[np.newaxis].astype(float)) / order[:, np.newaxis]
         s, c = np.sin(phase), np.cos(phase)
@@ -163,25 +163,25 @@ class Basis:
         )
         self._middle = (robot.q_max + robot.q_min) / 2
         self._reach = SHARE * (robot.q_max - robot.q_min) / 2
-        # 0.98: between these instants acceleration is up to 1.2 % more, 1 - cos(pi / SAMPLES), and
-        # drives round their limits
+        # 0.98: between these instants acceleration is up to 1.2 % larger, 1 - cos(pi / SAMPLES),
+        # and drives round their limits
         acceleration = 0.98 * ACCELERATION_SHARE * robot.acceleration_limit
         fastest = np.minimum(SHARE * robot.velocity_limit, np.inf if speed is None else speed)
         self._limits = np.stack([self._reach, fastest, acceleration])
 
     @property
     def n_unknowns(self) -> int:
-        """Unknowns of one joint."""
+        """Number of unknowns per joint."""
         return int(self._maps[0].shape[1])
 
     def random(self, rng: np.random.Generator) -> Array:
-        """Random unknowns that just keep the limits."""
+        """Return random unknowns on the boundary of the limits."""
         x = rng.standard_normal((self.n_unknowns, self._robot.n_joints))
         x[0] = rng.uniform(-0.5, 0.5, self._robot.n_joints)
         return self.within(x, fill=True)
 
     def within(self, x: Array, *, fill: bool = False) -> Array:
-        """Shrink amplitudes until all limits hold; with `fill` stretch them up to a limit too."""
+        """Shrink amplitudes to fit the limits; with `fill`, stretch to a limit."""
         x = x.copy()
         x[0] = np.clip(x[0], -0.95, 0.95)
         waves = x.copy()
@@ -194,13 +194,13 @@ class Basis:
         return x
 
     def judge(self, x: Array, criterion: ExcitationCriterion) -> float:
-        """ExcitationCriterion of unknowns made to keep the limits."""
+        """Evaluate the criterion for unknowns scaled to fit the limits."""
         W = self._matrix(*self._motion(self.within(x)))
         sizes = np.linalg.svd(W, compute_uv=False)
         return _value(np.asarray(sizes, dtype=float), criterion)
 
     def cost(self, x: Array, criterion: ExcitationCriterion, penalty: float) -> tuple[float, Array]:
-        """ExcitationCriterion with penalties for what exceeds the limits, and its gradient."""
+        """Compute the criterion with penalties for exceeded limits, and the gradient."""
         motion = self._motion(x)
         u, sizes, vt = np.linalg.svd(self._matrix(*motion), full_matrices=False)
         shape = (self._n_samples, self._robot.n_joints, -1)
@@ -219,7 +219,7 @@ class Basis:
         return total, gradient
 
     def trajectory(self, x: Array, cycles: int, name: str) -> Trajectory:
-        """Return unknowns as a measurement."""
+        """Convert unknowns to a measurement."""
         x = self.within(x)
         n = self._sines.shape[1]
         amplitudes = x[1:] * self._robot.velocity_limit
@@ -239,12 +239,12 @@ class Basis:
         return q + self._middle, qd, qdd
 
     def _matrix(self, q: Array, qd: Array, qdd: Array) -> Array:
-        return _stacked(regressor(self._robot, q, qd, qdd) / self._units)
+        return _stack(regressor(self._robot, q, qd, qdd) / self._units)
 
     def _slopes(self, motion: tuple[Array, Array, Array], G: Array) -> list[Array]:
-        """Derivative of sum G_ij W_ij by each joint's q, qd and qdd at each instant."""
+        """Compute the derivative of sum G_ij W_ij by every joint's q, qd and qdd per instant."""
         n = self._robot.n_joints
-        # central differences by 1e-5 of a limit: about the third root of doubles' rounding
+        # central differences by 1e-5 of a limit, about the cube root of the rounding error
         steps = (1e-5 * np.maximum(self._limits, 1e-9)).ravel()
         moved = np.repeat(np.stack(motion)[:, np.newaxis], 6 * n, axis=1)
         for k, step in enumerate(steps):
@@ -258,17 +258,17 @@ class Basis:
 
 
 def units(robot: Robot) -> Array:
-    """What elements of the regressor are divided by, shape (n_joints, n_base), see the module."""
+    """Return the scales of the regressor's elements, shape (n_joints, n_base); see the module."""
     return np.outer(robot.torque_limit, torque_scale(robot))
 
 
 def condition(robot: Robot, trajectory: Trajectory) -> float:
-    """Condition number of the scaled observation matrix along one period, at 1000 instants."""
+    """Compute the condition number of the scaled observation matrix over a period."""
     t = np.arange(1000) * trajectory.period / 1000
-    return float(np.linalg.cond(_stacked(regressor(robot, *trajectory.motion(t)) / units(robot))))
+    return float(np.linalg.cond(_stack(regressor(robot, *trajectory.motion(t)) / units(robot))))
 
 
-def _stacked(A: Array) -> Array:
+def _stack(A: Array) -> Array:
     return A.reshape(-1, A.shape[-1])
 
 
@@ -291,7 +291,7 @@ def _refine(basis: Basis, start: Array, criterion: ExcitationCriterion, steps: i
 
 
 def _value(sizes: Array, criterion: ExcitationCriterion) -> float:
-    """ExcitationCriterion of singular values, logarithmic so that its scale does not matter."""
+    """Compute the criterion from singular values, as a logarithm and so independent of scale."""
     safe = np.maximum(sizes, 1e-12)
     if criterion == "condition":
         return float(np.log(safe[0] / safe[-1]))
@@ -301,7 +301,7 @@ def _value(sizes: Array, criterion: ExcitationCriterion) -> float:
 
 
 def _slope(sizes: Array, criterion: ExcitationCriterion) -> Array:
-    """Derivative of the criterion by each singular value."""
+    """Compute the derivative of the criterion by the singular values."""
     safe = np.maximum(sizes, 1e-12)
     if criterion == "det":
         return -2 / safe
@@ -313,17 +313,17 @@ def _slope(sizes: Array, criterion: ExcitationCriterion) -> Array:
 
 
 def _null(rows: Array) -> Array:
-    """Orthonormal vectors that `rows` map to zero, as columns."""
+    """Return an orthonormal basis of the null space of `rows`, as columns."""
     _, _, vt = np.linalg.svd(rows)
     return np.asarray(vt[len(rows) :].T)
 
 
 def design_validation(robot: Robot) -> Plan:
-    """Plan half a minute of a motion to judge a model by: all axes at once.
+    """Plan a validation motion of half a minute.
 
     No best motion is needed, only another one than that of `hil plan --kind trajectory`, whose
     motion models are made from: so the search is short and has a seed of its own.
     """
     effort = Search(random=100, refined=1, steps=10)
     found = design_trajectory(robot, cycles=3, seed=22, search=effort, name="validation")
-    return as_plan(robot, [found])
+    return make_plan(robot, [found])

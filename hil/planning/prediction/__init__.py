@@ -1,1 +1,1 @@
-"""What a plan will give, before anything moves: noise, identifiability, precision."""
+"""Predictions for a plan: noise, identifiability, precision."""

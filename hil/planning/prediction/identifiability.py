@@ -1,14 +1,14 @@
-"""What a plan can identify, before anything moves.
+"""Identifiability of base parameters by a plan, from observation matrices.
 
-Each measurement gives one row of an observation matrix: gravity measurements the row of the
-axis's gravity torque, eq. (14), inertia measurements that of M_ii and coupling measurements that
-of M_ij, eq. (17), each over the base parameters of its own group and weighted with the axis's
-torque limit, eq. (16). The rank of a group's matrix W states whether every parameter can be
-distinguished from the others, its condition number how well the worst combination can, and, with
-columns scaled to unit length, sqrt(diag((W'W)^-1)) how many times larger a parameter's standard
-error is than if all the others were known.
+Each measurement gives one row of an observation matrix: gravity measurements the row of the axis's
+gravity torque, eq. (14), inertia measurements that of M_ii and coupling measurements that of M_ij,
+eq. (17), each over the base parameters of its own group and weighted with the axis's torque limit,
+eq. (16). The rank of a group's matrix W states whether every parameter can be distinguished from
+the others, its condition number how well the worst combination can, and, with columns scaled to
+unit length, sqrt(diag((W'W)^-1)) is the ratio of a parameter's standard error to that with all
+other parameters known.
 
-Where gravity parameters are hidden from g(q), behind offsets of the torque say
+If gravity parameters are hidden from g(q), for example by torque offsets
 (`hil.model.dependencies`), their group is judged by the rows of all kinds together: over all base
 parameters and an offset of each axis's gravity torque, everything but the group eliminated.
 """
@@ -42,18 +42,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Identifiability:
-    """One group of base parameters as a plan excites it.
+    """Identifiability of a group of base parameters by a plan.
 
     Attributes
     ----------
     group : str
         gravity, diagonal or off_diagonal.
     names : tuple of str
-        Its parameters.
+        Parameters of the group.
     rows : int
         Measurements that serve it.
     rank : int
-        Of the observation matrix; all parameters can be identified when it is ``len(names)``.
+        Rank of the observation matrix; full at ``len(names)``.
     condition : float
         Ratio of its largest to its smallest singular value; inf where the rank is short.
     poorly_identifiable : tuple of str
@@ -73,15 +73,15 @@ class Identifiability:
 
     @property
     def complete(self) -> bool:
-        """Every parameter of the group can be identified."""
+        """True if every parameter of the group can be identified."""
         return self.rank == len(self.names)
 
 
 def identifiability(plan: Plan, robot: Robot) -> tuple[Identifiability, ...]:
-    """Judge each group of base parameters that the robot has."""
+    """Judge every group of the robot's base parameters."""
     base = base_parameters(robot)
     return tuple(
-        _judged(plan, robot, group, list(columns))
+        _assess(plan, robot, group, list(columns))
         for group, columns in base.groups.items()
         if columns
     )
@@ -90,7 +90,7 @@ def identifiability(plan: Plan, robot: Robot) -> tuple[Identifiability, ...]:
 def group_observations(
     plan: Plan, robot: Robot, group: str, columns: Sequence[int] | None = None
 ) -> Array:
-    """Weighted observation matrix of one group's kind of measurement, in plan order.
+    """Return the weighted observation matrix of a group's kind of measurement, in plan order.
 
     Parameters
     ----------
@@ -112,8 +112,10 @@ def group_observations(
     return np.asarray(rows / limits[:, None], dtype=np.float64)
 
 
-def of_all_kinds(rows: Array, of_gravity: Indices, columns: Sequence[int]) -> tuple[Array, Array]:
-    """Normal equations of some parameters, offsets and all other parameters eliminated.
+def eliminate_others(
+    rows: Array, of_gravity: Indices, columns: Sequence[int]
+) -> tuple[Array, Array]:
+    """Compute normal equations of some parameters, eliminating offsets and the rest.
 
     Parameters
     ----------
@@ -128,7 +130,7 @@ def of_all_kinds(rows: Array, of_gravity: Indices, columns: Sequence[int]) -> tu
     -------
     N : ndarray, shape (n_columns, n_columns)
     size : ndarray, shape (n_columns,)
-        Its diagonal before anything was eliminated, with which what is left is to be compared.
+        Diagonal of the normal equations before the elimination, as reference for N.
     """
     axes = np.unique(of_gravity[of_gravity >= 0])
     offsets = (of_gravity[:, np.newaxis] == axes).astype(float)
@@ -138,7 +140,7 @@ def of_all_kinds(rows: Array, of_gravity: Indices, columns: Sequence[int]) -> tu
     return eliminated(N, W.shape[1] - len(columns))[0], np.diag(N)[: len(columns)]
 
 
-def _judged(plan: Plan, robot: Robot, group: str, columns: list[int]) -> Identifiability:
+def _assess(plan: Plan, robot: Robot, group: str, columns: list[int]) -> Identifiability:
     base = base_parameters(robot)
     names = tuple(base.names[c] for c in columns)
     W = group_observations(plan, robot, group)
@@ -156,11 +158,11 @@ def _together(plan: Plan, robot: Robot, columns: list[int]) -> tuple[Array, Arra
         own = [m for m in element_measurements(plan.measurements) if m.kind == kind.name]
         rows.append(group_observations(plan, robot, kind.group, everything))
         axes += [m.index if kind.symbol == "g" else -1 for m in own]
-    return of_all_kinds(np.vstack(rows), np.array(axes), columns)
+    return eliminate_others(np.vstack(rows), np.array(axes), columns)
 
 
 def _torque_rows(robot: Robot, chosen: Sequence[ElementMeasurement]) -> Array:
-    """Regressor rows of the axes read: at rest for gravity, per unit of acceleration else."""
+    """Return regressor rows of the read axes: at rest for gravity, else per unit acceleration."""
     q = np.array([m.q for m in chosen], dtype=float)
     still = np.zeros_like(q)
     sample = np.arange(len(chosen))
@@ -186,7 +188,7 @@ def _judge(
     rank, condition = inverse_root(N, IDENTIFIABLE, size).shape[1], float("inf")
     lost = undetermined(N, IDENTIFIABLE, size)
     if rank == n:
-        # a standard error that grows tenfold, by the others being unknown too, is too much
+        # limit: a tenfold standard error due to the other unknowns
         lost = np.sqrt(np.diag(N) * np.diag(inverse(N))) > 10.0
         condition = float(np.sqrt(np.linalg.cond(N)))
     poorly = tuple(name for name, is_lost in zip(names, lost, strict=True) if is_lost)

@@ -1,28 +1,27 @@
-"""Information of a measurement about all base parameters, friction eliminated.
+"""Information of a measurement about all base parameters, with friction eliminated.
 
 The columns X of base parameters and common terms, and those of the friction of one measurement,
-need no torque (`hil.friction.equation`). So the information X'X, friction's columns projected out
-of X as the simultaneous estimator does it (`hil.estimation.condensed`), is known as soon as the
-motion is planned.
+need no torque (`hil.friction.equation`). So the information X'X, with friction's columns projected
+out of X as in the simultaneous estimator (`hil.estimation.condensed`), follows from the planned
+motion.
 
-What noise leaves of it is a matter of three more matrices. The estimator is least squares, so the
-covariance of X'e is X' E(e e') X, with e
+Three more matrices describe the noise. The estimator is least squares, so the covariance of X'e is
+X' E(e e') X, with e
 
-- white in the torque as it is read, but smoothed like everything (`white`),
-- an inertia times the error of accelerations that are second differences of rounded positions,
+- white torque noise, smoothed like all signals (`white`),
+- an inertia times the error of accelerations from second differences of rounded positions,
   smoothed (`rounding`): of high frequency, so that much of it cancels where X changes slowly, and
-- friction that wanders: sign(v) times a random walk of the level, of which sign(v) and sign(v) t
-  take the larger part away (`wander`, for a walk of unit intensity).
+- wandering friction: sign(v) times a random walk of the level, mostly absorbed by the terms
+  sign(v) and sign(v) t (`wander`, for a walk of unit intensity).
 
-As the estimator does, this takes one of the samples within `APART`. Smoothed are not the columns
-but the motion that they are functions of, which comes to the same where samples count.
+As in the estimator, one of the samples within `APART` is used. The motion is smoothed instead of
+the columns, which is equivalent for the samples used.
 
-What a measurement will sample follows from its profiles alone, of a trajectory from one period.
-Every axis follows its trapezoids exactly, strokes follow each other after the expected turn, and a
-partner keeps to the sequencer's rule: its strokes lie between two ramps of the creeping axis. Real
-servos round the corners of the trapezoids; samples there are of no use to the estimator anyway and
-are left out here by the same rules (`hil.friction.equation`): close to a reversal, and where the
-acceleration changes fast.
+The samples follow from the planned profiles, for a trajectory from one period. Every axis follows
+its trapezoids exactly, strokes follow each other after the expected turn, and a partner's strokes
+are between two ramps of the creeping axis, as in the sequencer. Real servos round the corners of
+the trapezoids; the estimator excludes samples there, and so does this prediction by the same rules
+(`hil.friction.equation`): close to a reversal, and where the acceleration changes fast.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ import numpy as np
 from hil.friction.equation import FEWEST, term_columns, usable
 from hil.least_squares.differences import rounding_window
 from hil.least_squares.solving import orthonormal
-from hil.least_squares.window import APART, smooth, weights, widened
+from hil.least_squares.window import APART, smooth, weights, widen
 from hil.planning.strokes import PARTNER_TURN, REST, SETTLED
 
 if TYPE_CHECKING:
@@ -49,12 +48,12 @@ if TYPE_CHECKING:
     from hil.planning.trapezoid import Trapezoid
 
 REACH = 1.0 / 30.0
-"""How far samples near a reversal spoil others [s]."""
+"""Distance in time over which samples near a reversal spoil others [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Share:
-    """Information that one axis's torque in one measurement will add.
+    """Information from an axis's torque in a measurement.
 
     Attributes
     ----------
@@ -66,7 +65,7 @@ class Share:
         X'X, and the covariance of X'e for white noise of 1 N m and for friction whose level walks
         by 1 N m in 1 s [1/(N m)^2 times that of the parameters].
     rounding : ndarray, of the same shape
-        The same for positions whose error is white, of 1 rad on an inertia of 1 kg m^2.
+        Covariance of X'e for white position errors of 1 rad on an inertia of 1 kg m^2.
     """
 
     axis: int
@@ -77,7 +76,7 @@ class Share:
     rounding: Array
 
     def times(self, n: int) -> Share:
-        """Of `n` measurements alike, each with friction of its own."""
+        """Return the information of `n` equal measurements with independent friction."""
         parts = (self.information, self.white, self.wander, self.rounding)
         return Share(self.axis, n * self.n, *(n * part for part in parts))
 
@@ -88,16 +87,16 @@ def shares(
     period: float,
     differences: Differences | None = None,
 ) -> list[Share]:
-    """Information of `measurement`: an item for each axis it moves.
+    """Compute the information of `measurement` per moved axis.
 
     Every period of a trajectory counts as a measurement, as it does for the estimator.
 
     Parameters
     ----------
     period : float
-        Between the samples that are looked at [s].
+        Interval between samples [s].
     differences : Differences, optional
-        Of rounded positions; exact ones without.
+        Differences of rounded positions; exact positions by default.
     """
     planned = forecast(measurement, period)
     found = (_share(robot, planned, axis, differences) for axis in measurement.moved)
@@ -112,7 +111,7 @@ def _share(
     used = usable(robot, planned, axis)[::every]
     if every * used.sum() < FEWEST:
         return None
-    taken = planned.thinned(every)
+    taken = planned.thin(every)
     rows, common, friction = term_columns(robot, taken, axis)
     columns = np.column_stack([rows, common])
     basis, _ = orthonormal(friction[used])
@@ -125,35 +124,37 @@ def _share(
         axis=axis,
         n=round(kept * every * int(used.sum())) - basis.shape[1],
         information=kept * every * X.T @ X,
-        white=every**2 * _thinned(white, exact @ exact * X.T @ X, kept),
+        white=every**2 * _thin(white, exact @ exact * X.T @ X, kept),
         wander=(kept * every) ** 2 * taken.period * later.T @ later,
-        rounding=every**2 * _of_rounding(X, taken.period, differences, kept),
+        rounding=every**2 * _rounding_covariance(X, taken.period, differences, kept),
     )
 
 
-def _of_rounding(X: Array, apart: float, differences: Differences | None, kept: float) -> Array:
+def _rounding_covariance(
+    X: Array, apart: float, differences: Differences | None, kept: float
+) -> Array:
     if differences is None:
         return np.zeros((X.shape[1], X.shape[1]))
     window = rounding_window(differences.period)
     whole = _smoothed_noise(X, window, max(1, round(apart / differences.period)))
-    return _thinned(whole, window @ window * X.T @ X, kept)
+    return _thin(whole, window @ window * X.T @ X, kept)
 
 
-def _thinned(whole: Array, alone: Array, kept: float) -> Array:
-    """Covariance where chance leaves out all but a share `kept` of the samples.
+def _thin(whole: Array, alone: Array, kept: float) -> Array:
+    """Compute the covariance if only a random share `kept` of the samples is used.
 
     Parameters
     ----------
     whole : ndarray
-        With all of them.
+        Covariance with all samples.
     alone : ndarray
-        The same if no two samples had noise in common: what chance leaves cannot cancel.
+        Covariance of samples without common noise: noise of a random selection does not cancel.
     """
     return kept**2 * whole + kept * (1.0 - kept) * alone
 
 
 def _smoothed_noise(X: Array, window: Array, every: int) -> Array:
-    """Covariance of X'e for white noise that passed the window, one of `every` samples taken."""
+    """Compute the covariance of X'e for filtered white noise, with one of `every` samples used."""
     alike = np.correlate(window, window, mode="full")[len(window) - 1 :: every]
     later = alike[0] / 2 * X
     for apart, share in enumerate(alike[1:], start=1):
@@ -164,12 +165,12 @@ def _smoothed_noise(X: Array, window: Array, every: int) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Forecast:
-    """The planned motion of one measurement on an even grid of time.
+    """Planned motion of a measurement on an even time grid.
 
     Attributes
     ----------
     period : float
-        Between samples [s].
+        Sample period [s].
     time : ndarray, shape (n,)
         [s].
     q, qd, qdd : ndarray, shape (n, n_joints)
@@ -184,11 +185,11 @@ class Forecast:
 
     @property
     def link(self) -> tuple[Array, Array, Array]:
-        """q, qd and qdd of the links: gears count as rigid."""
+        """Motion of the links, q, qd and qdd, equal to the motors' for rigid gears."""
         return self.q, self.qd, self.qdd
 
-    def thinned(self, every: int) -> Forecast:
-        """One of `every` samples, smoothed; of positions the window leaves what they are."""
+    def thin(self, every: int) -> Forecast:
+        """Return one of `every` samples, with smoothed velocities and accelerations."""
         kept = np.s_[::every]
         moved = self.q[kept], self.smoothed(self.qd)[kept], self.smoothed(self.qdd)[kept]
         return Forecast(every * self.period, self.time[kept], *moved)
@@ -198,12 +199,12 @@ class Forecast:
         return smooth(x, self.period)
 
     def away_from(self, excluded: Mask) -> Mask:
-        """Samples further than `REACH` from the `excluded` ones."""
-        return ~widened(excluded, max(2, round(REACH / self.period)))
+        """Return True for samples further than `REACH` from the `excluded` ones."""
+        return ~widen(excluded, max(2, round(REACH / self.period)))
 
 
 def forecast(measurement: ParameterMeasurement, period: float) -> Forecast:
-    """Plan the samples of `measurement`, one every `period` [s]."""
+    """Sample the planned motion of `measurement` every `period` [s]."""
     if measurement.streamed:
         instants = np.arange(0.0, measurement.period, period)
         return Forecast(period, instants, *measurement.motion(instants))
@@ -223,7 +224,7 @@ def forecast(measurement: ParameterMeasurement, period: float) -> Forecast:
 def _add(
     motion: tuple[Array, Array, Array], axis: int, profile: Trapezoid, time: Array, begin: float
 ) -> None:
-    """Let one axis follow `profile` from `begin` on, and stay where it leads to."""
+    """Move an axis by `profile` from `begin` on, and hold the final position."""
     first, last = np.searchsorted(time, (begin, begin + profile.duration))
     motion[0][last:, axis] = profile.end
     for wanted, found in zip(motion, profile.motion(time[first:last] - begin), strict=True):
@@ -231,7 +232,7 @@ def _add(
 
 
 def partner_strokes(measurement: Strokes, partner: Partner) -> Iterator[tuple[float, Trapezoid]]:
-    """Strokes of the partner while the other axis creeps, as many as fit.
+    """Yield the partner's strokes that fit during the creep of the read axis.
 
     Yields
     ------

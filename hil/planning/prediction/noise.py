@@ -1,26 +1,26 @@
-"""What disturbs the torques, as far as one can know before measuring.
+"""Expected disturbances of the torques, before the measurement.
 
-Two things count. The torque as it is read scatters from sample to sample (current sensors, current
-loop, the torque's resolution): white noise. And friction changes by itself while one measures; what
-the estimator's terms for friction leave of that is small, but it lasts, so it does not average out
-as white noise does. It is described as a random walk of the friction level.
+Two disturbances count. Torque readings scatter from sample to sample (current sensors, current
+loop, resolution): white noise. And friction changes slowly during a measurement; the part not
+covered by the estimator's friction terms is small but persistent, so it does not average out like
+white noise. It is modelled as a random walk of the friction level.
 
-Both stand in the robot file if somebody knows them, `torque_noise` and `friction_wander`. Else they
-are expectations, stated here, or learnt from an earlier run (`hil.estimation.noise_levels`).
+Both may be stated in the robot file, `torque_noise` and `friction_wander`. Otherwise they are the
+defaults stated here, or estimates from an earlier run (`hil.estimation.noise_levels`).
 
-A third thing is the increments of the encoders. Accelerations are second differences of rounded
+A third disturbance are the encoder increments. Accelerations are second differences of rounded
 positions, and an inertia times their error is missing in the torque. Behind a gear the smoothing
-leaves little of it, 1 % of the variance of the rest on the manutec-r15; on a direct drive it may be
-all that counts, and jerks, third differences, then look like corners where there are none, so that
-the estimator leaves samples out (`Differences`). The increments stand in the drives file, or in the
-robot file as `encoder_resolution`; where they do not, there is no such term, and it is said. The
-inertia is not known before it is identified. Taken is the motor's, and what the limits leave for
-the links: `INERTIA` of the torque limit over the acceleration limit.
+leaves little of it, 1 % of the variance of the rest on the manutec-r15; on a direct drive it may
+dominate, and jerks, third differences, then look like corners, so that the estimator leaves samples
+out (`Differences`). The increments are in the drives file, or in the robot file as
+`encoder_resolution`; if neither states them, there is no such term, and the source says so. The
+inertia is not known before the identification. It is assumed as the larger of the motor's inertia
+and `INERTIA` of the torque limit over the acceleration limit.
 
-Errors of the accelerations are errors in the columns of the regression too, and there they do not
-average out: least squares finds inertias too small, by the share that the errors have of the square
-of what it takes for acceleration. That is a shift and no scatter, so no standard deviation counts
-it; its size is stated where encoders are coarse.
+Errors of the accelerations are errors in the regression's columns too, and there they do not
+average out: least squares estimates inertias too small, by the ratio of the errors' mean square to
+that of the accelerations. That is a bias, not included in standard deviations; its size is stated
+for coarse encoders.
 """
 
 from __future__ import annotations
@@ -44,12 +44,11 @@ if TYPE_CHECKING:
 
 
 TORQUE_NOISE = 0.0025
-"""Expected standard deviation of a sample, as share of the torque limit."""
+"""Expected standard deviation of a torque sample, as share of the torque limit."""
 FRICTION_WANDER = 0.001
 """Expected change of friction in a minute, as share of the torque limit: friction of a tenth of the
 limit that changes by a hundredth."""
 MINUTE = 60.0
-"""[s]"""
 INERTIA = 0.5
 """Share of the torque limit that inertia takes at the acceleration limit; the rest is for gravity,
 friction and the other axes."""
@@ -60,14 +59,14 @@ ACCELERATION = 0.4
 
 
 class Differences(NamedTuple):
-    """What differences of rounded positions do to an estimate.
+    """Effect of the differentiation of rounded positions on an estimate.
 
     Attributes
     ----------
     period : float
-        Between samples [s].
+        Sample period [s].
     kept : ndarray, shape (n_joints,)
-        Share of the samples whose jerk, noisy as it is, does not look like a corner.
+        Share of the samples with a noisy jerk below the threshold for corners.
     """
 
     period: float
@@ -76,7 +75,7 @@ class Differences(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Noise:
-    """What disturbs the torque of each axis.
+    """Disturbances of the axes' torques.
 
     Attributes
     ----------
@@ -85,15 +84,15 @@ class Noise:
     wander : ndarray, shape (n_joints,)
         Standard deviation of the change of the friction level within a minute [N m].
     source : str
-        Where the figures come from, in words for the operator.
+        Description of the figures' source, for the operator.
     rounding : ndarray, shape (n_joints,), optional
         Standard deviation of a position, by the encoder's increments [rad].
     inertia : ndarray, shape (n_joints,), or 0
-        That each axis accelerates [kg m^2].
+        Inertia accelerated by each axis [kg m^2].
     differences : Differences, optional
-        What the estimator makes of rounded positions; see `sampled`.
+        Effect of rounded positions on the estimator; see `sampled`.
     excess : ndarray, shape (n_joints,), or 0
-        Variance that the rounding adds to what the low-pass leaves of a torque, as share of it.
+        Variance added by rounding, relative to the variance after the low-pass.
     """
 
     torque: Array
@@ -106,13 +105,13 @@ class Noise:
 
     @property
     def white(self) -> Array:
-        """Variance of a sample, shape (n_joints,) [(N m)^2]."""
+        """Variance of a torque sample, shape (n_joints,) [(N m)^2]."""
         return self.torque**2
 
     def lost(self, robot: Robot, period: float) -> Array:
-        """Share of an inertia that errors of its accelerations hide, shape (n_joints,).
+        """Compute the relative bias of an inertia by acceleration errors, shape (n_joints,).
 
-        Where an axis accelerates by `ACCELERATION` of its limit half of the time.
+        An axis is assumed to accelerate by `ACCELERATION` of its limit half of the time.
         """
         if self.rounding is None:
             return np.zeros_like(self.torque)
@@ -122,34 +121,36 @@ class Noise:
 
     @property
     def variance(self) -> Array:
-        """By whose reciprocal the estimator weights an axis, shape (n_joints,) [(N m)^2]."""
+        """Variance for weighting an axis in the estimator, shape (n_joints,) [(N m)^2]."""
         return self.white * (1.0 + self.excess)
 
     @property
-    def of_accelerations(self) -> Array:
-        """Variance of a position times the inertia, shape (n_joints,) [(rad kg m^2)^2]."""
+    def acceleration_variance(self) -> Array:
+        """Variance of a position times the inertia squared, shape (n_joints,) [(rad kg m^2)^2]."""
         std = np.zeros_like(self.torque) if self.rounding is None else self.rounding * self.inertia
         return std**2
 
     def sampled(self, robot: Robot, period: float) -> Noise:
-        """The same where `robot` is sampled every `period` [s]."""
+        """Return the noise at a sample period [s], with the effect of rounded positions."""
         if self.rounding is None:
             return self
-        left = self.of_accelerations * float(np.sum(rounding_window(period) ** 2))
+        left = self.acceleration_variance * float(np.sum(rounding_window(period) ** 2))
         jerk = self.rounding * float(np.linalg.norm(jerk_window(period)))
         bound = JERK * robot.acceleration_limit / (jerk * math.sqrt(2.0))
         kept = np.array([math.erf(each) for each in bound])
         excess = left / (self.white * noise_gain(period))
-        source = self.source + _of_coarse(np.flatnonzero(excess > 1.0), self.lost(robot, period))
+        source = self.source + _describe_coarse(
+            np.flatnonzero(excess > 1.0), self.lost(robot, period)
+        )
         return replace(self, differences=Differences(period, kept), excess=excess, source=source)
 
     def mean(self, n: int) -> Noise:
-        """That of means of `n` samples."""
+        """Return the noise of means of `n` samples."""
         return replace(self, torque=self.torque / math.sqrt(n))
 
     @property
     def walk(self) -> Array:
-        """Growth of the variance of the friction level, shape (n_joints,) [(N m)^2/s]."""
+        """Growth rate of the variance of the friction level, shape (n_joints,) [(N m)^2/s]."""
         return self.wander**2 / MINUTE
 
 
@@ -158,7 +159,7 @@ def stated_noise(
     resolution: Sequence[float] | None = None,
     increments: Sequence[float] | None = None,
 ) -> Noise:
-    """Noise as the robot file states it, or as expected where it does not.
+    """Return the noise stated in the robot file, or default expectations.
 
     Parameters
     ----------
@@ -180,8 +181,8 @@ def stated_noise(
     return Noise(torque, wander, source, rounded / np.sqrt(12.0), _inertia(robot))
 
 
-def _of_coarse(axes: Indices, lost: Array) -> str:
-    """Say which encoders make more noise than torques have, and what that does to inertias."""
+def _describe_coarse(axes: Indices, lost: Array) -> str:
+    """Describe encoders with more noise than the torques, and the bias of the inertias."""
     if not axes.size:
         return ""
     listed = ", ".join(str(axis + 1) for axis in axes)
@@ -193,19 +194,19 @@ def _of_coarse(axes: Indices, lost: Array) -> str:
 
 
 def _inertia(robot: Robot) -> Array:
-    """What each axis may have to accelerate, shape (n_joints,) [kg m^2]."""
+    """Estimate the inertia accelerated by every axis, shape (n_joints,) [kg m^2]."""
     of_limits = INERTIA * robot.torque_limit / robot.acceleration_limit
     return np.asarray(np.maximum(of_limits, np.diag(motor_inertia(robot, robot.q_min))))
 
 
 def _increments(robot: Robot) -> Array | None:
-    """Smallest step of each axis's position, if the robot file states all [rad]."""
+    """Return the axes' encoder increments [rad]; None if any is missing in the robot file."""
     turns = 2 * np.pi / (robot.encoder_resolution * robot.gear_ratio)
     return None if np.isnan(turns).any() else np.asarray(turns)
 
 
 def _or(stated: Sequence[float | None], expected: Array) -> Array:
-    """What is stated, or else expected, of each axis."""
+    """Return the stated value per axis, or else the expectation."""
     return np.array([e if s is None else s for s, e in zip(stated, expected, strict=True)])
 
 

@@ -1,18 +1,18 @@
-"""How precisely a plan will identify every base parameter, before anything moves.
+"""Predicted standard deviation of every base parameter for a plan.
 
-The information of the measurements is added up as the simultaneous estimator does it
+The information of the measurements is summed as in the simultaneous estimator
 (`hil.estimation.simultaneous`): each axis weighted with the reciprocal of its torque noise,
-friction eliminated measurement by measurement (`hil.planning.prediction.information`), the common
-terms of each axis as nuisance. With the information N and the covariance S of the noise in the
-normal equations, the estimate's covariance is N^-1 S N^-1. For white noise alone that is N^-1;
-friction that wanders makes S larger, and most so for measurements of gravity, which live on the
-difference between strokes.
+friction eliminated by measurement (`hil.planning.prediction.information`), the common terms of each
+axis as nuisance. With the information N and the covariance S of the noise in the normal equations,
+the estimate's covariance is N^-1 S N^-1. For white noise alone that is N^-1; wandering friction
+makes S larger, most of all for measurements of gravity, which depend on the difference between
+strokes.
 
-A parameter's standard deviation says little by itself. Its effect is the torque that it amounts to,
-as share of the torque limit of the axis where that is largest, root mean square over motions that
-use the whole range of the robot. Imprecise is a parameter whose effect is above `IMPRECISE`.
+A parameter's standard deviation says little without a scale. Its effect is the equivalent torque,
+as share of the torque limit of the axis with the largest share, root mean square over motions
+through the whole range of the robot. A parameter with an effect above `IMPRECISE` is imprecise.
 
-Not counted is what no plan can predict: uncertain torque constants, and a lag of the currents.
+Uncertain torque constants and delays of the currents cannot be predicted and are not included.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.friction.equation import n_unknowns, place
-from hil.least_squares.solving import IDENTIFIABLE, inverse, undetermined, without_nuisance
+from hil.least_squares.solving import IDENTIFIABLE, inverse, nuisance_elimination, undetermined
 from hil.least_squares.uncertainty import sandwich
 from hil.least_squares.window import APART
 from hil.model.base_parameters import base_parameters
@@ -43,17 +43,17 @@ if TYPE_CHECKING:
 
 
 IMPRECISE = 0.001
-"""Effect of a standard deviation above which a parameter is imprecise, as share of a limit."""
+"""Bound of the effect of an imprecise parameter's standard deviation, as share of a limit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Information:
-    """Information of measurements, over base parameters and the axes' common terms.
+    """Information of measurements about base parameters and the axes' common terms.
 
     Attributes
     ----------
     matrix : ndarray, shape (n, n)
-        Of the weighted normal equations.
+        Matrix of the weighted normal equations.
     scatter : ndarray, shape (n, n)
         Covariance of their right-hand side.
     """
@@ -67,18 +67,18 @@ class Information:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Precision:
-    """Predicted standard deviations.
+    """Predicted standard deviations of base parameters.
 
     Attributes
     ----------
     names, meanings, units : tuple of str
-        Of the base parameters.
+        Names, meanings and units of the base parameters.
     deviation : ndarray, shape (n_base,)
         Standard deviations, inf where a parameter is not identifiable.
     effect : ndarray, shape (n_base,)
         Torque that a standard deviation amounts to, as share of the axis's limit.
     source : str
-        Where the noise comes from.
+        Source of the noise figures.
     """
 
     names: tuple[str, ...]
@@ -90,20 +90,20 @@ class Precision:
 
     @property
     def imprecise(self) -> Mask:
-        """Which parameters are imprecise, shape (n_base,)."""
+        """Mask of imprecise parameters, shape (n_base,)."""
         return self.effect > IMPRECISE
 
 
 def predict(
     robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
 ) -> Precision:
-    """Predict the standard deviations that `measurements`, sampled every `period` [s], lead to."""
+    """Predict the standard deviations for `measurements` sampled every `period` [s]."""
     found = information(robot, measurements, period, noise)
     return precision(robot, found, noise.sampled(robot, period).source)
 
 
 def precision(robot: Robot, known: Information, source: str) -> Precision:
-    """Standard deviations that `known` amounts to."""
+    """Compute standard deviations from the information `known`."""
     base = base_parameters(robot)
     deviation = np.sqrt(np.diag(covariance(known, len(base))))
     return Precision(
@@ -119,7 +119,7 @@ def precision(robot: Robot, known: Information, source: str) -> Precision:
 def information(
     robot: Robot, measurements: Sequence[Measurement], period: float, noise: Noise
 ) -> Information:
-    """Information of those `measurements` that the simultaneous estimator uses.
+    """Compute the information of the `measurements` used by the simultaneous estimator.
 
     Strokes are judged by means of as many samples as the estimator takes for one, which says the
     same in less time; trajectories, whose corners are everywhere, sample by sample.
@@ -131,11 +131,11 @@ def information(
         s for m in useful if not m.streamed for s in shares(robot, m, each * period, differences)
     )
     trajectories = (s for m in useful if m.streamed for s in shares(robot, m, period, differences))
-    return added_up(robot, strokes, noise.mean(each)) + added_up(robot, trajectories, noise)
+    return add_up(robot, strokes, noise.mean(each)) + add_up(robot, trajectories, noise)
 
 
-def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
-    """Information of all shares together under `noise`."""
+def add_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
+    """Sum the information of shares under `noise`."""
     n = n_unknowns(robot)
     matrix, scatter = np.zeros((n, n)), np.zeros((n, n))
     for share in found:
@@ -146,18 +146,18 @@ def added_up(robot: Robot, found: Iterable[Share], noise: Noise) -> Information:
 
 
 def scatter_of(share: Share, noise: Noise) -> Array:
-    """Covariance of one share's right-hand side, weighted."""
+    """Compute the weighted covariance of a share's right-hand side."""
     axis = share.axis
     scatter: Array = noise.white[axis] * share.white + noise.walk[axis] * share.wander
     if noise.rounding is not None:
-        scatter += noise.of_accelerations[axis] * share.rounding
+        scatter += noise.acceleration_variance[axis] * share.rounding
     weighted: Array = scatter / noise.variance[axis] ** 2
     return weighted
 
 
 def covariance(known: Information, n_base: int) -> Array:
-    """Covariance of the base parameters, shape (n_base, n_base); inf where not identifiable."""
-    P = without_nuisance(known.matrix, n_base)
+    """Compute the covariance of the base parameters, shape (n_base, n_base); inf if unknown."""
+    P = nuisance_elimination(known.matrix, n_base)
     left, alone = P @ known.matrix[:, :n_base], np.diag(known.matrix)[:n_base]
     found = sandwich(inverse(left, IDENTIFIABLE, alone), sandwich(P, known.scatter))
     lost = undetermined(left, IDENTIFIABLE, alone)
@@ -166,7 +166,7 @@ def covariance(known: Information, n_base: int) -> Array:
 
 
 def torque_scale(robot: Robot) -> Array:
-    """Torque of a unit of each base parameter, as share of the limit of the axis it loads most.
+    """Compute the largest torque per unit of every base parameter, as share of an axis's limit.
 
     Root mean square over instants spread over ranges, speeds and accelerations of all joints, up
     to their limits; shape (n_base,).
@@ -177,9 +177,9 @@ def torque_scale(robot: Robot) -> Array:
 
 
 def whole_range(robot: Robot) -> tuple[Array, Array, Array]:
-    """Instants spread over ranges, speeds and accelerations of all joints: q, qd and qdd."""
+    """Return instants spread over ranges, speeds and accelerations of all joints: q, qd and qdd."""
     n = robot.n_joints
-    # relative error of a mean over 512 instants: some 1/512 by a low-discrepancy sequence
+    # relative error of a mean over 512 points of a low-discrepancy sequence: some 1/512
     points = 2 * halton(512, 3 * n) - 1
     middle, half = (robot.q_min + robot.q_max) / 2, (robot.q_max - robot.q_min) / 2
     return (

@@ -1,7 +1,7 @@
-"""The sections of reports and their order; each has a template in this folder.
+"""Sections of reports and their order; each has a template in this folder.
 
-A section is one function, from a run to what the section shows or to None where there is nothing to
-show. A new one is a function beside those about the same thing, its template and a line here.
+A section is a function from a run to the section's content, or None without content. A new section
+is such a function, a template and a line here.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
     parameters.methods,
     of_run.sessions,
 )
-"""Of a run that was identified, by whatever method: each shows what there is of its subject."""
+"""Sections for an identified run, by any method."""
 OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
     torques.torque,
     friction.friction,
     of_run.sessions,
 )
-"""Of a run about friction alone."""
+"""Sections for a run about friction alone."""

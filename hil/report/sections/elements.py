@@ -1,7 +1,7 @@
-"""Measured elements of g(q) and M(q), those of the model, and what is left: the paper's Figs. 5, 6.
+"""Elements of g(q) and M(q), measured and modelled, with residuals: the paper's Figs. 5 and 6.
 
-What was measured is blue with error bars of two standard errors, what the model says is orange,
-wherever both appear. Residuals are drawn over all measurements, and over joint angles.
+Measured values are blue with error bars of two standard errors, modelled ones orange. Residuals are
+drawn over all measurements, and over joint angles.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ AS_PUBLISHED = (
 
 
 def measured_and_modelled(run: ReportedRun) -> Section | None:
-    """One plot a kind that was measured."""
+    """Create the section of measured elements, with a plot per kind."""
     kinds = {value.kind for value in run.estimate.local}
     plots = tuple(
         _elements_plot(name, kind, run) for name, kind in ELEMENT_KINDS.items() if name in kinds
@@ -60,12 +60,12 @@ def _elements_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
 
 
 def torques(run: ReportedRun) -> Section | None:
-    """Residuals of all measurements, over angles too."""
+    """Create the section of residuals over measurements and angles."""
     if run.found.effect is None:
         return None
     kinds = {value.kind for value in run.estimate.local}
     over_angles = (
-        _over_angles_plot(name, kind, run)
+        _angles_plot(name, kind, run)
         for name, kind in ELEMENT_KINDS.items()
         if name in kinds and not kind.pair
     )
@@ -93,7 +93,7 @@ def _all(run: ReportedRun) -> Plot:
     )
 
 
-def _over_angles_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
+def _angles_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
     of_gravity = (
         " (Fig. 7 for all pairs). A pattern over an angle is something that the robot file leaves"
         " out; hil diagnose tests what."
@@ -108,9 +108,9 @@ def _over_angles_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
 
 
 def measured_elements(values: Sequence[LocalValue], kind: ElementKind, robot: Robot) -> Chart:
-    """Draw elements of g(q) or M(q) of one kind as measured against those of the model.
+    """Draw measured and modelled elements of g(q) or M(q) of one kind.
 
-    One panel an element: measured and modelled above, their difference below.
+    A panel per element: measured and modelled above, their difference below.
     """
     keys = sorted({(value.axis, value.partner) for value in values})
     numbered = list(enumerate(values, start=1))
@@ -146,7 +146,7 @@ def _element(chosen: Sequence[tuple[int, LocalValue]], kind: ElementKind, robot:
 
 
 def residuals(estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMeasurement]) -> Chart:
-    """Draw what the model leaves of every measurement, as torque.
+    """Draw the residual torque of every measurement.
 
     Parameters
     ----------
@@ -173,6 +173,6 @@ def residuals(estimate: Estimate, robot: Robot, planned: Mapping[str, ElementMea
 
 
 def _relative(value: LocalValue, robot: Robot, planned: ElementMeasurement) -> float:
-    """Measured less modelled as a torque over the axis's limit, eq. (16)."""
+    """Compute the residual torque relative to the axis's limit, eq. (16)."""
     torque = (value.shown[0] - value.model) * planned.torque_per_element
     return float(torque / robot.torque_limit[value.axis])

@@ -1,4 +1,4 @@
-"""What the recordings prove of all that may be wrong: found, excluded, invisible."""
+"""Causes of error found, excluded and invisible in the recordings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hil.results.tables import excluded as tables
-from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, chart, in_turn
+from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, chart, ordered_colours
 from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from hil.show.charts.chart import Item
 
 LEAST = 1e-3
-"""Torque at which bars begin [%]: a tenth of what any campaign here has found to be the least."""
+"""Lower end of the bars [%]: a tenth of the smallest detectable torque in any campaign so far."""
 
 
 def excluded(run: ReportedRun) -> Section | None:
-    """What was found, the smallest size of each cause that would have been, and its torque."""
+    """Create the section of excluded causes: findings, detectable sizes and torques."""
     proof, n_joints = run.model.excluded, run.robot.n_joints
     if proof is None:
         return None
@@ -39,7 +39,7 @@ def excluded(run: ReportedRun) -> Section | None:
 
 
 def bars(proof: Excluded, n_joints: int) -> Chart:
-    """Draw a bar for each cause and axis, up to the torque beyond which it would be found."""
+    """Draw bars of the largest undetected torque by cause and axis."""
     drawn = [
         each
         for each in proof.limits
@@ -70,11 +70,11 @@ def _name(limit: Limit) -> str:
 
 
 def _bar(limit: Limit, row: int, n_joints: int) -> Item:
-    """One bar of a row, that of axis 1 at its top, that of no axis in its middle."""
+    """Draw a bar in a row: axis 1 at the top, no axis in the middle."""
     at = row + (0.35 - 0.7 * (limit.axis - 0.5) / n_joints if limit.axis else 0.0)
     torque = 100.0 * limit.unnoticed
     if limit.size is None:
         return Points([torque], [at], "ring", MODEL, "never shows", size=2.4)
-    colour = in_turn(n_joints)[limit.axis - 1] if limit.axis else MODEL
+    colour = ordered_colours(n_joints)[limit.axis - 1] if limit.axis else MODEL
     label = f"axis {limit.axis}" if limit.axis else "no axis in particular"
     return Line([LEAST, torque], [at, at], colour, label, width=3.0)

@@ -1,4 +1,4 @@
-"""Friction: over a campaign, as step 1 yields it with each element, and by its own measurements."""
+"""Friction sections: over a campaign from step 1, and from friction measurements."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def friction_over_campaign(run: ReportedRun) -> Section | None:
-    """The law, levels by measurement, time constants and symmetry where they are identifiable."""
+    """Create the section of friction over a campaign: law, levels, drift and symmetry."""
     if run.found.effect is None:
         return None
     local = run.estimate.local
@@ -54,7 +54,7 @@ def _levels_plot(estimate: Estimate, robot: Robot) -> Plot:
 
 
 def friction_change(estimate: Estimate) -> str:
-    """State by how much friction of one kind of measurement changed at most, and where."""
+    """Describe the largest change of the friction level within a kind of measurement."""
     spread = {}
     for axis, kind in sorted({(v.axis, v.kind) for v in estimate.local}):
         found = [v.friction for v in estimate.local if (v.axis, v.kind) == (axis, kind)]
@@ -70,7 +70,7 @@ def friction_change(estimate: Estimate) -> str:
 
 
 def friction(run: ReportedRun) -> Section | None:
-    """All that a run's friction measurements show; None where it has none."""
+    """Create the section of a run's friction measurements; None if absent."""
     result = run.friction
     if result is None:
         return None
@@ -87,7 +87,7 @@ def friction(run: ReportedRun) -> Section | None:
 
 
 def models_plot(result: FrictionResult) -> Plot:
-    """Friction over the speed; at the top of the page of a run about friction alone."""
+    """Create the plot of friction over speed."""
     return Plot(
         "models",
         partial(plots.models, result),
@@ -100,14 +100,14 @@ def _friction_plots(result: FrictionResult) -> Iterator[Plot]:
     if result.drifts:
         yield Plot(
             "over-time",
-            partial(plots.over_time, result.drifts),
+            partial(plots.draw_levels, result.drifts),
             "Friction level over time, one panel an axis.",
             "Friction level in the course of time (Fig. 2a).",
         )
     if plots.axes_in_operation(result):
         yield Plot(
             "in-operation",
-            partial(plots.in_operation, result),
+            partial(plots.operation_curves, result),
             "Friction characteristics after several times of operation.",
             "Friction characteristics after several times of continuous operation (Fig. 2b).",
         )

@@ -1,4 +1,4 @@
-"""The plots of a run's friction: the paper's Figs. 1 and 2 of this robot, levels of a campaign."""
+"""Plots of a run's friction: the paper's Figs. 1 and 2, and levels of a campaign."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hil.show.charts.chart import (
     Points,
     Rule,
     chart,
-    in_turn,
+    ordered_colours,
 )
 
 if TYPE_CHECKING:
@@ -43,11 +43,11 @@ STYLES = {
     "arctan": (MODEL, ""),
     "stribeck": (PURPLE, "6 2 1 2"),
 }
-"""Colour and line of each model."""
+"""Colour and dash pattern by friction model."""
 
 
 def _characteristic(own: Sequence[FrictionPoint], colour: str, label: str) -> Iterator[Item]:
-    """Friction of both directions over the velocity."""
+    """Draw friction in both directions over velocity."""
     v = np.array([point.velocity for point in own])
     forward = np.array([point.forward for point in own])
     backward = np.array([point.backward for point in own])
@@ -58,7 +58,7 @@ def _characteristic(own: Sequence[FrictionPoint], colour: str, label: str) -> It
 
 
 def models(result: FrictionResult) -> Chart:
-    """Measured friction of every axis and the models fitted to it: Fig. 1b."""
+    """Draw measured friction and fitted models of the axes: Fig. 1b."""
     return chart(_models(result, fit) for fit in result.axes)
 
 
@@ -85,8 +85,8 @@ def _models(result: FrictionResult, fit: AxisCurves) -> Panel:
     )
 
 
-def over_time(drifts: Sequence[Drift]) -> Chart:
-    """Friction levels in the course of time and the model of their drift: Fig. 2a."""
+def draw_levels(drifts: Sequence[Drift]) -> Chart:
+    """Draw friction levels over time with the fitted drift model: Fig. 2a."""
     return chart(
         Panel(
             tuple(_levels_in_time(each)),
@@ -106,26 +106,26 @@ def _levels_in_time(drift: Drift) -> Iterator[Item]:
         own = np.array([g == group for g in groups])
         base = measured[own].mean()
         yield Points(minutes[own], measured[own] / base, "o", label="measured", size=1.8)
-        yield Line(minutes[own], _interrupted(minutes[own], drift.fitted[own] / base),
+        yield Line(minutes[own], _insert_gaps(minutes[own], drift.fitted[own] / base),
                    label="two states, three time constants")  # fmt: skip
 
 
-def _interrupted(minutes: Array, fitted: Array) -> Array:
-    """Leave a gap where nothing was measured for three times the usual interval."""
+def _insert_gaps(minutes: Array, fitted: Array) -> Array:
+    """Insert gaps where the pause exceeds three times the usual interval."""
     pauses = np.diff(minutes, prepend=minutes[:1])
     return np.where(pauses > 3.0 * np.median(pauses), np.nan, fitted)
 
 
-def in_operation(result: FrictionResult) -> Chart:
-    """Characteristics after several times of continuous operation: Fig. 2b."""
-    return chart(_in_operation(result, axis) for axis in axes_in_operation(result))
+def operation_curves(result: FrictionResult) -> Chart:
+    """Draw characteristics after several times of continuous operation: Fig. 2b."""
+    return chart(_operation_panel(result, axis) for axis in axes_in_operation(result))
 
 
-def _in_operation(result: FrictionResult, axis: int) -> Panel:
+def _operation_panel(result: FrictionResult, axis: int) -> Panel:
     curves = characteristics(result, axis)
     begin = curves[0][0].time
     items: list[Item] = [Rule(0.0, colour=INK)]
-    for curve, colour in zip(curves, in_turn(len(curves)), strict=True):
+    for curve, colour in zip(curves, ordered_colours(len(curves)), strict=True):
         own = sorted(curve, key=lambda p: p.velocity)
         after = f"after {(curve[0].time - begin) / 60:.0f} min of operation"
         items += _characteristic(own, colour, after)
@@ -139,7 +139,7 @@ def _in_operation(result: FrictionResult, axis: int) -> Panel:
 
 
 def characteristics(result: FrictionResult, axis: int) -> list[list[FrictionPoint]]:
-    """Points of an axis, a new list after every exercise; those of fewer than 4 speeds left out."""
+    """Group the points of an axis by exercise; groups with fewer than 4 speeds are left out."""
     lists: list[list[FrictionPoint]] = [[]]
     for point in sorted(result.axis_points(axis), key=lambda p: p.time):
         if result.planned[point.id].exercise:
@@ -149,13 +149,13 @@ def characteristics(result: FrictionResult, axis: int) -> list[list[FrictionPoin
 
 
 def axes_in_operation(result: FrictionResult) -> list[int]:
-    """Axes that have characteristics after more than one time of operation."""
+    """Return axes with characteristics after more than one time of operation."""
     axes = sorted({point.axis for point in result.points})
     return [axis for axis in axes if len(characteristics(result, axis)) > 1]
 
 
 def levels(local: Sequence[LocalValue], robot: Robot) -> Chart:
-    """Draw the friction of every axis over a campaign, as step 1 finds it by the way."""
+    """Draw the friction of the axes over a campaign, from step 1."""
     last = max((value.time for value in local), default=0.0) / 60
     return chart(
         Panel(

@@ -1,6 +1,6 @@
-"""What was identified of imported recordings: parameters and friction.
+"""Results from imported recordings: parameters and friction.
 
-Of axes that move back and forth by themselves, half-sums and half-differences are drawn.
+For axes moving back and forth alone, half-sums and half-differences are drawn.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.results.tables.friction import campaign_friction
-from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, chart, in_turn
+from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, chart, ordered_colours
 from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def identified(run: ReportedRun) -> Section | None:
-    """All that `hil identify` shows of the model, and plots of what it was found from."""
+    """Create the section of the identified model, with plots of the data."""
     if run.found.effect is not None:
         return None
     shown = run.model.summary()
@@ -42,7 +42,7 @@ def _plots(run: ReportedRun) -> Iterator[Plot]:
     if run.estimate.half_sums:
         yield Plot(
             "half-sums",
-            partial(shown_half_sums, run.estimate.half_sums, run.robot),
+            partial(draw_half_sums, run.estimate.half_sums, run.robot),
             "Torque of the rigid bodies over the position of each axis, measured and modelled.",
             "Half the sum of the torques forth and back over the position, less what differs by"
             " direction: gravity and, where the axis accelerates, its inertia. Means over the pairs"
@@ -51,10 +51,10 @@ def _plots(run: ReportedRun) -> Iterator[Plot]:
         )
 
 
-def shown_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
-    """Torque of the rigid bodies over the position, measured and modelled, axis by axis.
+def draw_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
+    """Draw measured and modelled torques of the rigid bodies over position, by axis.
 
-    Of each axis the six recordings with the longest ways.
+    The six recordings with the longest strokes are shown per axis.
     """
     axes = sorted({each.axis for each in half_sums})
     return chart(
@@ -70,14 +70,14 @@ def shown_half_sums(half_sums: Sequence[HalfSums], robot: Robot) -> Chart:
 
 def _half_sums(own: Sequence[HalfSums]) -> Iterator[Item]:
     longest = sorted(own, key=lambda each: -float(np.ptp(each.q)))[:6]
-    for each, colour in zip(longest, in_turn(len(longest)), strict=True):
+    for each, colour in zip(longest, ordered_colours(len(longest)), strict=True):
         error = np.nan_to_num(each.standard_error)
         yield Points(each.q, each.measured, "o", colour, error=error, size=1.6)
         yield Line(each.q, each.model, colour)
 
 
 def friction_curves(curves: Sequence[FrictionCurve], robot: Robot) -> Chart:
-    """Friction over the speed, axis by axis."""
+    """Draw friction over speed, by axis."""
     return chart(_curve(curve, robot) for curve in curves)
 
 

@@ -1,9 +1,9 @@
-"""Results that other commands keep in a run's folder, held against the run as it is now.
+"""Results kept in a run's folder by other commands, checked against the present run.
 
-A model (`model.yaml`) holds what commands add to it: verdicts of validations, bodies. A load
+A model (`model.yaml`) holds results of other commands: verdicts of validations, bodies. A load
 (`load.yaml`) and a diagnosis (`diagnosis.yaml`) take as long as the report itself, and a load needs
-a second run, so reports do not compute them again. One that no longer belongs to the run is not
-shown, and the report states why and how to make it anew.
+a second run, so reports do not compute them again. A stale result is not shown; the report states
+why and how to renew it.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ K = TypeVar("K", "LoadFile", "DiagnosisFile")
 def current(
     read: Callable[[Run], K | None], run: ReportedRun, name: str, command: str
 ) -> tuple[K | None, str]:
-    """Read a result of the run, or why it is not shown.
+    """Read a kept result, or the reason for not showing it.
 
     Parameters
     ----------
     read : callable
         Returns what is kept in a folder, or None.
     name : str
-        Of its file.
+        Name of the result's file.
     command : str
-        Which makes it anew.
+        Command to make the result anew.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def _section(heading: str, found: Outcome, intro: str = "") -> Section:
 
 
 def validation(run: ReportedRun) -> Section | None:
-    """Judgements of the kept model on other recordings."""
+    """Create the section of validations of the kept model."""
     kept = run.kept_model
     if kept is None or not kept.validations:
         return None
@@ -74,7 +74,7 @@ def validation(run: ReportedRun) -> Section | None:
 
 
 def judgements(kept: Sequence[KeptJudgement]) -> Table:
-    """What a model was worth on other recordings."""
+    """Tabulate the judgements of a model by other recordings."""
     return table(
         "Judged by other recordings",
         ("run", "judgement", *figures("off by, %"), Column("reason", folds=True)),
@@ -93,7 +93,7 @@ def judgements(kept: Sequence[KeptJudgement]) -> Table:
 
 
 def bodies(run: ReportedRun) -> Section | None:
-    """Bodies that the kept model has, as long as it is the one of this report."""
+    """Create the section of the kept model's bodies, if the model is current."""
     kept = run.kept_model
     if kept is None or kept.consistent is None:
         return None
@@ -101,7 +101,7 @@ def bodies(run: ReportedRun) -> Section | None:
 
 
 def load(run: ReportedRun) -> Section | None:
-    """What is kept of a load, or why it is not shown."""
+    """Create the section of the kept load, or of the reason for its absence."""
     command = f"hil payload WITHOUT {run.source.path}"
     found, note = current(payload.read_load, run, payload.NAME, command)
     if found is None:
@@ -116,7 +116,7 @@ def load(run: ReportedRun) -> Section | None:
 
 
 def diagnosis(run: ReportedRun) -> Section | None:
-    """What is kept of a diagnosis, or why it is not shown."""
+    """Create the section of the kept diagnosis, or of the reason for its absence."""
     heading, command = "Parameters absent from the robot file", f"hil diagnose {run.source.path}"
     found, note = current(diagnose.load_diagnosis, run, diagnose.NAME, command)
     if found is None:

@@ -1,4 +1,4 @@
-"""The run itself: what needs attention, drive trains, where it was measured."""
+"""Sections about the run: findings, drive trains, sessions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def advice(run: ReportedRun) -> Section | None:
-    """What is to be done as a table, notes as a list: all that the first sentence leaves out."""
+    """Create the section of remedies and notes beyond the first sentence."""
     outcome = run.model.verdict
     items = (*(outcome.further if outcome else ()), *run.found.advice)
     if run.source.imported and not items:
@@ -31,7 +31,7 @@ def advice(run: ReportedRun) -> Section | None:
 
 
 def _findings(items: list[Reservation]) -> Table:
-    """Findings under their remedies, each of which is stated once."""
+    """Tabulate findings by remedy."""
     remedies = dict.fromkeys(item.remedy for item in items)
     parts = (
         Part(
@@ -44,7 +44,7 @@ def _findings(items: list[Reservation]) -> Table:
 
 
 def drive_trains(run: ReportedRun) -> Section | None:
-    """Drive train of each axis; None where nothing of it was estimated."""
+    """Create the section of drive trains; None without estimates."""
     axes = drive_train(run.estimate, run.robot)
     if not axes:
         return None
@@ -52,7 +52,7 @@ def drive_trains(run: ReportedRun) -> Section | None:
 
 
 def sessions(run: ReportedRun) -> Section:
-    """Sessions with their axes, and digests of robot file and plan."""
+    """Create the section of sessions with axes, and digests of robot file and plan."""
     listed = [(each, _session(each, run.robot)) for each in run.source.journal.sessions]
     values = {"sessions": listed, "robot": run.robot, "plan": run.source.plan}
     return Section("Sessions and drives", "sessions.html", values)

@@ -1,4 +1,4 @@
-"""The identified base parameters: how certain, by either method."""
+"""Sections of base parameters: values, intervals, comparison of methods."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def parameters(run: ReportedRun) -> Section | None:
-    """Base parameters by group, and what their intervals mean in torques."""
+    """Create the section of base parameters by group, with intervals as torques."""
     if run.found.effect is None:
         return None
     plot = Plot(
@@ -64,7 +64,7 @@ def _model_note(run: Run) -> str:
 
 
 def methods(run: ReportedRun) -> Section | None:
-    """Parameters by both methods."""
+    """Create the section of parameters by both methods."""
     if run.found.check is None:
         return None
     values = {
@@ -75,10 +75,10 @@ def methods(run: ReportedRun) -> Section | None:
 
 
 def intervals(model: Model, check: Model | None, effect: Array) -> Chart:
-    """Draw 95 % intervals of all parameters, and where the published method has them.
+    """Draw 95 % intervals of the parameters, and the values of the published method.
 
-    A kg m² matters more on a wrist than on a shoulder: what a parameter is off by is shown as the
-    torque that it makes on a free motion, relative to the axis's, on the axis where it is most.
+    A kg m² matters more on a wrist than on a shoulder: errors are shown as torques on a free
+    motion, relative to the axis's torque, on the axis where they are largest.
     """
     base = base_parameters(model.robot)
     order = [k for members in base.groups.values() for k in members]

@@ -1,7 +1,7 @@
-"""What one sees first: measured and predicted torque over time, and friction over the speed.
+"""Leading section: measured and predicted torque over time, and friction over speed.
 
-The recordings are those that the model was validated on last, which it was not made from; without a
-validation, those that it was made from, and the page says so.
+The recordings are held out, from the model's last validation; without a validation they are those
+of the identification, as stated on the page.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ if TYPE_CHECKING:
     from hil.show.charts.chart import Item
 
 POINTS = 150
-"""Points of friction that are drawn of an axis: more of them cover each other."""
+"""Maximum number of friction points per axis; more would overlap."""
 
 
 def torque(run: ReportedRun) -> Section | None:
-    """Torques over time, and friction over the speed."""
-    plots = (*_over_time(run), *_friction(run))
+    """Create the section of torques over time and friction over speed."""
+    plots = (*_torque_plots(run), *_friction(run))
     return Section("Torque", "torque.html", plots=plots, leads=True) if plots else None
 
 
-def _over_time(run: ReportedRun) -> Iterator[Plot]:
+def _torque_plots(run: ReportedRun) -> Iterator[Plot]:
     found = run.shown_torques if run.is_identified else None
     if found is None or not found.stretches:
         return
@@ -84,7 +84,7 @@ def _friction(run: ReportedRun) -> Iterator[Plot]:
         )
     elif run.model.friction_law is not None and run.shown_torques.stretches:
         yield _law_plot(
-            lambda: over_speed(
+            lambda: draw_friction(
                 run.model,
                 run.shown_torques.stretches.values(),
                 linked=run.shown_torques is run.own_torques,
@@ -103,10 +103,10 @@ def _law_plot(draw: object, words: str) -> Plot:
     )
 
 
-def over_speed(model: Model, found: Iterable[PredictedTorque], *, linked: bool) -> Chart:
-    """Friction over the speed, measured and by the model's law, of axes that have one.
+def draw_friction(model: Model, found: Iterable[PredictedTorque], *, linked: bool) -> Chart:
+    """Draw friction over speed, measured and from the model's law.
 
-    Points lead to recordings where these are `linked`: of the run itself, whose ids they have.
+    Points link to recordings if `linked`, for recordings of the run itself.
     """
     by_axis: dict[int, list[PredictedTorque]] = {}
     for each in found:
@@ -125,7 +125,7 @@ def _law(
     speed, residual = (
         np.concatenate([getattr(each, name) for each in own]) for name in ("qd", "residual")
     )
-    # speeds that the law was found from, or of the law's speed above 5 %
+    # speed range of the law, or above a share of its reference speed
     low, high = law.speeds or (SLOW * law.speed, np.inf)
     there = (low <= np.abs(speed)) & (np.abs(speed) <= high) & np.isfinite(residual)
     ids = np.repeat([each.measurement for each in own], [len(each.time) for each in own])[there]

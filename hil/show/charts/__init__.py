@@ -1,1 +1,1 @@
-"""Charts as data and the one way in which they are drawn: as SVG, in a page or as a file."""
+"""Charts as data, drawn as SVG in a page or a file."""

@@ -1,7 +1,7 @@
-"""A picture of the arm: its capsules, seen obliquely from above, without perspective.
+"""Picture of the arm: capsules in an oblique parallel projection from above.
 
-It is what a page shows where no script runs and what is printed; `hil.view` draws the same capsules
-in three dimensions.  Links are drawn from the farthest to the nearest.
+It is shown without scripts and in print; `hil.view` draws the same capsules in three dimensions.
+Links are drawn from the farthest to the nearest.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 SEEN_FROM = (1.0, -1.1, 0.7)
-"""As the page of `hil view` begins: forward, to the right, upward."""
+"""Initial viewpoint of the page of `hil view`: forward, right, up."""
 WIDTH, HEIGHT, MARGIN = 330.0, 270.0, 12.0
 
 
 def arm(robot: Robot, q: Array) -> Markup:
-    """Draw a robot at a configuration, shape (n_joints,) [rad or m], with its axes' numbers."""
+    """Draw a robot at a configuration, shape (n_joints,) [rad or m], with axis numbers."""
     ends = segments(robot, q[np.newaxis])[0]
     radii = capsules(robot).radii
     view = _view(robot.gravity)
@@ -46,10 +46,10 @@ def arm(robot: Robot, q: Array) -> Markup:
 
 
 def _view(gravity: Array) -> Array:
-    """Rows to the right, upward and toward the one who looks, in the base frame (3, 3)."""
+    """Return unit vectors right, up and toward the viewer in the base frame, as rows (3, 3)."""
     strength = float(np.linalg.norm(gravity))
     up = -gravity / strength if strength else np.array([0.0, 0.0, 1.0])
-    # the least turn that brings z to where up is
+    # smallest rotation from z to up
     first = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     x = first - up * (first @ up)
     frame = np.array([x / np.linalg.norm(x), np.cross(up, x / np.linalg.norm(x)), up])
@@ -61,7 +61,7 @@ def _view(gravity: Array) -> Array:
 
 
 def _link(ends: Array, radius: float) -> str:
-    """A capsule with its rim, and lighter along its middle."""
+    """Draw a capsule with rim and highlight."""
     path = "M{} {}L{} {}".format(*map(number, ends.ravel().tolist()))
     layers = (("rim", radius + 1.0), ("link", radius), ("lit", 0.55 * radius))
     return "".join(

@@ -1,4 +1,4 @@
-"""An axis of a chart: what it shows, where values stand along it, and which of them have a mark."""
+"""Axis of a chart: range, positions of values, and marks."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STEPS = (1.0, 2.0, 2.5, 5.0)
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Values from `low` to `high` along the lengths from `begin` to `end`."""
+    """Map from values `low` to `high` to lengths `begin` to `end`."""
 
     low: float
     high: float
@@ -33,7 +33,7 @@ class Scale:
     decades: bool = False
 
     def place(self, values: ArrayLike) -> Array:
-        """Where values stand."""
+        """Compute the positions of values."""
         low, high, at = self.low, self.high, np.asarray(values, dtype=float)
         if self.decades:
             low, high, at = np.log10(low), np.log10(high), np.log10(at)
@@ -41,7 +41,7 @@ class Scale:
         return found
 
     def marks(self, most: int, *, whole: bool = False) -> dict[float, str]:
-        """Round values with what is written at them, `most` of them at most."""
+        """Return at most `most` round values with labels."""
         if self.decades:
             return _decades(self.low, self.high)
         step, first, last = self._multiples(most, 1.0 if whole else 0.0)
@@ -49,7 +49,7 @@ class Scale:
         return {k * step: signed(f"{k * step:.{digits}f}") for k in range(first, last + 1)}
 
     def _multiples(self, most: int, least: float) -> tuple[float, int, int]:
-        """Finest round step, `least` at least, with up to `most` multiples; first and last one."""
+        """Find the finest round step with up to `most` multiples, and the multiples' ends."""
         size = 10.0 ** (np.floor(np.log10((self.high - self.low) / max(most, 1))) - 1)
         for step in (each * 10**k * size for k in range(4) for each in STEPS):
             first = int(np.ceil(self.low / step - 1e-9))
@@ -60,7 +60,7 @@ class Scale:
 
 
 def _digits(step: float) -> int:
-    """Decimals with which multiples of `step` are written."""
+    """Return the decimals needed for multiples of `step`."""
     return next((n for n in range(12) if abs(step * 10**n - round(step * 10**n)) < 1e-6), 12)
 
 
@@ -71,8 +71,8 @@ def _decades(low: float, high: float) -> dict[float, str]:
     return {value: f"{value:g}" for value in each if low <= value <= high}
 
 
-def shown(items: Sequence[Item], wanted: Range | None, *, along: bool, decades: bool) -> Range:
-    """Range of an axis: `wanted`, or what shows `items` with margins of 5 % on both sides."""
+def axis_range(items: Sequence[Item], wanted: Range | None, *, along: bool, decades: bool) -> Range:
+    """Return the range of an axis: `wanted`, or the extent of `items` with margins of 5 %."""
     if wanted is not None:
         return wanted
     values = np.concatenate([np.ravel(each) for each in _extents(items, along)] or [np.zeros(1)])
@@ -101,6 +101,6 @@ def _extents(items: Sequence[Item], along: bool) -> Iterator[Array]:
 
 
 def text_of(marks: Mapping[float, str], axis: Scale) -> list[tuple[float, str]]:
-    """Places of marks on an axis, and what is written there."""
+    """Return positions and labels of marks on an axis."""
     places = axis.place(list(marks)).tolist() if marks else []
     return list(zip(places, marks.values(), strict=True))

@@ -1,8 +1,8 @@
-"""A chart as data: panels, and what stands in them. `hil.show.charts.svg` draws it.
+"""Chart as data: panels with items. `hil.show.charts.svg` draws charts.
 
-Lengths are those of the panel's SVG; 96 of them make an inch of paper. Names of quantities may be
-written ``$g_{1}$``, with their index. Colours have names, so that a page can show them on light and
-on dark paper.
+Lengths are in units of the panel's SVG; 96 of them make an inch of paper. Names of quantities may
+be written ``$g_{1}$``, with their index. Colours have names, so that a page can show them on light
+and dark paper.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ NAMES = {
     INK: "ink", MUTED: "faint", MEASURED: "measured", MODEL: "model", GREEN: "green",
     PURPLE: "purple",
 }  # fmt: skip
-"""Classes of the style sheets; other colours are drawn as they are."""
+"""Style-sheet classes of colours; further colours are used literally."""
 _STOPS = ((124, 104, 214), (62, 130, 204), (32, 150, 140), (92, 160, 72), (192, 146, 40))
 
 
-def in_turn(n: int) -> list[str]:
-    """Colours of `n` things that have an order, from violet to amber, on light and dark paper."""
+def ordered_colours(n: int) -> list[str]:
+    """Return colours for `n` ordered items, from violet to amber, for light and dark paper."""
     return [_between(k * (len(_STOPS) - 1) / max(n - 1, 1)) for k in range(n)]
 
 
@@ -52,7 +52,7 @@ class Points:
     error : array_like, shape (n,), optional
         Half-lengths of bars through the marks, upright or `along` the horizontal axis.
     ids : sequence of str
-        Of the measurement behind each point, where there is one; a reader may open its recording.
+        Ids of the measurements behind the points, if any, as links to recordings.
     label : str
         In the legend; a label stands there once.
     """
@@ -70,7 +70,7 @@ class Points:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """A line through (`x`, `y`), interrupted where one of them is not a number."""
+    """Line through (`x`, `y`), interrupted at NaN."""
 
     x: ArrayLike
     y: ArrayLike
@@ -83,7 +83,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
-    """An area between `low` and `high` over `x`, interrupted where one of them is not a number."""
+    """Area between `low` and `high` over `x`, interrupted at NaN."""
 
     x: ArrayLike
     low: ArrayLike
@@ -94,7 +94,7 @@ class Band:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rule:
-    """A straight line across the panel, level or upright."""
+    """Straight line across the panel, horizontal or vertical."""
 
     at: float
     upright: bool = False
@@ -108,31 +108,30 @@ Item = Points | Line | Band | Rule
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Panel:
-    """What is shown over one horizontal axis.
+    """Content over a horizontal axis.
 
     Attributes
     ----------
     items : sequence of Item
-        From the back to the front.
+        Items from the back to the front.
     x_range, y_range : pair of float, optional
-        What the axes show at least; by default what the items take.
+        Minimum ranges of the axes; by default the extent of the items.
     ticks : mapping, optional
-        Places with a mark along the horizontal axis and what stands there.
+        Positions and labels of marks on the horizontal axis.
     rows : mapping, optional
-        The same along the vertical axis.
+        Positions and labels of marks on the vertical axis.
     decades : bool
-        Whether the horizontal axis is logarithmic.
+        True for a logarithmic horizontal axis.
     whole : bool
-        Whether only whole numbers are marked along it.
+        True to mark only whole numbers on the horizontal axis.
     below : Panel, optional
         A strip over the same horizontal axis.
     width, height : float
-        Of the whole panel, and of the field inside its axes.
+        Width of the whole panel, and height of the field inside the axes.
     left : float
-        Room for what is written at the vertical axis.
+        Space for labels of the vertical axis.
     recording : str
-        Id of the recording whose time since its beginning the horizontal axis shows [s], if it
-        does.
+        Id of the recording with its time on the horizontal axis [s], if any.
     """
 
     items: Sequence[Item]
@@ -154,13 +153,13 @@ class Panel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chart:
-    """Panels side by side, as many in a row as there is room for."""
+    """Panels in rows, as many per row as fit."""
 
     panels: Sequence[Panel] = field(default_factory=tuple)
 
     @property
     def legend(self) -> dict[str, Item]:
-        """What is labelled, each label once."""
+        """Labelled items, by label."""
         labelled: dict[str, Item] = {}
         for item in self.items():
             if item.label:
@@ -169,11 +168,11 @@ class Chart:
 
     @property
     def ids(self) -> frozenset[str]:
-        """Measurements behind its points."""
+        """Ids of measurements behind the points."""
         return frozenset(each for i in self.items() if isinstance(i, Points) for each in i.ids)
 
     def items(self) -> Iterator[Item]:
-        """All that stands in its panels."""
+        """Yield the items of the panels."""
         for panel in self.panels:
             yield from panel.items
             if panel.below is not None:
@@ -181,5 +180,5 @@ class Chart:
 
 
 def chart(panels: Iterable[Panel] | Panel) -> Chart:
-    """Make a chart of panels, or of one."""
+    """Create a chart from panels or a single panel."""
     return Chart((panels,) if isinstance(panels, Panel) else tuple(panels))

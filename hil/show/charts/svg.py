@@ -1,9 +1,8 @@
-"""Charts as SVG: panels for a page, each a picture that takes the width it is given; or one file.
+"""Charts as SVG: responsive panels for a page, or a stand-alone file.
 
 Text stays text, and colours are classes that the page's style sheet gives for light and dark paper.
 Points carry the id of their measurement (``data-m``), which ``web/src/report.js`` shows and
-follows.
-A file is for papers: light, with its legend, needing nothing else.
+follows. A file is for papers: light, with its legend, self-contained.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup, escape
 
-from hil.show.charts.axis import Scale, shown, text_of
+from hil.show.charts.axis import Scale, axis_range, text_of
 from hil.show.charts.chart import NAMES, Band, Line, Points, Rule
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ _TYPESET = (
     r'<tspan class="symbol">\1</tspan><tspan class="index" dy="3">\2</tspan>'
     '<tspan dy="-3">\u200b</tspan>'
 )
-"""A symbol with its index, and a space of no width that goes back to the line."""
+"""Symbol with subscript, and a zero-width space on the baseline."""
 _ROUND = "m{-s} 0a{s} {s} 0 1 0 {2s} 0a{s} {s} 0 1 0 {-2s} 0"
 _SHAPES = {
     "x": "m{-s} {-s}l{2s} {2s}m0 {-2s}l{-2s} {2s}",
@@ -46,19 +45,19 @@ _FILLED = {"x": "", "ring": ' class="ring"'}
 
 
 def number(value: float) -> str:
-    """Write a length: a tenth is finer than a screen."""
+    """Format a length with a decimal."""
     return f"{value:.1f}".removesuffix(".0")
 
 
 def text(x: float, y: float, words: str, kind: str, *, turned: bool = False) -> str:
-    """Write `words`, of which ``$g_{1}$`` is a symbol with its index; `kind`: a class."""
+    """Draw `words` with class `kind`; ``$g_{1}$`` is a symbol with subscript."""
     turn = f' transform="rotate(-90 {number(x)} {number(y)})"' if turned else ""
     typeset = _INDEX.sub(_TYPESET, str(escape(words)))
     return f'<text class="{kind}" x="{number(x)}" y="{number(y)}"{turn}>{typeset}</text>'
 
 
 def item_on(item: Item, x: Scale, y: Scale) -> Iterator[str]:
-    """Draw an item by a pair of axes."""
+    """Draw an item in a pair of axes."""
     if isinstance(item, Line):
         yield _line(item, x.place(item.x), y.place(item.y))
     elif isinstance(item, Band):
@@ -66,13 +65,13 @@ def item_on(item: Item, x: Scale, y: Scale) -> Iterator[str]:
     elif isinstance(item, Rule):
         ends = [x.begin, x.end], [y.begin, y.end]
         at = [float((x if item.upright else y).place(item.at))] * 2
-        yield _line(_as_line(item), *((at, ends[1]) if item.upright else (ends[0], at)))
+        yield _line(_convert_rule(item), *((at, ends[1]) if item.upright else (ends[0], at)))
     elif isinstance(item, Points):
         yield from _points(item, x, y)
 
 
 def key(item: Item) -> Iterator[str]:
-    """Draw what stands for an item in a legend, 26 by 12."""
+    """Draw the legend symbol of an item, 26 by 12."""
     if isinstance(item, Points):
         yield from _points(
             Points(
@@ -90,11 +89,13 @@ def key(item: Item) -> Iterator[str]:
     elif isinstance(item, Band):
         yield _area(item, np.array([1.0, 25.0]), np.full(2, 11.0), np.full(2, 1.0))
     elif isinstance(item, Line | Rule):
-        yield _line(item if isinstance(item, Line) else _as_line(item), [1.0, 25.0], [6.0, 6.0])
+        yield _line(
+            item if isinstance(item, Line) else _convert_rule(item), [1.0, 25.0], [6.0, 6.0]
+        )
 
 
 def _area(item: Band, x: Array, low: Array, high: Array) -> str:
-    """Draw an area, a closed path for each stretch of it without a hole."""
+    """Draw an area, with a closed path for every stretch without gaps."""
     there = np.isfinite(x + low + high)
     parts = np.split(np.arange(len(x)), np.flatnonzero(np.diff(there)) + 1)
     edges = (
@@ -105,7 +106,7 @@ def _area(item: Band, x: Array, low: Array, high: Array) -> str:
     return f'<g{_colour(item.colour)}><path class="band" d="{"".join(edges)}"/></g>'
 
 
-def _as_line(rule: Rule) -> Line:
+def _convert_rule(rule: Rule) -> Line:
     return Line((), (), rule.colour, dash=rule.dash, width=1.0)
 
 
@@ -117,7 +118,7 @@ def _line(item: Line, x: ArrayLike, y: ArrayLike) -> str:
 
 
 def _path(x: ArrayLike, y: ArrayLike) -> str:
-    """Commands of a path through points, interrupted at those that are no numbers."""
+    """Format the path through points, interrupted at NaN."""
     words, begun = [], False
     for a, b in np.column_stack([np.asarray(x), np.asarray(y)]).tolist():
         there = np.isfinite(a) and np.isfinite(b)
@@ -141,7 +142,7 @@ def _points(item: Points, x: Scale, y: Scale) -> Iterator[str]:
 
 
 def _bars(item: Points, x: Scale, y: Scale) -> str:
-    """Commands of a path of all bars of points."""
+    """Format the path of error bars."""
     value = np.asarray(item.x if item.along else item.y, dtype=float)
     error = np.nan_to_num(np.asarray(item.error, dtype=float))
     own, places = (x, y.place(item.y)) if item.along else (y, x.place(item.x))
@@ -157,30 +158,30 @@ def _colour(colour: str) -> str:
 
 
 RIGHT, TOP, BOTTOM, BETWEEN = 16.0, 24.0, 38.0, 9.0
-"""Margins around the field of a panel, beside its own on the left, and of the strip below it."""
+"""Margins around the field of a panel (left: see the panel), and gap above the strip below."""
 LETTER, BESIDE = 7.6, 28.0
-"""Width of a figure of 13 px, and of the axis's name with what is free around the figures."""
+"""Width of a 13 px digit, and of the axis label with spacing."""
 
 
 def panels(chart: Chart) -> list[Markup]:
-    """Each panel of a chart as an ``svg`` element."""
-    return [_svg(*size_of(each), "".join(drawn(each)), _clock(each)) for each in chart.panels]
+    """Draw the panels of a chart as ``svg`` elements."""
+    return [_svg(*size_of(each), "".join(draw(each)), _clock(each)) for each in chart.panels]
 
 
 def legend(chart: Chart) -> list[tuple[Markup, str]]:
-    """What explains a chart's marks: a small picture and its label."""
+    """Return legend symbols and labels."""
     return [(_svg(26, 12, "".join(key(item))), label) for label, item in chart.legend.items()]
 
 
 def size_of(panel: Panel) -> tuple[float, float]:
-    """Width and height of a panel's picture."""
+    """Return width and height of a panel's picture."""
     strip = 0.0 if panel.below is None else panel.below.height + BETWEEN
     return panel.width, TOP + panel.height + strip + BOTTOM
 
 
-def drawn(panel: Panel) -> Iterator[str]:
-    """All elements of a panel."""
-    left = _left(panel)
+def draw(panel: Panel) -> Iterator[str]:
+    """Draw the elements of a panel."""
+    left = _left_margin(panel)
     x = Scale(*_reach(panel), left, panel.width - RIGHT, panel.decades)
     marks = x.marks(int((x.end - x.begin) / 55.0), whole=panel.whole)  # about so far apart
     along = text_of(marks if panel.ticks is None else panel.ticks, x)
@@ -197,33 +198,33 @@ def drawn(panel: Panel) -> Iterator[str]:
     yield text((x.begin + x.end) / 2, bottom + 33, panel.x_label, "middle")
 
 
-def _left(panel: Panel) -> float:
-    """Room for what is written at the vertical axis, which may be more than a panel states."""
+def _left_margin(panel: Panel) -> float:
+    """Return the left margin, enlarged for long labels of the vertical axis."""
     fields = (panel, *([panel.below] if panel.below else []))
     longest = max(len(words) for each in fields for _, words in _up(each, 0.0))
     return max(panel.left, BESIDE + LETTER * longest)
 
 
 def _up(panel: Panel, top: float) -> list[tuple[float, str]]:
-    """Marks of the vertical axis; an empty one where there is none."""
+    """Return positions and labels of the vertical axis; an empty label without marks."""
     y = _upright(panel, top)
-    # about so far apart; of three marks about zero two have a value that says how large it is
+    # approximate spacing; at least three marks, so that two of them show the scale
     marks = y.marks(max(3, int(panel.height / 26.0)))
     return text_of(marks if panel.rows is None else panel.rows, y) or [(top, "")]
 
 
 def _upright(panel: Panel, top: float) -> Scale:
-    reach = shown(panel.items, panel.y_range, along=False, decades=False)
+    reach = axis_range(panel.items, panel.y_range, along=False, decades=False)
     return Scale(*reach, top + panel.height, top)
 
 
 def _reach(panel: Panel) -> Range:
     both = [*panel.items, *(panel.below.items if panel.below else ())]
-    return shown(both, panel.x_range, along=True, decades=panel.decades)
+    return axis_range(both, panel.x_range, along=True, decades=panel.decades)
 
 
 def _field(panel: Panel, x: Scale, top: float, along: list[float]) -> Iterator[str]:
-    """Draw the field inside a pair of axes, with the marks of the vertical one."""
+    """Draw the field inside the axes, with marks of the vertical axis."""
     bottom = top + panel.height
     y, up = _upright(panel, top), _up(panel, top)
     across = f"{number(x.begin)} {{}}H{number(x.end)}"
@@ -241,11 +242,11 @@ def _field(panel: Panel, x: Scale, top: float, along: list[float]) -> Iterator[s
 
 
 def _clock(panel: Panel) -> str:
-    """Attributes by which a page finds an instant of a recording on the horizontal axis."""
+    """Format the attributes that map the horizontal axis to a recording's time."""
     if not panel.recording:
         return ""
     low, high = _reach(panel)
-    ends = f"{number(_left(panel))} {number(panel.width - RIGHT)} {low:.4g} {high:.4g}"
+    ends = f"{number(_left_margin(panel))} {number(panel.width - RIGHT)} {low:.4g} {high:.4g}"
     return f' data-r="{escape(panel.recording)}" data-x="{ends}"'
 
 
@@ -258,8 +259,8 @@ STYLE = Path(__file__).parents[1] / "templates" / "chart.css"
 
 
 def file(chart: Chart) -> bytes:
-    """Draw a chart into a file."""
-    placed = list(_placed(chart))
+    """Draw a chart as a file."""
+    placed = list(_place_panels(chart))
     width = max((x + size_of(panel)[0] for x, _, panel in placed), default=1.0)
     height = max((y + size_of(panel)[1] for _, y, panel in placed), default=1.0)
     size = f'width="{number(width)}" height="{number(height)}"'
@@ -270,14 +271,14 @@ def file(chart: Chart) -> bytes:
             f"<style>{STYLE.read_text(encoding='utf-8')}</style>",
             '<rect width="100%" height="100%" fill="#fff"/>',
             *_legend(chart),
-            *(_moved(x, y, "".join(drawn(panel))) for x, y, panel in placed),
+            *(_translate(x, y, "".join(draw(panel))) for x, y, panel in placed),
             "</svg>\n",
         )
     ).encode()
 
 
-def _placed(chart: Chart) -> Iterator[tuple[float, float, Panel]]:
-    """Where each panel begins, below a legend of height 26, in rows of at most 1080."""
+def _place_panels(chart: Chart) -> Iterator[tuple[float, float, Panel]]:
+    """Yield positions of panels, below a legend of height 26, in rows of at most 1080."""
     x, y, row = 0.0, 26.0 if chart.legend else 0.0, 0.0
     for panel in chart.panels:
         width, height = size_of(panel)
@@ -290,9 +291,9 @@ def _placed(chart: Chart) -> Iterator[tuple[float, float, Panel]]:
 def _legend(chart: Chart) -> Iterator[str]:
     x = 52.0
     for label, item in chart.legend.items():
-        yield _moved(x, 6, "".join(key(item)) + text(31, 10, label, "begin"))
+        yield _translate(x, 6, "".join(key(item)) + text(31, 10, label, "begin"))
         x += 45.0 + 7.2 * len(label)  # about the width of a letter
 
 
-def _moved(x: float, y: float, content: str) -> str:
+def _translate(x: float, y: float, content: str) -> str:
     return f'<g transform="translate({number(x)} {number(y)})">{content}</g>'

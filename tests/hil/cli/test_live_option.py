@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from hil.cli.live import PORTS, with_ports
+from hil.cli.live import PORTS, insert_ports
 from hil.planning.plan import dump_plan
 
 if TYPE_CHECKING:
@@ -25,13 +25,13 @@ def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
 
 
 def test_a_port_may_be_given_or_not() -> None:
-    assert with_ports(["plan.yaml", "--live", "-o", "run"]) == [
+    assert insert_ports(["plan.yaml", "--live", "-o", "run"]) == [
         *("plan.yaml", "--live", str(PORTS["--live"]), "-o", "run"),
     ]
-    assert with_ports(["--live", "plan.yaml"]) == ["--live", str(PORTS["--live"]), "plan.yaml"]
-    assert with_ports(["plan.yaml", "--live"]) == ["plan.yaml", "--live", str(PORTS["--live"])]
+    assert insert_ports(["--live", "plan.yaml"]) == ["--live", str(PORTS["--live"]), "plan.yaml"]
+    assert insert_ports(["plan.yaml", "--live"]) == ["plan.yaml", "--live", str(PORTS["--live"])]
     for given in (["--live", "0"], ["--live", "9000"], ["--live=9000"], ["--live", "-1"]):
-        assert with_ports(given) == given
+        assert insert_ports(given) == given
 
 
 def test_what_cannot_be_served_is_refused_before_anything_moves(

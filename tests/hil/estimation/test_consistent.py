@@ -41,7 +41,7 @@ def possible(name, seed=0):
 
 def seen(robot, found):
     """Base parameters of the robot with all link parameters: of the bodies, and of p'."""
-    whole, own = base_parameters(robot.with_whole_links()), base_parameters(robot)
+    whole, own = base_parameters(robot.free_links()), base_parameters(robot)
     phi = np.concatenate([found.bodies.ravel(), [*found.added.values()]])
     return whole.matrix @ phi, whole.matrix @ own.placement @ found.p
 
@@ -84,7 +84,7 @@ def test_the_bodies_have_the_torques_of_the_base_parameters_and_are_thick_enough
 
 
 def pendulum(**changes):
-    return Robot.from_values("pendulum", [JOINT | changes], gravity=UPRIGHT)
+    return Robot.create("pendulum", [JOINT | changes], gravity=UPRIGHT)
 
 
 def test_a_pendulum_whose_mass_is_bounded_needs_the_inertia_of_that_mass_where_its_centre_is():
@@ -121,7 +121,7 @@ def test_least_squares_under_the_conditions_is_the_projection_in_its_own_informa
     y = X @ (p * rng.uniform(-1.0, 1.0, len(p)))
     unconstrained, information = np.linalg.lstsq(X, y, rcond=None)[0], X.T @ X
     found = nearest_robot(robot, unconstrained, np.linalg.inv(information))
-    whole = robot.with_whole_links()
+    whole = robot.free_links()
     space = Space.of(robot, whole, 0 * p, np.eye(len(p)), likely_bodies(robot))
     columns = np.hstack([space.placement, space.free])
     asked = [Inequality(c.constant, c.weights @ columns) for c in tightened(whole, BodyBounds())]
@@ -141,7 +141,7 @@ def test_masses_that_no_torque_decides_are_named():
 def test_rotors_are_not_negative_however_they_are_estimated():
     joint = JOINT | {"drive": JOINT["drive"] | {"rotor_inertia": "unknown"}}
     swung = joint | {"frame": {"alpha": 0.0, "d": "0.3"}}
-    robot = Robot.from_values("two", [joint, swung], gravity=UPRIGHT)
+    robot = Robot.create("two", [joint, swung], gravity=UPRIGHT)
     assert robot.added_parameters == ("Ia1", "Ia2")
     base = base_parameters(robot)
     p = base.matrix @ np.concatenate([bodies(2, 1).ravel(), [0.1, -0.2]])
@@ -153,7 +153,7 @@ def test_rotors_are_not_negative_however_they_are_estimated():
 def test_motors_that_turn_together_have_a_positive_share_of_the_mass_matrix():
     drive = JOINT["drive"] | {"rotor_inertia": "unknown"}
     joints = [JOINT | {"drive": drive, "frame": {"alpha": a}} for a in (0.0, 1.5707963267948966)]
-    file = Robot.from_values("wrist", joints, gravity=UPRIGHT)
+    file = Robot.create("wrist", joints, gravity=UPRIGHT)
     coupled = file.file.model_copy(update={"couplings": (CoupledMotor(motor=2, joint=1),)})
     robot = Robot(coupled, "wrist", "")
     assert robot.added_parameters == ("Ia1", "Ia2", "Iam2")

@@ -27,7 +27,7 @@ LOUD = 1000.0
 
 def reweighted(fit: SimultaneousFit, rounds: int) -> Array:
     """Base parameters after some rounds of weights from residuals, all axes alike at first."""
-    blocks = fit.blocks.without(ROTOR, "load", "load by direction").total
+    blocks = fit.blocks.drop(ROTOR, "load", "load by direction").total
     products, counts, n_base = blocks.products[0], blocks.counts[0], len(base_parameters(ROBOT))
     k = products.shape[-1] - 1 - n_base
     places = [np.r_[:n_base, n_base + axis * k : n_base + (axis + 1) * k] for axis in range(2)]

@@ -105,7 +105,7 @@ def test_motors_that_turn_with_two_joints_are_in_mujoco_s_mass_matrix():
         "torque_limit": 50.0, "drive": drive,
     }  # fmt: skip
     frames = [{"alpha": 0.0}, {"alpha": 1.5707963267948966, "r": "0.2"}]
-    plain = Robot.from_values("wrist", [joint | {"frame": frame} for frame in frames])
+    plain = Robot.create("wrist", [joint | {"frame": frame} for frame in frames])
     file = plain.file.model_copy(
         update={"couplings": (CoupledMotor(motor=2, joint=1, ratio=-1.5),)}
     )

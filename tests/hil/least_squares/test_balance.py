@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.least_squares.balance import Kind, Shares, balanced
+from hil.least_squares.balance import Kind, Shares, balance
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.regression import Regression
 
@@ -74,7 +74,7 @@ def test_together_they_are_nearer_the_truth_than_each_alone() -> None:
     for seed in range(40):
         rng = np.random.default_rng(seed)
         parts = [kind(rng, "a", within=0.3, noise=0.01), kind(rng, "b", groups=6, noise=0.6)]
-        both = balanced([Kind(part) for part in parts], SHARED).whole.regression
+        both = balance([Kind(part) for part in parts], SHARED).whole.regression
         weighed = [each.solution[:2] for each in (*parts, both)]
         errors.append([np.linalg.norm(x - TRUTH) for x in weighed])
     first, second, together = np.sqrt(np.mean(np.square(errors), axis=0))
@@ -83,7 +83,7 @@ def test_together_they_are_nearer_the_truth_than_each_alone() -> None:
 
 def test_each_kind_keeps_its_own_unknowns(rng: np.random.Generator) -> None:
     """An offset of each channel, and the same parameters."""
-    both = balanced([Kind(kind(rng, "a")), Kind(kind(rng, "b"))], SHARED).whole
+    both = balance([Kind(kind(rng, "a")), Kind(kind(rng, "b"))], SHARED).whole
     assert both.regression.layout.names == ("p1", "p2", "a offset", "b offset")
     assert both.cells is None
 
@@ -91,7 +91,7 @@ def test_each_kind_keeps_its_own_unknowns(rng: np.random.Generator) -> None:
 def test_all_is_the_sum_of_what_each_kind_alone_has(rng: np.random.Generator) -> None:
     """Parts of the solutions, and of what is known to move them."""
     one, other, moved = kind(rng, "a"), kind(rng, "b"), np.array([[1.0], [0.0]])
-    both, parts = balanced([Kind(one, effect=moved), Kind(other)], SHARED)
+    both, parts = balance([Kind(one, effect=moved), Kind(other)], SHARED)
     expected = parts[0] @ one.solution[:2] + parts[1] @ other.solution[:2]
     np.testing.assert_allclose(np.sum(parts, axis=0), np.eye(2), atol=1e-9)
     np.testing.assert_allclose(both.regression.solution[:2], expected, rtol=1e-9)
@@ -117,7 +117,7 @@ def test_what_no_group_shows_makes_a_kind_count_less_and_stays_in_the_covariance
     beside = 0.01**2 * np.eye(2)
     both = [Kind(one, beside=beside), Kind(other)]
     assert Shares(both, SHARED).factors()[0] < 0.7 * factors([one, other])[0]
-    left = balanced(both, SHARED).whole.beside
+    left = balance(both, SHARED).whole.beside
     assert (np.diag(left) > 0).all()
     assert (np.diag(left) < np.diag(beside)).all()
 

@@ -13,11 +13,11 @@ from hil.least_squares.solving import (
     fitted,
     inverse,
     inverse_root,
+    nuisance_elimination,
     orthonormal,
     shares_without_nuisance,
     solved,
     undetermined,
-    without_nuisance,
 )
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def test_with_nuisance_eliminated_the_others_solve_as_in_the_joint_problem(
     length = np.linalg.norm(W, axis=0)[:n]
     expected = lstsq(W, y)[:n]
     N, v = W.T @ W, W.T @ y
-    P = without_nuisance(N, n)
+    P = nuisance_elimination(N, n)
     close(length * solved((P @ N)[:, :n], P @ v), length * expected, 1e-7)
     stacked = np.column_stack([W[:, :n], y, W[:, n:]])
     product, rank = eliminated(stacked.T @ stacked, W.shape[1] - n)
@@ -166,6 +166,6 @@ def test_of_two_columns_that_are_alike_neither_is_determined_but_their_sum_is() 
 def test_what_elimination_leaves_of_rounding_is_small_against_the_size_it_had() -> None:
     W = np.column_stack([np.ones(30), np.linspace(0.0, 1.0, 30), np.full(30, 1e3)])
     N = W.T @ W
-    P = without_nuisance(N, 2)
+    P = nuisance_elimination(N, 2)
     left = (P @ N)[:, :2]
     np.testing.assert_array_equal(undetermined(left, 1e-9, np.diag(N)[:2]), [True, False])

@@ -183,8 +183,8 @@ def test_what_is_found_has_names(rng: np.random.Generator) -> None:
     fit = Regression.weighed(all_blocks, kept).fit()
     assert fit.names == ("p1", "p2", "axis 1 Coulomb", "axis 2 offset", "axis 2 Coulomb")
     assert set(fit.params) == set(fit.conf_int()) == set(fit.bse)
-    assert fit.x[all_blocks.layout.at("offset", 0)] == 0.0
-    assert not fit.covariance[all_blocks.layout.at("offset", 0)].any()
+    assert fit.x[all_blocks.layout.index("offset", 0)] == 0.0
+    assert not fit.covariance[all_blocks.layout.index("offset", 0)].any()
 
 
 def test_scatter_over_cells_is_added(rng: np.random.Generator) -> None:

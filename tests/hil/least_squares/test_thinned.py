@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hil.least_squares.thinned import smoothed_at
+from hil.least_squares.thinned import smooth_at
 from hil.least_squares.window import smooth
 
 PERIOD = 0.004
@@ -16,8 +16,8 @@ def test_means_at_some_samples_are_those_that_smoothing_all_leaves_there(passes)
     everywhere = x
     for _ in range(passes):
         everywhere = smooth(everywhere, PERIOD)
-    assert smoothed_at(index, x, PERIOD, passes) == pytest.approx(everywhere[index], abs=1e-12)
+    assert smooth_at(index, x, PERIOD, passes) == pytest.approx(everywhere[index], abs=1e-12)
 
 
 def test_no_samples_give_no_means():
-    assert smoothed_at(np.zeros(0, dtype=int), np.ones((50, 2)), PERIOD).shape == (0, 2)
+    assert smooth_at(np.zeros(0, dtype=int), np.ones((50, 2)), PERIOD).shape == (0, 2)

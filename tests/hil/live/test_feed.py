@@ -19,7 +19,7 @@ from hil.cli.measuring import OnBus, measure
 from hil.live.lines import level, level_of
 from hil.live.listener import Listener, ListenerFailed
 from hil.planning.measurement import Gravity
-from hil.planning.plan import repeated
+from hil.planning.plan import repeat_measurements
 from hil.runs import SIMULATED
 from hil.runs.run_folder import RunFolder
 from hil.terminal.interruption import STATUS
@@ -159,7 +159,7 @@ def test_a_stop_of_a_listener_is_one_of_the_operator(
     small_plan: Plan, manutec: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(typer.Exit) as left:
-        run(repeated(small_plan, 10), manutec, tmp_path / "run", "stop", "note")
+        run(repeat_measurements(small_plan, 10), manutec, tmp_path / "run", "stop", "note")
     assert left.value.exit_code == STATUS
     assert "stopped, the axes are off" in capsys.readouterr().err
     end = lines_of(tmp_path / "note")[-1]
@@ -181,7 +181,7 @@ def test_a_stop_that_comes_when_all_is_over_is_none(
 def test_a_listener_that_ends_is_missed_once_and_the_run_goes_on(
     small_plan: Plan, manutec: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run(repeated(small_plan, 5), manutec, tmp_path / "run", "leave", "note")
+    run(repeat_measurements(small_plan, 5), manutec, tmp_path / "run", "leave", "note")
     assert capsys.readouterr().out.count("listener leave has ended by itself") == 1
     assert RunFolder.open(tmp_path / "run").missing == ()
     assert lines_of(tmp_path / "note")[-1]["kind"] == "end"

@@ -22,7 +22,7 @@ pytest.importorskip("rosbags")
 from foxglove_client import PATIENCE, FoxgloveClient, connected, subscribe
 from rosbags.typesys import Stores, get_typestore
 
-from hil.cli.live import Shown, listeners, with_ports
+from hil.cli.live import Shown, insert_ports, listeners
 from hil.cli.measuring import OnBus, measure
 from hil.export.recordings.ros_messages import FAULT, OK, STALE, WARNING, RosMessages
 from hil.live import lines
@@ -225,7 +225,7 @@ def published(manutec: Robot, small_plan: Plan) -> Callable[..., dict[str, Any]]
     store = get_typestore(Stores.ROS2_HUMBLE)
 
     def take(kind: str, **values: object) -> dict[str, Any]:
-        line = json.loads(lines.encoded(kind, **values))
+        line = json.loads(lines.encode(kind, **values))
         found = {said.topic: said for said in ros.take(line)}
         return {
             topic: store.deserialize_cdr(said.data, TOPICS[topic]) for topic, said in found.items()
@@ -303,7 +303,7 @@ def test_what_is_said_stands_in_the_log(
 
 
 def test_without_a_port_the_usual_one_is_meant() -> None:
-    assert with_ports(["run", "--foxglove", "--live", "0"]) == [
+    assert insert_ports(["run", "--foxglove", "--live", "0"]) == [
         *("run", "--foxglove", "8765", "--live", "0"),
     ]
 

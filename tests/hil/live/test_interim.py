@@ -12,7 +12,7 @@ from small_run import write_run
 from synthetic import TABLE_3_A
 from unpacked import unpacked
 
-from hil.cli.try_plans import mixed
+from hil.cli.try_plans import interleave
 from hil.live import estimator
 from hil.live.interim import Interim
 from hil.runs.run import Run
@@ -36,7 +36,7 @@ def shown(run: Run) -> tuple[list[Any], list[Any]]:
     """Lines of estimates and of torques, recording by recording."""
     interim, recorded = Interim(run.robot), {each.measurement.id: each for each in run}
     estimates, torques = [], []
-    for motion in mixed(run.plan.measurements):
+    for motion in interleave(run.plan.measurements):
         torques += interim.take(motion, recorded[motion.id].recording)
         estimates.append(interim.parameters())
     return estimates, torques

@@ -16,7 +16,7 @@ import pytest
 from live_page import STOP, Served, events, watching
 
 from hil.live.listener import Listener
-from hil.planning.plan import dump_plan, repeated
+from hil.planning.plan import dump_plan, repeat_measurements
 from hil.runs.run_folder import RunFolder
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Run(NamedTuple):
 def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
     """Some rounds of the small plan."""
     path = tmp_path / "plan.yaml"
-    path.write_text(dump_plan(repeated(small_plan, ROUNDS)))
+    path.write_text(dump_plan(repeat_measurements(small_plan, ROUNDS)))
     return path
 
 

@@ -445,7 +445,7 @@ def test_a_page_that_is_behind_misses_samples_and_no_notice() -> None:
         if number % 1000 == 500:
             passed_on.take(b'{"kind":"note","text":"note %d"}' % number)
     got = b""
-    while client.behind:
+    while client.is_behind:
         got += theirs.recv(1_000_000)
         passed_on.flush()
     ours.close()

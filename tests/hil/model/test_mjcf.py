@@ -6,7 +6,7 @@ from mjcf_robots import ARM, WRIST, write_arm
 
 import hil
 from hil.errors import FileError
-from hil.model.readers.axes_to_frames import frames_of
+from hil.model.readers.axes_to_frames import find_frames
 from hil.model.readers.mjcf import read_mjcf
 
 mujoco = pytest.importorskip("mujoco")
@@ -25,7 +25,7 @@ def test_joints_lie_where_mujoco_has_them_whatever_class_frame_unit_or_include_s
         np.testing.assert_allclose(frames[:, :3, 3], data.xanchor + way, atol=1e-9)
         axes = [T[:3, :3] @ joint.axis for T, joint in zip(frames, chain.joints, strict=True)]
         np.testing.assert_allclose(axes, data.xaxis, atol=1e-9)
-        moved = frames_of(chain).poses(q, chain.revolute)
+        moved = find_frames(chain).poses(q, chain.revolute)
         np.testing.assert_allclose(np.abs((moved[:, :3, 2] * data.xaxis).sum(axis=1)), 1.0)
 
 

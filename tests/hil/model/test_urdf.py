@@ -14,7 +14,7 @@ from urdf_robots import CONTINUOUS, REVOLUTE, ROBOTS, H, urdf
 from checked_files.yaml_file import UNSTATED, FileError
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
-from hil.model.readers.axes_to_frames import difference, frames_of
+from hil.model.readers.axes_to_frames import difference, find_frames
 from hil.model.readers.robot_draft import draft_robot
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot import Robot, parse_robot
@@ -60,7 +60,7 @@ def robot_of(chain: UrdfChain, gravity: tuple[float, float, float] = GRAVITY) ->
 def standard_parameters(model: pin.Model, chain: UrdfChain) -> Array:
     """Pinocchio's bodies in our frames: inertias about the origins, first moments, masses."""
     n = len(chain.joints)
-    ours = frames_of(chain).poses(np.zeros(n), chain.revolute)
+    ours = find_frames(chain).poses(np.zeros(n), chain.revolute)
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     found = []
@@ -77,7 +77,7 @@ def standard_parameters(model: pin.Model, chain: UrdfChain) -> Array:
 def test_every_frame_moves_with_its_joint(tmp_path: Path, name: str) -> None:
     chain = chain_of(tmp_path, urdf(name, ROBOTS[name]))
     revolute = chain.revolute
-    frames, still = frames_of(chain), np.zeros(len(revolute))
+    frames, still = find_frames(chain), np.zeros(len(revolute))
     fixed = np.linalg.inv(chain.frames(still)) @ frames.poses(still, revolute)
     for q in np.random.default_rng(1).uniform(-2, 2, (10, len(revolute))):
         moved = chain.frames(q) @ fixed

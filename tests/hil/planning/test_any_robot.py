@@ -73,7 +73,7 @@ def robots(draw: st.DrawFn, most: int = 7) -> Robot:
         9.81 * math.sin(tilt) * math.sin(turn),
         -9.81 * math.cos(tilt),
     )
-    robot = Robot.from_values(
+    robot = Robot.create(
         "any", draw(st.lists(joints(), min_size=2, max_size=most)), gravity=gravity
     )
     try:

@@ -14,8 +14,8 @@ from hil.planning.design.selection import Selection
 from hil.planning.design.tour import TRAVEL
 from hil.planning.design.trajectories import Search
 from hil.planning.dry_run import dry_run
-from hil.planning.measurement import without_law
-from hil.planning.plan import as_plan, dump_plan
+from hil.planning.measurement import axes_lacking_law
+from hil.planning.plan import dump_plan, make_plan
 from hil.planning.prediction.noise import stated_noise
 from hil.planning.prediction.precision import covariance, information, precision, torque_scale
 from hil.planning.timetable import travel_time, travel_times
@@ -117,7 +117,7 @@ def test_it_may_be_run_and_identifies_every_group(manutec, plan):
 def test_each_axis_moves_as_often_as_a_law_of_its_friction_needs(manutec, noise, minutes):
     """At 8 minutes the most informative measurements move the last axis twice."""
     plan = design_within(manutec, minutes, noise)
-    assert without_law(plan.measurements, 6) == {}
+    assert axes_lacking_law(plan.measurements, 6) == {}
     assert all(group.complete for group in dry_run(plan, manutec).groups)
 
 
@@ -125,7 +125,7 @@ def test_each_axis_moves_as_often_as_a_law_of_its_friction_needs(manutec, noise,
 def test_the_core_alone_identifies_every_group(manutec, options, each):
     """Inertia of axes 5 and 6 depends on no position, so both are measured at the same place."""
     chosen = tuple(options[k].measurement for k in by_minutes._core(manutec, options, each))
-    plan = as_plan(manutec, by_minutes.numbered(chosen, set()), 0.0, None)
+    plan = make_plan(manutec, by_minutes.assign_ids(chosen, set()), 0.0, None)
     groups = dry_run(plan, manutec).groups
     assert [group.group for group in groups if not group.complete] == []
 
@@ -134,7 +134,7 @@ def test_a_refinement_reserves_what_the_run_before_lacks(manutec, plan, noise, k
     of_others = tuple(m for m in plan.measurements if 5 not in m.moved)
     before = plan.model_copy(update={"measurements": of_others})
     found = refine(manutec, 6.0, noise, known, before)
-    assert without_law((*of_others, *found.measurements), 6) == {}
+    assert axes_lacking_law((*of_others, *found.measurements), 6) == {}
 
 
 def test_it_is_more_informative_than_a_plan_by_counts_that_takes_as_long(manutec, plan, noise):

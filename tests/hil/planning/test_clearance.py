@@ -72,7 +72,9 @@ def test_what_counts_as_clear_is_clear_wherever_one_looks(manutec: Robot, seed: 
     velocity = 0.3 * manutec.velocity_limit
     sweep = Travels(start, end, velocity, 0.3 * manutec.acceleration_limit)
     times = np.linspace(0, sweep.high[0, 0], 1000)[:, None]
-    depth = sampled_depth(manutec, workspace, sweep.at(np.zeros(1000, dtype=int), times))
+    depth = sampled_depth(
+        manutec, workspace, sweep.configurations(np.zeros(1000, dtype=int), times)
+    )
     hits = find_hits(manutec, workspace, sweep)
     if hits:
         skewed = (capsules(manutec).reach @ velocity).max() * SKEW

@@ -8,8 +8,8 @@ import pytest
 from hil.model.robot import Robot
 from hil.planning.design.trajectories import Search, design_trajectory
 from hil.planning.dry_run import dry_run
-from hil.planning.lag import MARGIN, Following, check_lag, furthest
-from hil.planning.plan import as_plan
+from hil.planning.lag import MARGIN, Following, check_lag, find_largest_lag
+from hil.planning.plan import make_plan
 from hil.planning.trajectory import Trajectory
 
 SEARCH = Search(random=20, refined=1, steps=5)
@@ -29,7 +29,7 @@ def following(window: float, time: float, lag: float) -> Following:
 
 def test_the_lag_is_speed_by_the_time_that_the_drive_is_late(manutec: Robot) -> None:
     speed = np.abs(WAVE.motion(np.linspace(0, 4, 5000))[1]).max()
-    found = furthest(WAVE, following(0.05, 0.05, 0.01))
+    found = find_largest_lag(WAVE, following(0.05, 0.05, 0.01))
     assert (found.axis, found.window) == (5, 0.05)
     assert found.most == pytest.approx(0.02 * speed, rel=1e-4)
     assert not list(check_lag(WAVE, manutec, following(0.05, 0.05, 0.01)))
@@ -39,7 +39,7 @@ def test_the_lag_is_speed_by_the_time_that_the_drive_is_late(manutec: Robot) -> 
 def test_a_lag_beyond_the_window_is_refused_if_it_lasts(
     manutec: Robot, time: float, problems: int
 ) -> None:
-    result = dry_run(as_plan(manutec, [WAVE]), manutec, following=following(0.05, time, 0.04))
+    result = dry_run(make_plan(manutec, [WAVE]), manutec, following=following(0.05, time, 0.04))
     about = [problem.message for problem in result.problems]
     assert len(about) == problems
     if about:
@@ -51,5 +51,5 @@ def test_a_lag_beyond_the_window_is_refused_if_it_lasts(
 def test_a_planned_trajectory_leaves_a_margin(manutec: Robot) -> None:
     late = following(0.05, 0.05, 0.03)
     planned = design_trajectory(manutec, search=SEARCH, speed=late.speed)
-    assert furthest(planned, late).most <= 1.02 * MARGIN * 0.05
-    assert furthest(design_trajectory(manutec, search=SEARCH), late).most > 0.1
+    assert find_largest_lag(planned, late).most <= 1.02 * MARGIN * 0.05
+    assert find_largest_lag(design_trajectory(manutec, search=SEARCH), late).most > 0.1

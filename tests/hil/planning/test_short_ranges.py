@@ -29,7 +29,7 @@ def changed(robot: Robot, **values: float) -> Robot:
 def gantry(ways: tuple[float, ...], speed: float) -> Robot:
     """Axes that slide along y, x and z of the base."""
     turns = [("-pi/2", "0"), ("pi/2", "pi/2"), ("pi/2", "pi/2")]
-    return Robot.from_values(
+    return Robot.create(
         "gantry",
         [
             {

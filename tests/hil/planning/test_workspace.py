@@ -12,7 +12,7 @@ from drivers.drive_bus import LimitExceeded
 from drivers.drives_file import load_drives
 from hil import cli
 from hil.measuring.sequencer import measure
-from hil.model.capsules import capsules, reaches, segments
+from hil.model.capsules import capsules, link_reaches, segments
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.by_counts import design
 from hil.planning.dry_run import dry_run
@@ -262,7 +262,7 @@ def test_no_link_is_ever_farther_from_the_base_than_its_reach(chains, seed: int)
     robot, rng = chains.random(seed), np.random.default_rng(seed)
     q = rng.uniform(robot.q_min, robot.q_max, size=(100, robot.n_joints))
     farthest = np.linalg.norm(segments(robot, q), axis=-1).max(axis=(0, 2)) + capsules(robot).radii
-    assert np.all(farthest <= reaches(robot) + 1e-9)
+    assert np.all(farthest <= link_reaches(robot) + 1e-9)
 
 
 @pytest.mark.long

@@ -44,7 +44,7 @@ def hil(*arguments):
 def runs(manutec, tmp_path_factory):
     """A run without load, one with it, and one of a robot whose file leaves something out."""
     place = tmp_path_factory.mktemp("findings")
-    base, whole = base_parameters(manutec), manutec.with_whole_links()
+    base, whole = base_parameters(manutec), manutec.free_links()
     phi = np.array([LOAD.get(name, 0.0) for name in manutec.standard_parameters])
     write_run(place / "bare", manutec)
     write_run(place / "loaded", manutec, (manutec, TABLE_3_A + base.matrix @ phi), seed=2)

@@ -15,7 +15,14 @@ from hil.errors import InvalidValue, Mismatch, NoLoad, NotEnoughData
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
 from hil.planning.design.by_counts import design
-from hil.planning.design.load import HOLD, SLOW_SHARE, allowed, fast_plan, holds, slow_plan
+from hil.planning.design.load import (
+    HOLD,
+    SLOW_SHARE,
+    fast_plan,
+    feasible_options,
+    load_capacity,
+    slow_plan,
+)
 from hil.planning.design.load_pose import helpful_poses
 from hil.planning.plan import PlannedRobot, dump_plan, load_plan
 from hil.planning.timetable import timetable
@@ -113,7 +120,7 @@ def test_slow_strokes_come_first_and_all_of_it_takes_the_time_that_it_may(
     assert 120.0 < lasts(slow, robot) + lasts(fast, robot) <= 60 * MINUTES
     known = bare.known
     first, both = (
-        np.linalg.inv(known.of_load(known.before(allowed(known), plans)))
+        np.linalg.inv(known.load_information(known.before(feasible_options(known), plans)))
         for plans in ((slow,), (slow, fast))
     )
     assert np.all(np.diag(both) < np.diag(first))
@@ -155,7 +162,7 @@ def test_a_load_that_is_rigid_is_said_to_be(found):
 @pytest.fixture(scope="module")
 def beside(bare, stages, robot, tmp_path_factory):
     """The load found that is mounted beside the axis, and its first moments and mass."""
-    machine = robot.with_whole_links([robot.n_joints - 1])
+    machine = robot.free_links([robot.n_joints - 1])
     mass, centre = 4.0, np.array([0.06, -0.03, 0.1])
     about = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre)) + 0.01 * np.eye(3)
     load = {"m6": mass, "sx6": mass * 0.06, "sy6": mass * -0.03, "sz6": mass * 0.1,
@@ -303,7 +310,7 @@ def test_a_load_that_no_pose_holds_is_refused_beforehand(bare):
 
 
 def test_poses_hold_the_heaviest_load_that_was_stated(bare):
-    assert holds(bare.known, slow_plan(bare.known, MINUTES, 15.0)) >= 15.0
+    assert load_capacity(bare.known, slow_plan(bare.known, MINUTES, 15.0)) >= 15.0
 
 
 def test_a_load_that_overloads_an_axis_is_not_moved_faster(bare, slow, found):

@@ -55,7 +55,7 @@ def test_torques_that_are_all_reversed_have_failed_and_are_not_exported(tmp_path
 @pytest.mark.parametrize("name", ["manutec-r15", "staubli-tx40"])
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_is_said_of_bodies(name: str, seed: int) -> None:
-    robot = Robot.load(name).with_whole_links()
+    robot = Robot.load(name).free_links()
     model = model_of(robot, *possible(robot, seed))
     assert not [*impossible_inertias(model), *impossible_links(model)]
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from checked_files.yaml_file import load_yaml
 from drivers.drive_bus import LimitExceeded
-from hil.cli import app, imported
+from hil.cli import app, import_command
 from hil.cli.measuring import OnBus, measure
 from hil.commands.track import NAME, PASSES, Tracking, notes
 from hil.measuring.feeding import DELAY, LOOP, motion_of, refuse_beyond_torque
@@ -194,5 +194,5 @@ def test_what_is_fed_forward_is_that_of_a_somewhat_other_instant(ahead: float) -
 
 
 def test_the_command_takes_the_delays_that_feeding_does_by_default() -> None:
-    stated = {each.name: each.default for each in imported("track").params}
+    stated = {each.name: each.default for each in import_command("track").params}
     assert (stated["delay"], stated["loop"]) == (DELAY, LOOP)

@@ -16,7 +16,7 @@ from hil.planning.trajectory import Trajectory
 from hil.planning.workspace import Box, Workspace
 from hil.view.page import write_page
 from hil.view.planned import planned
-from hil.view.scene import of_plan, of_robot
+from hil.view.scene import plan_scene, robot_scene
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -56,7 +56,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
 def plan_page(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("pages") / "plan.html"
     plan = design(manutec, COUNTS, 0.0, WORKSPACE)
-    write_page(path, lambda most: of_plan(plan, manutec, most))
+    write_page(path, lambda most: plan_scene(plan, manutec, most))
     return path
 
 
@@ -94,7 +94,7 @@ def test_links_are_drawn_where_forward_kinematics_has_them(
 ) -> None:
     file = ROBOTS / f"{name}.yaml"
     robot = Robot.load(file if file.exists() else name)
-    write_page(tmp_path / "robot.html", lambda _: of_robot(robot))
+    write_page(tmp_path / "robot.html", lambda _: robot_scene(robot))
     show(browser, tmp_path / "robot.html")
     rng = np.random.default_rng(4)
     for view in ("oblique", "top"):
@@ -117,7 +117,7 @@ def test_three_instants_of_a_plan_are_drawn_as_planned(
         t = segment.begin + 0.4 * (segment.end - segment.begin)
         browser.execute_script("window.view.seek(arguments[0])", t)
         seen = browser.execute_script(SEEN)
-        wanted = projected(manutec, motion.at(np.array([t]))[0][0], seen)
+        wanted = projected(manutec, motion.evaluate(np.array([t]))[0][0], seen)
         np.testing.assert_allclose(seen["links"], wanted, atol=1.0)
         now = browser.execute_script("return document.getElementById('now').textContent")
         assert now == segment.words
@@ -128,7 +128,7 @@ def test_a_plan_opens_on_the_axis_that_moves_most(
     browser: Chrome, plan_page: Path, manutec: Robot
 ) -> None:
     motion = planned(design(manutec, COUNTS, 0.0, WORKSPACE), manutec)
-    begin, end = motion.at(np.array([motion.segments[0].begin, motion.segments[0].end]))[0]
+    begin, end = motion.evaluate(np.array([motion.segments[0].begin, motion.segments[0].end]))[0]
     show(browser, plan_page)
     steps = np.array(browser.execute_script("return window.view.steps"))
     most = int(np.argmax(np.abs(end - begin) / steps))
@@ -189,7 +189,7 @@ def test_everybody_can_use_it(browser: Chrome, plan_page: Path, width: int, sche
 
 
 def test_sliders_of_a_robot_are_usable_too(browser: Chrome, manutec: Robot, tmp_path: Path) -> None:
-    write_page(tmp_path / "robot.html", lambda _: of_robot(manutec, WORKSPACE))
+    write_page(tmp_path / "robot.html", lambda _: robot_scene(manutec, WORKSPACE))
     show(browser, tmp_path / "robot.html", 420, 900)
     browser.execute_script(AXE)
     assert browser.execute_async_script(FAULTS) == []
@@ -204,7 +204,7 @@ def test_a_swept_volume_reaches_from_end_to_end(
     cosine = ((0.0, 0.0),) * 6
     long = Trajectory(id="t", q=(0.0,) * 6, period=20.0, sine=sine, cosine=cosine)
     plan = design(manutec, COUNTS).model_copy(update={"measurements": (long,)})
-    write_page(tmp_path / "plan.html", lambda most: of_plan(plan, manutec, most))
+    write_page(tmp_path / "plan.html", lambda most: plan_scene(plan, manutec, most))
     show(browser, tmp_path / "plan.html")
     passed = browser.execute_script("return window.view.passed(1)")
     assert 30 < len(passed) <= 96

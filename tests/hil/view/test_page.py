@@ -27,11 +27,11 @@ from hil.planning.workspace import Box, Workspace
 from hil.runs.recording_file import Measured
 from hil.runs.run import Run
 from hil.runs.run_folder import RunFolder
-from hil.show.deflated import deflated
+from hil.show.deflated import deflate
 from hil.view import page
 from hil.view.packed import packed
 from hil.view.planned import planned
-from hil.view.scene import of_plan, of_robot, of_run
+from hil.view.scene import plan_scene, robot_scene, run_scene
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot
@@ -82,7 +82,7 @@ def test_a_page_is_one_file_that_asks_for_nothing(
     whole_plan: Plan, manutec: Robot, tmp_path: Path
 ) -> None:
     path = tmp_path / "plan.html"
-    size = page.write_page(path, lambda most: of_plan(whole_plan, manutec, most))
+    size = page.write_page(path, lambda most: plan_scene(whole_plan, manutec, most))
     text = path.read_text(encoding="utf-8")
     assert size == path.stat().st_size < 1_000_000
     assert not re.search(r'(src|href|url)\s*[=(]\s*["\']?\s*(https?:)?//', text)
@@ -96,7 +96,7 @@ def test_a_page_is_one_file_that_asks_for_nothing(
 
 
 def test_the_licence_of_what_is_bundled_stands_in_the_page(manutec: Robot) -> None:
-    text = page.html(of_robot(manutec))
+    text = page.html(robot_scene(manutec))
     assert "three.js authors" in text
     assert "MIT" in (page.ASSETS / "three.LICENSE").read_text(encoding="utf-8")
 
@@ -120,7 +120,7 @@ def test_the_lock_of_the_bundle_s_packages_names_no_host() -> None:
 
 
 def test_time_is_that_of_the_dry_run(whole_plan: Plan, manutec: Robot) -> None:
-    scene = of_plan(whole_plan, manutec, 100)
+    scene = plan_scene(whole_plan, manutec, 100)
     reckoned = dry_run(whole_plan, manutec)
     assert scene.segments[-1].end == pytest.approx(reckoned.duration)
     for kind, duration in reckoned.durations.items():
@@ -130,7 +130,7 @@ def test_time_is_that_of_the_dry_run(whole_plan: Plan, manutec: Robot) -> None:
 
 def test_segments_follow_each_other_in_the_plan_s_order(small_plan: Plan, manutec: Robot) -> None:
     plan = small_plan.model_copy(update={"warm_up": WarmUp(duration=10.0)})
-    segments = of_plan(plan, manutec, 100).segments
+    segments = plan_scene(plan, manutec, 100).segments
     assert [each.kind for each in segments] == [
         "warm-up", "travel", "gravity", "travel", "inertia", "travel", "coupling",
     ]  # fmt: skip
@@ -143,7 +143,7 @@ def test_the_page_holds_the_planned_motion(
     small_plan: Plan, manutec: Robot, tmp_path: Path
 ) -> None:
     """At the middle of a stroke's ramp, of its cruise, and at its end."""
-    page.write_page(tmp_path / "plan.html", lambda most: of_plan(small_plan, manutec, most))
+    page.write_page(tmp_path / "plan.html", lambda most: plan_scene(small_plan, manutec, most))
     data = read(tmp_path / "plan.html")
     g1 = small_plan.measurements[0]
     begin = data["segments"][1]["begin"]
@@ -163,7 +163,7 @@ def test_a_friction_measurement_is_preceded_by_rest_and_exercise(
         exercise=5.0,
     )  # fmt: skip
     plan = small_plan.model_copy(update={"measurements": (prepared,)})
-    scene = of_plan(plan, manutec, 100)
+    scene = plan_scene(plan, manutec, 100)
     assert scene.planned
     begin = scene.segments[-1].begin
     moving = scene.planned[0].time[scene.planned[0].slope != 0.0]  # corners between ramp and cruise
@@ -181,20 +181,20 @@ def test_a_trajectory_is_drawn_as_planned(manutec: Robot, small_plan: Plan) -> N
     plan = small_plan.model_copy(update={"measurements": (trajectory,)})
     motion = planned(plan, manutec)
     t = np.linspace(0.0, 4.0, 500)
-    q, qd, _ = motion.at(motion.segments[-1].begin + 0.3 + t)
+    q, qd, _ = motion.evaluate(motion.segments[-1].begin + 0.3 + t)
     wanted = trajectory.motion(t)
     np.testing.assert_allclose(q, wanted[0], atol=1e-5)
     np.testing.assert_allclose(qd, wanted[1], atol=1e-3)
 
 
 def test_the_distance_is_that_of_the_safety_check(guarded: Plan, manutec: Robot) -> None:
-    scene = of_plan(guarded, manutec, 400)
+    scene = plan_scene(guarded, manutec, 400)
     assert guarded.workspace
     assert scene.distances
     track = scene.distances.track
     motion = planned(guarded, manutec)
     for number in (0, 150, scene.distances.least):
-        q = motion.at(track.time[number : number + 1])[0]
+        q = motion.evaluate(track.time[number : number + 1])[0]
         depth = sampled_depth(manutec, guarded.workspace, q)
         assert track.value[number] == pytest.approx(guarded.workspace.margin - depth)
 
@@ -202,7 +202,7 @@ def test_the_distance_is_that_of_the_safety_check(guarded: Plan, manutec: Robot)
 def test_a_plan_that_the_dry_run_refuses_is_shown_with_the_reason(
     guarded: Plan, manutec: Robot
 ) -> None:
-    scene = of_plan(guarded, manutec, MOST)
+    scene = plan_scene(guarded, manutec, MOST)
     refused = [each.problem for each in scene.segments if each.problem]
     assert refused
     assert "into table" in refused[0] or "runs right" in refused[0]
@@ -215,11 +215,11 @@ def test_more_strokes_than_a_page_can_show_are_refused_at_once(
     endless = small_plan.measurements[0].model_copy(update={"cycles": 100_000_000})
     plan = small_plan.model_copy(update={"measurements": (endless,)})
     with pytest.raises(InvalidValue, match="lower cycles"):
-        of_plan(plan, manutec, MOST)
+        plan_scene(plan, manutec, MOST)
 
 
 def test_a_run_shows_what_was_measured_beside_its_set_points(run: Run) -> None:
-    scene = of_run(run, MOST)
+    scene = run_scene(run, MOST)
     assert scene.measured
     assert scene.planned
     for read_back in run:
@@ -240,26 +240,26 @@ def test_a_run_shows_what_was_measured_beside_its_set_points(run: Run) -> None:
 
 
 def test_a_run_of_the_virtual_plant_says_so_and_no_other_does(run: Run) -> None:
-    assert '<span class="badge">SIMULATED</span>' in page.html(of_run(run, MOST))
+    assert '<span class="badge">SIMULATED</span>' in page.html(run_scene(run, MOST))
     as_on_hardware(run.path / "run.json", "socketcan can0")
-    assert ">SIMULATED<" not in page.html(of_run(Run.open(run.path), MOST))
+    assert ">SIMULATED<" not in page.html(run_scene(Run.open(run.path), MOST))
 
 
 def test_a_run_of_many_samples_shows_fewer(run: Run) -> None:
-    assert len(deflated(of_run(run, 500).data())) < len(deflated(of_run(run, MOST).data())) / 4
+    assert len(deflate(run_scene(run, 500).data())) < len(deflate(run_scene(run, MOST).data())) / 4
 
 
 def test_another_file_is_not_written_over(manutec: Robot, tmp_path: Path) -> None:
     path = tmp_path / "notes.html"
     path.write_text("<p>Mine</p>")
     with pytest.raises(FileError, match="no page of hil view"):
-        page.write_page(path, lambda _: of_robot(manutec))
+        page.write_page(path, lambda _: robot_scene(manutec))
     assert path.read_text() == "<p>Mine</p>"
 
 
 def test_a_page_is_written_anew(manutec: Robot, tmp_path: Path) -> None:
     for _ in range(2):
-        page.write_page(tmp_path / "robot.html", lambda _: of_robot(manutec))
+        page.write_page(tmp_path / "robot.html", lambda _: robot_scene(manutec))
 
 
 def test_packed_numbers_are_off_by_half_a_step_at_most() -> None:
@@ -270,11 +270,11 @@ def test_packed_numbers_are_off_by_half_a_step_at_most() -> None:
 def test_assumed_capsules_are_said_to_be_so(manutec: Robot) -> None:
     first = manutec.file.joints[0].model_copy(update={"capsule": None})
     file = manutec.file.model_copy(update={"joints": (first, *manutec.file.joints[1:])})
-    assert not of_robot(manutec).notes
-    assert "of: link 1." in of_robot(replace(manutec, file=file)).notes[0]
+    assert not robot_scene(manutec).notes
+    assert "of: link 1." in robot_scene(replace(manutec, file=file)).notes[0]
 
 
 def test_limits_are_those_of_the_workspace(manutec: Robot) -> None:
-    scene = of_robot(manutec, Workspace(ranges={1: (-0.5, 0.5)}))
+    scene = robot_scene(manutec, Workspace(ranges={1: (-0.5, 0.5)}))
     joint = json.loads(json.dumps(scene.data()))["robot"]["joints"][0]
     assert (joint["lower"], joint["upper"]) == (-0.5, 0.5)

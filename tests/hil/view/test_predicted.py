@@ -13,7 +13,7 @@ from stated_model import stated_model
 from hil.friction.law import FrictionLaw
 from hil.runs.run import Run
 from hil.view.along_motion import predicted
-from hil.view.scene import of_run
+from hil.view.scene import run_scene
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -30,7 +30,7 @@ MOST = 100_000
 def test_a_model_of_strokes_is_drawn_with_its_friction(manutec: Robot, tmp_path: Path) -> None:
     write_run(tmp_path / "run", manutec)
     run = Run.open(tmp_path / "run")
-    scene = of_run(run, MOST, identified_model())
+    scene = run_scene(run, MOST, identified_model())
     assert scene.measured is not None
     assert scene.predicted is not None
     assert scene.predicted.words == "predicted"

@@ -11,10 +11,10 @@ import pytest
 from urdf_robots import ROBOTS, urdf
 
 from hil.errors import FileError, Mismatch
-from hil.model.readers.axes_to_frames import Frames, frames_of
+from hil.model.readers.axes_to_frames import Frames, find_frames
 from hil.model.readers.urdf import read_urdf
 from hil.model.robot import Robot
-from hil.view.meshes import read_triangles, thinned
+from hil.view.meshes import merge_corners, read_triangles
 from hil.view.visuals import MOST_TRIANGLES, _allowance, visuals
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def test_a_mesh_stands_in_the_frame_of_its_link(scara: Path) -> None:
     base, arm = found.visuals
     assert (base.link, arm.link) == (-1, 1)
     q = np.array([0.4, -0.7, 0.1, 0.2])
-    frames = Frames(robot.alpha, robot.d, robot.theta, robot.r, frames_of(chain).base)
+    frames = Frames(robot.alpha, robot.d, robot.theta, robot.r, find_frames(chain).base)
     shown = _placed(frames.poses(q, robot.revolute)[1], arm.mesh.vertices)
     origin = np.eye(4)
     roll, pitch, yaw = 0.3, 0.2, 0.1
@@ -115,7 +115,7 @@ def test_a_mesh_stands_in_the_frame_of_its_link(scara: Path) -> None:
     assert len(shown) == len(wanted) == 4
     for corner in wanted:
         assert np.linalg.norm(shown - corner, axis=1).min() < 2e-4
-    still = _placed(frames_of(chain).base, base.mesh.vertices)
+    still = _placed(find_frames(chain).base, base.mesh.vertices)
     np.testing.assert_allclose(still.max(axis=0), [0.1, 0.15, 0.2], atol=2e-4)
 
 
@@ -168,7 +168,7 @@ def test_a_fine_mesh_is_thinned_within_the_cell_that_is_stated() -> None:
     angles = np.linspace(0.0, 2 * np.pi, 201)
     ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(201)])
     fan = np.array([[np.zeros(3), a, b] for a, b in pairwise(ring)])
-    mesh = thinned(fan, 60)
+    mesh = merge_corners(fan, 60)
     assert 20 <= len(mesh.triangles) <= 60
     off = [np.linalg.norm(mesh.vertices - corner, axis=1).min() for corner in ring]
     assert max(off) <= mesh.cell * np.sqrt(3) / 2

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from checked_files.yaml_file import FileError
-from hil.planning.plan import Plan, repeated
+from hil.planning.plan import Plan, repeat_measurements
 from hil.watching.friction import FrictionLevel, columns_of
 from hil.watching.scatter import Scatter, window_lengths
 from hil.watching.turning import DISTANCES, Turning
@@ -119,8 +119,8 @@ def test_friction_that_falls_by_a_tenth_in_minutes_is_followed() -> None:
     used = np.ones((block, 1), dtype=bool)
     for number in range(720):  # three minutes
         true = -0.1 * number / 720 * 0.2 * direction
-        level.follow(columns, true - level.at(columns)[0], used, 0.25)
-    found, error = level.at(columns)
+        level.follow(columns, true - level.evaluate(columns)[0], used, 0.25)
+    found, error = level.evaluate(columns)
     assert found == pytest.approx(-0.02 * direction, abs=0.002)
     assert error.max() < 0.01
 
@@ -133,8 +133,8 @@ def test_friction_of_another_shape_than_the_law_is_followed_at_every_speed() -> 
     used = np.ones((62, 1), dtype=bool)
     for number in range(240):  # three passes of the speeds, in a minute
         rows = slice(62 * (number % 20), 62 * (number % 20) + 62)
-        level.follow(columns[rows], (missing - level.at(columns)[0])[rows], used, 0.25)
-    left = missing - level.at(columns)[0]
+        level.follow(columns[rows], (missing - level.evaluate(columns)[0])[rows], used, 0.25)
+    left = missing - level.evaluate(columns)[0]
     assert np.sqrt(np.mean(left**2)) < 0.3 * np.sqrt(np.mean(missing**2))
 
 
@@ -142,11 +142,11 @@ def test_friction_slower_than_the_law_was_found_from_is_doubtful_until_it_is_see
     level = FrictionLevel(np.array([0.01]), np.array([0.3]))
     one = np.ones((62, 1))
     slow, fast = (columns_of(one, 0.2 * one, speed * one) for speed in (0.02, 0.5))
-    before = level.at(slow)[1].max()
-    assert before > 2 * level.at(fast)[1].max()
+    before = level.evaluate(slow)[1].max()
+    assert before > 2 * level.evaluate(fast)[1].max()
     for _ in range(40):
         level.follow(slow, 0.0 * one, one > 0, 0.25)
-    assert level.at(slow)[1].max() < 0.25 * before
+    assert level.evaluate(slow)[1].max() < 0.25 * before
 
 
 def test_what_nobody_used_teaches_nothing() -> None:
@@ -156,7 +156,7 @@ def test_what_nobody_used_teaches_nothing() -> None:
     none = np.zeros((62, 1), dtype=bool)
     level.follow(columns, np.ones((62, 1)), none, 0.25)
     scatter.take(np.ones((62, 2, 1)), none)
-    assert not level.at(columns)[0].any()
+    assert not level.evaluate(columns)[0].any()
     assert not scatter.rms.any()
     assert np.isinf(scatter.bound).all()
 
@@ -184,12 +184,12 @@ def test_windows_grow_up_to_a_tenth_of_a_second(period: float) -> None:
 
 
 def test_rounds_of_a_plan_have_measurements_of_their_own(small_plan: Plan) -> None:
-    thrice = repeated(small_plan, 3)
+    thrice = repeat_measurements(small_plan, 3)
     assert len({m.id for m in thrice.measurements}) == 3 * len(small_plan.measurements)
-    assert repeated(small_plan, 1) == small_plan
+    assert repeat_measurements(small_plan, 1) == small_plan
 
 
 def test_an_id_that_leaves_no_room_for_a_number_is_refused(small_plan: Plan) -> None:
     long = small_plan.measurements[0].model_copy(update={"id": "x" * 63})
     with pytest.raises(FileError, match="give it a shorter id"):
-        repeated(small_plan.model_copy(update={"measurements": (long,)}), 2)
+        repeat_measurements(small_plan.model_copy(update={"measurements": (long,)}), 2)

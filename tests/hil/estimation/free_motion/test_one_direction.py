@@ -32,7 +32,7 @@ SPEEDS = 0.1 * np.arange(1, 11)
 """Of the drive, one after the other [rad/s]."""
 HELD, RAMP = 2.5, 0.5
 """How long each lasts [s], and the acceleration between them [rad/s^2]."""
-ROBOT = Robot.from_values(
+ROBOT = Robot.create(
     "drive",
     [
         {

@@ -30,7 +30,7 @@ def lift(rotor_inertia="unknown", gravity=(0.0, 0.0, -G), axis=0):
         "drive": UNKNOWN | {"rotor_inertia": 0.0},
     }
     joints = [slide, turning] if axis == 0 else [turning, slide]
-    return Robot.from_values("lift", joints, gravity=gravity)
+    return Robot.create("lift", joints, gravity=gravity)
 
 
 def recordings(robot, truth):

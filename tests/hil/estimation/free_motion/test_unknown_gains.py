@@ -67,7 +67,7 @@ def test_an_axis_that_shares_nothing_with_others_is_refused_alone() -> None:
         "acceleration_limit": 20.0, "torque_limit": 90.0, "parameters": ["m"],
         "drive": {"gear_ratio": 50.0, "rotor_inertia": 0.0, "torque_constant": 0.1},
     }  # fmt: skip
-    portal = Robot.from_values(
+    portal = Robot.create(
         "portal",
         [joint | {"frame": {"alpha": 0}}, joint | {"frame": {"alpha": "pi/2"}}],
         gravity=(0.0, 0.0, -9.81),
