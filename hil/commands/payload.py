@@ -27,8 +27,6 @@ from hil.model.drive_train_file import USUAL_BOUND
 from hil.model.load import FIRST_MOMENTS, load_columns
 from hil.planning.measurement import ELEMENT_KINDS
 from hil.results.findings import found_in
-from hil.results.identification import method_for
-from hil.results.load import quantities
 from hil.results.provenance import RunStamp, same_parameters
 from hil.results.tables.parameters import NAMED
 from hil.runs.atomic_file import write_file
@@ -560,6 +558,8 @@ def file_outcome(kept: LoadFile, robot: Robot) -> Outcome:
     )
     # earlier versions kept no verdict
     said = filter(None, (*(kept.verdict or (not_shown(kept),)), goodness_of_fit(kept)))
+    from hil.results.load import quantities  # noqa: PLC0415 - reports of other runs need none
+
     tables = changes(kept), quantities(kept.load), torque_constants(kept)
     return Outcome(tables, sentences=tuple(said), plots=plots if kept.elements_loaded else ())
 
@@ -569,6 +569,8 @@ def _predicted(bare: Run, loaded: Sequence[Run], found: Load) -> Played:
 
     Friction is that of the run without the load. Empty without a model.
     """
+    from hil.results.identification import method_for  # noqa: PLC0415 - as above
+
     try:
         model = found_in(bare, method_for(bare)[0]).model
     except (NotEnoughData, NotIdentifiable):

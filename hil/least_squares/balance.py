@@ -25,7 +25,6 @@ from functools import reduce
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import optimize
 
 from hil.least_squares.layout import embedded
 from hil.least_squares.regression import Regression
@@ -151,6 +150,8 @@ class Shares:
         start, most = np.zeros(len(self._groups) - 1), np.log(MOST)
         if not len(start):
             return np.ones(1)
+        from scipy import optimize  # noqa: PLC0415 - one kind alone has nothing to be balanced
+
         bounds = [(-most, most)] * len(start)
         found = optimize.minimize(spread, start, method="Nelder-Mead", bounds=bounds)
         return _factors(found.x)

@@ -20,6 +20,7 @@ from hil.estimation.nuisances import STEP
 from hil.estimation.signals import signals
 from hil.friction.law import friction_torque, friction_variance, law_columns
 from hil.least_squares.solving import orthonormal, project_out
+from hil.least_squares.thinned import smooth_at
 from hil.least_squares.uncertainty import TWICE
 from hil.least_squares.window import APART
 from hil.model.dynamics import gravity_torque, inverse_dynamics, regressor
@@ -200,7 +201,8 @@ def _thinned(recording: Recording) -> Along:
     """A recording for a model from strokes: smoothed, in samples that this leaves different."""
     s = signals(recording)
     kept = np.flatnonzero(s.valid)[:: max(1, round(APART / s.period))]
-    q, qd, qdd, tau = (s.smoothed(each)[kept] for each in (s.q, s.qd, s.qdd, s.tau))
+    columns = smooth_at(kept, np.hstack([s.q, s.qd, s.qdd, s.tau]), s.period)
+    q, qd, qdd, tau = np.split(columns, 4, axis=1)
     return Along(s.time[kept], q, qd, qdd, tau, np.asarray, np.asarray)
 
 
@@ -255,11 +257,12 @@ def predict_whole(
 
     Of a model from strokes that is with the friction that it states, none where it states none; and
     near reversals, where friction is no function of velocity, no more than a law says there.
-    Friction, errors and information are of `axes` (by default all), and 0 of others.
+    Rigid bodies, friction, errors and information are of `axes` (by default all), 0 of others.
     """
     axes = range(model.robot.n_joints) if axes is None or model.friction else axes
     motion = along(model, recording) if model.friction else _thinned(recording)
-    A = regressor(model.robot, motion.q, motion.qd, motion.qdd)
+    A = np.zeros((*motion.q.shape, len(model.values)))
+    A[:, axes] = regressor(model.robot, motion.q, motion.qd, motion.qdd, axes)
     rigid = A @ model.values
     torque = rigid + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
     if model.friction_law is not None:

@@ -21,6 +21,7 @@ the link, since the rotor does not cross the gap.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -87,11 +88,15 @@ class Driven(NamedTuple):
     some: Indices
 
     @classmethod
-    def of(cls, robot: Robot, p: Array, s: Signals) -> Driven:
-        """Compute both from recorded motion and base parameters."""
-        torque = s.smoothed(inverse_dynamics(robot, p, *s.link))
-        some = np.append(np.arange(0, len(torque) - 1, SPARSE), len(torque) - 1)
-        return cls(torque, np.einsum("nii->ni", mass_matrix(robot, p, s.q[some])), some)
+    def of_all(cls, robot: Robot, p: Array, signals: Sequence[Signals]) -> list[Driven]:
+        """Compute both of several recordings, from recorded motion and base parameters."""
+        torques = [s.smoothed(inverse_dynamics(robot, p, *s.link)) for s in signals]
+        some = [np.append(np.arange(0, len(x) - 1, SPARSE), len(x) - 1) for x in torques]
+        # at once: a call takes as long as some hundred samples do
+        q = np.concatenate([s.q[at] for s, at in zip(signals, some, strict=True)])
+        inertia = np.einsum("nii->ni", mass_matrix(robot, p, q))
+        ends = np.cumsum([len(at) for at in some])[:-1]
+        return list(map(cls, torques, np.split(inertia, ends), some))
 
     def acceleration(self, axis: int) -> Array:
         """Acceleration that a gear in contact gives the link of an axis, shape (n,)."""
@@ -127,13 +132,17 @@ def displacements(
     pieces = [_pieces(len(s.time)) for s in signals]
     rate = np.concatenate([d.acceleration(axis)[at] for d, at in zip(driven, pieces, strict=True)])
     period = np.repeat([s.period for s in signals], [len(at) for at in pieces])
-    simulated = _crossed(-rate.T, period, np.array(half_gaps)[:, None])
-    found, first = [], 0
+    gaps, found, first = np.array(half_gaps)[:, None], [], 0
+    turns = (rate.min(axis=1) <= 0.0) & (rate.max(axis=1) >= 0.0)
+    # a link that is pushed one way alone stays on its side
+    simulated = np.broadcast_to(
+        -np.sign(rate[:, :1]) * gaps[..., None], (len(gaps), len(rate), PIECE)
+    ).copy()
+    simulated[:, turns] = _crossed(-rate[turns].T, period[turns], gaps)[LEAD:].transpose(1, 2, 0)
     for s, at, wanted in zip(signals, pieces, places, strict=True):
-        own = simulated[LEAD:, :, first : first + len(at)]
-        whole = own.transpose(1, 2, 0).reshape(len(half_gaps), -1)[:, : len(s.time)]
+        whole = simulated[:, first : first + len(at)].reshape(len(gaps), -1)[:, : len(s.time)]
         first += len(at)
-        found.append(np.stack([_correlated(whole, taps, wanted) for taps in _taps(s.period)], 1))
+        found.append(np.moveaxis(_correlated(whole, _taps(s.period), wanted), 2, 1))
     return np.concatenate(found, axis=2)
 
 
@@ -156,27 +165,26 @@ def _crossed(acceleration: Array, period: Array, gap: Array) -> Array:
     """
     x, v = gap * np.sign(acceleration[0]), np.zeros((len(gap), len(period)))
     found = np.empty((len(acceleration), *x.shape))
-    for n, a in enumerate(acceleration):
-        x = x + period * (v + 0.5 * period * a)
-        v = v + period * a
-        v[np.abs(x) >= gap] = 0.0
+    faster = period * acceleration
+    for n, change in enumerate(faster):
+        x += period * (v + 0.5 * change)
+        v += change
+        v *= np.abs(x) < gap
         np.clip(x, -gap, gap, out=x)
         found[n] = x
     return found
 
 
-def _taps(period: float) -> tuple[Array, Array, Array]:
-    """Weights of the smoothed value, first and second derivative."""
-    window = weights(period)
-    return (
-        window,
-        np.convolve(window, FIRST / period),
-        np.convolve(window, SECOND / period**2),
-    )
+@cache
+def _taps(period: float) -> Array:
+    """Weights of the smoothed value, first and second derivative, shape (n, 3)."""
+    window, beyond = weights(period), len(SECOND) // 2
+    first, second = np.convolve(window, FIRST / period), np.convolve(window, SECOND / period**2)
+    return np.column_stack([np.pad(window, beyond), first, second])
 
 
 def _correlated(x: Array, taps: Array, wanted: Indices) -> Array:
-    """Sums of samples and their neighbours times `taps`, shape (len(x), len(wanted))."""
+    """Sums of samples and their neighbours times `taps`, shape (len(x), len(wanted), n_taps)."""
     reach = len(taps) // 2
     at = np.clip(wanted[:, None] + np.arange(-reach, reach + 1), 0, x.shape[1] - 1)
     found: Array = x[:, at] @ taps

@@ -155,7 +155,7 @@ class _Rows:
 
     @cached_property
     def _driven(self) -> list[Driven]:
-        return [Driven.of(self.robot, self.p, s) for s in self.evidence.signals]
+        return Driven.of_all(self.robot, self.p, self.evidence.signals)
 
     def within_gap(self, axis: int, half_gaps: Sequence[float]) -> list[Array]:
         """Return the change of the torque by the backlash of an axis, of each half gap."""

@@ -21,6 +21,7 @@ from hil.estimation.condensed import groups, stack_axis
 from hil.friction.equation import FEWEST, LOAD, limit_or_reached
 from hil.least_squares.blocks import Blocks
 from hil.least_squares.solving import orthonormal
+from hil.least_squares.thinned import smooth_at
 from hil.model.base_parameters import base_parameters
 from hil.model.motors import motor_torque
 
@@ -293,12 +294,13 @@ def _part(
     some = slice(step // 2, None, step) if len(each.index) > step else slice(None)
     index = each.index[some]
     n_base = len(base_parameters(robot))
-    smooth = s.once("smooth motion", lambda: np.array([s.smoothed(x) for x in s.link]))
-    motion = np.stack([smooth[:, index + k] for k in (-1, 0, 1)])
+    near = np.concatenate([index - 1, index, index + 1])
+    smooth = smooth_at(near, np.hstack(s.link), s.period)
+    motion = smooth.reshape(3, len(index), 3, -1).swapaxes(1, 2)
     rate = np.zeros(len(index))
     if rates:
-        tau = s.smoothed(s.tau[:, [each.axis]])[:, 0]
-        rate = (tau[index + 1] - tau[index - 1]) / (2.0 * s.period)
+        before, _, after = smooth_at(near, s.tau[:, [each.axis]], s.period).reshape(3, -1)
+        rate = (after - before) / (2.0 * s.period)
     # of an axis at rest the change from one sample to the next is its encoder's noise
     rest = [k for k in range(robot.n_joints) if not s.moving(robot, k).any()]
     motion[..., rest] = motion[1][..., rest]

@@ -116,13 +116,15 @@ def recorded(
     begin: float,
 ) -> Recording:
     """One measurement as it is expected to be recorded."""
-    planned = forecast(measurement, period)
-    q, qd, qdd = planned.q, planned.qd, planned.qdd
     group = None
     if measurement.streamed:
-        n = len(q)
-        q, qd, qdd = (np.tile(x, (measurement.cycles, 1)) for x in (q, qd, qdd))
-        group = np.repeat(np.arange(measurement.cycles, dtype=np.int16), n)
+        # not one period several times: it need not be a whole number of samples
+        instants = np.arange(0.0, measurement.cycles * measurement.period, period)
+        q, qd, qdd = measurement.motion(instants)
+        group = (instants // measurement.period).astype(np.int16)
+    else:
+        planned = forecast(measurement, period)
+        q, qd, qdd = planned.q, planned.qd, planned.qdd
     walk = np.sqrt(noise.walk * period) * np.cumsum(rng.standard_normal(q.shape), axis=0)
     tau = inverse_dynamics(robot, p, q, qd, qdd) + motor_torque(robot, q, qd, qdd)
     tau = tau + np.sign(qd) * walk + noise.torque * rng.standard_normal(q.shape)

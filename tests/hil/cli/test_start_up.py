@@ -72,6 +72,16 @@ def test_the_help_loads_neither_numerics_nor_a_bus() -> None:
     assert not loaded & {*HEAVY, "pydantic"}
 
 
+def test_a_report_of_what_is_kept_loads_no_estimator() -> None:
+    asked = "import sys, hil.report.page; print(*sys.modules)"
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-c", asked], capture_output=True, text=True, check=True
+    )
+    loaded = set(done.stdout.split())
+    assert "hil.results.findings" in loaded
+    assert not loaded & {"hil.results.identification", "hil.results.load", "scipy.optimize"}
+
+
 def test_a_command_s_name_completes_without_any_command_s_module() -> None:
     words, loaded = completed("hil ide")
     assert words == ["identify"]

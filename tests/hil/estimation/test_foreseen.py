@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from hil.estimation.consistent.likely_bodies import sized_bodies
-from hil.estimation.excluded.foreseen import foreseen
+from hil.estimation.excluded.foreseen import foreseen, recorded
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.design.by_counts import design
 from hil.planning.measurement import Friction
 from hil.planning.prediction.noise import stated_noise
 from hil.planning.prediction.precision import whole_range
+from hil.planning.trajectory import Trajectory
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +56,21 @@ def test_a_plan_without_parameters_excludes_nothing(plan, manutec):
     )
     only = plan.model_copy(update={"measurements": (sweep,)})
     assert foreseen(only, manutec, stated_noise(manutec), sized_bodies(manutec)) is None
+
+
+@pytest.mark.parametrize("samples", [500.0, 500.575])
+def test_a_trajectory_passes_from_period_to_period_without_a_jump(manutec, samples):
+    period = 0.004
+    waves = {"sine": ((0.2,),) * 6, "cosine": ((0.0,),) * 6}
+    trajectory = Trajectory(id="t", q=(0.0,) * 6, period=samples * period, cycles=3, **waves)
+    made = recorded(
+        manutec, trajectory, period, replace(stated_noise(manutec), rounding=None),
+        sized_bodies(manutec), np.random.default_rng(0), 0.0,
+    )  # fmt: skip
+    accelerations = np.diff(made.q, n=2, axis=0) / period**2
+    most = np.abs(trajectory.motion(made.time)[2]).max()
+    assert np.abs(accelerations).max() == pytest.approx(most, rel=0.01)
+    assert np.unique(made.group).tolist() == [0, 1, 2]
 
 
 def test_bodies_are_expected_as_heavy_as_the_drives_can_move(manutec):
