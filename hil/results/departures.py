@@ -108,19 +108,19 @@ class Departures(NamedTuple):
 def departures(fleet: Fleet, rate: float) -> Departures:
     """Test the newest run of each machine, with `rate` false alarms a machine in ten years."""
     starts = np.searchsorted(fleet.machine, np.arange(len(fleet.machines)))
-    ends = np.append(starts[1:], len(fleet.machine))
+    count = np.diff(np.append(starts, len(fleet.machine)))
     level = min(rate / runs_in_ten_years(fleet), 1.0)
     place = np.arange(len(fleet.machine)) - starts[fleet.machine]
-    left = ends[fleet.machine] - 1 - place - starts[fleet.machine]
-    newest = left < NEWEST
+    # of few runs the newer half, so that something is left to compare with
+    newest = place >= (count - np.clip(count // 2, 1, NEWEST))[fleet.machine]
     first = (place < FIRST) & ~newest
     value, by_temperature = _without_temperature(fleet, first, newest)
     new, new_error, allowance, n_new = _means(fleet, value, newest)
     old, old_error, _, n_old = _means(fleet, value, first)
     run, n_runs = _repeatability(value, fleet.machine)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         of_runs = np.hypot(run * np.sqrt(1.0 / n_new + 1.0 / n_old), by_temperature)
-    stated = np.hypot(new_error, old_error)
+    stated = np.hypot(np.hypot(new_error, old_error), by_temperature)
     own = _test(new - old, of_runs, n_runs, stated, allowance)
     unknown = np.full(new.shape, np.nan)
     peers = _test(new, unknown, np.zeros_like(n_runs), unknown, allowance)
@@ -181,13 +181,13 @@ def _without_temperature(fleet: Fleet, first: Mask, newest: Mask) -> tuple[Array
         if len(by_axis) < FEWEST:
             return value, error
         known = np.isfinite(by_axis).sum(axis=0) >= FEWEST
-        common = np.where(known, np.nanmedian(by_axis, axis=0), 0.0)
-    common = np.where(np.abs(common) <= GREATEST, common, 0.0)[:, np.newaxis]
+        common = np.where(known, np.nanmedian(by_axis, axis=0), np.nan)
+    common = np.where(np.abs(common) > GREATEST, 0.0, common)[:, np.newaxis]
     # b by successive runs of a machine, which slow wear leaves alone, and 1 +- UNLIKE / 2 before
     same = np.diff(fleet.machine, append=-1) == 0
     steps = np.diff(share, axis=0, append=np.nan)
     of_common = np.diff(common, axis=0, append=np.nan)
-    used = same[:, np.newaxis] & np.isfinite(steps)
+    used = same[:, np.newaxis] & np.isfinite(steps) & np.isfinite(of_common)
     noise = _median(np.where(used, steps - of_common, np.nan) ** 2) / MEDIAN_SQUARE
     noise = np.fmax(noise, np.finfo(float).tiny)
     prior = (UNLIKE / 2) ** -2

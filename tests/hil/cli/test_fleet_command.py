@@ -1,0 +1,93 @@
+"""`hil fleet`: the index is added to, never read twice, and asked."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from free_run import arm
+from stated_model import stated_model
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from command_line import Hil
+
+pytest.importorskip("duckdb")
+pytest.importorskip("pyarrow")
+
+
+@pytest.fixture
+def plants(tmp_path: Path) -> Path:
+    """Two machines with three runs each; the last run of machine b has another p2."""
+    model = stated_model(arm(), friction=("offset", "Coulomb", "viscous"))
+    for machine in "ab":
+        for month in (1, 2, 3):
+            shift = (machine == "b" and month == 3) * 0.5 * np.eye(len(model.values))[1]
+            shift = shift + 1e-4 * month
+            about = {"measured": f"2026-{month:02}-01T08:00:00+00:00"}
+            folder = tmp_path / "plants" / machine / f"run-{month}"
+            folder.mkdir(parents=True)
+            provenance = model.provenance.model_copy(update=about)
+            moved = replace(model, values=model.values + shift, provenance=provenance)
+            moved.save(folder / "model.yaml")
+    return tmp_path / "plants"
+
+
+def test_only_new_models_are_read_into_an_index(hil: Hil, plants: Path, tmp_path: Path) -> None:
+    index = tmp_path / "fleet.parquet"
+    assert "6 runs added" in hil("fleet", "index", plants, "-o", index)[1]
+    assert "0 runs added" in hil("fleet", "index", plants, "-o", index)[1]
+    (plants / "b" / "run-3" / "model.yaml").touch()
+    status, out, _ = hil("fleet", "index", plants, "-o", index, "--json")
+    assert (status, json.loads(out)["added"], json.loads(out)["known"]) == (0, 1, 5)
+
+
+def test_a_machine_that_changed_is_named_with_what_it_may_come_from(
+    hil: Hil, plants: Path, tmp_path: Path
+) -> None:
+    index, page = tmp_path / "fleet.parquet", tmp_path / "fleet.html"
+    hil("fleet", "index", plants, "-o", index)
+    status, out, _ = hil("fleet", "query", index)
+    assert status == 0
+    assert "1 of 2 machines departed: b" in out
+    assert "counterweight" in out
+    assert hil("fleet", "page", index, "-o", page)[0] == 0
+    assert "fleet, median" in page.read_text(encoding="utf-8")
+
+
+def test_a_run_identified_anew_takes_the_place_of_its_earlier_model(
+    hil: Hil, plants: Path, tmp_path: Path
+) -> None:
+    index, run = tmp_path / "fleet.parquet", plants / "b" / "run-3" / "model.yaml"
+    hil("fleet", "index", plants, "-o", index)
+    run.write_text(
+        (plants / "b" / "run-2" / "model.yaml").read_text("utf-8").replace("2026-02", "2026-03"),
+        "utf-8",
+    )
+    hil("fleet", "index", plants, "-o", index)
+    assert "none of 2 machines departed" in hil("fleet", "query", index)[1]
+
+
+def test_a_damaged_model_is_left_out_with_its_reason(
+    hil: Hil, plants: Path, tmp_path: Path
+) -> None:
+    (plants / "a" / "run-1" / "model.yaml").write_text("format: 1\n")
+    status, out, err = hil("fleet", "index", plants, "-o", tmp_path / "fleet.parquet")
+    assert status != 0
+    assert "5 runs added" in out + err
+    assert "left out: " in out + err
+
+
+def test_a_folder_without_models_and_an_index_that_is_none_are_refused(
+    hil: Hil, tmp_path: Path
+) -> None:
+    status, _, err = hil("fleet", "index", tmp_path, "-o", tmp_path / "fleet.parquet")
+    assert status != 0
+    assert "hil identify RUN" in err
+    status, _, err = hil("fleet", "query", tmp_path / "none.parquet")
+    assert status != 0
+    assert "hil fleet index FOLDER" in err
