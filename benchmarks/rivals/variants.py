@@ -181,6 +181,7 @@ def estimate_of(robot: Robot, data: Stacked, variant: Variant, name: str) -> Est
         condition={"all": found.condition},
         local=(),
         left_out=(),
+        friction_law=FrictionLaw.absent(robot.n_joints),
         load_friction=_load_friction(found, variant, n) if variant.load else None,
     )
 

@@ -189,9 +189,10 @@ def history_of(
             " changes; identify all with the same one: hil identify RUN --method"
             f" {runs[0].model.method!r}"
         )
-    if any(run.model.friction_law is None for run in runs):
+    if not all(run.model.friction_law.known for run in runs):
         notes.append(
-            "models of earlier versions know no friction; identify these runs anew to compare it"
+            "models of earlier versions, and of few measurements, know no friction; identify these"
+            " runs anew to compare it, or measure them more often"
         )
     for k, run in enumerate(runs):
         # the reference and the run before

@@ -199,7 +199,8 @@ def validate(
     recorded = Pooled([run])
     left = band_residual(model, recorded)
     # what the axes went through matters to models that know what theirs had gone through
-    past = None if model.friction else history(model.robot, recorded)
+    free = isinstance(model.details, FreeMotionFit)
+    past = None if free else history(model.robot, recorded)
     return scored(model, predicted_torques(model, recorded, past), left, accuracy, past)
 
 
@@ -316,7 +317,7 @@ def _uncovered(
     past : History or None
         What the axes went through.
     """
-    law = model.friction_law.axes[axis] if model.friction_law else None
+    law = model.friction_law.axes[axis]
     if law is None:
         return ""
     low, high = law.speeds or (0.0, law.speed)

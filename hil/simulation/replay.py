@@ -319,7 +319,7 @@ def _drive(
     if controller is not None:
         wanted = set_points(motion, recording)
         return Drive(time, 0.0 * tau, q if wanted is None else wanted[fresh], *controller)
-    lag = none if model.friction is None else processing_of(model).lag
+    lag = [each.value for each in model.details.lag] or none
     columns = zip(lag, tau.T, strict=True)
     torque = np.column_stack([np.interp(time + late, time, column) for late, column in columns])
     return Drive(time, torque, q, none, none)

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, ClassVar
+
 from checked_files.yaml_file import FileModel
 from hil.friction.law import TermValue
+
+if TYPE_CHECKING:
+    from hil.estimation.free_motion.result import GainValue
 
 
 class CurvePoint(FileModel):
@@ -92,6 +97,9 @@ class BackAndForthFit(FileModel):
     not_identified: tuple[str, ...]
     combinations: tuple[Combination, ...]
     remarks: tuple[str, ...]
+    gains: ClassVar[tuple[GainValue, ...]] = ()
+    lag: ClassVar[tuple[TermValue, ...]] = ()
+    compliance: ClassVar[dict[int, TermValue]] = {}
 
     def sum_of(self, name: str) -> str:
         """Sum that was identified in place of a parameter; empty where it is the parameter."""
