@@ -22,6 +22,7 @@ import numpy as np
 from hil.errors import NotEnoughData
 from hil.estimation.drive_train import LoadFriction
 from hil.estimation.estimate import Estimate
+from hil.friction.law import FrictionLaw
 from hil.planning.measurement import select_kind
 from hil.planning.trajectory import Trajectory
 
@@ -181,6 +182,7 @@ def estimate_of(robot: Robot, data: Stacked, variant: Variant, name: str) -> Est
         condition={"all": found.condition},
         local=(),
         left_out=(),
+        friction_law=FrictionLaw.absent(robot.n_joints),
         load_friction=_load_friction(found, variant, n) if variant.load else None,
     )
 

@@ -23,12 +23,13 @@ from hil.results.model import Model
 from hil.results.provenance import same_recordings
 from hil.results.quantities import quantities, reading
 from hil.results.tables import excluded
+from hil.results.tables.changes import changed_table
 from hil.runs.journal import now
 from hil.runs.pooling import Pooled
 from hil.runs.run import Run
 from hil.show.charts.chart import MEASURED, MODEL, MUTED, Chart, Panel, Points, chart
 from hil.show.outcome import Outcome, Verdict
-from hil.show.rounding import probability, signed, significant, uncertain, unit
+from hil.show.rounding import signed, uncertain, unit
 from hil.show.section import Plot
 from hil.show.table import Column, Marked, Table, figures, table
 
@@ -189,9 +190,10 @@ def history_of(
             " changes; identify all with the same one: hil identify RUN --method"
             f" {runs[0].model.method!r}"
         )
-    if any(run.model.friction_law is None for run in runs):
+    if not all(run.model.friction_law.known for run in runs):
         notes.append(
-            "models of earlier versions know no friction; identify these runs anew to compare it"
+            "models of earlier versions, and of few measurements, know no friction; identify these"
+            " runs anew to compare it, or measure them more often"
         )
     for k, run in enumerate(runs):
         # the reference and the run before
@@ -436,32 +438,6 @@ def _cells(read: Reading | None) -> tuple[str, str]:
     if read is None:
         return "not identified", ""
     return uncertain(read.value, read.half_width)
-
-
-def changed_table(changes: Sequence[Change], title: str = "What changed", of: str = "run") -> Table:
-    """Return the table of significant changes; no rows without any."""
-    return table(
-        title,
-        (
-            *(Column(head, folds=True) for head in (of, "since", "quantity")),
-            *figures("change", "± 95 %"),
-            "unit",
-            *figures("change, %", "p"),
-            Column("may come from", folds=True),
-        ),
-        map(_change, changes),
-        "The interval holds by how much temperature may move friction; p is the probability of"
-        " such a change by chance, for all tests of the run together (Holm).",
-    )
-
-
-def _change(each: Change) -> Row:
-    share = "" if each.relative is None else signed(significant(100 * each.relative, 2))
-    size, half = uncertain(each.size, each.half_width)
-    return (
-        each.run, each.against, each.quantity.title, size, half, unit(each.quantity.unit), share,
-        probability(each.adjusted), each.meaning,
-    )  # fmt: skip
 
 
 _CAPTION = "Values with intervals of 95 %, thin lines with what temperature may add to friction."

@@ -22,6 +22,7 @@ from hil.estimation.back_and_forth.solution import solve
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.intervals import MANY
 from hil.estimation.options import DEFAULTS
+from hil.friction.law import FrictionLaw
 from hil.model.base_parameters import base_parameters
 
 if TYPE_CHECKING:
@@ -86,7 +87,8 @@ def fit_back_and_forth(
         local=(),
         left_out=tuple(left_out),
         n_measurements=len(recordings),
-        back_and_forth=BackAndForthFit(
+        friction_law=FrictionLaw.absent(robot.n_joints),
+        details=BackAndForthFit(
             cut_off=(min(cut_offs), max(cut_offs)),
             cut_off_reason=recordings[0].cut_off_reason,
             pairs=sum(len(each.pairs) for each in recordings),

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hil.estimation.fit_details import NO_DETAILS, FitDetails
 from hil.estimation.intervals import half_width
 from hil.least_squares.uncertainty import correlation_of
 
 if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.back_and_forth.description import HalfSums
-    from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.drive_train import DriveTrain, LoadFriction
-    from hil.estimation.free_motion.result import FreeMotionFit, GainValue
+    from hil.estimation.free_motion.result import GainValue
     from hil.estimation.intervals import Edge
     from hil.estimation.local_values import LocalValue
     from hil.estimation.simultaneous import Joint
@@ -64,6 +64,8 @@ class Estimate:
     left_out : tuple of LeftOut
     n_measurements : int
         Measurements behind the estimate.
+    friction_law : FrictionLaw
+        Friction over all recordings; unknown of all axes where the method looks for no law.
     drive_train : DriveTrain, optional
         By how much each axis's torque was read late and its gear gives way, which is compensated;
         None where the method takes the torque as it was read and gears for rigid.
@@ -71,16 +73,12 @@ class Estimate:
         Friction that grows with the transmitted torque; None where the method knows of none.
     gains : tuple of GainValue
         That the maps of imports left unknown, found together with what was measured here.
-    free : FreeMotionFit, optional
-        Friction and settings, where free motions were identified.
-    back_and_forth : BackAndForthFit, optional
-        Friction's curves and settings, where axes moved back and forth by themselves.
+    details : FreeMotionFit, BackAndForthFit or MeasurementFit
+        Settings and what else was found, by the kind of recordings.
     half_sums : tuple of HalfSums
         Step 1 of these: the torque of the rigid bodies over the positions of each recording.
     combination : ndarray, shape (n_base, n_base), optional
         ``combination @ truth`` is what `p` stands for; None where that is each parameter itself.
-    friction_law : FrictionLaw, optional
-        Friction over the whole campaign, where the improved method found it.
     prior_share : ndarray, shape (n_base,), optional
         Part of each variance by the data from what they leave open and a prior decides, where one
         was given (`hil.estimation.prior`).
@@ -105,13 +103,12 @@ class Estimate:
     local: tuple[LocalValue, ...]
     left_out: tuple[LeftOut, ...]
     n_measurements: int
+    friction_law: FrictionLaw
     drive_train: DriveTrain | None = None
     load_friction: LoadFriction | None = None
-    free: FreeMotionFit | None = None
-    back_and_forth: BackAndForthFit | None = None
+    details: FitDetails = NO_DETAILS
     half_sums: tuple[HalfSums, ...] = ()
     combination: Array | None = None
-    friction_law: FrictionLaw | None = None
     gains: tuple[GainValue, ...] = ()
     prior_share: Array | None = None
     joint: Joint | None = None

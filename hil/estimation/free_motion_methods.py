@@ -126,6 +126,29 @@ def estimate_from(
     plain = solve(robot, products, classical, "least squares", visited, options).fit
     fit, n = solution.fit, len(gathered.first)
     left = Residuals.of(gathered, products, fit)
+    details = FreeMotionFit(
+        cut_off=processing.cut_off,
+        band=processing.band,
+        cut_off_reason=gathered.reasons.cut_off,
+        dead_zone=dead_zone(choice),
+        recorded_velocity=tuple(int(k) + 1 for k in np.flatnonzero(processing.recorded_velocity)),
+        velocity_reasons=gathered.reasons.velocities,
+        axes=axis_friction(fit, plain, gathered, products),
+        coupled=coupled_friction(robot, fit),
+        relative_residual=left.relative,
+        overall_residual=left.overall,
+        naive_residual=left.naive,
+        blocks=products.n_pieces,
+        still=tuple(axis + 1 for axis in found.still),
+        driving=driving_axes(fit),
+        unusual=tuple(axis + 1 for axis in solution.unusual),
+        bias_test=bias_test(robot, gathered.stretches, scaling, choice, gathered.first),
+        least_inertia=least_inertia(robot, fit.x[:n], visited),
+        remarks=remarks(robot, products, solution, found, plain.condition, left.torque),
+        gains=found_gains(robot, scaling, fit),
+        lag=torque_lags(gathered),
+        compliance=compliances(robot, processing.soft, fit),
+    )
     return Estimate(
         method=name,
         p=fit.x[:n],
@@ -141,29 +164,6 @@ def estimate_from(
         n_measurements=found.n_recordings,
         prior_share=solution.prior_share,
         edges=gathered.edges,
-        free=FreeMotionFit(
-            cut_off=processing.cut_off,
-            band=processing.band,
-            cut_off_reason=gathered.reasons.cut_off,
-            dead_zone=dead_zone(choice),
-            recorded_velocity=tuple(
-                int(k) + 1 for k in np.flatnonzero(processing.recorded_velocity)
-            ),
-            velocity_reasons=gathered.reasons.velocities,
-            axes=axis_friction(fit, plain, gathered, products),
-            coupled=coupled_friction(robot, fit),
-            relative_residual=left.relative,
-            overall_residual=left.overall,
-            naive_residual=left.naive,
-            blocks=products.n_pieces,
-            still=tuple(axis + 1 for axis in found.still),
-            driving=driving_axes(fit),
-            unusual=tuple(axis + 1 for axis in solution.unusual),
-            bias_test=bias_test(robot, gathered.stretches, scaling, choice, gathered.first),
-            least_inertia=least_inertia(robot, fit.x[:n], visited),
-            remarks=remarks(robot, products, solution, found, plain.condition, left.torque),
-            gains=found_gains(robot, scaling, fit),
-            lag=torque_lags(gathered),
-            compliance=compliances(robot, processing.soft, fit),
-        ),
+        friction_law=details.law,
+        details=details,
     )

@@ -40,6 +40,7 @@ from hil.estimation.signals import signals
 from hil.estimation.simultaneous import Joint, SimultaneousFit
 from hil.estimation.two_step import TwoStep
 from hil.friction.equation import place
+from hil.friction.law import FrictionLaw
 from hil.least_squares.balance import Kind, balance, propagate
 from hil.least_squares.uncertainty import effective_degrees, jackknife
 from hil.model.base_parameters import base_parameters
@@ -278,6 +279,7 @@ def estimate_of(
         local=local,
         left_out=left_out,
         n_measurements=n_measurements,
+        friction_law=FrictionLaw.absent(robot.n_joints),
     )
 
 

@@ -49,7 +49,7 @@ def write_json(model: Model, origin: tuple[str, ...]) -> Exported:
         "joints": [_json_joint(model, axis) for axis in range(model.robot.n_joints)],
         "base_parameters": _json_parameters(model),
         "covariance": model.covariance.tolist(),
-        "friction": None if law is None else law.model_dump(mode="json"),
+        "friction": law.model_dump(mode="json") if law.known else None,
     }
     return Exported({"model.json": json.dumps(content, indent=2, allow_nan=False) + "\n"})
 

@@ -259,11 +259,10 @@ class _Equations:
     def _turned(self, q: Vector, before: Vector, *directions: Vector) -> list[Vector]:
         """Directions after a step, over the presliding distances, longer and shorter ones."""
         graph, law = self._graph, self._model.friction_law
-        axes = law.axes if law is not None else (None,) * len(q)
         found: list[Vector] = []
         for factor, old in zip((1.0, STEP, 1.0 / STEP), directions, strict=True):
             found.append([])
-            for own, now, then, z in zip(axes, q, before, old, strict=True):
+            for own, now, then, z in zip(law.axes, q, before, old, strict=True):
                 if own is None or not own.presliding:
                     found[-1].append(graph.number(0.0))
                     continue

@@ -170,10 +170,9 @@ def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -
 
 def presliding_left_out(model: Model, where: str = "") -> tuple[str, ...]:
     """Return axes with presliding, for a format in which friction reverses at once; `where` too."""
-    law = model.friction_law
     axes = [
         f"axis {axis} over {significant(own.presliding, 2)} {model.robot.position_unit(axis - 1)}"
-        for axis, own in enumerate(() if law is None else law.axes, start=1)
+        for axis, own in enumerate(model.friction_law.axes, start=1)
         if own is not None and own.presliding
     ]
     return (f"presliding is left out{where}: {', '.join(axes)}",) if axes else ()

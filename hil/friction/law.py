@@ -234,6 +234,16 @@ class FrictionLaw(FileModel):
     axes: tuple[AxisLaw | None, ...]
     coupled: tuple[CoupledFriction, ...] = ()
 
+    @classmethod
+    def absent(cls, n_joints: int) -> FrictionLaw:
+        """Return the law of joints of unknown friction."""
+        return cls(axes=(None,) * n_joints)
+
+    @property
+    def known(self) -> bool:
+        """Whether friction of any axis is known."""
+        return any(self.axes)
+
     @property
     def unknown(self) -> tuple[int, ...]:
         """Axes of unknown friction, from 1."""

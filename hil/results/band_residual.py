@@ -108,8 +108,8 @@ def _motions(
 
     Of its samples those count that are `used`, shape (n_recorded,).
     """
-    if model.friction_law is not None:  # of other axes it is not asked for
-        model = replace(model, friction_law=model.friction_law.restricted(axes))
+    # friction of other axes would be predicted for nothing
+    model = replace(model, friction_law=model.friction_law.restricted(axes))
     whole = np.flatnonzero(np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(1))
     time = recording.time[whole]
     if len(whole) < 2:

@@ -27,6 +27,7 @@ import numpy as np
 
 from checked_files.yaml_file import FileModel
 from hil.errors import FileError, NotEnoughData, NotIdentifiable
+from hil.estimation.fit_details import MeasurementFit
 from hil.estimation.identify import JOINT
 from hil.estimation.options import DEFAULTS
 from hil.results.provenance import RunStamp
@@ -155,7 +156,7 @@ def follow_from(
     from hil.results.prediction import effect_of_errors  # noqa: PLC0415
 
     robot, estimate, model, check = run.robot, found.estimate, found.model, None
-    if model.friction is not None or model.back_and_forth is not None:
+    if not isinstance(model.details, MeasurementFit):
         return Findings(estimate, model)
     if model.method == "improved":
         with suppress(NotIdentifiable, NotEnoughData):

@@ -74,7 +74,7 @@ class ModelFit(ByName):
         estimate, model = self.estimate, self.model
         rows = zip(model.names, estimate.p, estimate.standard_error, strict=True)
         found = {name: (float(value), float(error)) for name, value, error in rows}
-        for axis, law in enumerate(model.friction_law.axes if model.friction_law else (), start=1):
+        for axis, law in enumerate(model.friction_law.axes, start=1):
             for term, each in (law.terms if law else {}).items():
                 found[f"axis {axis} {term}"] = each.value, each.standard_error
         if (train := estimate.drive_train) is not None:
@@ -83,12 +83,11 @@ class ModelFit(ByName):
                 if train.soft[axis]:
                     pair = train.compliance[axis], train.compliance_error[axis]
                     found[f"axis {axis + 1} compliance"] = float(pair[0]), float(pair[1])
-        if estimate.free is not None:
-            for axis, lag in enumerate(estimate.free.lag, start=1):
-                found[f"axis {axis} lag"] = lag.value, lag.standard_error
-            for axis, soft in estimate.free.compliance.items():
-                found[f"axis {axis} compliance"] = soft.value, soft.standard_error
-        for gain in (*estimate.gains, *(estimate.free.gains if estimate.free else ())):
+        for axis, lag in enumerate(estimate.details.lag, start=1):
+            found[f"axis {axis} lag"] = lag.value, lag.standard_error
+        for axis, soft in estimate.details.compliance.items():
+            found[f"axis {axis} compliance"] = soft.value, soft.standard_error
+        for gain in (*estimate.gains, *estimate.details.gains):
             found[f"axis {gain.axis} gain"] = gain.value, gain.standard_error
         return found
 
@@ -219,7 +218,8 @@ def identified(
             found = estimate(run.robot, campaign, method or method_for(run, others)[0], options)
         except (NotIdentifiable, NotEnoughData) as error:
             raise _with_cause(error, proved(run.robot, campaign)) from error
-    if found.free is None and found.friction_law is None:
+    if found.drive_train is None and not found.friction_law.known:
+        # neither free motions nor the improved method, which have looked for laws themselves
         prepared = prepared_for(run.robot, found, campaign)
         # limits, stated or reached, decide which samples a law of friction is chosen by
         robot, past = with_reached_limits(run.robot, prepared), None
@@ -270,9 +270,8 @@ def model_of(
         provenance=_provenance(run, found, others),
         local=found.local,
         error_budget=error_budget(found, run.robot),
-        friction=found.free,
-        back_and_forth=found.back_and_forth,
-        friction_law=found.free.law if found.free else found.friction_law,
+        friction_law=found.friction_law,
+        details=found.details,
         torque_effect=found.effect[:, : run.robot.n_joints],
         excluded=proof,
         edges=found.edges,

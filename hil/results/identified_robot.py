@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import InvalidArray, Mismatch, NotEnoughData
+from hil.estimation.fit_details import NO_DETAILS, FitDetails
 from hil.estimation.intervals import half_width
 from hil.friction.law import friction_torque, friction_variance
 from hil.least_squares.regression import ByName
@@ -23,10 +24,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from hil.arrays import Array, Mask
-    from hil.estimation.back_and_forth.result import BackAndForthFit
     from hil.estimation.consistent.result import ConsistentRobot
     from hil.estimation.excluded.result import ErrorTerm, Excluded
-    from hil.estimation.free_motion.result import FreeMotionFit
     from hil.estimation.intervals import Edge
     from hil.estimation.local_values import LocalValue
     from hil.estimation.prior import FromPrior
@@ -58,21 +57,20 @@ class IdentifiedRobot(ByName):
         Condition number of each group's observation matrix, or of all parameters' (``"all"``).
     provenance : Provenance
         Run, plan, method and version behind it.
+    friction_law : FrictionLaw
+        Friction that the drives have to overcome, whatever the method; unknown of all axes where
+        the model was read from a file of a version that found none.
     local : tuple of LocalValue
         Each measurement by itself, as the two-step methods take it, with its friction at its time;
         empty for a conventional method, and of a file of an earlier version.
     error_budget : tuple of ErrorTerm
         Causes of error, the largest first; empty where nothing but noise matters.
-    friction : FreeMotionFit, optional
-        Friction of each axis and what was chosen, where free motions were identified.
-    back_and_forth : BackAndForthFit, optional
-        Friction of each axis as a curve over its speed, and which parameters were not identified,
-        where axes moved back and forth by themselves.
+    details : FreeMotionFit, BackAndForthFit or MeasurementFit
+        Settings and what else was found, by the kind of recordings: of free motions cut-off, lags,
+        gears and gains; of axes that moved back and forth alone friction as a curve over the speed,
+        and parameters that were not identified.
     verdict : Judgement, optional
         What the identification is worth; None of a model that no version of this has judged.
-    friction_law : FrictionLaw, optional
-        Friction that the drives have to overcome, whatever the method; None where the model was
-        read from a file of a version that found none.
     validations : tuple of KeptJudgement
         What the model was worth on other recordings.
     consistent : ConsistentRobot, optional
@@ -102,12 +100,11 @@ class IdentifiedRobot(ByName):
     residual: Array
     condition: dict[str, float]
     provenance: Provenance
+    friction_law: FrictionLaw
     local: tuple[LocalValue, ...] = ()
     error_budget: tuple[ErrorTerm, ...] = ()
-    friction: FreeMotionFit | None = None
-    back_and_forth: BackAndForthFit | None = None
+    details: FitDetails = NO_DETAILS
     verdict: Judgement | None = None
-    friction_law: FrictionLaw | None = None
     validations: tuple[KeptJudgement, ...] = ()
     consistent: ConsistentRobot | None = None
     torque_effect: Array | None = None
@@ -164,14 +161,12 @@ class IdentifiedRobot(ByName):
     @property
     def identified(self) -> Mask:
         """Which of `values` were identified, shape (n_base,); the others are zero."""
-        lost = () if self.back_and_forth is None else self.back_and_forth.not_identified
-        return np.array([name not in lost for name in self.names])
+        return np.array([name not in self.details.not_identified for name in self.names])
 
     @property
     def axes_without_friction(self) -> tuple[int, ...]:
         """Axes, from 1, whose friction is unknown: `predict` lacks it there, intervals are NaN."""
-        law = self.friction_law
-        return tuple(range(1, self.robot.n_joints + 1)) if law is None else law.unknown
+        return self.friction_law.unknown
 
     @property
     def standard_errors(self) -> Array:
@@ -282,15 +277,16 @@ def known_friction(model: IdentifiedRobot, *, of_all: bool = False) -> FrictionL
     Raises
     ------
     NotEnoughData
-        It has none; or, where it must be `of_all` axes, none of some.
+        Friction of all axes is unknown; or, where it must be `of_all` axes, of some.
     """
     law = model.friction_law
-    if law is None:
+    if not law.known:
         raise NotEnoughData(
-            f"the model of {model.robot.name} has no law of friction: take parts={PARTS[:2]}, or"
-            " identify the run anew with: hil identify"
+            f"the model of {model.robot.name} has no law of friction: take parts={PARTS[:2]},"
+            f" measure each axis {FOR_A_LAW} times or more (hil plan --refine RUN), or identify the"
+            " run anew with: hil identify"
         )
-    if law.unknown and (of_all or len(law.unknown) == len(law.axes)):
+    if of_all and law.unknown:
         raise NotEnoughData(f"the model of {model.robot.name}: {lacking(model)}")
     return law
 
@@ -315,10 +311,11 @@ def friction_alone(
 def lacking(model: IdentifiedRobot) -> str:
     """State which axes have no law of friction, why, and the remedy; empty where all have one."""
     axes = model.axes_without_friction
-    if model.friction_law is None or not axes:
+    if not axes:
         return ""
     return (
         f"no law of friction of axis {', '.join(map(str, axes))}, which fewer than {FOR_A_LAW}"
-        " measurements moved: measure it more often (hil plan --refine RUN) and identify both runs"
+        " measurements moved, or an earlier version identified: measure it more often"
+        " (hil plan --refine RUN) and identify both runs"
         " together (hil identify RUN --with MORE)"
     )

@@ -114,8 +114,6 @@ class BareRun:
         """
         robot, law = self.run.robot, self.estimate.friction_law
         unknown: Array = unknown_share * robot.torque_limit
-        if law is None:
-            return unknown
         qd = np.outer((0.1, 0.5, 1.0, -0.1, -0.5, -1.0), robot.velocity_limit)
         still = np.zeros_like(qd)
         highest: Array = np.abs(friction_torque(robot, law, still, qd, still)).max(axis=0)

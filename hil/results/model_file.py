@@ -9,6 +9,7 @@ degrees of freedom that explain them.
 
 from __future__ import annotations
 
+from dataclasses import fields
 from functools import lru_cache
 from math import isclose
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -22,6 +23,7 @@ from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, r
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.consistent.result import ConsistentRobot
 from hil.estimation.excluded.result import ErrorTerm, Excluded
+from hil.estimation.fit_details import MeasurementFit
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import MANY, Edge, degrees_behind
 from hil.estimation.local_values import LocalValue
@@ -29,6 +31,7 @@ from hil.estimation.prior import FromPrior
 from hil.friction.law import FrictionLaw
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot, parse_robot
+from hil.results.identified_robot import IdentifiedRobot
 from hil.results.judgement import Judgement, KeptJudgement
 from hil.results.provenance import Provenance
 from hil.results.residual import BandResidual
@@ -37,15 +40,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hil.arrays import Array
-    from hil.results.identified_robot import IdentifiedRobot
 
 
 NAME = "model.yaml"
-_AS_IDENTIFIED = (
-    "provenance", "condition", "error_budget", "friction", "back_and_forth", "verdict",
-    "validations", "consistent", "excluded", "prior", "edges", "band_residual",
-)  # fmt: skip
-"""Fields that the file holds as the model does."""
 
 
 class Parameter(FileModel):
@@ -183,18 +180,22 @@ class ModelFile(FileModel):
                 zip(model.values.tolist(), model.identified.tolist(), strict=True)
             )
         )
-        return cls(
-            parameters=parameters,
-            covariance=_rows(model.covariance),
-            drive_covariance=_rows(model.drive_covariance),
-            degrees_of_freedom=tuple(model.degrees_of_freedom.tolist()),
-            residual=tuple(None if np.isnan(r) else float(r) for r in model.residual),
-            friction_law=None if model.friction else model.friction_law,
-            robot_file=model.robot.text,
-            local=tuple(map(LocalRecord.of, model.local)),
-            torque_effect=None if model.torque_effect is None else _rows(model.torque_effect),
-            **{name: getattr(model, name) for name in _AS_IDENTIFIED},
-        )
+        details = model.details
+        free = isinstance(details, FreeMotionFit)
+        own: dict[str, Any] = {
+            "parameters": parameters,
+            "covariance": _rows(model.covariance),
+            "drive_covariance": _rows(model.drive_covariance),
+            "degrees_of_freedom": tuple(model.degrees_of_freedom.tolist()),
+            "residual": tuple(None if np.isnan(r) else float(r) for r in model.residual),
+            "friction": details if free else None,
+            "back_and_forth": details if isinstance(details, BackAndForthFit) else None,
+            "friction_law": None if free else model.friction_law,
+            "robot_file": model.robot.text,
+            "local": tuple(map(LocalRecord.of, model.local)),
+            "torque_effect": None if model.torque_effect is None else _rows(model.torque_effect),
+        }
+        return cls(**_common(model) | own)
 
     def identified(self, path: Path) -> dict[str, Any]:
         """Fields of `IdentifiedRobot` by name, of the model in the file at `path`.
@@ -207,8 +208,10 @@ class ModelFile(FileModel):
         total = np.array(self.covariance)
         stated, degrees = self.drive_covariance, self.degrees_of_freedom
         drives = np.zeros_like(total) if stated is None else np.array(stated)
-        return {
-            "robot": self._robot(path),
+        robot = self._robot(path)
+        law = self.friction.law if self.friction else self.friction_law
+        return _common(self) | {
+            "robot": robot,
             "values": np.array([parameter.value for parameter in self.parameters]),
             "scatter_covariance": total - drives,
             "drive_covariance": drives,
@@ -219,9 +222,9 @@ class ModelFile(FileModel):
             ),
             "residual": np.array([np.nan if r is None else r for r in self.residual]),
             "local": tuple(each.local() for each in self.local),
-            "friction_law": self.friction.law if self.friction else self.friction_law,
+            "friction_law": law or FrictionLaw.absent(robot.n_joints),
+            "details": self.friction or self.back_and_forth or MeasurementFit(),
             "torque_effect": None if self.torque_effect is None else np.array(self.torque_effect),
-            **{name: getattr(self, name) for name in _AS_IDENTIFIED},
         }
 
     def _robot(self, path: Path) -> Robot:
@@ -238,11 +241,8 @@ class ModelFile(FileModel):
 
     def text(self) -> str:
         """As YAML, the robot file as a block of its own."""
-        optional = (
-            "friction", "back_and_forth", "friction_law", "verdict", "validations", "consistent",
-            "torque_effect", "excluded", "prior", "band_residual", "local",
-        )  # fmt: skip
-        absent = {name for name in optional if not getattr(self, name)}
+        absent = {name for name, value in self if value is None}
+        absent |= {name for name in ("validations", "local") if not getattr(self, name)}
         content = self.model_dump(mode="json", exclude=absent)
         if "local" in content:
             content["local"] = [_OneLine(each) for each in content["local"]]
@@ -314,6 +314,12 @@ _Dumper.add_representer(
         "tag:yaml.org,2002:map", record, flow_style=True
     ),
 )
+
+
+def _common(of: IdentifiedRobot | ModelFile) -> dict[str, Any]:
+    """Return the fields that a model and its file have in common, by name."""
+    names = {each.name for each in fields(IdentifiedRobot)} & ModelFile.model_fields.keys()
+    return {name: getattr(of, name) for name in names}
 
 
 def _rows(matrix: Array) -> tuple[tuple[float, ...], ...]:

@@ -21,6 +21,7 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.condensed import stack
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.signals import signals
 from hil.friction.equation import ASYMMETRIC
 from hil.friction.law import (
@@ -71,7 +72,7 @@ def predicted_torques(
             continue
         recording = in_si(model, motion, as_recorded)
         with suppress(NotEnoughData):
-            if model.friction:
+            if isinstance(model.details, FreeMotionFit):
                 yield from _as_recorded(model, motion, recording)
             else:
                 yield from _fitted(model, motion, recording, past)
@@ -96,11 +97,9 @@ def _fitted(
             yield _of_axis(model, motion.id, axis, s, law)
 
 
-def _law_along(model: Model, s: Signals, past: History | None) -> tuple[Array, Array] | None:
-    """Friction by a model's own law at all samples, and its variance; None without a law."""
+def _law_along(model: Model, s: Signals, past: History | None) -> tuple[Array, Array]:
+    """Friction by a model's own law at all samples, and its variance; 0 of unknown friction."""
     robot, law = model.robot, model.friction_law
-    if law is None:
-        return None
     motion = s.q, s.qd, inverse_dynamics(robot, model.values, s.q, s.qd, s.qdd)
     level = level_anywhere(law) if past is None else level_along(law, past, s.time)
     variance = friction_variance(robot, law, *motion, level=level)
@@ -108,7 +107,7 @@ def _law_along(model: Model, s: Signals, past: History | None) -> tuple[Array, A
 
 
 def _of_axis(
-    model: Model, name: str, each: Stacked, s: Signals, law: tuple[Array, Array] | None
+    model: Model, name: str, each: Stacked, s: Signals, law: tuple[Array, Array]
 ) -> PredictedTorque:
     """The rigid bodies' torque, with the model's friction and with that which fits what is left."""
     A, y = each.X[:, : each.n_base], each.torques[:, 0]
@@ -120,7 +119,7 @@ def _of_axis(
     variance = np.einsum("nk,kl,nl->n", A, model.covariance, A, optimize=True).clip(0.0)
     noise = np.nan_to_num(model.residual[each.axis])
     motor, own = each.torques[:, 1], None
-    if law is not None and each.axis + 1 not in model.axes_without_friction:
+    if each.axis + 1 not in model.axes_without_friction:
         own = [of_all[each.index, each.axis] for of_all in law]
     refitted, refitted_error = rigid + friction + motor, np.sqrt(variance + noise**2)
     return PredictedTorque(

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.model.dynamics import regressor
 
 if TYPE_CHECKING:
@@ -139,7 +140,8 @@ def free_torques(model: IdentifiedRobot) -> FreeTorques | None:
     Where limits are unknown it is as fast as the recordings were, and as its period has it
     accelerate.
     """
-    speed = None if model.friction is None else [law.speed for law in model.friction.axes]
+    fit = model.details
+    speed = [law.speed for law in fit.axes] if isinstance(fit, FreeMotionFit) else None
     if speed is None and not np.isfinite(model.robot.velocity_limit).all():
         return None
     return FreeTorques(model.robot, speed)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from scipy import special
 
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.friction.law import level_at
 from hil.model.base_parameters import base_parameters
 
@@ -119,7 +120,7 @@ def reading(
     """
     if quantity.axis is None:
         return _parameter(model, model.names.index(quantity.name))
-    law = None if model.friction_law is None else model.friction_law.axes[quantity.axis - 1]
+    law = model.friction_law.axes[quantity.axis - 1]
     if law is None:
         return None
     degrees = _degrees(model, law)
@@ -146,15 +147,13 @@ def _parameter(model: IdentifiedRobot, k: int) -> Reading | None:
         return None
     error = float(np.sqrt(max(model.scatter_covariance[k, k], 0.0)))
     value, degrees = float(model.values[k]), float(model.degrees_of_freedom[k])
-    strokes = model.back_and_forth
-    total = "" if strokes is None else strokes.sum_of(model.names[k])
-    return Reading(value, error, degrees, stands_for=total)
+    return Reading(value, error, degrees, stands_for=model.details.sum_of(model.names[k]))
 
 
 def _friction(models: Sequence[IdentifiedRobot]) -> Iterator[Quantity]:
     robot = models[0].robot
     for axis in range(robot.n_joints):
-        laws = [model.friction_law.axes[axis] for model in models if model.friction_law is not None]
+        laws = (model.friction_law.axes[axis] for model in models)
         known = [law for law in laws if law is not None]
         unit = robot.torque_unit(axis)
         for speed in _speeds(known):
@@ -195,6 +194,6 @@ def _degrees(model: IdentifiedRobot, law: AxisLaw, fewest: float = 2.0) -> float
     """
     if law.measurements is not None:
         return max(float(law.measurements - len(law.terms)), fewest)
-    if model.friction is not None:
+    if isinstance(model.details, FreeMotionFit):
         return float(np.median(model.degrees_of_freedom))
     return fewest

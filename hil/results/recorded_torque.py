@@ -16,6 +16,7 @@ from scipy import special
 from hil.errors import Mismatch, NotEnoughData
 from hil.estimation.free_motion.columns import soft_gears
 from hil.estimation.free_motion.motion import Processing, filtered_motion
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.nuisances import STEP
 from hil.estimation.signals import signals
 from hil.friction.law import friction_torque, friction_variance, law_columns
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.estimation.free_motion.motion import Motion
     from hil.friction.direction import Direction
+    from hil.friction.law import TermValue
     from hil.planning.measurement import RecordedMotion
     from hil.results.model import Model
     from hil.runs.recording import Recording
@@ -155,7 +157,7 @@ class Along(NamedTuple):
 
     `used` and `passed` bring columns from shape (m, ...) to (n, ...), as they are or after the
     low-pass; friction acts in `directions`, by default in that of each axis's velocity; gears that
-    give way add `gears` to the torque.
+    give way add `gears` to the torque, shape (m, n_joints).
     """
 
     time: Array
@@ -165,18 +167,18 @@ class Along(NamedTuple):
     measured: Array
     used: Callable[[Array], Array]
     passed: Callable[[Array], Array]
+    gears: Array
     directions: tuple[Direction, ...] | None = None
-    gears: Array | None = None
 
 
 def along(model: Model, recording: Recording) -> Along:
     """Return a recording as a model takes it, by the low-pass that the model was found with."""
-    if model.friction is None:
+    if not isinstance(model.details, FreeMotionFit):
         s = signals(recording)
         valid = s.valid
         return Along(
             s.time[valid], s.q, s.qd, s.qdd, s.smoothed(s.tau)[valid],
-            lambda x: x[valid], lambda x: np.asarray(s.smoothed(x)[valid]),
+            lambda x: x[valid], lambda x: np.asarray(s.smoothed(x)[valid]), np.zeros_like(s.q),
         )  # fmt: skip
     motion = filtered_motion(recording, processing_of(model))
     rates, used = motion.rates, motion.used
@@ -192,8 +194,8 @@ def along(model: Model, recording: Recording) -> Along:
 
     return Along(
         coarse(recording.time[:: rates.fine]), motion.q, motion.qd, motion.qdd, motion.tau[used],
-        coarse, lambda x: motion.passed(x)[: len(used)][used], motion.directions,
-        _of_soft_gears(model, motion),
+        coarse, lambda x: motion.passed(x)[: len(used)][used],
+        _of_soft_gears(model, model.details.compliance, motion), motion.directions,
     )  # fmt: skip
 
 
@@ -203,7 +205,7 @@ def _thinned(recording: Recording) -> Along:
     kept = np.flatnonzero(s.valid)[:: max(1, round(APART / s.period))]
     columns = smooth_at(kept, np.hstack([s.q, s.qd, s.qdd, s.tau]), s.period)
     q, qd, qdd, tau = np.split(columns, 4, axis=1)
-    return Along(s.time[kept], q, qd, qdd, tau, np.asarray, np.asarray)
+    return Along(s.time[kept], q, qd, qdd, tau, np.asarray, np.asarray, np.zeros_like(q))
 
 
 def with_extremes(x: Array, every: int) -> NDArray[np.intp]:
@@ -219,13 +221,12 @@ def with_extremes(x: Array, every: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate([rows[::every], *extreme]))
 
 
-def _of_soft_gears(model: Model, motion: Motion) -> Array | None:
-    """Torque by which gears that give way change that of rigid ones; None where all are rigid."""
-    if model.friction is None or not model.friction.compliance:
-        return None
+def _of_soft_gears(model: Model, compliance: dict[int, TermValue], motion: Motion) -> Array:
+    """Torque by which gears that give way change that of rigid ones, shape of positions."""
+    if not compliance:
+        return np.zeros_like(motion.q)
     columns = soft_gears(model.robot, motion, model.values, motion.processing.soft)
-    found = [each.value / STEP for each in model.friction.compliance.values()]
-    return np.asarray(columns @ np.array(found))
+    return np.asarray(columns @ np.array([each.value / STEP for each in compliance.values()]))
 
 
 def predict_recording(model: Model, recording: Recording, name: str = "") -> PredictedTorque:
@@ -259,15 +260,15 @@ def predict_whole(
     near reversals, where friction is no function of velocity, no more than a law says there.
     Rigid bodies, friction, errors and information are of `axes` (by default all), 0 of others.
     """
-    axes = range(model.robot.n_joints) if axes is None or model.friction else axes
-    motion = along(model, recording) if model.friction else _thinned(recording)
+    free = isinstance(model.details, FreeMotionFit)
+    axes = range(model.robot.n_joints) if axes is None or free else axes
+    motion = along(model, recording) if free else _thinned(recording)
     A = np.zeros((*motion.q.shape, len(model.values)))
     A[:, axes] = regressor(model.robot, motion.q, motion.qd, motion.qdd, axes)
     rigid = A @ model.values
     torque = rigid + motor_torque(model.robot, motion.q, motion.qd, motion.qdd)
-    if model.friction_law is not None:
-        torque += _friction(model, motion, rigid, axes)
-    predicted = motion.passed(torque if motion.gears is None else torque + motion.gears)
+    torque += _friction(model, motion, rigid, axes)
+    predicted = motion.passed(torque + motion.gears)
     error = motion.used(_parameter_error(model, motion, A, axes))
     return PredictedTorque(
         measurement=name,
@@ -308,11 +309,9 @@ def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
         "inertia": inverse_dynamics(robot, p, q, still, qdd) - gravity,
         "velocity": inverse_dynamics(robot, p, q, qd, still) - gravity,
         "rotors": motor_torque(robot, q, qd, qdd),
-        "friction": still
-        if model.friction_law is None
-        else _friction(model, motion, rigid, range(robot.n_joints)),
+        "friction": _friction(model, motion, rigid, range(robot.n_joints)),
     }
-    if motion.gears is not None:
+    if motion.gears.any():
         parts["gears"] = motion.gears
     parts = {name: motion.passed(part) for name, part in parts.items()}
     left = motion.measured - np.sum(list(parts.values()), axis=0)
@@ -320,26 +319,22 @@ def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
 
 
 def _friction(model: Model, motion: Along, rigid: Array, axes: Sequence[int]) -> Array:
-    assert model.friction_law is not None  # noqa: S101 - asked for before
     law, directions = model.friction_law.restricted(axes), motion.directions
     return friction_torque(model.robot, law, motion.q, motion.qd, rigid, directions)
 
 
 def _parameter_error(model: Model, motion: Along, A: Array, axes: Sequence[int]) -> Array:
     """Standard error by base parameters and friction, shape (m, n_joints)."""
-    robot, law, load = model.robot, model.friction_law, A @ model.values
+    robot, law, load = model.robot, model.friction_law.restricted(axes), A @ model.values
     variance = np.zeros_like(load)
     for axis in axes:
         variance[:, axis] = np.einsum("nk,nk->n", A[:, axis] @ model.covariance, A[:, axis])
-    if law is not None:
-        law = law.restricted(axes)
-        variance += friction_variance(robot, law, motion.q, motion.qd, load)
-    for axis, own in enumerate(law.axes if law is not None and motion.directions else ()):
+    variance += friction_variance(robot, law, motion.q, motion.qd, load)
+    # laws found beside base parameters are those of free motions, which have directions
+    pairs = zip(law.axes, motion.directions or (), strict=False)
+    for axis, (own, direction) in enumerate(pairs):
         if own is None or not own.beside:
             continue
-        assert law is not None  # noqa: S101 - see above
-        assert motion.directions is not None  # noqa: S101 - see above
-        direction = motion.directions[axis]
         columns = law_columns(robot, own, motion.q, motion.qd, load, axis, direction)
         across = A[:, axis] @ np.array(own.beside).T
         variance[:, axis] += 2.0 * np.einsum("nk,nk->n", across, columns)
@@ -357,7 +352,7 @@ def in_si(model: Model, motion: RecordedMotion, recording: Recording) -> Recordi
     unknown = isinstance(motion, FreeMotion) and motion.unknown_gains
     if not unknown:
         return recording
-    found = {each.axis: each.value for each in model.friction.gains} if model.friction else {}
+    found = {each.axis: each.value for each in model.details.gains}
     missing = [axis for axis in unknown if axis not in found]
     if missing:
         raise Mismatch(
@@ -377,19 +372,19 @@ def processing_of(model: Model) -> Processing:
     NotEnoughData
         A model that was not identified from free motions.
     """
-    if model.friction is None:
+    fit = model.details
+    if not isinstance(fit, FreeMotionFit):
         raise NotEnoughData(
             f"the model ({model.method} method) holds no settings of free motions by which a"
             " recording is filtered; take model.torque, or identify imported recordings"
         )
     taken = np.zeros(model.robot.n_joints, dtype=bool)
-    taken[[axis - 1 for axis in model.friction.recorded_velocity]] = True
-    speed = np.array([law.speed for law in model.friction.axes])
-    presliding = np.array([law.presliding for law in model.friction.axes])
-    lag = np.array([each.value for each in model.friction.lag] or [0.0] * len(speed))
-    soft = tuple(axis - 1 for axis in model.friction.compliance)
-    low_pass = model.friction.cut_off, model.friction.band
-    return Processing(*low_pass, speed, taken, presliding, lag, soft)
+    taken[[axis - 1 for axis in fit.recorded_velocity]] = True
+    speed = np.array([law.speed for law in fit.axes])
+    presliding = np.array([law.presliding for law in fit.axes])
+    lag = np.array([each.value for each in fit.lag] or [0.0] * len(speed))
+    soft = tuple(axis - 1 for axis in fit.compliance)
+    return Processing(fit.cut_off, fit.band, speed, taken, presliding, lag, soft)
 
 
 def _rms(x: Array) -> Array:

@@ -68,8 +68,6 @@ def _wanted(n_joints: int) -> str:
 
 def known_warmth(model: IdentifiedRobot) -> tuple[Warmth | None, ...]:
     """How friction of each axis depends on its warmth; None where that is not identified."""
-    if model.friction_law is None:
-        return (None,) * model.robot.n_joints
     return tuple(None if law is None else law.warmth for law in model.friction_law.axes)
 
 
@@ -116,7 +114,7 @@ def warmth_along(model: IdentifiedRobot, time: ArrayLike, qd: ArrayLike, start: 
     _refuse_outside(begin)
     mean = (np.abs(speed[1:]) + np.abs(speed[:-1])) / 2
     found = np.full(speed.shape, np.nan)
-    for axis, law in enumerate(() if model.friction_law is None else model.friction_law.axes):
+    for axis, law in enumerate(model.friction_law.axes):
         if law is not None and law.warmth is not None:
             past = History(t[1:], mean / law.speed, float(t[0]))
             taus = law.warmth.warming, law.warmth.cooling

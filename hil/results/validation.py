@@ -17,6 +17,7 @@ from scipy import special
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.excluded.saturation import LEVEL, share_at_top
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.friction.history import history
 from hil.estimation.intervals import SIGNIFICANT
 from hil.estimation.options import ACCURACY
@@ -199,7 +200,8 @@ def validate(
     recorded = Pooled([run])
     left = band_residual(model, recorded)
     # what the axes went through matters to models that know what theirs had gone through
-    past = None if model.friction else history(model.robot, recorded)
+    free = isinstance(model.details, FreeMotionFit)
+    past = None if free else history(model.robot, recorded)
     return scored(model, predicted_torques(model, recorded, past), left, accuracy, past)
 
 
@@ -316,7 +318,7 @@ def _uncovered(
     past : History or None
         What the axes went through.
     """
-    law = model.friction_law.axes[axis] if model.friction_law else None
+    law = model.friction_law.axes[axis]
     if law is None:
         return ""
     low, high = law.speeds or (0.0, law.speed)

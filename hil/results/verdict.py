@@ -12,7 +12,7 @@ import numpy as np
 
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.free_motion.offsets import ASYMMETRY
-from hil.estimation.free_motion.result import FEW_BLOCKS, POOR
+from hil.estimation.free_motion.result import FEW_BLOCKS, POOR, FreeMotionFit
 from hil.estimation.options import ACCURACY
 from hil.model.frames import ROUNDED_OFF
 from hil.results.judgement import (
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.excluded.result import Found, Limit
-    from hil.estimation.free_motion.result import FreeMotionFit
     from hil.model.robot import Robot
     from hil.results.judgement import Rule
     from hil.results.model import Model
@@ -187,8 +186,8 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
 
 
 def _free_motions(model: Model) -> Iterator[Reservation]:
-    if model.friction is not None:
-        yield from reservations(OF_FREE_MOTIONS, model.friction)
+    if isinstance(model.details, FreeMotionFit):
+        yield from reservations(OF_FREE_MOTIONS, model.details)
 
 
 def _unexcited(model: Model) -> Iterator[Reservation]:
@@ -197,7 +196,7 @@ def _unexcited(model: Model) -> Iterator[Reservation]:
         return
     worst = int(np.argmax(relative))
     known = f"uncertain by {relative[worst]:.0%}"
-    if model.friction is None:
+    if not isinstance(model.details, FreeMotionFit):
         yield (failed if relative[worst] ** 2 > HALF else doubtful)(
             f"axis {worst + 1} not excited: its torque on a free motion is {known}",
             "measure motions that show its parameters (hil plan --refine)",
@@ -213,19 +212,19 @@ def _unexcited(model: Model) -> Iterator[Reservation]:
 
 def _few(model: Model) -> tuple[int, int, int] | None:
     n, parameters = model.provenance.measurements, len(model.values)
-    few = model.friction is None and n < FEWEST * parameters
+    few = n < FEWEST * parameters and not isinstance(model.details, FreeMotionFit)
     return (n, parameters, FEWEST * parameters) if few else None
 
 
 def _few_blocks(model: Model) -> str:
-    blocks = model.friction.blocks if model.friction else None
+    blocks = model.details.blocks if isinstance(model.details, FreeMotionFit) else None
     return str(blocks) if blocks is not None and blocks < FEW_BLOCKS else ""
 
 
 def _one_way(model: Model) -> Iterator[Reservation]:
     """Axes of free motions that move in one direction only."""
-    for number, axis in enumerate(model.friction.axes if model.friction else (), start=1):
-        if axis.one_way is not None:
+    for number, axis in enumerate(model.friction_law.axes, start=1):
+        if axis is not None and axis.one_way is not None:
             yield doubtful(
                 f"axis {number} {axis.one_way} {model.robot.torque_unit(number - 1)}",
                 "add recordings in both directions",

@@ -130,12 +130,11 @@ class _Laws:
 
     def __init__(self, model: Model, friction: Friction) -> None:
         n, laws = model.robot.n_joints, model.friction_law
-        axes = (None,) * n if laws is None else laws.axes
         simple = friction_of_joints(model) if friction == "exported" else (None,) * n
         self.names = LAWS["all"] if friction == "law" else LAWS["Coulomb and viscous"]
         values, self.speed, self._slope = np.zeros((n, len(self.names))), np.ones(n), np.zeros(n)
         self._slowest, self._fastest = np.zeros(n), np.full(n, np.inf)
-        for axis, (law, own) in enumerate(zip(axes, simple, strict=True)):
+        for axis, (law, own) in enumerate(zip(laws.axes, simple, strict=True)):
             if own is not None:
                 stated = {"offset": own.offset, "Coulomb": own.coulomb, "viscous": own.viscous}
             elif law is None or friction == "exported":
@@ -198,8 +197,7 @@ class Arm:
         self._rotors = motor_inertia(model.robot, np.zeros(n))
         self._still, self._zero = np.zeros(n), np.zeros((n + 2, n))
         self._zero[2:] = np.eye(n)
-        law = model.friction_law
-        coupled = () if law is None or friction == "exported" else law.coupled
+        coupled = () if friction == "exported" else model.friction_law.coupled
         rows = [np.eye(n)]
         for motor, joint, ratio in model.robot.couplings[: len(coupled)]:
             row = np.zeros((1, n))

@@ -18,7 +18,7 @@ import numpy as np
 
 from hil.errors import InvalidValue, NotEnoughData
 from hil.results.model import loaded
-from hil.results.recorded_torque import in_si, processing_of
+from hil.results.recorded_torque import in_si
 from hil.runs.run import opened
 from hil.runs.set_points import set_points
 from hil.show.outcome import Verdict
@@ -319,7 +319,7 @@ def _drive(
     if controller is not None:
         wanted = set_points(motion, recording)
         return Drive(time, 0.0 * tau, q if wanted is None else wanted[fresh], *controller)
-    lag = none if model.friction is None else processing_of(model).lag
+    lag = [each.value for each in model.details.lag] or none
     columns = zip(lag, tau.T, strict=True)
     torque = np.column_stack([np.interp(time + late, time, column) for late, column in columns])
     return Drive(time, torque, q, none, none)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from checked_files.yaml_file import FileModel
 from hil.friction.law import TermValue
 
@@ -92,6 +94,9 @@ class BackAndForthFit(FileModel):
     not_identified: tuple[str, ...]
     combinations: tuple[Combination, ...]
     remarks: tuple[str, ...]
+    gains: ClassVar[tuple[()]] = ()
+    lag: ClassVar[tuple[()]] = ()
+    compliance: ClassVar[dict[int, TermValue]] = {}
 
     def sum_of(self, name: str) -> str:
         """Sum that was identified in place of a parameter; empty where it is the parameter."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import Field, field_serializer
 
@@ -129,6 +129,11 @@ class FreeMotionFit(FileModel):
     gains: tuple[GainValue, ...] = ()
     lag: tuple[TermValue, ...] = ()
     compliance: dict[int, TermValue] = Field(default_factory=dict)
+    not_identified: ClassVar[tuple[str, ...]] = ()
+
+    def sum_of(self, _name: str) -> str:
+        """Return an empty sum: each parameter stands for itself."""
+        return ""
 
     @property
     def law(self) -> FrictionLaw:

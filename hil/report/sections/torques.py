@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.commands.torques import torque_chart
+from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.friction.equation import SLOW
 from hil.least_squares.uncertainty import TWICE
 from hil.report.sections.friction import models_plot
@@ -75,14 +76,13 @@ def _friction(run: ReportedRun) -> Iterator[Plot]:
     if not run.is_identified:
         if run.friction is not None and run.friction.axes:
             yield models_plot(run.friction)
-    elif run.model.back_and_forth is not None:
-        curves = run.model.back_and_forth.curves
+    elif isinstance(run.model.details, BackAndForthFit):
         yield _law_plot(
-            partial(friction_curves, curves, run.robot),
+            partial(friction_curves, run.model.details.curves, run.robot),
             "half the differences of the torques forth and back, less the rigid bodies' part, with"
             " intervals of 95 %. Dashed: Coulomb and viscous friction alone.",
         )
-    elif run.model.friction_law is not None and run.shown_torques.stretches:
+    elif run.model.friction_law.known and run.shown_torques.stretches:
         yield _law_plot(
             lambda: draw_friction(
                 run.model,
@@ -113,7 +113,7 @@ def draw_friction(model: Model, found: Iterable[PredictedTorque], *, linked: boo
         by_axis.setdefault(each.axis, []).append(each)
     return chart(
         _law(model, axis, law, by_axis[axis], linked)
-        for axis, law in enumerate(model.friction_law.axes if model.friction_law else ())
+        for axis, law in enumerate(model.friction_law.axes)
         if law is not None and axis in by_axis
     )
 

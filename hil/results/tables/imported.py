@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.fit_details import MeasurementFit
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.show.rounding import probability, significant, uncertain
 from hil.show.table import Column, Part, Table, figures, table
 
@@ -17,17 +19,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hil.estimation.back_and_forth.result import BackAndForthFit, CurvePoint, FrictionCurve
-    from hil.estimation.free_motion.result import FreeMotionFit
     from hil.friction.law import AxisLaw, CoupledFriction, TermValue
     from hil.model.robot import Robot
     from hil.results.identified_robot import IdentifiedRobot
     from hil.show.table import Row
 
 
-def friction(model: IdentifiedRobot) -> Table:
+def friction(fit: FreeMotionFit, robot: Robot) -> Table:
     """Law of friction of each axis, its coefficients, and what other laws predict."""
-    fit = model.friction
-    laws = () if fit is None else (_axis(model.robot, *each) for each in enumerate(fit.axes))
     return table(
         "Friction",
         (
@@ -37,7 +36,7 @@ def friction(model: IdentifiedRobot) -> Table:
             Column("as Coulomb and viscous alone", folds=True),
             Column("held out, other laws", folds=True),
         ),
-        (*laws, *(() if fit is None else map(_coupled, fit.coupled))),
+        (*(_axis(robot, *each) for each in enumerate(fit.axes)), *map(_coupled, fit.coupled)),
         "Terms of the velocity: viscous friction per unit of velocity, all others as the torque"
         " or force at the speed that the axis hardly ever exceeds. Chosen is the simplest law"
         " that none beats by more than chance on blocks held out; of others the error is stated"
@@ -85,10 +84,11 @@ def _coupled(each: CoupledFriction) -> Row:
 
 def left_by_fit(model: IdentifiedRobot) -> Table:
     """Residuals of imports, axis by axis and of all axes together."""
-    fit = model.friction or model.back_and_forth
-    if fit is None:
+    fit = model.details
+    if isinstance(fit, MeasurementFit):
         return table("", (), ())
-    samples = "all samples" if model.friction else "strokes away from their reversals"
+    free = isinstance(fit, FreeMotionFit)
+    samples = "all samples" if free else "strokes away from their reversals"
     rows = [
         (str(axis), significant(left, 3), "" if share is None else significant(100 * share, 3))
         for axis, (left, share) in enumerate(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hil.estimation.back_and_forth.result import BackAndForthFit
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.friction.ripple import ripple_left_out
 from hil.results.identified_robot import lacking
 from hil.results.tables.friction import campaign_friction
@@ -31,13 +33,13 @@ def summary(model: IdentifiedRobot) -> Outcome:
     remarks = tuple(f"left out: {left}" for left in model.provenance.left_out)
     if model.prior is not None and model.prior.replaced:
         remarks = (str(model.prior), *remarks)
-    if model.friction is not None:
-        tables = parameters(model), friction(model), left_by_fit(model), left
-        return Outcome(_filled(tables), (*statements(model.friction), *remarks))
-    if (strokes := model.back_and_forth) is not None:
-        own = curves(strokes), plain(strokes, model.robot)
+    if isinstance(fit := model.details, FreeMotionFit):
+        tables = parameters(model), friction(fit, model.robot), left_by_fit(model), left
+        return Outcome(_filled(tables), (*statements(fit), *remarks))
+    if isinstance(fit, BackAndForthFit):
+        own = curves(fit), plain(fit, model.robot)
         found = parameters(model), *own, left_by_fit(model), left
-        return Outcome(_filled(found), (*statements_of_strokes(strokes), *remarks))
+        return Outcome(_filled(found), (*statements_of_strokes(fit), *remarks))
     if lack := lacking(model):
         remarks = (*remarks, lack)
     if model.method == "improved" and (ripple := ripple_left_out(model.robot)):

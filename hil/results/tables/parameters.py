@@ -81,8 +81,7 @@ def _parameter(model: IdentifiedRobot, k: int, in_full: bool) -> Row:
         return (*named, NOT_IDENTIFIED, *empty, unit(base.units[k]), base.expressions[k])
     value, error = float(model.values[k]), float(model.standard_errors[k])
     low, high = (float(end) for end in model.interval()[k])
-    strokes = model.back_and_forth
-    total = "" if strokes is None else strokes.sum_of(base.names[k])
+    total = model.details.sum_of(base.names[k])
     ends = f"{rounded(low, error)} … {rounded(high, error)}", f"{model.degrees_of_freedom[k]:.1f}"
     return (
         f"{base.names[k]} + …" if total else f"{base.names[k]}{_of_prior(model, base.names[k])}",

@@ -1,0 +1,31 @@
+"""Details of a fit beside base parameters and friction laws, by the kind of its recordings."""
+
+from __future__ import annotations
+
+from typing import ClassVar, TypeAlias
+
+from checked_files.yaml_file import FileModel
+from hil.estimation.back_and_forth.result import BackAndForthFit
+from hil.estimation.free_motion.result import FreeMotionFit
+from hil.friction.law import TermValue
+
+
+class MeasurementFit(FileModel):
+    """Details of a fit to strokes and trajectories: none.
+
+    Friction is fitted anew in each measurement, and the lags and gears of a drive train are not
+    part of the model.
+    """
+
+    gains: ClassVar[tuple[()]] = ()
+    lag: ClassVar[tuple[()]] = ()
+    compliance: ClassVar[dict[int, TermValue]] = {}
+    not_identified: ClassVar[tuple[str, ...]] = ()
+
+    def sum_of(self, _name: str) -> str:
+        """Return an empty sum: each parameter stands for itself."""
+        return ""
+
+
+FitDetails: TypeAlias = FreeMotionFit | BackAndForthFit | MeasurementFit
+NO_DETAILS = MeasurementFit()
