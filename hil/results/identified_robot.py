@@ -212,6 +212,9 @@ class IdentifiedRobot(ByName):
         }  # fmt: skip
         return pd.DataFrame(columns, index=pd.Index(self.names, name="parameter"))
 
+    to_dataframe = dataframe
+    """Name of `dataframe` by the convention of pandas."""
+
     def friction_over_time(self, axis: int) -> tuple[Array, Array]:
         """Level of an axis's friction in each measurement of a campaign.
 

@@ -176,6 +176,9 @@ class Recording:
         table.attrs["units"] = units
         return table
 
+    to_dataframe = dataframe
+    """Name of `dataframe` by the convention of pandas."""
+
     def span(self, stroke: int) -> slice:
         """Return the samples of a stroke of the axis; empty if absent."""
         return _span(self.stroke, stroke)

@@ -140,6 +140,9 @@ class Run:
         """
         return Run.array_importer(robot, t, q, tau, qd, alone, cut_off, accept)
 
+    from_arrays = import_arrays
+    """Name of `import_arrays` by the convention of pandas."""
+
     def __repr__(self) -> str:
         return (
             f"<{type(self).__name__} {self.path}: {self.robot.name}, {len(self)} of"
@@ -315,6 +318,9 @@ class Run:
         if not tables:
             raise NotEnoughData(f"{self.path}: no recordings; measure them with --resume")
         return pd.concat(tables, names=["measurement", "sample"])
+
+    to_dataframe = dataframe
+    """Name of `dataframe` by the convention of pandas."""
 
     def digest_of(self, measurement: RecordedMotion) -> str | None:
         """Return the SHA-256 of a recording, in hexadecimal; None without a recording."""

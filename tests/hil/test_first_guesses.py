@@ -324,3 +324,10 @@ def with_friction(terms: dict[str, float]) -> hil.Model:
 def test_the_version_is_that_of_pyproject() -> None:
     stated = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())
     assert hil.__version__ == stated["project"]["version"]
+
+
+def test_arrays_come_in_and_tables_go_out_by_the_names_of_pandas(recorded) -> None:
+    robot, _, (t, q, _, tau) = recorded
+    run = hil.Run.from_arrays(robot, t[:4000], q[:4000], tau[:4000])
+    recording = next(iter(run)).recording
+    assert recording.to_dataframe().equals(recording.dataframe())
