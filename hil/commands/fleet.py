@@ -55,7 +55,7 @@ DRAWN = 12
 
 
 class ModelAddress(NamedTuple):
-    """Address of a model file, its machine and the key of its state."""
+    """Address of a model file, with machine and key of the file state."""
 
     address: str
     machine: str

@@ -1,22 +1,25 @@
-"""Departures of a machine from its own past and from its fleet, with a stated rate of false alarms.
+"""Departures of a machine from its past and from its fleet, at a stated rate of false alarms.
 
 A fleet is many machines of one robot, each identified again and again. For a quantity y
 (`hil.results.quantities`) of machine k, let
 
     T_k = mean of the newest `NEWEST` runs - mean of the first `FIRST` runs.
 
-Friction is first divided by the median over the axes of its relative change (temperature,
-`hil.results.changes.common_friction`). An unchanged machine has a T_k that its peers have too: the
-null hypothesis is T_k = median of T over the machines, with the standard error
+An unchanged machine departs like its peers: the null hypothesis is T_k = median of T over the
+machines, with the standard error
 
     s = max(1.4826 median |T - median T|, r sqrt(1/NEWEST + 1/FIRST)),
 
 r^2 = median (y_(i+1) - y_i)^2 / (2 x 0.4549) over successive runs of all machines, since the median
-of a chi-squared variable with one degree of freedom is 0.4549. Medians, since a few machines of a
-fleet do change. Errors that are the same in every run (temperature of an axis, season, friction
-that wanders) are thus measured in place of assumed. Too few runs for r (`ENOUGH` differences) leave
-the stated errors and allowances of the models, as in `hil.results.changes`. The level of a machine
-is compared with the levels of its peers likewise, by their median absolute deviation.
+of a chi-squared variable with one degree of freedom is 0.4549. Medians ignore the few machines of a
+fleet that change. With fewer than `ENOUGH` machines and differences, the stated errors and
+allowances of the models apply, as in `hil.results.changes`. The level of a machine is compared with
+the levels of its peers in the same way, by the median absolute deviation.
+
+Temperature moves the friction of all axes. With the common change c of a run, the median over the
+axes (`hil.results.changes.common_friction`), and the response b of an axis, friction is divided by
+1 + b c. Successive runs of the machine yield b by least squares of their differences, to which slow
+wear contributes little, beside the prior 1 +- `UNLIKE` / 2. The uncertainty of b widens s.
 
 Holm's procedure holds the probability of any false alarm in one run of a machine at
 
@@ -60,7 +63,7 @@ FLEET = "the fleet"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fleet:
-    """Readings of all machines of one robot, ordered by machine and time.
+    """Readings of machines of the same robot, ordered by machine and time.
 
     Attributes
     ----------
@@ -210,7 +213,7 @@ def _sums(x: Array, machine: Indices, n: int) -> Array:
 
 
 def _repeatability(value: Array, machine: Indices) -> tuple[Array, Array]:
-    """Return the standard deviation of one run for each quantity, and the number of differences."""
+    """Return the standard deviation of a run by quantity, and the number of differences."""
     apart = np.diff(value, axis=0)[np.diff(machine) == 0]
     count = np.isfinite(apart).sum(axis=0)
     return np.sqrt(_median(apart**2) / (2.0 * MEDIAN_SQUARE)), count
