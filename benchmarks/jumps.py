@@ -134,8 +134,9 @@ def measured(interface: str, channel: str, jumps: int) -> Found:
     with load(BUSY), suppress(DriveError), bus:  # drives that are off by themselves answer nothing
         for number, reason in enumerate(strokes(bus, 2 * jumps)):
             of_encoder = any(word in reason for word in ENCODER)
-            if reason and not of_encoder:
+            if reason and not of_encoder:  # nor is it known whether the plant took its set-point
                 found.late.append(reason)
+                break
             elif number % 2:
                 found.tried += 1
                 found.missed += [] if reason else [number // 2]
