@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.estimation.drive_train import CERTAIN, compliance_units
-from hil.estimation.friction.symmetry import of_local_values
+from hil.estimation.friction.symmetry import judge_local_values
 from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.least_squares.differences import SECOND
@@ -125,7 +125,7 @@ def _fitted(
     if (loaded := np.flatnonzero(np.nan_to_num(mu / error) > CERTAIN)).size:
         detail = f"{_with_errors(100, mu, error, loaded)} % of the transmitted torque"
         yield "friction of the load", loaded, detail, joint.rigid
-    tests = of_local_values(local, ORDINARY).items()
+    tests = judge_local_values(local, ORDINARY).items()
     if failed := {axis: test.asymmetry for axis, test in tests if not test.passed}:
         each = ", ".join(f"{100 * asymmetry:.2g}" for asymmetry in failed.values())
         detail = f"{each} % of it, or offsets of the current"
