@@ -77,7 +77,7 @@ def rescaled(likely: Array, bodies: Array) -> Array:
 
 
 def _entered(block: Inequality, z: Array) -> Inequality:
-    """Widen an inequality by the violation at the start, which is a solver's rounding."""
+    """Widen an inequality by the violation at the start, due to rounding in a solver."""
     lack = _ROUNDING - float(np.linalg.eigvalsh(block.constant + block.weights @ z)[0])
     return block._replace(constant=block.constant + max(lack, 0.0) * np.eye(len(block.constant)))
 

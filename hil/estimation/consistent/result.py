@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class LinkBody(FileModel):
-    """Body of a link.
+    """Physical body of a link: parameters and thickness.
 
     Attributes
     ----------

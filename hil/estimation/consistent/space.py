@@ -89,7 +89,7 @@ class Space:
         return np.asarray(self.p + self.root @ solved.u[: self.root.shape[1]])
 
     def distance(self, solved: Solved) -> float:
-        """Return |x|^2 of a solution."""
+        """Return the squared distance |x|^2 of a solution from the estimate."""
         return float(np.sum(solved.u[: self.root.shape[1]] ** 2))
 
     def likeliest(self, asked: Sequence[Condition], solved: Solved, *, scaled: bool) -> Array:

@@ -98,7 +98,7 @@ class Reading:
         return q, qd, qdd
 
     def rows(self, robot: Robot, evidence: Evidence) -> tuple[Array, Array]:
-        """Return torque without motors, and columns of base parameters, in recorded torque."""
+        """Return torque less motor torque, and base-parameter columns, in recorded torque."""
         motion = self.motion(evidence)
         torque, X = evidence.recorded.copy(), np.zeros_like(evidence.X)
         for channel in np.unique(evidence.axis):

@@ -1,4 +1,4 @@
-r"""Score tests of causes beside the estimated columns, with the covariance of groups.
+r"""Score tests of causes adjusted for the estimated columns, with the covariance of groups.
 
 Rows y of all channels, weighted with the reciprocals of their residual standard deviations, obey
 
@@ -97,7 +97,7 @@ LEVERAGE = 1e-3
 
 
 class Test(NamedTuple):
-    """Test of a cause.
+    """Score test of a cause: sizes with errors, p-value and dispersion.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ class _AxisColumns(NamedTuple):
 
 
 class Battery:
-    """Tests of columns beside base parameters, channels' own columns and given causes."""
+    """Tests of columns adjusted for base parameters, channels' own columns and given causes."""
 
     def __init__(
         self,
@@ -177,7 +177,7 @@ class Battery:
         self._fit()
 
     def extend(self, more: Sequence[int]) -> Battery:
-        """Return the tests beside further causes."""
+        """Return the tests adjusted for further causes."""
         other = object.__new__(Battery)
         other.__dict__.update({k: v for k, v in self.__dict__.items() if k not in CACHED})
         other.given = (*self.given, *more)
@@ -304,7 +304,7 @@ class Battery:
         return at, _orthonormal(self._left[:, at].T @ self._left[:, at])
 
     def gram(self, columns: Sequence[int]) -> Array:
-        """Return inner products of columns beside the estimated columns, zero within their span."""
+        """Return inner products of columns adjusted for the estimated columns, or zero."""
         left = self._left[:, columns] * self.visible[list(columns)]
         return left.T @ left
 
@@ -340,7 +340,7 @@ class Battery:
         return found
 
     def outweighed(self, squares: Array, size: Array) -> Array:
-        """Return the error of causes of a size, over the error of small causes.
+        """Return the ratio of the errors of causes at a size to the errors at small sizes.
 
         Axes are weighted by their residual torques, which include a cause of several axes until it
         is found. With weights w_a in place of 1, the error of its size is larger by sqrt(sum_a I_a
@@ -422,7 +422,7 @@ class Battery:
         return float(square[self._channel] @ (U**2).mean(axis=1))
 
     def _common_beside(self, axis: int, at: Indices, U: Array, enlarged: Array) -> Common:
-        """Return the common dispersion of an axis's columns, except `at`, beside columns `U`."""
+        """Return the common dispersion of an axis's columns except `at`, adjusted for `U`."""
         own, D, *_ = self._axes[axis]
         other = ~np.isin(own, at)
         own = own[other]
@@ -442,7 +442,7 @@ class Battery:
         )
 
     def _others(self, axis: int, at: Indices, U: Array | None) -> Common:
-        """Return psi: the mean explained by the rest of an axis's columns, beside `U` if any."""
+        """Return psi: mean explained by the rest of an axis's columns, adjusted for `U` if any."""
         own, D, *_, products = self._axes[axis]
         other = ~np.isin(own, at)
         own, products, scores = own[other], products[np.ix_(other, other)], self._scores[own[other]]

@@ -244,7 +244,7 @@ def _gathered(
 
 
 def late(robot: Robot, p: Array, evidence: Evidence) -> Array:
-    """Return the torque of each row per ms of delay."""
+    """Return the change of torque per ms of delay, by row."""
     return -1e-3 * _Rows(robot, p, evidence).time_derivative
 
 

@@ -262,15 +262,15 @@ class _Search:
         return blocks.normal(self.battery.weights).information
 
     def _project(self, N: Array) -> Array:
-        """Return inner products of named columns beside estimated columns, shape (..., m, m)."""
+        """Return inner products of named columns, adjusted for estimated columns, (..., m, m)."""
         m = len(self.names)
         inner = N[..., m:, m:] + RIDGE * np.eye(N.shape[-1] - m)
         return N[..., :m, :m] - N[..., :m, m:] @ np.linalg.solve(inner, N[..., m:, :m])
 
     def _left(self, S: Array) -> Array:
-        """Return information of columns beside other causes, shape (..., m, n_causes).
+        """Return information of columns adjusted for other causes, shape (..., m, n_causes).
 
-        Beside its own cause it is the information beside none.
+        Information for a column's own cause is not adjusted.
         """
         own = np.maximum(np.einsum("...ii->...i", S), TINY)
         found = np.repeat(own[..., np.newaxis], len(self.keys), axis=-1)
@@ -343,7 +343,7 @@ class _Search:
         return bool(chosen)
 
     def _wanted(self) -> tuple[Array, Array, Array]:
-        """Return wanted information of columns, alone and beside other causes, and least share."""
+        """Return wanted information, alone and adjusted for other causes, and least share."""
         information, shown, phi = self._sizes()
         now, seen = np.diag(self._project(self.there)), np.isfinite(shown)
         known = (self.usual > 0) & self.visible

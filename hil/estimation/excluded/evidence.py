@@ -52,7 +52,7 @@ _SAME = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """Rows of all channels.
+    """Rows of all channels: thinned samples with torques, columns and motion.
 
     Attributes
     ----------

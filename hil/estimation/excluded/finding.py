@@ -83,7 +83,7 @@ def excluded(
     known: Sequence[str] = (),
     both: Array | None = None,
 ) -> Excluded:
-    """Test all causes.
+    """Test all causes; return found causes and exclusion limits.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def alike(gain: float, best: float) -> bool:
 
 @dataclass(frozen=True)
 class Step:
-    """Found cause, with the test, and the batteries before and beside the cause."""
+    """Found cause, with the test, and the batteries without and with the cause."""
 
     robot: Robot
     key: Key
@@ -179,7 +179,7 @@ class Step:
 
     @property
     def left(self) -> float:
-        """Share of the mean square left on the axis with the least share."""
+        """Least ratio over axes of residual mean squares with and without the cause."""
         return float((self.beside.left / self.battery.left).min())
 
     @property
@@ -228,7 +228,7 @@ class Step:
         )
 
     def _change(self, key: Key, test: Test) -> tuple[float, ...]:
-        """Compute the change of the base parameters beside a cause."""
+        """Return the change of the base parameters when a cause is fitted, too."""
         beside = self.beside if key == self.key else self.battery.extend(test.columns.tolist())
         return tuple((beside.solution - self.battery.solution).tolist())
 
@@ -273,7 +273,7 @@ def likeliest(
     level: float,
     admit: Callable[[Key, Test], bool] = lambda *_: True,
 ) -> tuple[Key, Test] | None:
-    """Return the best admitted cause among causes significant beside themselves."""
+    """Return the best admitted cause among causes significant after adjustment for the cause."""
     best: tuple[Key, Test] | None = None
     gain, white, n = 0.0, 1.0, len(tests)
     each = {key: battery.drop(at) for key, at in tests.items()}
@@ -335,7 +335,7 @@ class _Instead:
 
     @cached_property
     def departs(self) -> bool:
-        """True if the later recordings depart from the earlier ones beside the given causes."""
+        """True if later recordings depart from the earlier ones despite the given causes."""
         residual = self._explain(self.battery.given).residual
         return bool(self._departure and self._departure.significant(self._thin[0], residual))
 

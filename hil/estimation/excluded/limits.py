@@ -113,7 +113,7 @@ def _sizes(
 
 
 def smallest(battery: Battery, at: Sequence[int], n_tests: int, leaves: float = 1.0) -> Array:
-    """Return detectable sizes (by `POWER`) of a cause's columns, for a single active column.
+    """Return the smallest size found with `POWER` for each column of a cause, acting alone.
 
     A cause that leaves no more than a share of a mean square adds 1 / share - 1 of the remainder.
     """

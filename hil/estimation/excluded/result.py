@@ -103,7 +103,7 @@ class Limit(FileModel):
 
     @property
     def worth(self) -> float:
-        """Unnoticed torque share at the smallest size found or at a usual size if smaller."""
+        """Unnoticed torque share at the smallest size found, or at a usual size if smaller."""
         sizes = [each for each in (self.size, self.usual) if each]
         return self.torque * min(sizes, default=0.0)
 
@@ -153,7 +153,7 @@ class Excluded(FileModel):
         return frozenset((each.cause, axis) for each in self.found for axis in each.axes or (0,))
 
     def unseen(self, cause: str, axis: int) -> float:
-        """Return the smallest detectable over the usual size at an axis (from 1); 1 if none is."""
+        """Return the smallest size found over the usual size at an axis (from 1); 1 if none is."""
         own = (each for each in self.limits if (each.cause, each.axis) == (cause, axis))
         return min((each.size / each.usual for each in own if each.size is not None), default=1.0)
 

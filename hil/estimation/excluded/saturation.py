@@ -22,7 +22,7 @@ _WIDTH = 1e-6
 
 
 def saturated(recorded: Recorded, n_joints: int) -> tuple[int, float, float] | None:
-    """Return the axis (from 0) at a torque limit most often, share of samples, and limit.
+    """Return the most often saturated axis (from 0), the share of samples, and the limit.
 
     Torques are as recorded: after compensation of a lag no two are equal.
     """

@@ -105,7 +105,7 @@ def points(
     recorded: Iterable[tuple[Friction, Recording]],
     model: GravityModel | None = None,
 ) -> tuple[list[FrictionPoint], list[str]]:
-    """Evaluate friction measurements.
+    """Compute friction points from friction measurements.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def points(
 def point(
     robot: Robot, m: Friction, s: Signals, model: GravityModel | None = None
 ) -> FrictionPoint:
-    """Evaluate one friction measurement.
+    """Compute the friction point of a measurement.
 
     Raises
     ------

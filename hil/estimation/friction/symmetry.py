@@ -65,7 +65,7 @@ class Symmetry(FileModel):
 
     @property
     def verdict(self) -> str:
-        """Test result in words."""
+        """Result of the symmetry test in words."""
         if not self.passed:
             return f"asymmetric by more than {100 * self.bound:g} %"
         if self.p_zero < SIGNIFICANT:

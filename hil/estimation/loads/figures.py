@@ -38,7 +38,7 @@ _CENTRE, _CENTRAL = 10, 13
 
 
 class Figure(FileModel):
-    """Figure of a load."""
+    """Figure of a load: value, standard error, interval and unit."""
 
     name: str
     value: float
@@ -125,7 +125,7 @@ class Load:
 
     @property
     def mass(self) -> Figure:
-        """Mass [kg]; a stated mass has no standard error."""
+        """Mass of the load [kg]; a stated mass has no standard error."""
         return self._figures([MASS])[0]
 
     @property

@@ -40,7 +40,7 @@ def fit_load(
     gains: bool = False,
     covariance: Covariance = "CR2",
 ) -> Load:
-    """Fit a load.
+    """Fit a load to runs without and with the load.
 
     Parameters
     ----------
