@@ -42,9 +42,9 @@ class Cause(NamedTuple):
         Usual size, in this unit; 0 if none is known.
     remedy : str
     whole : bool
-        True if it makes all parameters useless, whatever its size.
+        True if the cause makes all parameters useless, whatever its size.
     accounted : bool
-        True if an estimate accounts for it, where it shows.
+        True if an estimate accounts for the cause, where visible.
     least : float
         Least mechanically possible size, in this unit.
     """

@@ -57,7 +57,7 @@ EACH = 12
 which spread over all ranges, are still chosen."""
 QUANTILE = float(special.ndtri(POWER))
 LEAD = QUANTILE + float(np.sqrt(QUANTILE**2 + TOGETHER))
-"""Factor a of the module."""
+"""Factor a of the module docstring."""
 APART = 2.0 * (1.0 - SAME**2)
 """Minimum share of a cause's information beside another cause, for the two to be distinguished."""
 ROUNDS = 6

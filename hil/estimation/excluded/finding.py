@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 LEAVES = 0.5
 """Maximum share of an axis's mean square that a cause leaves, where it must be told from model
-error: eliminated friction contradicts every model a little where samples are slow or motion turns
+error. Eliminated friction contradicts every model a little where samples are slow or motion turns
 often (public recordings of five machines: 0.75 and more)."""
 MOST = 5
 """Maximum number of found causes: beyond, the model is wrong as a whole."""
@@ -60,10 +60,10 @@ a rebound, and links that rebound with a restitution of 0.5 come back with as mu
 CONTRADICTS = 4.0
 """Median dispersion of causes from which on groups contradict each other, whatever the reason: they
 scatter twice as much as noise within them explains. Then nothing may be significant, since
-everything is uncertain. It is 1.0 to 1.5 where nothing is wrong, with strong drift of friction,
-too, up to 3.5 beside a cause that a column explains, and 13 to 18 where one axis counts the other
-way, two are exchanged or a zero is off by 90 degrees. 2.5 and 9 have the same outcome on the runs
-of `LARGE`."""
+everything is uncertain. It is 1.0 to 1.5 where nothing is wrong, even with strong drift of
+friction; up to 3.5 beside a cause that a column explains; and 13 to 18 where one axis counts the
+other way, two are exchanged or a zero is off by 90 degrees. 2.5 and 9 have the same outcome on the
+runs of `LARGE`."""
 TOGETHER = float(special.chdtri(1, 0.05))
 """Difference of chi squares below which two causes explain equally much. Let the true cause explain
 z^2; another of correlation r explains (r z + sqrt(1 - r^2) e)^2, e standard normal. However similar
