@@ -137,7 +137,7 @@ def measured(interface: str, channel: str, jumps: int) -> Found:
             if reason and not of_encoder:  # nor is it known whether the plant took its set-point
                 found.late.append(reason)
                 break
-            elif number % 2:
+            if number % 2:
                 found.tried += 1
                 found.missed += [] if reason else [number // 2]
             elif reason:

@@ -26,7 +26,7 @@ from scipy import special
 from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.identify import estimate
-from hil.estimation.loads.evidence import of_free_motions
+from hil.estimation.loads.evidence import free_motion_evidence
 from hil.estimation.loads.fit import fit_load
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
@@ -104,7 +104,7 @@ def held(error: np.ndarray, standard_error: np.ndarray, degrees: np.ndarray) -> 
 def fitted(twin: TwinRecorder, runs: list, mass: float | None = None, *, gains: bool = False):
     """The load between two runs."""
     gathered = [gather(twin.robot, run, VARIANTS[DEFAULT]) for run in runs]
-    bare, loaded = of_free_motions(twin.robot, gathered)
+    bare, loaded = free_motion_evidence(twin.robot, gathered)
     return fit_load(twin.robot, [bare], lambda _: [loaded], mass, gains=gains)
 
 

@@ -48,7 +48,7 @@ def of_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
     p = found["published"].p
     judged = {name: comparison(each, robot, truth) for name, each in found.items()}
     wrong = [(f.sides[0] - f.sides[1] - f.row @ truth) * (f.kind == "gravity") for f in fits]
-    tests = symmetry.of_local_values(found["improved"].local) if both else {}
+    tests = symmetry.judge_local_values(found["improved"].local) if both else {}
     return {
         "minutes": measured[-1][1].time[-1] / 60,
         "known_gravity": errors(robot, _without(robot, fits, wrong), truth),

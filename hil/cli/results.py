@@ -87,7 +87,7 @@ def identify(
     """
     begun = perf_counter()
     with working("reading the run") as now:
-        from hil.estimation.friction.symmetry import of_local_values
+        from hil.estimation.friction.symmetry import judge_local_values
         from hil.results import identification, model_file
         from hil.results.advice import budget_table
         from hil.results.findings import identify_and_keep
@@ -118,7 +118,7 @@ def identify(
     say_verdicts(found.verdict.verdicts if found.verdict else ())
     say_simulated(run, *more)
     show(found.summary())
-    show(symmetry(of_local_values(found.local)))
+    show(symmetry(judge_local_values(found.local)))
     if found.excluded is not None:
         tested = excluded.excluded(found.excluded, found.robot.n_joints)
         show(tested, *excluded.sentences(found.excluded))

@@ -190,7 +190,7 @@ def fit_friction(
         planned={m.id: m for m, _ in chosen},
         points=tuple(found),
         axes=tuple(fit for fit in fits if fit),
-        symmetry=symmetry.of_points(found, asymmetry),
+        symmetry=symmetry.judge_points(found, asymmetry),
         drifts=tuple(each for each in drifts if each),
         left_out=tuple(left_out),
         model_folder=str(model_folder) if model_folder else None,

@@ -146,7 +146,7 @@ def _misread(
     None if no other reading was tried. Torques of `strangers`, shape (n_joints,), do not follow the
     motion of their axes.
     """
-    thin = measured(robot, solver, prepared).thinned(ROWS)[0].without_own()
+    thin = measured(robot, solver, prepared).thinned(ROWS)[0].project_out_own()
     stated = explained(robot, thin, Reading.stated(robot))
     driven = int(stated.driven.argmax())
     drives = stated.driven[driven] >= 1.0 - LEAVES
@@ -196,7 +196,7 @@ def _signed(reading: Reading, axes: Sequence[int]) -> Iterator[Reading]:
     for signs in product((1.0, -1.0), repeat=len(axes)):
         found = reading
         for axis, sign in zip(axes, signs, strict=True):
-            found = found.at(axis, sign_tau=sign)
+            found = found.alter(axis, sign_tau=sign)
         yield found
 
 
@@ -261,7 +261,7 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
     ):
         wrong = robot.revolute & unusual
         for axis in np.flatnonzero(wrong).tolist():
-            reading = stated.at(axis, scale=factor)
+            reading = stated.alter(axis, scale=factor)
             yield "position scale", (axis,), f"its position is {words}", reading
         if np.array_equal(wrong, robot.revolute):
             every = replace(stated, scale=np.where(wrong, factor, 1.0))

@@ -26,7 +26,7 @@ from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.effects import Effect, effects
 from hil.estimation.excluded.result import ErrorTerm
 from hil.estimation.free_motion.result import POOR
-from hil.estimation.friction.symmetry import of_local_values
+from hil.estimation.friction.symmetry import judge_local_values
 from hil.estimation.intervals import SIGNIFICANT
 from hil.least_squares.solving import inverse
 from hil.measuring.checks.recording_checks import UNTIMED
@@ -323,7 +323,7 @@ def _offsets(campaign: CampaignResult) -> Reservation | None:
     """Friction that differs by direction, if that is no cause of error."""
     if any(term.cause == UNLIKE for term in campaign.budget):
         return None
-    tests = of_local_values(campaign.estimate.local).items()
+    tests = judge_local_values(campaign.estimate.local).items()
     found = {f"axis {axis + 1}": t.asymmetry for axis, t in tests if t.p_zero < SIGNIFICANT}
     if not found:
         return None

@@ -16,7 +16,7 @@ from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.free_motion_methods import estimate_from
 from hil.estimation.identify import default_method
-from hil.estimation.loads.evidence import condensed_like, of_free_motions, of_strokes
+from hil.estimation.loads.evidence import condensed_like, free_motion_evidence, stroke_evidence
 from hil.estimation.loads.fit import fit_load
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.options import DEFAULTS
@@ -386,13 +386,13 @@ class _Runs:
         """Fit of the load for a robot with more parameters of the last link, or the same."""
         gathered = self._gathered if robot is None else self._gather(robot)
         robot, strokes = robot or self.robot, None
-        free = iter(of_free_motions(robot, [run for run in gathered if run]))
+        free = iter(free_motion_evidence(robot, [run for run in gathered if run]))
         bare, loaded = [[next(free)] if run else [] for run in gathered]
         if measured := _measured(self.bare.runs):
             prepared = prepared_for(self.robot, self.bare.estimate, pooled(measured))
             strokes = SimultaneousFit(robot, prepared)
             own = self._doubt(robot, measured, strokes, self.bare.estimate.drive_train)
-            bare.insert(0, of_strokes(strokes.recorded, strokes.loaded, own))
+            bare.insert(0, stroke_evidence(strokes.recorded, strokes.loaded, own))
         of = self._strokes(robot, strokes) if _measured(self.loaded) else None
         with_load = (lambda change: [of(change), *loaded]) if of else (lambda _: loaded)
         return partial(fit_load, robot, bare, with_load, covariance=self.bare.options.covariance)
@@ -407,10 +407,10 @@ class _Runs:
         if bare is None:
             fit = SimultaneousFit(robot, applied)
             own = self._doubt(robot, _measured(self.loaded), fit, train)
-            alone = of_strokes(fit.recorded, fit.loaded, own)
+            alone = stroke_evidence(fit.recorded, fit.loaded, own)
             return lambda _: alone
         p = bare.solve()
-        return lambda change: of_strokes(
+        return lambda change: stroke_evidence(
             condensed_like(robot, bare, applied, p + change), bare.loaded
         )
 

@@ -1,5 +1,5 @@
-"""The nearest robot that consists of bodies: conditions, the program that meets them, the result.
+"""Nearest robot of physical bodies: conditions, semidefinite program, and result.
 
-Base parameters as least squares gives them may belong to no bodies at all, and simulators refuse
-those. `nearest_robot` finds the nearest ones that some bodies have, and such bodies.
+Base parameters from least squares may belong to no physical bodies, and simulators refuse such
+parameters. `nearest_robot` finds the nearest base parameters of physical bodies, and such bodies.
 """

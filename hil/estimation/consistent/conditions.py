@@ -1,17 +1,17 @@
-"""What standard parameters must meet to be those of bodies, as linear matrix inequalities.
+"""Physical consistency of standard parameters, as linear matrix inequalities.
 
-Of every link the pseudo-inertia [[S, s], [s', m]] (`hil.model.frames.pseudo_inertia`) must be
-positive definite. To be well inside, and in terms that have a meaning, the mass of a link must
+The pseudo-inertia [[S, s], [s', m]] of every link (`hil.model.frames.pseudo_inertia`) must be
+positive definite. A bound with a physical meaning keeps it well inside: the mass of a link must
 spread by at least a length t, the thickness, in every direction about its centre:
 
     [[S - t^2 m 1, s], [s', m]] >= 0,
 
-by Schur's complement the same as S - s s'/m >= t^2 m 1. With t > 0 and m > 0 the pseudo-inertia is
-positive definite, and so are the inertia about the centre and its triangle inequalities. Masses and
+by Schur's complement the same as S - s s'/m >= t^2 m 1. With t > 0 and m > 0 the pseudo-inertia and
+the inertia about the centre are positive definite, and the triangle inequalities hold. Masses and
 centres of mass may be bounded (linear in mass and first moment). No link is larger than the robot:
-its mass lies within a radius of its frame's origin, root mean square, tr S <= R^2 m. The motors'
-share of the mass matrix, known and identified, must be positive semidefinite (Sousa and Cortesao,
-Int. J. Robotics Research 33 (2014) 931-944, for the links).
+the root-mean-square radius of its mass about the origin of its frame is at most R, tr S <= R^2 m.
+The motors' share of the mass matrix, known and identified, must be positive semidefinite (Sousa and
+Cortesao, Int. J. Robotics Research 33 (2014) 931-944, for the links).
 """
 
 from __future__ import annotations
@@ -34,11 +34,12 @@ if TYPE_CHECKING:
 
 
 THICKNESS = 1e-3
-"""Least spread of a link's mass in every direction, root mean square about its centre [m]."""
+"""Minimum root-mean-square spread of a link's mass about its centre, in every direction [m]."""
 LEAST_MASS, MOST_MASS = 1e-3, 1e3
-"""Of a link, unless other bounds are given [kg]."""
+"""Default bounds of a link's mass [kg]."""
 LARGEST, ROBOTS = 2.0, 2.0
-"""Radius within which a link's mass lies: this [m], or so many lengths of the robot if more."""
+"""Largest root-mean-square radius of a link's mass about its frame's origin: this length [m], or
+this multiple of the robot's length if greater."""
 _MASS, _MOMENT = 9, slice(6, 9)
 _HALF_TRACE = np.array([0.5, 0.0, 0.0, 0.5, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
 _SPATIAL = np.diag([1.0, 1.0, 1.0, 0.0])
@@ -46,7 +47,7 @@ _SPATIAL = np.diag([1.0, 1.0, 1.0, 0.0])
 
 @dataclass(frozen=True, slots=True)
 class BodyBounds:
-    """What is asked of the links' bodies.
+    """Bounds on the bodies of the links.
 
     Attributes
     ----------
@@ -80,7 +81,7 @@ class BodyBounds:
                 )
 
     def refuse_other_links(self, robot: Robot) -> None:
-        """Refuse bounds of a link that the robot does not have.
+        """Refuse bounds of links that the robot does not have.
 
         Raises
         ------
@@ -93,22 +94,22 @@ class BodyBounds:
                 )
 
     def mass(self, link: int) -> tuple[float, float]:
-        """Bounds of a link's mass, from 1 [kg]."""
+        """Return the bounds of a link's mass [kg]; links count from 1."""
         return self.masses.get(link, (LEAST_MASS, MOST_MASS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Condition:
-    """One linear matrix inequality ``constant + sum_k phi_k weights_k >= 0``.
+    """Linear matrix inequality ``constant + sum_k phi_k weights_k >= 0``.
 
     Attributes
     ----------
     name : str
-        What it is a condition on: ``link 2``.
+        Subject of the condition: ``link 2``.
     weights : ndarray, shape (size, size, n_standard)
     constant : ndarray, shape (size, size)
     link : int, optional
-        Index from 0, where it is the condition that the link is a body.
+        Index of the link, from 0, if the condition is that the link is a body.
     """
 
     name: str
@@ -116,13 +117,13 @@ class Condition:
     constant: Array
     link: int | None = None
 
-    def at(self, phi: Array) -> Array:
-        """The matrix at standard parameters `phi`, shape (size, size)."""
+    def evaluate(self, phi: Array) -> Array:
+        """Evaluate the matrix at standard parameters `phi`, shape (size, size)."""
         return np.asarray(self.weights @ phi + self.constant)
 
 
 def conditions(robot: Robot, bounds: BodyBounds) -> list[Condition]:
-    """All conditions on the standard parameters of a robot that has all of every link.
+    """Return all conditions on the standard parameters of a robot with complete links.
 
     Raises
     ------
@@ -138,7 +139,7 @@ def conditions(robot: Robot, bounds: BodyBounds) -> list[Condition]:
 
 
 def tightened(robot: Robot, bounds: BodyBounds) -> list[Condition]:
-    """The same with room to spare: twice the thickness, and a little of everything else."""
+    """Return the conditions with a margin: twice the thickness, slightly tighter other bounds."""
     wide = conditions(robot, replace(bounds, thickness=2.0 * bounds.thickness))
     # distance of masses, first moments and rotor inertias from their bounds [kg, kg m, kg m^2]
     return [
@@ -157,12 +158,12 @@ def _spread(robot: Robot, link: int, thickness: float) -> Condition:
 
 
 def largest_radius(robot: Robot) -> float:
-    """Radius about its frame's origin within which a link's mass lies, root mean square [m]."""
+    """Return the largest root-mean-square radius of a link about its frame's origin [m]."""
     return max(LARGEST, ROBOTS * reach_of(robot))
 
 
 def _bounded(robot: Robot, link: int, bounds: BodyBounds) -> Iterator[Condition]:
-    """Scalar conditions on mass, size and centre of mass."""
+    """Yield the scalar conditions on mass, size and centre of mass of a link."""
     mass, least_and_most = np.eye(10)[_MASS], bounds.mass(link + 1)
     for sign, bound, word in zip((1.0, -1.0), least_and_most, ("least", "greatest"), strict=True):
         yield _scalar(robot, f"{word} mass of link {link + 1}", link, sign * mass, -sign * bound)
@@ -182,7 +183,7 @@ def _scalar(robot: Robot, name: str, link: int, own: Array, constant: float) -> 
 
 
 def _motors(robot: Robot) -> Iterator[Condition]:
-    """Motors' share of the mass matrix, of joints whose motors turn together as one condition."""
+    """Yield conditions on the motors' share of the mass matrix, by group of coupled joints."""
     added = added_inertias(robot)
     for joints in _turning_together(robot):
         own = added[np.ix_(range(len(added)), joints, joints)]
@@ -196,7 +197,7 @@ def _motors(robot: Robot) -> Iterator[Condition]:
 
 
 def _turning_together(robot: Robot) -> list[list[int]]:
-    """Joints that coupled motors tie to one another, the others by themselves."""
+    """Group joints by coupled motors; an uncoupled joint is a group of its own."""
     groups = [[j] for j in range(robot.n_joints)]
     for coupling in robot.couplings:
         tied = [g for g in groups if coupling.motor in g or coupling.joint in g]

@@ -1,6 +1,6 @@
-"""Of all bodies that have given base parameters, those nearest to likely ones.
+"""Nearest bodies to likely bodies, among the bodies with given base parameters.
 
-Near is meant by the entropic divergence of normal distributions with pseudo-inertias J and J_0,
+The distance is the entropic divergence of normal distributions with pseudo-inertias J and J_0,
 
     tr J_0^-1 J - log det J + log det J_0 - 4,
 
@@ -10,10 +10,10 @@ and self-concordant; Newton's method with damped steps finds its minimum from an
 Vandenberghe, Convex Optimization, section 9.6). Other conditions, on masses and rotors, enter with
 their log det.
 
-Likely bodies that only come from shapes are known but for scale: `rescaled` finds how much heavier
-and larger all of them together should be, a J_0 with lengths times b, for the divergence to be
-least. In u = 1/b and the sums of tr J_0^-1 J over the spatial, the mixed and the mass block,
-s u^2 + t u + m, it is least where s u^2 - t u - 3 m = 0 and a is a quarter of the sums' mean.
+Likely bodies from shapes are known up to scale: `rescaled` finds the common factors of mass, a, and
+of length, b, that minimise the divergence. Let s, t and m be the sums of tr J_0^-1 J over the
+spatial, the mixed and the mass block. In u = 1/b the total s u^2 + t u + m gives the minimum where
+s u^2 - t u - 3 m = 0, and a is a quarter of the total's mean over the links.
 """
 
 from __future__ import annotations
@@ -41,17 +41,17 @@ _SHORTEST_STEP = 1e-9
 def likeliest(
     bodies: Sequence[Inequality], others: Sequence[Inequality], pull: Array, z: Array
 ) -> Array:
-    """Minimise the divergence of the module over z.
+    """Minimise the divergence from likely bodies over the free coordinates z.
 
     Parameters
     ----------
     bodies : sequence of Inequality
-        Matrix of each link as a function of z, in units in which the likely body is the unit
-        matrix; positive definite at the start.
+        Matrix of each link as a function of z, in units that make the likely body the unit matrix;
+        positive definite at the start.
     others : sequence of Inequality
-        Further conditions, which hold at the start.
+        Further conditions that hold at the start.
     pull : ndarray, shape (n_free,)
-        Small weight of each z's square, which decides what no body does.
+        Small weight of each z's square, which decides directions that change no body.
     z : ndarray, shape (n_free,)
         Start.
     """
@@ -63,7 +63,7 @@ def likeliest(
 
 
 def rescaled(likely: Array, bodies: Array) -> Array:
-    """Likely bodies of the scale that is nearest to `bodies`, both of shape (n_joints, 10)."""
+    """Return likely bodies with the scale nearest to `bodies`, both of shape (n_joints, 10)."""
     spatial = mixed = mass = 0.0
     for expected, body in zip(likely, bodies, strict=True):
         parts = np.linalg.inv(pseudo_inertia(expected)) * pseudo_inertia(body)
@@ -77,14 +77,14 @@ def rescaled(likely: Array, bodies: Array) -> Array:
 
 
 def _entered(block: Inequality, z: Array) -> Inequality:
-    """The inequality, widened by what the start lacks of it: a solver's rounding."""
+    """Widen an inequality by the violation at the start, due to rounding in a solver."""
     lack = _ROUNDING - float(np.linalg.eigvalsh(block.constant + block.weights @ z)[0])
     return block._replace(constant=block.constant + max(lack, 0.0) * np.eye(len(block.constant)))
 
 
 def _newton(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> Array:
-    """Minimum of ``slope z + pull z^2 / 2 - sum weight log det``."""
-    # steps of Newton's method, at most
+    """Minimise ``slope z + pull z^2 / 2 - sum weight log det`` by Newton's method."""
+    # maximum number of Newton steps
     for _ in range(200):
         gradient, hessian = slope + pull * z, np.diag(pull)
         for block, weight in blocks:
@@ -114,7 +114,7 @@ def _value(blocks: _Blocks, slope: Array, pull: Array, z: Array) -> float:
 
 
 def _longest(blocks: Sequence[Inequality], z: Array, step: Array) -> float:
-    """The whole step, or nine tenths of the way to where a condition ceases to hold."""
+    """Return the step length: 1, or nine tenths of the distance to a condition's boundary."""
     worst = 0.0
     for block in blocks:
         root = np.linalg.inv(np.linalg.cholesky(block.constant + block.weights @ z))

@@ -1,10 +1,10 @@
-"""Bodies that links are likely to be, where no data say more: from their shapes.
+"""Likely bodies of links by shape, for combinations of parameters that data do not determine.
 
-Torques show combinations of the links' parameters only; what they leave open is taken nearest to
-these bodies. Where a URDF states bodies they are those. Else a link is a rod with rounded ends:
-the capsule that the robot file states, or the way from its frame to the next one; its mass goes by
-its volume. How heavy and how large all of them are together is left to the data
-(`hil.estimation.consistent.likeliest`); here they have the density of water.
+Torques show only combinations of the links' parameters; the rest is chosen nearest to these bodies.
+Bodies stated in a URDF take precedence. Otherwise a link is a rod with rounded ends: the capsule in
+the robot file, or the line from its frame to the next one; its mass is proportional to its volume.
+The common scale of mass and size is left to the data (`hil.estimation.consistent.likeliest`); here
+all links have the density of water.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 
 
 SLENDERNESS, STOUTEST = 0.25, 0.1
-"""Radius of a link over its length, and least one over the robot's length."""
+"""Radius of a link over its length, and minimum radius over the robot's length."""
 SHORTEST = 0.3
-"""Length of a robot whose axes all meet, and least of any [m]."""
+"""Minimum length of a robot [m], used where all axes meet."""
 
 
 def likely_bodies(robot: Robot) -> Array:
-    """Standard parameters of the links' likely bodies, shape (n_joints, 10)."""
+    """Return the standard parameters of the links' likely bodies, shape (n_joints, 10)."""
     shapes = (ends_and_radius(robot, link) for link in range(robot.n_joints))
     return np.array([_rod(*shape) for shape in shapes])
 
 
 def sized_bodies(robot: Robot) -> Array:
-    """Base parameters of likely bodies as heavy as the drives can move, shape (n_base,).
+    """Return base parameters of the heaviest likely bodies that the drives can move, (n_base,).
 
-    On motions through the whole of ranges, speeds and accelerations the axis that is loaded most
-    needs its whole torque limit just once.
+    On motions through the full ranges, speeds and accelerations the most loaded axis just reaches
+    its torque limit.
     """
     base = base_parameters(robot)
     present = [name in robot.present for name in robot.standard_parameters]
@@ -50,7 +50,7 @@ def sized_bodies(robot: Robot) -> Array:
 
 
 def ends_and_radius(robot: Robot, link: int) -> tuple[Array, Array, float]:
-    """Shape of a link (from 0) as a capsule in its frame [m]."""
+    """Return ends and radius of a link (from 0) as a capsule in the link's frame [m]."""
     stated = robot.file.joints[link].capsule
     if stated is not None:
         return np.array(stated.ends[0]), np.array(stated.ends[1]), stated.radius
@@ -65,13 +65,13 @@ def ends_and_radius(robot: Robot, link: int) -> tuple[Array, Array, float]:
 
 
 def reach_of(robot: Robot) -> float:
-    """Length of the stretched robot, or `SHORTEST` [m]."""
+    """Return the length of the stretched robot, at least `SHORTEST` [m]."""
     slides = np.where(robot.revolute, 0.0, np.maximum(np.abs(robot.q_min), np.abs(robot.q_max)))
     return max(float(np.sum(np.hypot(robot.d, robot.r) + slides)), SHORTEST)
 
 
 def _rod(begin: Array, end: Array, radius: float) -> Array:
-    """Standard parameters of a rod with rounded ends."""
+    """Return the standard parameters of a rod with rounded ends."""
     along, centre = end - begin, (begin + end) / 2
     # density of all links [kg/m^3]
     mass = 1000.0 * np.pi * radius**2 * (np.linalg.norm(along) + 4 * radius / 3)

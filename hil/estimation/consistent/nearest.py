@@ -1,29 +1,30 @@
-r"""The nearest base parameters that bodies have, and bodies that have them.
+r"""Nearest base parameters of physical bodies, and such bodies.
 
-Standard parameters whose torques are those of base parameters p' are ``phi = P p' + Z z``: P puts
-base parameters into the standard parameters that head them, Z spans what no torque shows
-(the null space of K of all links' parameters), z is free. What a robot file leaves out is zero
-in the torques, not in the bodies: no body lacks Ixx. Of all p' for which a phi meets the conditions
-(`hil.estimation.consistent.conditions`) the nearest to the estimate p by its covariance V,
+Standard parameters with the torques of base parameters p' are ``phi = P p' + Z z``: P puts base
+parameters into the standard parameters that head them, Z spans the directions without torque (the
+null space of K of all links' parameters), z is free. Parameters left out of a robot file are zero
+in the torques, not in the bodies: no body lacks Ixx. Consider all p' with a phi that meets the
+conditions (`hil.estimation.consistent.conditions`). The nearest to the estimate p by its covariance
+V,
 
     d^2 = min (p' - p)' V^-1 (p' - p),
 
-is a semidefinite program. Least squares under the same conditions is the same program. With the
-normal equations N p = v of an estimate that is linear in p, and W its weights,
+is the solution of a semidefinite program. Least squares under the same conditions is the same
+program. With the normal equations N p = v of an estimate that is linear in p, and W its weights,
 
     |y - X p'|_W^2 = |y - X p|_W^2 + (p' - p)' N (p' - p),
 
 since the residual of p is W-orthogonal to X; so its constrained minimum is the projection of p with
-V = s^2 N^-1, whatever the scale s. Unknowns that no condition binds (friction) are minimised
-over by taking their rows out of V = N^-1, which leaves N's Schur complement.
+V = s^2 N^-1, whatever the scale s. Unknowns without conditions (friction) are minimised over by
+taking their rows out of V = N^-1, which leaves N's Schur complement.
 
-That program decides p' and leaves z open; `hil.estimation.consistent.likeliest` chooses it. The
-program asks for twice the thickness, so that the choice has room.
+This program determines p' and leaves z open; `hil.estimation.consistent.likeliest` chooses z. The
+program demands twice the thickness, to leave room for this choice.
 
-If bodies are the truth d^2 is at most the distance to it, a chi-square of n_base degrees of
-freedom. Where errors are small against the curvature of the set only directions in which conditions
-bind count: d^2 is then a mixture of chi-squares of up to r (r + 1) / 2 degrees for each matrix that
-has lost the rank r, and the one of most degrees gives the greatest p-value.
+If the true parameters are bodies, d^2 is at most the distance to the truth, a chi-square of n_base
+degrees of freedom. Where errors are small against the curvature of the set, only directions of
+binding conditions count: d^2 is then a mixture of chi-squares of up to r (r + 1) / 2 degrees for
+each matrix of rank deficiency r. The largest number of degrees gives the greatest p-value.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ if TYPE_CHECKING:
 
 
 SHAPES = "the links' shapes"
-"""Where likely bodies come from by default."""
+"""Default source of the likely bodies."""
 
 
 def nearest_robot(
@@ -61,18 +62,18 @@ def nearest_robot(
     likely: Array | None = None,
     likely_from: str = SHAPES,
 ) -> ConsistentRobot:
-    """Find the nearest robot that consists of bodies.
+    """Find the nearest robot of physical bodies.
 
     Parameters
     ----------
     robot : Robot
     p : ndarray, shape (n_base,)
     covariance : ndarray, shape (n_base, n_base)
-        Of `p`; directions in which it vanishes are kept as they are.
+        Covariance of `p`; directions of zero variance remain unchanged.
     bounds : BodyBounds, optional
     likely : ndarray, shape (n_joints, 10), optional
-        Bodies that the links are likely to be; by default from their shapes, of whatever scale.
-        `likely_from` says where they come from.
+        Likely bodies of the links; by default from their shapes, with a free scale. `likely_from`
+        names the source.
 
     Raises
     ------
@@ -83,19 +84,19 @@ def nearest_robot(
     whole = robot.free_links()
     asked = tightened(whole, bounds)
     expected = likely_bodies(robot) if likely is None else likely
-    space = Space.of(robot, whole, p, covariance, expected)
+    space = Space.create(robot, whole, p, covariance, expected)
     first = space.nearest(asked)
     distance, nearest = space.distance(first), space.moved(first)
     phi = space.likeliest(conditions(whole, bounds), first, scaled=likely is None)
     bodies = phi[: 10 * robot.n_joints].reshape(-1, 10)
     thickness = np.array([thickness_of(body) for body in bodies])
-    # share of the thickness that rounding must leave; it takes some of links of a few grams
+    # minimum share of the thickness after rounding, which matters for links of a few grams
     if thickness.min() < 0.25 * bounds.thickness:
         raise NotRealisable(
             f"the bodies that were found are {1e3 * thickness.min():.2g} mm thick instead of"
             f" {1e3 * bounds.thickness:.2g} mm: the estimate is too far from any bodies"
         )
-    # distance d below which the estimate meets all conditions as it is
+    # distance d below which the estimate itself meets all conditions
     outside = distance > 1e-4**2
     binding, degrees = _binding(space, asked, first) if outside else ((), 0)
     return ConsistentRobot(
@@ -104,7 +105,7 @@ def nearest_robot(
         distance=distance,
         degrees_of_freedom=degrees,
         p_value=float(special.chdtrc(degrees, distance)) if degrees else 1.0,
-        distance_complete=_distance(space.with_absent(robot), asked) if outside else distance,
+        distance_complete=_distance(space.free_absent(robot), asked) if outside else distance,
         thickness=bounds.thickness,
         masses=dict(bounds.masses),
         likely=likely_from,
@@ -119,7 +120,7 @@ def nearest_robot(
 
 
 def thickness_of(body: Array) -> float:
-    """Least spread of a body's mass about its centre, root mean square [m]."""
+    """Return the least root-mean-square spread of a body's mass about its centre [m]."""
     J = pseudo_inertia(body)
     spread = J[:3, :3] / J[3, 3] - np.outer(J[:3, 3], J[:3, 3]) / J[3, 3] ** 2
     return float(np.sqrt(max(np.linalg.eigvalsh(spread)[0], 0.0)))
@@ -132,12 +133,12 @@ def _distance(space: Space, asked: Sequence[Condition]) -> float:
 def _binding(
     space: Space, asked: Sequence[Condition], first: Solved
 ) -> tuple[tuple[BindingCondition, ...], int]:
-    """Conditions that bind, and degrees of freedom by the ranks that their matrices have lost."""
+    """Return binding conditions, and degrees of freedom by rank deficiency of their matrices."""
     spectra = [np.linalg.eigvalsh(each) for each in first.multipliers]
     greatest = max(values[-1] for values in spectra)
     found, degrees = [], 0
     for each, values in zip(asked, spectra, strict=True):
-        # share of the greatest multiplier from which on a condition binds
+        # minimum share of the greatest multiplier for a binding condition
         if rank := int(np.sum(values > 1e-6 * greatest)):
             without = _distance(space, [other for other in asked if other is not each])
             found.append(BindingCondition(name=each.name, distance_without=without))

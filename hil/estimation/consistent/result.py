@@ -1,4 +1,4 @@
-"""The nearest robot that consists of bodies, as `model.yaml` keeps it beside the estimate."""
+"""Nearest robot of physical bodies, as stored beside the estimate in `model.yaml`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class LinkBody(FileModel):
-    """One link.
+    """Physical body of a link: parameters and thickness.
 
     Attributes
     ----------
@@ -22,7 +22,7 @@ class LinkBody(FileModel):
         Inertia about the origin of the link's frame (xx, xy, xz, yy, yz, zz), first moment, mass
         [kg m^2, kg m, kg].
     thickness : float
-        Least spread of its mass about the centre, root mean square [m].
+        Least root-mean-square spread of the mass about the centre [m].
     """
 
     parameters: tuple[float, ...]
@@ -30,23 +30,23 @@ class LinkBody(FileModel):
 
 
 class BindingCondition(FileModel):
-    """A condition that the estimate does not meet, and the distance without this one."""
+    """Condition that the estimate violates, and the distance without the condition."""
 
     name: str
     distance_without: float
 
 
 class TorqueCost(FileModel):
-    """What the change means in torques of one axis over the run's motions [N m or N].
+    """Change of an axis's torque over the motions of a run, due to the conditions [N m or N].
 
     Attributes
     ----------
     change : float
-        Root mean square of the torques' change.
+        Root mean square of the change.
     standard_error : float
-        Root mean square of the standard error of the torques that the estimate predicts.
+        Root mean square of the standard error of the predicted torque.
     torque : float
-        Root mean square of these torques themselves.
+        Root mean square of the predicted torque.
     """
 
     change: float
@@ -55,37 +55,37 @@ class TorqueCost(FileModel):
 
 
 class ConsistentRobot(FileModel):
-    """Bodies, base parameters that they have, and what these cost.
+    """Physical bodies, their base parameters, and the distance from the estimate.
 
     Attributes
     ----------
     values : tuple of float
         Base parameters p' of the bodies.
     change : tuple of float
-        Of each from the estimate, in standard errors.
+        Change of each parameter from the estimate, in standard errors.
     distance : float
         d^2, in the metric of the estimate's covariance: a chi-square.
     degrees_of_freedom : int
-        Of the chi-square that d^2 is compared with (`hil.estimation.consistent.nearest`).
+        Degrees of freedom of the chi-square for d^2 (`hil.estimation.consistent.nearest`).
     p_value : float
-        Greatest chance of so great a distance of an estimate of bodies.
+        Greatest probability of such a distance if the true parameters are bodies.
     distance_complete : float
-        The distance if link parameters that the robot file leaves out could have any value.
+        Distance if link parameters left out of the robot file could have any value.
     thickness : float
-        Least spread that was asked for [m].
+        Demanded minimum spread [m].
     masses : dict of int to (float, float)
-        Bounds of masses that were asked for, by link from 1 [kg].
+        Demanded bounds of masses, by link from 1 [kg].
     likely : str
-        Where the likely bodies come from, to which those here are nearest where no torque decides.
+        Source of the likely bodies, which decide where no torque does.
     open_masses : tuple of int
-        Links, from 1, whose mass no torque decides.
+        Links, from 1, with a mass that no torque determines.
     links : tuple of LinkBody
     added : dict of str to float
         Rotor inertias and springs, by name (`hil.model.added_parameters`).
     binding : tuple of BindingCondition
-        Those that cost most first.
+        Most costly conditions first.
     torque : tuple of TorqueCost
-        Axis by axis; empty where no motion was at hand.
+        By axis; empty without motions.
     """
 
     values: tuple[float, ...]
@@ -115,5 +115,5 @@ class ConsistentRobot(FileModel):
 
     @property
     def contradicted(self) -> bool:
-        """Whether the data contradict these bodies beyond chance."""
+        """True if the data contradict these bodies significantly."""
         return self.p_value < SIGNIFICANT

@@ -2,9 +2,9 @@
 
     minimise  |A u - b|^2  with  C_i + sum_k u_k F_ik >= 0,
 
-a convex program whose solution is found to rounding by an interior-point method (Goulart and Chen,
-Clarabel, 2024). A symmetric matrix enters as the vector of its upper triangle, column by column,
-elements beside the diagonal times the root of 2, which keeps inner products.
+is a convex program, solved to rounding by an interior-point method (Goulart and Chen, Clarabel,
+2024). A symmetric matrix enters as the vector of its upper triangle, column by column, with
+off-diagonal elements times the root of 2, which keeps inner products.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 TOLERANCES = 1e-10, 1e-8
-"""Of residuals and gap, relative; the second where the first is not reached."""
+"""Relative tolerances of residuals and gap; the second applies if the first is not reached."""
 _NOISE = 1e-12
 
 
@@ -35,25 +35,25 @@ class Inequality(NamedTuple):
 
 
 class Solved(NamedTuple):
-    """Solution u of shape (n,), and of each inequality its multiplier, shape (size, size)."""
+    """Solution u, shape (n,), and multipliers of the inequalities, shape (size, size)."""
 
     u: Array
     multipliers: list[Array]
 
 
 def least_squares(A: Array, b: Array, inequalities: Sequence[Inequality]) -> Solved:
-    """Solve the program of the module.
+    """Solve the least-squares program under linear matrix inequalities.
 
-    It is solved in two units of u, its own and that in which the inequalities' columns have length
-    1, and the better solution is taken: which one converges further depends on how far the
-    solution lies from u = 0.
+    The program is solved in two units of u, the original unit and the unit that gives the
+    inequalities' columns length 1, and the better solution is taken: convergence depends on the
+    distance of the solution from u = 0. If neither converges, their geometric mean is tried.
 
     Raises
     ------
     NotRealisable
         No solution meets all inequalities, or none was found.
     """
-    rows = np.vstack([_as_vectors(each.weights) for each in inequalities])
+    rows = np.vstack([_vectorise(each.weights) for each in inequalities])
     lengths = np.maximum(np.linalg.norm(rows, axis=0), _NOISE)
     units = np.ones(len(lengths)), 1.0 / lengths, 1.0 / np.sqrt(lengths)
     for tried, tolerance in product((units[:2], units[2:]), TOLERANCES):
@@ -69,7 +69,7 @@ def least_squares(A: Array, b: Array, inequalities: Sequence[Inequality]) -> Sol
 def _solved(
     A: Array, b: Array, inequalities: Sequence[Inequality], unit: Array, tolerance: float
 ) -> Solved | None:
-    """Solution in given units of u, or None where the solver finds none that holds."""
+    """Solve in given units of u; return None if the solver finds no solution that holds."""
     import clarabel  # noqa: PLC0415 - needed for this alone
     from scipy import sparse  # noqa: PLC0415 - as above
 
@@ -79,8 +79,8 @@ def _solved(
     solution = clarabel.DefaultSolver(
         sparse.csc_matrix(np.triu(square)),
         -slope,
-        sparse.csc_matrix(_without_noise(-np.vstack([_as_vectors(each) for each in weights]))),
-        _without_noise(np.concatenate([_as_vectors(each.constant) for each in inequalities])),
+        sparse.csc_matrix(_drop_noise(-np.vstack([_vectorise(each) for each in weights]))),
+        _drop_noise(np.concatenate([_vectorise(each.constant) for each in inequalities])),
         [clarabel.PSDTriangleConeT(n) for n in sizes],
         _settings(clarabel, tolerance),
     ).solve()
@@ -89,13 +89,13 @@ def _solved(
         return None
     ends = np.cumsum([n * (n + 1) // 2 for n in sizes])[:-1]
     parts = np.split(np.array(solution.z), ends)
-    return Solved(u, [_as_matrix(z, n) for z, n in zip(parts, sizes, strict=True)])
+    return Solved(u, [_unvectorise(z, n) for z, n in zip(parts, sizes, strict=True)])
 
 
 def _hold(inequalities: Sequence[Inequality], u: Array) -> bool:
-    """Whether all inequalities hold to the solver's precision."""
+    """Return True if all inequalities hold to the precision of the solver."""
     matrices = [each.constant + each.weights @ u for each in inequalities]
-    # share by which an inequality may fail, over its greatest element
+    # admissible violation of an inequality, over its greatest element
     return all(
         np.linalg.eigvalsh(each)[0] > -1e-7 * max(1.0, float(np.abs(each).max()))
         for each in matrices
@@ -111,25 +111,25 @@ def _settings(clarabel: Any, tolerance: float) -> Any:
 
 
 def _scaled(A: Array, b: Array) -> tuple[Array, Array]:
-    """Matrix and slope of the objective, in units in which the greatest element is 1."""
+    """Return matrix and slope of the objective, scaled to a greatest element of 1."""
     square = A.T @ A
     greatest = float(np.abs(square).max())
-    return _without_noise(square / greatest), A.T @ b / greatest
+    return _drop_noise(square / greatest), A.T @ b / greatest
 
 
-def _without_noise(x: Array) -> Array:
-    """Exact zeros where rounding has left something: the solver's factors are sparse."""
+def _drop_noise(x: Array) -> Array:
+    """Set elements at the level of rounding to zero: the solver's factors are sparse."""
     return np.where(np.abs(x) < _NOISE * np.abs(x).max(initial=0.0), 0.0, x)
 
 
-def _as_vectors(matrices: Array) -> Array:
-    """Upper triangles of matrices, shape (size, size, ...) to (size (size + 1) / 2, ...)."""
+def _vectorise(matrices: Array) -> Array:
+    """Return upper triangles of matrices, (size, size, ...) to (size (size + 1) / 2, ...)."""
     column, row = np.tril_indices(len(matrices))
     scale = np.where(row == column, 1.0, np.sqrt(2.0))
     return np.asarray((matrices[row, column].T * scale).T)
 
 
-def _as_matrix(vector: Array, size: int) -> Array:
+def _unvectorise(vector: Array, size: int) -> Array:
     column, row = np.tril_indices(size)
     matrix = np.zeros((size, size))
     matrix[row, column] = vector / np.where(row == column, 1.0, np.sqrt(2.0))

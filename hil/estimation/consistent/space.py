@@ -1,8 +1,9 @@
-"""The standard parameters that come into question, and units in which programs solve for them.
+"""Candidate standard parameters of an estimate, and their units in the programs.
 
-They are ``phi = P (p + L x) + Z z``: P puts base parameters into the standard parameters that head
-them, L L' is the covariance of p, so that x counts standard errors, and Z spans what no torque
-shows. Everything is measured by the links' likely bodies, which makes all numbers alike in size.
+The parameters are ``phi = P (p + L x) + Z z``: P puts base parameters into the standard parameters
+that head them, L L' is the covariance of p, so that x counts standard errors, and Z spans the
+directions without torque. The likely bodies of the links are the units, which makes all numbers
+alike in size.
 """
 
 from __future__ import annotations
@@ -39,9 +40,9 @@ class Space:
     ----------
     placement : ndarray, shape (n_standard, n_base)
     p : ndarray, shape (n_base,)
-        The estimate.
+        Estimate.
     root : ndarray, shape (n_base, n_moving)
-        Root of its covariance.
+        Root of the covariance of `p`.
     free : ndarray, shape (n_standard, n_free)
     likely : ndarray, shape (n_joints, 10)
     """
@@ -53,8 +54,10 @@ class Space:
     likely: Array
 
     @classmethod
-    def of(cls, robot: Robot, whole: Robot, p: Array, covariance: Array, likely: Array) -> Space:
-        """The space around an estimate; `whole` is the robot with all link parameters."""
+    def create(
+        cls, robot: Robot, whole: Robot, p: Array, covariance: Array, likely: Array
+    ) -> Space:
+        """Create the space around an estimate; `whole` is the robot with all link parameters."""
         unit = _units(likely, len(whole.added_parameters))
         scaled = base_parameters(whole).matrix * unit
         _, values, rows = np.linalg.svd(scaled / np.linalg.norm(scaled, axis=1)[:, np.newaxis])
@@ -62,44 +65,44 @@ class Space:
         free = unit[:, np.newaxis] * rows[rank:].T
         return cls(base_parameters(robot).placement, p, _root(covariance), free, likely)
 
-    def with_absent(self, robot: Robot) -> Space:
-        """The same, with the parameters that the robot file leaves out or ties free as well."""
+    def free_absent(self, robot: Robot) -> Space:
+        """Return the space with parameters freed that the robot file leaves out or ties."""
         stated = set(robot.present) - set(robot.ties)
         absent = [k for k, name in enumerate(robot.standard_parameters) if name not in stated]
         return replace(self, free=np.hstack([self.free, np.diag(self._unit)[:, absent]]))
 
     @property
     def open_masses(self) -> tuple[int, ...]:
-        """Links, from 1, whose mass no torque decides."""
+        """Links, from 1, with a mass that no torque determines."""
         rows = np.abs(self.free[9 : self.likely.size : 10]) / self.likely[:, 9:]
         return tuple(int(k) + 1 for k in np.flatnonzero(rows.max(axis=1, initial=0.0) > _RANK))
 
     def nearest(self, asked: Sequence[Condition]) -> Solved:
-        """Smallest x, with some z, that meets the conditions."""
+        """Solve for the smallest x, with any z, that meets the conditions."""
         directions = np.hstack([self.placement @ self.root, self.free])
         A = np.eye(self.root.shape[1], directions.shape[1])
         inequalities = [self._inequality(each, self.p, directions) for each in asked]
         return least_squares(A, np.zeros(len(A)), inequalities)
 
     def moved(self, solved: Solved) -> Array:
-        """Base parameters p + L x of a solution."""
+        """Return the base parameters p + L x of a solution."""
         return np.asarray(self.p + self.root @ solved.u[: self.root.shape[1]])
 
     def distance(self, solved: Solved) -> float:
-        """|x|^2 of a solution."""
+        """Return the squared distance |x|^2 of a solution from the estimate."""
         return float(np.sum(solved.u[: self.root.shape[1]] ** 2))
 
     def likeliest(self, asked: Sequence[Condition], solved: Solved, *, scaled: bool) -> Array:
-        """Likeliest standard parameters with the base parameters of a solution.
+        """Return the likeliest standard parameters with the base parameters of a solution.
 
         Parameters
         ----------
         scaled : bool
-            Whether likely bodies are known but for their scale.
+            True if likely bodies are known up to scale.
         """
         z, space, n = solved.u[self.root.shape[1] :], self, self.likely.size
         start = self.placement @ self.moved(solved)
-        # times that bodies and the scale of the likely ones are found from each other, at most
+        # maximum number of alternations between bodies and scale of the likely bodies
         for _ in range(20 if scaled else 1):
             z = space._chosen(asked, self.moved(solved), z)
             scale = rescaled(space.likely, (start + self.free @ z)[:n].reshape(-1, 10))
@@ -109,7 +112,7 @@ class Space:
         return np.asarray(start + self.free @ z)
 
     def _chosen(self, asked: Sequence[Condition], p: Array, z: Array) -> Array:
-        """The likeliest z for base parameters p."""
+        """Return the likeliest z for base parameters p."""
         if not z.size:
             return z
         n = self.likely.size
@@ -126,12 +129,12 @@ class Space:
         return _units(self.likely, len(self.placement) - self.likely.size)
 
     def _inequality(self, condition: Condition, p: Array, directions: Array) -> Inequality:
-        """A condition in coordinates of `directions` about p, in units of likely bodies."""
-        constant, weights = condition.at(self.placement @ p), condition.weights @ directions
+        """Express a condition in coordinates of `directions` about p, in units of likely bodies."""
+        constant, weights = condition.evaluate(self.placement @ p), condition.weights @ directions
         if condition.link is None:
             size = float(np.abs(condition.weights * self._unit).max())
             return Inequality(constant / size, weights / size)
-        # makes the body's pseudo-inertia the unit matrix
+        # turns the likely body's pseudo-inertia into the unit matrix
         back = np.linalg.inv(np.linalg.cholesky(pseudo_inertia(self.likely[condition.link])))
         return Inequality(
             back @ constant @ back.T, np.einsum("ij,jkn,lk->iln", back, weights, back)
@@ -139,7 +142,7 @@ class Space:
 
 
 def _units(likely: Array, n_added: int) -> Array:
-    """What each standard parameter is measured in, by the likely bodies, shape (n_standard,)."""
+    """Return the units of the standard parameters from the likely bodies, shape (n_standard,)."""
     found = []
     for body in likely:
         inertia, mass = float(body[[0, 3, 5]].sum()), float(body[9])
@@ -148,7 +151,7 @@ def _units(likely: Array, n_added: int) -> Array:
 
 
 def _root(covariance: Array) -> Array:
-    """L with L L' = V, shape (n_base, rank)."""
+    """Return L with L L' = V, shape (n_base, rank)."""
     error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.where(error > 0, error, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))

@@ -1,1 +1,1 @@
-"""Found, excluded, invisible: what recordings prove of all that may spoil an identification."""
+"""Found, excluded and invisible causes: proof by recordings of errors in an identification."""

@@ -1,14 +1,14 @@
-"""Finite alternatives: what no derivative shows, such as a sign, an exchange, a zero far off.
+"""Finite alternatives without a derivative: wrong signs, exchanged axes, large zero errors.
 
-Each is another reading of the recordings. Joint i is read from channel `order[i]`, and
+Each alternative is another reading of the recordings. Joint i is read from channel `order[i]`, and
 
     q = sign_q scale q_read + zero,    tau_read = sign_tau gain (A p + H qdd) + friction,
 
 so that a gear ratio N that is stated as N' has scale, gain and gear N' / N, and the motor's H is
-that stated over gear^2. All base parameters are fitted anew under each. Readings are compared by
-the likelihood of white noise of unknown variance on each axis, sum n_a log s_a^2; they have as many
-unknowns as what is stated, or one more. Two things are impossible whatever the residual: friction
-that drives its axis, and motion of negative kinetic energy, each by more than noise makes it so.
+that stated over gear^2. All base parameters are fitted anew for each reading. Readings are compared
+by the likelihood of white noise of unknown variance on each axis, sum n_a log s_a^2; they have as
+many unknowns as the stated reading, or one more. Two things beyond noise are impossible whatever
+the residual: friction that drives its axis, and motion of negative kinetic energy.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ if TYPE_CHECKING:
 ROWS = 250
 """Rows of a channel: alternatives differ by more than noise."""
 ROUGHLY = 3
-"""Rounds of weights and solution by which starts are compared with one another."""
+"""Rounds of weights and solution for the comparison of start values."""
 CONFIGURATIONS = 60
-"""At which the mass matrix is looked at."""
+"""Number of configurations at which the mass matrix is evaluated."""
 STARTS = {
     "zero": tuple(np.arange(-135.0, 181.0, 45.0)),
     "gear ratio": (-50.0, -20.0, 25.0, 100.0),
@@ -52,13 +52,13 @@ STARTS = {
     "gravity x": (-90.0, 90.0, 180.0),
     "gravity y": (-90.0, 90.0),
 }
-"""Sizes from which each is searched: torques are sinusoids of angles; degrees for radians are 57
-times too many, peak values 41 % above rms ones."""
+"""Start values of the searches: torques are sinusoids of angles; degrees for radians are 57 times
+too many, peak values 41 % above rms ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """What recordings mean; the vectors are by joint, angles in rad, gravity in the base frame."""
+    """Meaning of recordings; vectors are by joint, angles in rad, gravity in the base frame."""
 
     order: tuple[int, ...]
     torques: tuple[int, ...]
@@ -70,17 +70,17 @@ class Reading:
     zero: Array
     gravity: Array
     slip: tuple[int, float, float] | None = None
-    """Axis, instant [s] from which on its link stands elsewhere, and by how much."""
+    """Axis, instant of the slip [s], and displacement of the link from then on."""
 
     @classmethod
     def stated(cls, robot: Robot) -> Reading:
-        """What robot file and drives file state."""
+        """Return the reading stated by robot file and drives file."""
         n, one = robot.n_joints, np.ones(robot.n_joints)
         order = tuple(range(n))
         return cls(order, order, one, one, one, one, one, np.zeros(n), np.array(robot.gravity))
 
-    def at(self, axis: int, **values: float) -> Reading:
-        """The same with other values of one axis."""
+    def alter(self, axis: int, **values: float) -> Reading:
+        """Return a reading with changed values of an axis."""
         changed = {}
         for name, value in values.items():
             changed[name] = getattr(self, name).copy()
@@ -88,7 +88,7 @@ class Reading:
         return replace(self, **changed)
 
     def motion(self, evidence: Evidence) -> tuple[Array, Array, Array]:
-        """True q, qd and qdd of all joints, each of shape (n, n_joints)."""
+        """Return true q, qd and qdd of the joints, shape (n, n_joints) for each."""
         factor = self.sign_q * self.scale
         q, qd, qdd = (x[:, self.order] * factor for x in evidence.motion[1])
         q = q + self.zero
@@ -98,7 +98,7 @@ class Reading:
         return q, qd, qdd
 
     def rows(self, robot: Robot, evidence: Evidence) -> tuple[Array, Array]:
-        """Torque less that of motors, and base parameters' columns, in recorded torque."""
+        """Return torque less motor torque, and base-parameter columns, in recorded torque."""
         motion = self.motion(evidence)
         torque, X = evidence.recorded.copy(), np.zeros_like(evidence.X)
         for channel in np.unique(evidence.axis):
@@ -113,27 +113,25 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Explained:
-    """What a reading makes of the evidence.
+    """Fit of the evidence under a reading.
 
     Attributes
     ----------
     robot, evidence, reading
-        What it is of; the evidence is without channels' own columns.
+        Inputs; the evidence is without channels' own columns.
     more : ndarray, shape (n, k), optional
-        Columns that stay free.
-    misfit : float
-        sum n_a log s_a^2: differences of it are chi squares.
+        Further free columns. misfit : float sum n_a log s_a^2; differences are chi squares.
     left : ndarray, shape (n_channels,)
-        s_a^2, the mean squares that are left.
+        s_a^2, the residual mean squares.
     p : ndarray, shape (n_base,)
     information : ndarray, shape (n_base + k, n_base + k)
-        Of all columns that channels share.
+        Information of all shared columns.
     counts : ndarray, shape (n_channels,)
-        Samples, less coefficients of friction.
+        Number of samples, less coefficients of friction.
     residual : ndarray, shape (n,)
-        Torque less what those columns explain.
+        Torque less the part explained by these columns.
     dispersion : float
-        By how much noise may be larger than if it were white.
+        Factor by which noise may exceed white noise.
     """
 
     robot: Robot
@@ -151,15 +149,15 @@ class Explained:
     def instead(
         self, reading: Reading, rounds: int = ROUNDS, columns: _Columns | None = None
     ) -> Explained:
-        """What another reading makes of it."""
+        """Fit another reading of the evidence."""
         of = self.robot, self.evidence, reading, self.more
         return explained(*of, rounds, self.dispersion, columns)
 
     def instead_below(self, reading: Reading, most: float) -> Explained | None:
-        """What another reading makes of it, or None where its misfit is `most` at least.
+        """Fit another reading; return None if the misfit is at least `most`.
 
-        Base parameters of each channel alone leave less of it than common ones do, without weights
-        that have to be found; few readings of those that are wrong come below `most` even so.
+        Separate base parameters for each channel leave a smaller residual than common ones, without
+        iterated weights; even so, few wrong readings come below `most`.
         """
         columns = _columns(self.robot, self.evidence, reading, self.more)
         blocks = columns.blocks
@@ -170,9 +168,9 @@ class Explained:
 
     @cached_property
     def driven(self) -> Array:
-        """Share of the mean square that the rigid bodies leave by which friction drives each axis.
+        """Share of residual mean squares along friction that drives an axis, shape (n_channels,).
 
-        Shape (n_channels,); of the later recordings, where a change is looked for.
+        It refers to the later recordings, if a change is tested.
         """
         found, evidence, reading = np.zeros(len(self.left)), self.evidence, self.reading
         for channel in np.unique(evidence.axis):
@@ -191,19 +189,16 @@ class Explained:
 
     @cached_property
     def possible(self) -> bool:
-        """Whether friction takes power, and all motion has a positive energy.
-
-        As far as noise lets that be known.
-        """
+        """True if friction takes power and all motion has a positive energy, within noise."""
         # of n samples of noise a share r^2 follows a direction with n r^2 / (1 - r^2) about 1
         most = self.dispersion * _beyond(len(self.driven)) * (1.0 - self.driven)
         return not (self.counts * self.driven > most).any() and not self._negative
 
     @property
     def _negative(self) -> bool:
-        """Whether some motion would have a negative kinetic energy, whatever noise did to `p`.
+        """True if some motion has a negative kinetic energy beyond the error of `p`.
 
-        That of a motion v is v'(M(q) + rotors) v, which is linear in p: so is its error.
+        The energy of a motion v is v'(M(q) + rotors) v, which is linear in p, as is its error.
         """
         robot, q = self.robot, self.reading.motion(self.evidence)[0]
         some = q[:: max(1, len(q) // CONFIGURATIONS)]
@@ -221,9 +216,9 @@ class Explained:
 
 
 class Alternative(NamedTuple):
-    """Another reading: its cause, axes from 0, size and standard error, NaN where it has none.
+    """Another reading: cause, axes from 0, size and standard error, NaN without a size.
 
-    Of a slip also the instant [s].
+    A slip also has an instant [s].
     """
 
     cause: str
@@ -243,10 +238,10 @@ def explained(
     dispersion: float = 1.0,
     columns: _Columns | None = None,
 ) -> Explained:
-    """Fit base parameters under a reading, and of `more` columns, shape (n, k).
+    """Fit base parameters and `more` columns, shape (n, k), under a reading.
 
-    What is impossible is so by more than noise of a `dispersion` makes it. `columns` are those of
-    this reading, where they are known.
+    A reading is impossible only beyond noise of this `dispersion`. `columns` are those of the
+    reading, if known.
     """
     torque, X, blocks = columns or _columns(robot, evidence, reading, more)
     n_base = X.shape[1] - (0 if more is None else more.shape[1])
@@ -269,7 +264,7 @@ def explained(
 
 
 class _Columns(NamedTuple):
-    """Torque (n,) and columns (n, n_base + k) of a reading, and both added up without friction."""
+    """Torque (n,) and columns (n, n_base + k) of a reading, and blocks without friction."""
 
     torque: Array
     X: Array
@@ -284,32 +279,32 @@ def _columns(robot: Robot, evidence: Evidence, reading: Reading, more: Array | N
         X = np.where(evidence.later[:, None], X, stated_X)
     if more is not None:
         X = np.hstack([X, more])
-    rows = evidence.without_friction(np.hstack([torque[:, None], X]))
+    rows = evidence.project_out_friction(np.hstack([torque[:, None], X]))
     return _Columns(torque, X, evidence.blocks(rows, X.shape[1]))
 
 
 def _beyond(n: int) -> float:
-    """Square of a standard normal that is the greatest of `n` in one direction in 5 %."""
+    """Return the square of a one-sided 5 % bound on the greatest of `n` standard normals."""
     return float(special.ndtri(LEVEL / n)) ** 2
 
 
 def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable[[float], Reading]:
-    """Readings of a cause by its size, in the unit of the table."""
+    """Return the readings of a cause as a function of size, in the unit of the table."""
     stated = Reading.stated(robot)
     unit = np.pi / 180 if axis < 0 or robot.revolute[axis] else 1e-3
 
     def read(size: float) -> Reading:
         share = 1.0 + size / 100.0
         if cause == "zero":
-            return stated.at(axis, zero=unit * size)
+            return stated.alter(axis, zero=unit * size)
         if cause == "slip":
             return replace(stated, slip=(axis, instant, unit * size))
         if cause == "position scale":
-            return stated.at(axis, scale=share)
+            return stated.alter(axis, scale=share)
         if cause == "torque constant":
-            return stated.at(axis, gain=1.0 / share)
+            return stated.alter(axis, gain=1.0 / share)
         if cause == "gear ratio":
-            return stated.at(axis, scale=1.0 / share, gain=1.0 / share, gear=1.0 / share)
+            return stated.alter(axis, scale=1.0 / share, gain=1.0 / share, gear=1.0 / share)
         down, angle = stated.gravity, np.pi / 180 * size
         across = across_gravity(robot)[0 if cause.endswith("x") else 1]
         gravity = np.cos(angle) * down + np.sin(angle) * np.linalg.norm(down) * across
@@ -321,19 +316,19 @@ def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable
 def alternatives(
     stated: Explained, sizes: dict[tuple[str, int], float], slipped: int
 ) -> list[Alternative]:
-    """All that could be instead of what is stated, and is possible.
+    """Return the possible readings in place of the stated reading.
 
     Parameters
     ----------
     stated : Explained
-        What is stated, on some `ROWS` of each channel; its dispersion is that of misfits, which
-        noise that is not white makes greater.
+        Fit of the stated reading, on some `ROWS` of each channel; its dispersion is that of
+        misfits, enlarged by noise that is not white.
     sizes : dict
-        Sizes of causes to first order, which are tried too. Of a cause of one column that has none
-        the estimate spans the column: what another size explains is the difference between
+        Sizes of causes to first order, which are tried too. A cause of one column without a size is
+        within the span of the estimate: another size would only explain the difference between
         smoothed motions and smoothed regressors, many times over.
     slipped : int
-        Axis whose slip explains most to first order, the only one that is tried.
+        Axis whose slip explains most to first order; slips of other axes are not tried.
     """
     robot = stated.robot
     found = [
@@ -355,7 +350,7 @@ def alternatives(
 
 
 def _instant(stated: Explained, axis: int) -> float:
-    """Instant at which a slip of an axis explains most, roughly and then between two."""
+    """Return the best instant of a slip of an axis, by a coarse and a fine search."""
     time = stated.evidence.time
 
     def best(tried: Sequence[float]) -> float:
@@ -372,12 +367,12 @@ def _instant(stated: Explained, axis: int) -> float:
 
 
 def discrete(robot: Robot, evidence: Evidence) -> Iterator[tuple[str, tuple[int, ...], Reading]]:
-    """Signs, and every two axes of a kind exchanged: causes, axes from 0, readings."""
+    """Yield wrong signs and exchanged pairs of axes: causes, axes from 0, readings."""
     stated, measured = Reading.stated(robot), set(evidence.axis.tolist())
     for axis in sorted(measured):
-        yield "wrong direction of an axis", (axis,), stated.at(axis, sign_q=-1.0, sign_tau=-1.0)
-        yield "wrong sign of a position", (axis,), stated.at(axis, sign_q=-1.0)
-        yield "wrong sign of a torque", (axis,), stated.at(axis, sign_tau=-1.0)
+        yield "wrong direction of an axis", (axis,), stated.alter(axis, sign_q=-1.0, sign_tau=-1.0)
+        yield "wrong sign of a position", (axis,), stated.alter(axis, sign_q=-1.0)
+        yield "wrong sign of a torque", (axis,), stated.alter(axis, sign_tau=-1.0)
     for i, j in combinations(sorted(measured), 2):
         if robot.revolute[i] == robot.revolute[j]:
             order = list(stated.order)
@@ -400,9 +395,10 @@ def _sized(
 def _searched(
     stated: Explained, read: Callable[[float], Reading], starts: list[float], least: float
 ) -> tuple[float, float, Explained] | None:
-    """The size about the best start that explains most, the misfit's second derivative, and what.
+    """Search the best size near the best start; return size, curvature and fit.
 
-    None if the start explains no more than what is stated.
+    None if the best start explains no more than the stated reading. Curvature is the second
+    derivative of the misfit.
     """
 
     def misfit(size: float, rounds: int = ROUNDS) -> float:

@@ -1,22 +1,22 @@
-r"""Backlash: displacement of a link within the gap of its gear, from the motor's recorded motion.
+r"""Backlash: displacement of a link within a gear's gap, from the recorded motion of the motor.
 
 The motor of axis k is recorded, its link is not. Let :math:`\delta` be the angle of the link beyond
 that of the motor, at most half the gap :math:`b` in either direction. A gear in contact transmits
-the torque :math:`T_k` that rigid bodies need, and it can only push: where :math:`T_k` changes sign
-the gear lets go, and the link moves freely,
+the torque :math:`T_k` of the rigid bodies, and it can only push: where :math:`T_k` changes sign,
+contact is lost and the link moves freely,
 
 .. math:: M_{kk} \ddot\delta = -T_k , \qquad |\delta| < b ,
 
-until it meets the other side. It stays there, since the motor and the gear's losses take up the
+until it meets the other side. It stays there, since the motor and the losses of the gear absorb the
 impact (restitution of 0). So the gap is crossed in :math:`\sqrt{4 b M_{kk} / |T_k|}` after a step
 of the torque, in :math:`(12 b M_{kk} / |\dot T_k|)^{1/3}` after a steady change of sign; meanwhile
-the motor lacks the link's torque, and the impact brings back the momentum. Both are one and the
+the motor lacks the link's torque, and the impact brings back the momentum. Both follow from the
 same derivative: the torque of all axes changes by that of a motion changed by :math:`\delta`,
 :math:`\dot\delta` and :math:`\ddot\delta`. In contact :math:`\delta = -b \operatorname{sign} T_k`.
 
-The column per unit of :math:`b` depends on :math:`b`, so there is one for each of `HALF_GAPS`. It
-stands for gaps from half to twice of it. The inertia of the rotor must be known apart from that of
-the link, since the rotor does not cross the gap.
+The column per unit of :math:`b` depends on :math:`b`, so there is a column for each of `HALF_GAPS`.
+It is valid for gaps from half to twice its own. The inertia of the rotor must be known separately
+from that of the link, since the rotor does not cross the gap.
 """
 
 from __future__ import annotations
@@ -39,22 +39,23 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 HALF_GAPS = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3)
-"""Half gaps that are tried, each twice the one before [rad or m]: 0.3 to 5.5 arc minutes."""
+"""Tested half gaps, each twice the previous one [rad or m]: 0.3 to 5.5 arc minutes."""
 WITHIN = 2.0
-"""Times its half gap, or part of it, that a column shows at most: the next one is nearer there."""
+"""Largest ratio between a size and the half gap of its column, either way: beyond, the next column
+is nearer."""
 PIECE, LEAD = 768, 256
-"""Samples of a piece of a recording, and those before it: pieces are simulated beside each other,
-and the first change of sign makes each forget where it began."""
+"""Samples of a piece of a recording, and of the lead before it: pieces are simulated in parallel,
+and the first change of sign makes a piece independent of its start."""
 SPARSE = 8
-"""Samples from one mass matrix to the next: it changes as slowly as the arm turns."""
+"""Samples between two mass matrices, which change as slowly as the arm turns."""
 
 FINER = 2.0 ** np.array([-0.5, -0.25, 0.0, 0.25, 0.5])
-"""Times the half gap that explains most of `HALF_GAPS`: those that are tried beside it, since the
-size that a column shows hardly depends on the gap that it is of."""
+"""Factors of the best half gap of `HALF_GAPS`, tested beside it: the size in a column hardly
+depends on the gap of the column."""
 
 
 def half_gap(robot: Robot, key: Key) -> float | None:
-    """Half gap that a column is of, in the unit of the cause; None where it is of another cause."""
+    """Return the half gap of a column, in the unit of the cause; None for another cause."""
     cause, *microns = key[0].split()
     if cause != "play" or not microns:
         return None
@@ -62,7 +63,7 @@ def half_gap(robot: Robot, key: Key) -> float | None:
 
 
 def nearest(key: Key) -> Key:
-    """Return the test of `HALF_GAPS` that is of the nearest gap; another cause as it is."""
+    """Return the test of `HALF_GAPS` with the nearest gap; the key itself for another cause."""
     cause, *microns = key[0].split()
     if cause != "play" or not microns:
         return key
@@ -71,16 +72,16 @@ def nearest(key: Key) -> Key:
 
 
 class Driven(NamedTuple):
-    """Torque that links need as long as they follow their motors, and their own inertia.
+    """Torque and inertia of links in contact with the motors.
 
     Attributes
     ----------
     torque : ndarray, shape (n, n_joints)
-        Smoothed as all rows are [N m].
+        Smoothed like all rows [N m].
     inertia : ndarray, shape (n_some, n_joints)
         Diagonal of the mass matrix without rotors, at one of `SPARSE` samples.
     some : ndarray of int, shape (n_some,)
-        These samples.
+        Indices of these samples.
     """
 
     torque: Array
@@ -88,18 +89,18 @@ class Driven(NamedTuple):
     some: Indices
 
     @classmethod
-    def of_all(cls, robot: Robot, p: Array, signals: Sequence[Signals]) -> list[Driven]:
-        """Compute both of several recordings, from recorded motion and base parameters."""
+    def compute(cls, robot: Robot, p: Array, signals: Sequence[Signals]) -> list[Driven]:
+        """Compute torque and inertia of several recordings, from motion and base parameters."""
         torques = [s.smoothed(inverse_dynamics(robot, p, *s.link)) for s in signals]
         some = [np.append(np.arange(0, len(x) - 1, SPARSE), len(x) - 1) for x in torques]
-        # at once: a call takes as long as some hundred samples do
+        # in one call, which takes as long as some hundred samples
         q = np.concatenate([s.q[at] for s, at in zip(signals, some, strict=True)])
         inertia = np.einsum("nii->ni", mass_matrix(robot, p, q))
         ends = np.cumsum([len(at) for at in some])[:-1]
         return list(map(cls, torques, np.split(inertia, ends), some))
 
     def acceleration(self, axis: int) -> Array:
-        """Acceleration that a gear in contact gives the link of an axis, shape (n,)."""
+        """Return the acceleration of an axis's link by a gear in contact, shape (n,)."""
         at = np.arange(len(self.torque))
         inertia = np.interp(at, self.some, self.inertia[:, axis])
         return np.asarray(self.torque[:, axis] / inertia)
@@ -112,29 +113,29 @@ def displacements(
     places: Sequence[Indices],
     half_gaps: Sequence[float],
 ) -> Array:
-    """Simulate the link of an axis, and return how much it moves beyond its motor.
+    """Simulate the link of an axis, and return the displacement from its motor.
 
     Parameters
     ----------
     signals : sequence of Signals
     driven : sequence of Driven
-        Of each of them.
+        One for each of `signals`.
     places : sequence of ndarray of int
-        Samples of each that are wanted.
+        Wanted samples of each of `signals`.
     half_gaps : sequence of float
         [rad or m].
 
     Returns
     -------
     ndarray, shape (n_half_gaps, 3, n)
-        Displacement, speed and acceleration, smoothed, one after the other of `places`.
+        Displacement, speed and acceleration, smoothed, in the order of `places`.
     """
     pieces = [_pieces(len(s.time)) for s in signals]
     rate = np.concatenate([d.acceleration(axis)[at] for d, at in zip(driven, pieces, strict=True)])
     period = np.repeat([s.period for s in signals], [len(at) for at in pieces])
     gaps, found, first = np.array(half_gaps)[:, None], [], 0
     turns = (rate.min(axis=1) <= 0.0) & (rate.max(axis=1) >= 0.0)
-    # a link that is pushed one way alone stays on its side
+    # a link pushed in one direction alone stays on its side
     simulated = np.broadcast_to(
         -np.sign(rate[:, :1]) * gaps[..., None], (len(gaps), len(rate), PIECE)
     ).copy()
@@ -147,19 +148,19 @@ def displacements(
 
 
 def _pieces(n: int) -> Indices:
-    """Samples of each piece and of what leads to it, shape (n_pieces, LEAD + PIECE)."""
+    """Return sample indices of pieces with leads, shape (n_pieces, LEAD + PIECE)."""
     starts = np.arange(0, n, PIECE)
     at: Indices = np.clip(starts[:, None] + np.arange(-LEAD, PIECE), 0, n - 1)
     return at
 
 
 def _crossed(acceleration: Array, period: Array, gap: Array) -> Array:
-    """Positions of links in their gaps, shape (n, n_half_gaps, n_pieces).
+    """Simulate positions of links within gaps, shape (n, n_half_gaps, n_pieces).
 
     Parameters
     ----------
     acceleration : ndarray, shape (n, n_pieces)
-        Of a link that nothing pushes, relative to its motor.
+        Acceleration of a free link, relative to its motor.
     period : ndarray, shape (n_pieces,)
     gap : ndarray, shape (n_half_gaps, 1)
     """
@@ -177,14 +178,14 @@ def _crossed(acceleration: Array, period: Array, gap: Array) -> Array:
 
 @cache
 def _taps(period: float) -> Array:
-    """Weights of the smoothed value, first and second derivative, shape (n, 3)."""
+    """Return weights of the smoothed value, first and second derivative, shape (n, 3)."""
     window, beyond = weights(period), len(SECOND) // 2
     first, second = np.convolve(window, FIRST / period), np.convolve(window, SECOND / period**2)
     return np.column_stack([np.pad(window, beyond), first, second])
 
 
 def _correlated(x: Array, taps: Array, wanted: Indices) -> Array:
-    """Sums of samples and their neighbours times `taps`, shape (len(x), len(wanted), n_taps)."""
+    """Sum samples and neighbours times `taps`, shape (len(x), len(wanted), n_taps)."""
     reach = len(taps) // 2
     at = np.clip(wanted[:, None] + np.arange(-reach, reach + 1), 0, x.shape[1] - 1)
     found: Array = x[:, at] @ taps

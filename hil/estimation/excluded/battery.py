@@ -1,60 +1,60 @@
-r"""Score tests of causes beside what is estimated, with the covariance of groups.
+r"""Score tests of causes adjusted for the estimated columns, with the covariance of groups.
 
 Rows y of all channels, weighted with the reciprocals of their residual standard deviations, obey
 
     y = Z x + D_j theta_j + e,
 
-with the base parameters' and the channels' own columns Z, and one column D_j of a cause in turn.
-Let Q be an orthonormal basis of Z, r = y - QQ'y and D~ = D - QQ'D. Then, of the rows of group k,
+with the base parameters' and the channels' own columns Z, and the columns D_j of one cause at a
+time. Let Q be an orthonormal basis of Z, r = y - QQ'y and D~ = D - QQ'D. The rows of group k give
 
     score s_kj = D~_kj' r_k,   information I_kj = D~_kj'D~_kj,   theta_j = sum s_kj / sum I_kj.
 
-Noise is not white: friction wanders, laws of it are never exact. What scatters between groups shows
-by how much the variance 1 / I_j is to be multiplied, the *dispersion* of the cause,
+Noise is not white: friction wanders, and laws of friction are never exact. The scatter between
+groups gives the factor of the variance 1 / I_j, the *dispersion* of the cause,
 
     phi_j = sum_k ((s_kj - I_kj theta_j) / (1 - I_kj / I_j))^2 / I_j,
 
-in which r_k is enlarged by (1 - Q_k Q_k')^(-1/2) as for CR2 (`hil.least_squares.uncertainty`), and
-the size by the group's share in full, as the jackknife has it: friction that wanders adds to a
-score not as the root of I_kj but as I_kj itself, so groups that carry a size leave least of it
-(where dispersion is 4, powers of 1, 1/2 and of 1 find p < 0.01 in 3 and in 1 % of clean runs 300
-to 307). All of it is taken *beside the cause itself*, r_k less D~_kj theta_j: a flaw of any size
-leaves the dispersion, and the variance 1 of white noise, as they are without it.
+where r_k is enlarged by (1 - Q_k Q_k')^(-1/2) as for CR2 (`hil.least_squares.uncertainty`). The
+size is enlarged by the group's full share, as in the jackknife: wandering friction adds to a score
+in proportion to I_kj, not to its root, so groups that carry a size leave least of it (where
+dispersion is 4, powers of 1, 1/2 and of 1 find p < 0.01 in 3 and in 1 % of clean runs 300 to 307).
+Everything is taken *beside the cause itself*, r_k less D~_kj theta_j: a flaw of any size changes
+neither the dispersion nor the variance 1 of white noise.
 
-It has few degrees of freedom, where few groups carry a cause: with two of them and a hundred tests
-nothing is ever found. But all causes of an axis suffer from one and the same noise. So variances
-are moderated (Smyth, Statistical Applications in Genetics and Molecular Biology 3 (2004) 3): phi_j
-of d_j degrees of freedom scatters about a common phi_0 as if that had been seen with d_0 of them,
-and what counts is
+Dispersion has few degrees of freedom if few groups carry a cause: with two groups and a hundred
+tests nothing is ever found. But all causes of an axis have the same noise. So variances are
+moderated (Smyth, Statistical Applications in Genetics and Molecular Biology 3 (2004) 3): phi_j of
+d_j degrees of freedom scatters about a common phi_0, as if phi_0 had been observed with d_0 degrees
+of freedom. The moderated dispersion is
 
     (d_0 phi_0 + d_j phi_j) / (d_0 + d_j), with d_0 + d_j degrees of freedom,
 
-which noise that wanders from group to group, one and the same in all columns, makes no more than
-there are groups of the axis, less one.
+but no more degrees than the number of groups of the axis, less one, since wandering noise is the
+same in all columns of a group.
 
-phi_0 and d_0 are found from the scatter of log phi_j over the causes of the axis (`moderated`).
+phi_0 and d_0 follow from the scatter of log phi_j over the causes of the axis (`moderated`).
 
 Models of real machines are not exact. Model error is a smooth function of the state, and groups of
-one and the same motion repeat it, so they do not scatter by it. Two scales show it, and a cause
-counts only if it exceeds these as well as phi.
+the same motion repeat it, so they do not scatter by it. Two other scales show model error, and a
+cause counts only if it exceeds these as well as phi.
 
-It has no reason to lie along one cause rather than another. How much the other causes of an axis
-explain on average, beside the one under test, is the scale (the empirical null of Efron, J. Am.
-Stat. Assoc. 99 (2004) 96)
+Model error does not prefer one cause to another. The mean that the other causes of an axis explain,
+beside the cause under test, is the scale (the empirical null of Efron, J. Am. Stat. Assoc. 99
+(2004) 96)
 
     psi = (1 / m) sum_j z_j^2,   z_j^2 = (sum_k s_kj)^2 / I_j,   d = m^2 / sum_ij R_ij^2,
 
 over m columns of correlations R, with the degrees of freedom of a quadratic form of as many
 correlated normals.
 
-It makes parts of unchanged recordings differ. Let the cause act in one of K parts alone, the others
-being without it: of its columns D~_k beside Z then, the part explains z_jk^2. Where nothing changed
-that is model error and noise, so
+Model error also makes parts of unchanged recordings differ. Let the cause act in one of K parts
+alone. With its columns D~_k beside Z, the part explains z_jk^2. If nothing changed, that is model
+error and noise, so
 
     omega_j = (d psi_0 + K r_j mean_k z_jk^2 / r_j) / (d + K r_j)
 
 is the scale of a cause of r_j columns, moderated by the mean psi_0 over all causes of the axis
-(`of_parts`). Where the model is exact, psi and omega estimate the same variance as phi.
+(`part_scales`). If the model is exact, psi and omega estimate the same variance as phi.
 """
 
 from __future__ import annotations
@@ -80,43 +80,42 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.evidence import Evidence
 
 LEVEL = 0.05
-"""Probability that anything is found where nothing is wrong."""
+"""Probability of any finding if nothing is wrong."""
 FAMILIES = 3
-"""Families of tests for a change, which share `LEVEL` (Bonferroni): columns, finite readings, and
-friction."""
+"""Number of families of tests for a change, which share `LEVEL` (Bonferroni): columns, finite
+readings, and friction."""
 SPAN = 1e-4
-"""Share of a column's square beside what is estimated below which it is within its span: columns
-are of the smoothed motion, those of the base parameters are smoothed themselves, and the two differ
-by some 1e-3; of less than ten times that nothing can be said."""
+"""Share of a column's square beside the estimated columns, below which the column is within their
+span. Columns use the smoothed motion, those of the base parameters are smoothed themselves, and the
+two differ by some 1e-3; less than ten times that shows nothing."""
 NOTHING = 1e-10
-"""Largest root mean square of a column, over that of all of its cause, which is rounding."""
+"""Root mean square of a column over that of the largest column, up to which it is rounding."""
 ALIKE = 1e-6
-"""Share of the largest eigenvalue below which columns of one cause are one and the same."""
+"""Share of the largest eigenvalue below which columns of a cause are linearly dependent."""
 LEVERAGE = 1e-3
-"""Least share of a group's variance that the fit leaves, below which it shows nothing."""
+"""Lower limit of the share of a group's variance that the fit leaves."""
 
 
 class Test(NamedTuple):
-    """What the rows say of one cause.
+    """Score test of a cause: sizes with errors, p-value and dispersion.
 
     Attributes
     ----------
     columns : ndarray of int, shape (k,)
-        Those of the cause that are not within the span of what is estimated.
+        Columns of the cause outside the span of the estimated columns.
     size, error : ndarray, shape (k,)
-        Its size and standard errors, in the columns' units.
+        Sizes and standard errors, in the columns' units.
     degrees : float
-        Of freedom.
+        Degrees of freedom.
     drop : float
-        Of the weighted sum of squares.
+        Explained part of the weighted sum of squares.
     p : float
-        Probability of as large a size by chance.
+        Probability of a size at least as large by chance.
     rank : int
-        Columns that differ.
-    dispersion : float
-        Moderated.
+        Number of independent columns.
+    dispersion : float Moderated dispersion.
     white : float
-        That of white noise, which is the least that it can be.
+        Dispersion of white noise, its lower limit.
     """
 
     columns: Indices
@@ -131,18 +130,18 @@ class Test(NamedTuple):
 
 
 class Common(NamedTuple):
-    """Dispersion that causes have in common, and its degrees of freedom."""
+    """Common dispersion of several causes, and the degrees of freedom."""
 
     dispersion: float
     degrees: float
 
 
 class _AxisColumns(NamedTuple):
-    """Columns that show the noise of an axis, of all axes where it is none: which, and the rows.
+    """Columns for the noise of an axis; axis -1 has the columns of all axes.
 
-    Those are beside what is estimated; `alike` are the correlations of the columns' dispersions,
-    white noise within groups, `n_groups` the groups with rows of the axis, and `products` the inner
-    products of the columns.
+    `left` holds their rows beside the estimated columns, `alike` the correlations of their
+    dispersions for white noise within groups, `n_groups` the number of groups with rows of the
+    axis, and `products` their inner products.
     """
 
     columns: Indices
@@ -153,7 +152,7 @@ class _AxisColumns(NamedTuple):
 
 
 class Battery:
-    """Tests of all columns beside base parameters, channels' own columns and causes given."""
+    """Tests of columns adjusted for base parameters, channels' own columns and given causes."""
 
     def __init__(
         self,
@@ -164,21 +163,21 @@ class Battery:
     ) -> None:
         self.evidence, self.columns, self.given = evidence, columns, tuple(given)
         self.unchanged = unchanged or {}
-        """Omega of each cause, where unchanged recordings show it."""
+        """Omega of each cause, if known from unchanged recordings."""
         e = evidence
         self._order = order = np.argsort(e.group, kind="stable")
         self._y, self._X, self._own = (
-            e.without_friction(x)[order] for x in (e.torque[:, None], e.X, e.own)
+            e.project_out_friction(x)[order] for x in (e.torque[:, None], e.X, e.own)
         )
-        # few columns of many are read, again and again
-        self._D = np.asfortranarray(e.without_friction(columns.values)[order])
+        # a few of many columns are read repeatedly
+        self._D = np.asfortranarray(e.project_out_friction(columns.values)[order])
         self._channel, group = e.axis[order], e.group[order]
         self._starts = np.flatnonzero(np.diff(group, prepend=-1))
         self._axis = np.array([name.axis for name in columns.names])
         self._fit()
 
-    def beside(self, more: Sequence[int]) -> Battery:
-        """The same tests beside further causes."""
+    def extend(self, more: Sequence[int]) -> Battery:
+        """Return the tests adjusted for further causes."""
         other = object.__new__(Battery)
         other.__dict__.update({k: v for k, v in self.__dict__.items() if k not in CACHED})
         other.given = (*self.given, *more)
@@ -187,18 +186,18 @@ class Battery:
 
     @property
     def level(self) -> float:
-        """Probability that any column is found where nothing is wrong."""
+        """Probability of any found column if nothing is wrong."""
         return LEVEL if self.evidence.later is None else LEVEL / FAMILIES
 
     def _fit(self) -> None:
-        """Weigh channels, and project out what is estimated."""
+        """Weigh channels, and project out the estimated columns."""
         e, shared = self.evidence, np.hstack([self._X, self._D[:, self.given]])
         rows, n_shared = np.hstack([self._y, shared, self._own]), shared.shape[1]
         blocks = e.blocks(rows, n_shared, self._channel)
         regression = Regression.weighed(blocks)
         least = e.finest**2
         self.weights = np.minimum(regression.weights, 1.0 / least)
-        """Of the channels, shape (n_channels,)."""
+        """Weights of the channels, shape (n_channels,)."""
         regression = Regression(blocks, self.weights, regression.kept)
         self.solution = regression.solution[: self._X.shape[1]]
         """Base parameters, shape (n_base,)."""
@@ -220,27 +219,28 @@ class Battery:
         self._scores = D.T @ self._residual
         silent = before <= NOTHING**2 * before.max(initial=0.0)
         self.visible: Mask = ~silent & (self.information > SPAN * before)
-        """Columns that what is estimated does not span, shape (n_columns,)."""
+        """Columns outside the span of the estimated columns, shape (n_columns,)."""
         self.visible[list(self.given)] = False
         self.left = np.maximum(blocks.mean_squares(regression.solution), least)
-        """Mean square that is left of each channel, shape (n_channels,)."""
+        """Residual mean square of each channel, shape (n_channels,)."""
         self.misfit = float(self._counts @ np.log(self.left))
-        """Differences of which are chi squares."""
+        """Log-likelihood times -2, except for a constant: differences are chi squares."""
         self._pieces = [slice(a, b) for a, b in pairwise([*self._starts.tolist(), len(y)])]
-        self.shares = self._by_group(D**2)
-        """Of the groups in the information, shape (n_groups, n_columns)."""
+        self.shares = self._group_sums(D**2)
+        """Information of each column by group, shape (n_groups, n_columns)."""
 
     def _respond(self, left: Array, root: Array) -> None:
-        """Scale columns of delays to what a delay does to the recorded torques.
+        """Scale columns of delays to the effect of a delay on the recorded torques.
 
-        Columns are of the torque that the model states, and a delay moves all of the torque. What
-        is left of either beside friction and base parameters may hardly be alike. So the column of
-        a delay is an instrument (Wooldridge, Introductory Econometrics, 15.1) for the derivative of
-        the recorded torque, whose noise would hide a delay were it the column itself. What else of
-        that derivative is left adds to the mean square of the axis.
+        Columns use the modelled torque, but a delay moves all of the torque. The residuals of the
+        two beside friction and base parameters may differ. So the column of a delay is an
+        instrument (Wooldridge, Introductory Econometrics, 15.1) for the derivative of the recorded
+        torque; the noise of this derivative would hide a delay if it were the column itself. The
+        rest of the derivative adds to the mean square of the axis.
         """
         self.elsewhere = np.zeros(left.shape[1])
-        """Share of the mean square of its axis that a unit of each cause adds beside its column."""
+        """Effect of a unit of each cause outside its column, as a share of its axis's mean square.
+        """
         rate = -1e-3 * self.evidence.rate[self._order] * root
         for k, name in enumerate(self.columns.names):
             square = float(left[:, k] @ left[:, k])
@@ -254,24 +254,24 @@ class Battery:
 
     @property
     def _weighted(self) -> Array:
-        """All columns, weighted, shape (n, n_columns)."""
+        """Weighted columns, shape (n, n_columns)."""
         return np.asarray(self._D * self._root[:, None])
 
     @cached_property
     def _enlarged(self) -> Array:
-        """(1 - Q_k Q_k')^(-1/2) of all groups times the residual and all columns."""
+        """Residual and columns times (1 - Q_k Q_k')^(-1/2), by group."""
         found = np.column_stack([self._residual, self._left])
         for at in self._pieces:
             found[at] = _enlarge(self._Q[at], found[at])
         return found
 
-    def _by_group(self, rows: Array) -> Array:
+    def _group_sums(self, rows: Array) -> Array:
         return np.add.reduceat(rows, self._starts, axis=0)
 
     @cached_property
     def common(self) -> dict[int, Common]:
-        """What the causes of each axis have in common; those of no axis are as all are."""
-        scores = self._by_group(self._left * self._enlarged[:, :1])
+        """Common dispersion of causes by axis; -1 stands for all axes."""
+        scores = self._group_sums(self._left * self._enlarged[:, :1])
         return {
             axis: self._shared(
                 axis, own, scores[:, own], self.shares[:, own], self.information[own]
@@ -281,15 +281,15 @@ class Battery:
 
     @cached_property
     def _axes(self) -> dict[int, _AxisColumns]:
-        return {axis: self._of(axis) for axis in np.unique(self._axis).tolist()}
+        return {axis: self._axis_columns(axis) for axis in np.unique(self._axis).tolist()}
 
-    def _of(self, axis: int) -> _AxisColumns:
+    def _axis_columns(self, axis: int) -> _AxisColumns:
         e = self.evidence
         columns = np.flatnonzero(self.visible & ((self._axis == axis) | (axis < 0)))
         left = self._left[:, columns]
         unit = left / np.sqrt(self.information[columns])
-        # dispersions are quadratic forms of the groups' scores, of which those of columns i and j
-        # have the covariance I_kij
+        # dispersions are quadratic forms of the groups' scores; scores of columns i and j have the
+        # covariance I_kij
         square = sum((D.T @ D) ** 2 for D in np.split(unit, self._starts[1:]))
         length = np.sqrt(np.diag(square)) if len(columns) else np.zeros(0)
         groups = np.unique(e.group[(e.axis == axis) | (axis < 0)])
@@ -297,26 +297,26 @@ class Battery:
         return _AxisColumns(columns, left, alike, len(groups), left.T @ left)
 
     def _basis(self, columns: Sequence[int]) -> tuple[Indices, Array]:
-        """Visible ones of some columns, and by which they are orthonormal, shape (k, rank)."""
+        """Return visible columns among `columns`, and an orthonormalising matrix (k, rank)."""
         at = np.array([k for k in columns if self.visible[k]], dtype=np.intp)
         if not len(at):
             return at, np.zeros((0, 0))
         return at, _orthonormal(self._left[:, at].T @ self._left[:, at])
 
     def gram(self, columns: Sequence[int]) -> Array:
-        """Inner products of some columns beside what is estimated, zero of those in its span."""
+        """Return inner products of columns adjusted for the estimated columns, or zero."""
         left = self._left[:, columns] * self.visible[list(columns)]
         return left.T @ left
 
     def drop(self, columns: Sequence[int]) -> tuple[float, int]:
-        """Part of the weighted sum of squares that a cause explains, and its rank."""
+        """Return the explained part of the weighted sum of squares, and the rank of a cause."""
         at, B = self._basis(columns)
         along = B.T @ self._scores[at]
         return float(along @ along), B.shape[1]
 
     @property
     def sizes(self) -> dict[tuple[str, int], float]:
-        """Size of each cause of one column by itself."""
+        """Sizes of single-column causes, acting alone."""
         return {
             key: float(self.alone([k])[0])
             for key, (k, *more) in self.columns.tests.items()
@@ -324,27 +324,27 @@ class Battery:
         }
 
     def alone(self, columns: Indices | list[int]) -> Array:
-        """Return the size of each column, were it the only one."""
+        """Return the sizes of columns, acting alone."""
         found: Array = self._scores[columns] / self.information[columns]
         return found
 
     def squares(self, columns: Indices) -> Array:
-        """What a unit of each adds to the sum of squares of each axis, shape (n_channels, n)."""
+        """Return the sum of squares per unit of columns by axis, shape (n_channels, n)."""
         found = np.zeros((self.evidence.n_channels, len(columns)))
         np.add.at(found, self._channel, self._left[:, columns] ** 2)
         return found
 
     def most(self, squares: Array) -> Array:
-        """Return the largest share of an axis's mean square that some sums of squares are."""
+        """Return the largest share of sums of squares in an axis's mean square."""
         found: Array = (squares / np.maximum(self._counts, 1.0)[:, None]).max(axis=0)
         return found
 
     def outweighed(self, squares: Array, size: Array) -> Array:
-        """Return by how much causes of a size are found with larger errors than small ones.
+        """Return the ratio of the errors of causes at a size to the errors at small sizes.
 
-        Axes are weighed by what is left of their torques, of which a cause of several axes is a
-        part until it is found: with weights w_a in place of 1 the error of its size is by
-        sqrt(sum_a I_a sum_a I_a w_a^2) / sum_a I_a w_a larger.
+        Axes are weighted by their residual torques, which include a cause of several axes until it
+        is found. With weights w_a in place of 1, the error of its size is larger by sqrt(sum_a I_a
+        sum_a I_a w_a^2) / sum_a I_a w_a.
 
         Parameters
         ----------
@@ -357,12 +357,12 @@ class Battery:
         return found
 
     def test(self, columns: Sequence[int], *, itself: bool = False) -> Test | None:
-        """Test one cause; None where nothing of it shows.
+        """Test a cause; return None if no part of it is visible.
 
         Parameters
         ----------
         itself : bool
-            Whether dispersion and noise are those that are left beside the cause.
+            True for dispersion and noise beside the cause.
         """
         at, B = self._basis(columns)
         if not len(at):
@@ -374,22 +374,22 @@ class Battery:
         enlarged = self._enlarged[:, :1] - self._enlarged[:, 1 + at] @ (B @ along)[:, None]
         shares = (self.shares[:, at] / self.information[at]).mean(axis=1, keepdims=True)
         each, d = _dispersion(
-            self._by_group(U * enlarged), np.repeat(shares, rank, axis=1), np.ones(rank)
+            self._group_sums(U * enlarged), np.repeat(shares, rank, axis=1), np.ones(rank)
         )
         if itself:
-            common, white = self._beside(axis, same, U, enlarged), self._white(rest, U)
+            common, white = self._common_beside(axis, same, U, enlarged), self._white(rest, U)
         else:
             common, white = self.common[axis], 1.0
         others = self._others(axis, same, U if itself else None)
         degrees = max(float(common.degrees + d[0]), ALMOST_NONE)
         phi = (common.degrees * common.dispersion + d[0] * each.mean()) / degrees
-        # noise that wanders is one and the same in all columns of a group
+        # wandering noise is the same in all columns of a group
         degrees = min(degrees, max(self._axes[axis].n_groups - 1.0, ALMOST_NONE))
         noise = Common(max(float(phi), white), degrees)
-        # over what is left, of which a change is no part
+        # relative to the residual, which excludes the change
         omega = self.unchanged.get(nearest(self.columns.names[at[0]][:2]))
         parts = noise if omega is None else Common(white * omega.dispersion, omega.degrees)
-        # the greatest, with the quantile that its degrees of freedom ask for
+        # the greatest scale, by the quantile of its degrees of freedom
         level = 1.0 - self.level / len(self.columns.tests)
         phi, degrees = max(
             (noise, others, parts),
@@ -409,25 +409,25 @@ class Battery:
         )
 
     def _same(self, at: Indices) -> Indices:
-        """Return the columns of a cause, of other gaps too where it is backlash."""
+        """Return the columns of a cause; for backlash, the columns of all gaps."""
         names = [self.columns.names[k] for k in at]
         gaps = names[0].cause.startswith("play ")
         return np.array(self.columns.gaps(names[0].axis)) if gaps else at
 
     def _white(self, rest: Array, U: Array) -> float:
-        """Dispersion along orthonormal columns `U` of white noise that leaves `rest`."""
+        """Return the dispersion of white noise of residual `rest`, along orthonormal `U`."""
         n = self.evidence.n_channels
         square = np.bincount(self._channel, rest**2, n) / np.maximum(self._counts, 1.0)
         square = np.maximum(square, self.evidence.finest**2 * self.weights)
         return float(square[self._channel] @ (U**2).mean(axis=1))
 
-    def _beside(self, axis: int, at: Indices, U: Array, enlarged: Array) -> Common:
-        """What columns of an axis, but those `at`, have in common beside orthonormal columns U."""
+    def _common_beside(self, axis: int, at: Indices, U: Array, enlarged: Array) -> Common:
+        """Return the common dispersion of an axis's columns except `at`, adjusted for `U`."""
         own, D, *_ = self._axes[axis]
         other = ~np.isin(own, at)
         own = own[other]
         along = (U.T @ D)[:, other]
-        # of D - U U'D all inner products within groups, from those of D and U
+        # inner products of D - U U'D within groups, from those of D and U
         beside = np.column_stack([enlarged, U])
         with_D, with_U = (
             np.stack([x[rows].T @ beside[rows] for rows in self._pieces]) for x in (D, U)
@@ -442,7 +442,7 @@ class Battery:
         )
 
     def _others(self, axis: int, at: Indices, U: Array | None) -> Common:
-        """Psi: what the other columns of an axis explain, beside orthonormal columns `U` if any."""
+        """Return psi: mean explained by the rest of an axis's columns, adjusted for `U` if any."""
         own, D, *_, products = self._axes[axis]
         other = ~np.isin(own, at)
         own, products, scores = own[other], products[np.ix_(other, other)], self._scores[own[other]]
@@ -457,8 +457,8 @@ class Battery:
         z2 = scores[seen] ** 2 / information[seen]
         return Common(float(z2.mean()), _freedom(products[np.ix_(seen, seen)]))
 
-    def of_parts(self, part: Indices) -> dict[Key, Common]:
-        """Omega of each cause: what it explains of parts of unchanged recordings.
+    def part_scales(self, part: Indices) -> dict[Key, Common]:
+        """Return omega of causes: explained parts of unchanged recordings.
 
         Parameters
         ----------
@@ -472,7 +472,7 @@ class Battery:
         for k in range(n_parts):
             rows = part == k
             D, Q = weighted[rows], self._Q[rows]
-            left = D - Q @ (Q.T @ D)  # its rows of other parts are -Q Q_k'D
+            left = D - Q @ (Q.T @ D)  # rows of other parts are -Q Q_k'D
             beside = D.T @ left
             scores, information = D.T @ self._residual[rows], np.diag(beside)
             before = np.einsum("ij,ij->j", D, D)
@@ -489,7 +489,7 @@ class Battery:
     def _moderated(
         self, key: Key, drops: list[tuple[float, int]], every: Array, seen: Array
     ) -> Common:
-        """Scale of a cause from its drops and ranks, and squares of all columns and their parts."""
+        """Return the moderated scale of a cause, from drops with ranks and squares of columns."""
         drop, n = np.sum(drops, axis=0)
         same = (self._axis == key[1]) if key[1] >= 0 else np.ones(len(seen), dtype=bool)
         same &= seen > 0
@@ -503,7 +503,7 @@ class Battery:
     def _shared(
         self, axis: int, own: Indices, scores: Array, shares: Array, information: Array
     ) -> Common:
-        """The same of their scores and information by group, shape (n_groups, n_own)."""
+        """Return common dispersion from scores and information by group, (n_groups, n_own)."""
         seen = information > SPAN * self.information[own]
         if not seen.any():
             return Common(1.0, 0.0)
@@ -519,19 +519,20 @@ class Battery:
 
 
 CACHED = ("common", "_axes", "_enlarged")
-"""Of a `Battery`, what belongs to the causes given."""
+"""Attributes of a `Battery` that depend on the given causes."""
 
 
 def moderated(phi: Array, degrees: Array, correlation: Array) -> Common:
-    """Common dispersion and its degrees of freedom, after Smyth (2004), section 6.2.
+    """Return common dispersion and degrees of freedom, after Smyth (2004), section 6.2.
 
-    There, thousands of dispersions scatter independently about the common one. Here some tens are
-    correlated: they scatter less than they are uncertain, and so is the common one.
+    In that paper, thousands of dispersions scatter independently about the common one. Here some
+    tens are correlated: their scatter is less than their uncertainty, and the common one is
+    uncertain, too.
 
     Parameters
     ----------
     correlation : ndarray, shape (n_columns, n_columns)
-        Of the dispersions.
+        Correlations of the dispersions.
     """
     half = degrees / 2
     e = np.log(np.maximum(phi, np.finfo(float).tiny)) - special.digamma(half) + np.log(half)
@@ -544,7 +545,7 @@ def moderated(phi: Array, degrees: Array, correlation: Array) -> Common:
 
 
 def _inverse_trigamma(y: float) -> float:
-    """X of ``trigamma(x) = y``, by Newton's method (Smyth 2004, appendix)."""
+    """Solve ``trigamma(x) = y`` by Newton's method (Smyth 2004, appendix)."""
     x = 0.5 + 1.0 / y
     for _ in range(20):  # converges from there in a few steps, always from below
         value = float(special.polygamma(1, x))
@@ -553,12 +554,12 @@ def _inverse_trigamma(y: float) -> float:
 
 
 def _dispersion(left: Array, shares: Array, information: Array) -> tuple[Array, Array]:
-    """Variance of the scores' sum over that of white noise, and degrees of freedom.
+    """Return the variance of summed scores over that of white noise, and degrees of freedom.
 
     Parameters
     ----------
     left : ndarray, shape (n_groups, n_columns)
-        Scores beside the size that all groups together have.
+        Scores less the contribution of the common size of all groups.
     """
     h = shares / np.maximum(information, np.finfo(float).tiny)
     phi = (left**2 / np.maximum(1.0 - h, LEVERAGE) ** 2).sum(axis=0) / information
@@ -576,7 +577,7 @@ def _orthonormal(products: Array) -> Array:
 
 
 def _freedom(products: Array) -> float:
-    """Degrees of freedom of the mean square of normals with the correlations of some columns."""
+    """Return degrees of freedom of a mean square of normals, correlated as some columns."""
     length = np.sqrt(np.diag(products))
     return float(len(products) ** 2 / np.sum((products / np.outer(length, length)) ** 2))
 

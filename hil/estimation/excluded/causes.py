@@ -1,7 +1,7 @@
-"""The table of causes: what may be wrong with a robot, its drives, files or recordings.
+"""Table of causes: possible errors of a robot, its drives, files or recordings.
 
-Each has a unit, the size that is usual of such a quantity, words for what was found, and a remedy.
-Usual sizes are worth a share of the torque; of causes that do not show that is all to be said.
+Each cause has a unit, a usual size, words for a finding, and a remedy. A usual size makes a share
+of the torque; for a cause that does not show, this share is all that can be stated.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 Key = tuple[str, int]
-"""A cause and its axis, from 0; -1 where it concerns none. Torques that repeat bear their order."""
+"""Cause and axis, from 0; -1 for a cause of no axis. Names of repeating torques include the order.
+"""
 FIRST_ORDER = 0.5
 """Largest size of a first-order column, as a share (of the travel of a prismatic joint) or in rad:
 of a gain 1 / (1 + x), as of most causes, the next term of the series is then half of the first."""
@@ -27,25 +28,25 @@ LEFT_OUT = (
 
 
 class Cause(NamedTuple):
-    """One line of the table.
+    """Row of the table of causes.
 
     Attributes
     ----------
     words : str
-        What was found, before its size; a clause without subject.
+        Finding, before its size; a clause without subject.
     unit : str
-        Of a joint that turns; ``{torque}`` and ``{position}`` stand for the joint's own.
+        Unit at a revolute joint; ``{torque}`` and ``{position}`` stand for the joint's own.
     slides : str
-        Of a joint that slides.
+        Unit at a prismatic joint.
     usual : float
-        Size that is usual, in this unit; 0 where none is known.
+        Usual size, in this unit; 0 if none is known.
     remedy : str
     whole : bool
-        Whether it leaves nothing of the parameters, whatever its size.
+        True if the cause makes all parameters useless, whatever its size.
     accounted : bool
-        Whether an estimate takes it into account, where it shows.
+        True if an estimate accounts for the cause, where visible.
     least : float
-        Least size that mechanics allows, in this unit.
+        Least mechanically possible size, in this unit.
     """
 
     words: str
@@ -58,19 +59,19 @@ class Cause(NamedTuple):
     least: float = -np.inf
 
     def unit_of(self, robot: Robot, axis: int) -> str:
-        """Unit at an axis, from 0; -1 where it concerns none."""
+        """Return the unit at an axis, from 0; -1 for a cause of no axis."""
         if axis < 0:
             return self.unit
         unit = self.unit if robot.revolute[axis] else self.slides
         return unit.format(torque=robot.torque_unit(axis), position=robot.position_unit(axis))
 
     def largest(self, robot: Robot, axis: int, hours: float) -> float:
-        """Return the largest size that a column of the first order stands for, in this unit.
+        """Return the largest size with a valid first-order column, in this unit.
 
         Parameters
         ----------
         hours : float
-            Duration of the recordings, by which a cause grows that is stated per hour.
+            Duration of the recordings, for causes stated per hour.
         """
         unit = self.unit_of(robot, axis)
         shares = {"%": 100.0, "%/h": 100.0 / hours if hours else np.inf, "degrees": 180.0 / np.pi}
@@ -196,7 +197,7 @@ CAUSES = {
         "nothing to be corrected: positions of the link differ from those of the motor so far",
         least=0.0,
     ),
-    # what the estimate itself states of its error (`effects`), in words of its own
+    # parts of the estimate's own error (`effects`), which describes them
     "soft gears": Cause(
         "", "", "", 0.0,
         "nothing: links are placed where the gears let them be; a simulator or a feed-forward needs"
@@ -232,11 +233,11 @@ CAUSES = {
         " altered in between",
     ),
 }  # fmt: skip
-"""All causes by name, those of which the larger harm is likelier first: of several that data do not
-distinguish the first is named first. A load comes before a zero: to home an axis that only carries
-one would spoil what was right."""
+"""All causes by name, in the order of likely harm: of several causes that data do not distinguish,
+the first is named first. A load precedes a zero: homing an axis that only carries a load would
+spoil a correct zero."""
 FITTED = ("late torque",)
-"""Causes that every estimate looks for and takes into account: they stay free beside the others."""
+"""Causes that every estimate fits and accounts for: they stay free beside the others."""
 SHOWN_BY = {
     "load": "two runs would show it, without and with it (hil payload)",
     "zero": "it is part of base parameters, and shifts no torque that they predict",
@@ -246,4 +247,4 @@ SHOWN_BY = {
     "gear ratio": "count its teeth, or turn the joint by a known angle",
     "position scale": "turn the joint by a known angle",
 }
-"""What shows causes that are part of what base parameters, friction or other columns stand for."""
+"""Evidence for causes within the span of base parameters, friction or other columns."""

@@ -1,9 +1,9 @@
-"""Causes that may spoil an identification, each as columns: torque per unit of it.
+"""Columns of causes that may spoil an identification: torque per unit of each cause.
 
-A cause that is small enters the torque linearly. With tau(q, qd, qdd) = A p + H qdd the torque that
-the estimate says, and e_k the axis k, the column of axis i is, per unit of
+A small cause enters the torque linearly. With tau(q, qd, qdd) = A p + H qdd the torque of the
+estimate, and e_k the axis k, the column of axis i is, per unit of
 
-    zero of k              d tau_i / d q_k: the link stands further on than is read
+    zero of k              d tau_i / d q_k: the link is further on than its reading
     position scale of k    (q_k d/dq_k + qd_k d/dqd_k + qdd_k d/dqdd_k) tau_i
     gear ratio of k        minus that of the rigid bodies, and minus their torque where i = k
     torque constant of k   -tau_i where i = k, with the channel's own columns as fitted, since an
@@ -14,13 +14,13 @@ the estimate says, and e_k the axis k, the column of axis i is, per unit of
     late position of k     (tau_i(t + T) - tau_i(t - T)) / 2T with the motion of k alone shifted
     backlash of k          d tau_i by the displacement of the link within the gap (`backlash`)
     slip of k              d tau_i / d q_k from an instant on
-    direction of gravity   d tau_i by a turn about either axis across it
+    direction of gravity   d tau_i by a rotation about either axis across gravity
     a load                 the regressor's columns of the last link's parameters that are left out
     spring, torque that repeats with the angle, friction of the load: q_i; sin, cos of n q_i; |A p|
                            times the sign of the speed
 
-A column that the base parameters, the channel's own columns or friction span is *invisible*: the
-cause then is part of what they stand for.
+A column within the span of the base parameters, the channel's own columns or friction is
+*invisible*: the cause is then part of their values.
 """
 
 from __future__ import annotations
@@ -47,16 +47,17 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 STEP = 1e-7
-"""Of differences, in units of the column: rounding and second derivatives cost some 1e-8 each."""
+"""Step of differences, in units of the column: rounding and second derivatives cost some 1e-8 each.
+"""
 ORDERS = range(1, 13)
-"""How often a turn a torque may repeat: teeth of a bearing or a belt, and the spring of a
+"""Orders of torque ripple per turn: teeth of a bearing or a belt, and the spring of a
 counterweight, once."""
 INSTANTS = 8
-"""Parts of the time between which an axis may slip."""
+"""Number of intervals of time; an axis may slip between two of them."""
 
 
 class Column(NamedTuple):
-    """One column: its cause, the axis (from 0; -1 where it concerns none), and which of several."""
+    """Column of a cause: name, axis (from 0; -1 for no axis), and part, if any."""
 
     cause: str
     axis: int
@@ -71,7 +72,7 @@ class Columns:
     ----------
     names : tuple of Column
     values : ndarray, shape (n, n_columns)
-        Torque per unit of each, which is that of its cause.
+        Torque per unit of each column; the unit is that of the cause.
     free : sequence of str
         Causes that stay free beside the others.
     """
@@ -82,14 +83,14 @@ class Columns:
 
     @property
     def tests(self) -> dict[Key, list[int]]:
-        """Columns of each cause and axis, which are tested together."""
+        """Indices of columns by cause and axis, tested together."""
         found: dict[Key, list[int]] = {}
         for k, name in enumerate(self.names):
             found.setdefault((name.cause, name.axis), []).append(k)
         return found
 
     def gaps(self, axis: int) -> list[int]:
-        """Columns of the backlash of an axis, of any gap."""
+        """Return the indices of the columns of an axis's backlash, for all gaps."""
         return [
             k for k, name in enumerate(self.names)
             if name.axis == axis and name.cause.startswith("play ")
@@ -97,12 +98,12 @@ class Columns:
 
     @property
     def fitted(self) -> list[int]:
-        """Those that stay free."""
+        """Indices of the columns of free causes."""
         return [k for k, name in enumerate(self.names) if name.cause in self.free]
 
 
 class _Rows:
-    """Rows of the evidence and the torque that base parameters say."""
+    """Rows of the evidence, with the torque predicted by base parameters."""
 
     def __init__(self, robot: Robot, p: Array, evidence: Evidence) -> None:
         self.robot, self.p, self.evidence = robot, p, evidence
@@ -116,15 +117,15 @@ class _Rows:
         return np.take_along_axis(x, self.evidence.axis[:, None], axis=1)[:, 0]
 
     def torque(self, *motion: Array) -> Array:
-        """Of the rigid bodies, each row that of its axis."""
+        """Return the torque of the rigid bodies on the axis of the row."""
         return self._own(inverse_dynamics(self.robot, self.p, *motion))
 
     def whole(self, *motion: Array) -> Array:
-        """With that of the motors."""
+        """Return the torque of rigid bodies and motors on the axis of the row."""
         return self.torque(*motion) + self._own(motor_torque(self.robot, *motion))
 
     def partials(self, axis: int) -> Array:
-        """Derivatives of the rigid bodies' torque by motion of an axis, shape (3, n).
+        """Return derivatives of the rigid bodies' torque by motion of an axis, shape (3, n).
 
         By its position, speed and acceleration; the torque is linear in accelerations.
         """
@@ -138,16 +139,16 @@ class _Rows:
         return self._of_axis[1]
 
     def motors_by_position(self, axis: int) -> Array:
-        """Derivative of the motors' torque by the position of an axis, shape (n,)."""
+        """Return the derivative of the motors' torque by an axis's position, shape (n,)."""
         q = self.q.copy()
         q[:, axis] += STEP
         return (self._own(motor_torque(self.robot, q, self.qd, self.qdd)) - self.motor) / STEP
 
     @cached_property
-    def of_own(self) -> Array:
-        """Torque of the channels' own columns, fitted to what A p leaves, shape (n,)."""
+    def own_torque(self) -> Array:
+        """Torque of the channels' own columns, fitted to the residual of A p, shape (n,)."""
         e, found = self.evidence, np.zeros(len(self.q))
-        left, own = e.without_friction(e.torque - e.X @ self.p), e.without_friction(e.own)
+        left, own = e.project_out_friction(e.torque - e.X @ self.p), e.project_out_friction(e.own)
         for channel in np.unique(e.axis):
             at = e.axis == channel
             found[at] = e.own[at] @ np.linalg.lstsq(own[at], left[at], rcond=None)[0]
@@ -155,10 +156,10 @@ class _Rows:
 
     @cached_property
     def _driven(self) -> list[Driven]:
-        return Driven.of_all(self.robot, self.p, self.evidence.signals)
+        return Driven.compute(self.robot, self.p, self.evidence.signals)
 
-    def within_gap(self, axis: int, half_gaps: Sequence[float]) -> list[Array]:
-        """Return the change of the torque by the backlash of an axis, of each half gap."""
+    def backlash_torque(self, axis: int, half_gaps: Sequence[float]) -> list[Array]:
+        """Return the change of the torque by the backlash of an axis, by half gap."""
         e = self.evidence
         if any((each.inertia[:, axis] <= 0.0).any() for each in self._driven):
             return [np.zeros(len(e.axis))] * len(half_gaps)
@@ -171,13 +172,13 @@ class _Rows:
         return [(by_motion * each).sum(axis=0) for each in moved]
 
     @cached_property
-    def by_time(self) -> Array:
-        """Change by time of the torque, where all motion is later."""
+    def time_derivative(self) -> Array:
+        """Time derivative of the torque along the motion."""
         later, earlier = self.whole(*self.after), self.whole(*self.before)
         return (later - earlier) / (2.0 * self.evidence.period)
 
-    def by_time_of(self, axis: int) -> Array:
-        """The same where the motion of an axis alone is later."""
+    def axis_time_derivative(self, axis: int) -> Array:
+        """Return the time derivative of the torque along the motion of a single axis."""
         sides = []
         for other in (self.after, self.before):
             motion = [x.copy() for x in (self.q, self.qd, self.qdd)]
@@ -187,7 +188,7 @@ class _Rows:
         return (sides[0] - sides[1]) / (2.0 * self.evidence.period)
 
     def turned(self) -> Array:
-        """Derivative by a turn of gravity about either axis across it, shape (n, 2)."""
+        """Return derivatives by rotation of gravity about two horizontal axes, shape (n, 2)."""
         across = across_gravity(self.robot) * np.linalg.norm(self.robot.gravity)
         still = np.zeros_like(self.q)
         found = np.zeros((len(self.q), 2))
@@ -198,32 +199,32 @@ class _Rows:
                     A = regressor(
                         self.robot, self.q[rows], still[rows], still[rows], [axis], direction
                     )
-                    found[rows, k] = A[:, 0] @ self._without_springs
+                    found[rows, k] = A[:, 0] @ self._rigid_parameters
         return found
 
     @property
-    def _without_springs(self) -> Array:
-        """Base parameters, those that no link has set to zero: springs know no gravity."""
+    def _rigid_parameters(self) -> Array:
+        """Base parameters with springs set to zero, since gravity does not act on springs."""
         base = base_parameters(self.robot)
         added = [head in self.robot.added_parameters for head in base.heads]
         return np.where(added, 0.0, self.p)
 
 
 def columns(robot: Robot, p: Array, evidence: Evidence, free: Sequence[str] = FITTED) -> Columns:
-    """Columns of all causes on the rows of the evidence.
+    """Return the columns of all causes on the rows of the evidence.
 
     Parameters
     ----------
     p : ndarray, shape (n_base,)
-        Base parameters by which torques are calculated.
+        Base parameters for the torques.
     """
     return _gathered(_columns(_Rows(robot, p, evidence)), evidence, free)
 
 
 def finer(robot: Robot, p: Array, evidence: Evidence, every: Columns, key: Key) -> Columns:
-    """Return the same with gaps close to that of `key` in place of the other gaps of its axis."""
+    """Replace the gaps of an axis by gaps close to `key`; return the new columns."""
     axis, microns = key[1], float(key[0].split()[1])
-    of_gaps = _of_gaps(_Rows(robot, p, evidence), axis, (1e-6 * microns * FINER).tolist())
+    of_gaps = _gap_columns(_Rows(robot, p, evidence), axis, (1e-6 * microns * FINER).tolist())
     new, at = _gathered(of_gaps, evidence, every.free), every.gaps(axis)
     names, values = list(every.names), every.values.copy()
     for k, name in zip(at, new.names, strict=True):
@@ -243,18 +244,21 @@ def _gathered(
 
 
 def late(robot: Robot, p: Array, evidence: Evidence) -> Array:
-    """Return the torque of each row per ms by which it is late."""
-    return -1e-3 * _Rows(robot, p, evidence).by_time
+    """Return the change of torque per ms of delay, by row."""
+    return -1e-3 * _Rows(robot, p, evidence).time_derivative
 
 
 def instants(evidence: Evidence) -> list[float]:
-    """Instants at which an axis may slip [s]."""
+    """Return the possible instants of a slip [s]."""
     times = np.quantile(evidence.time, np.arange(1, INSTANTS) / INSTANTS)
     return [float(each) for each in times]
 
 
 def across_gravity(robot: Robot) -> Array:
-    """Two directions square to gravity and to each other, shape (2, 3); the base's, if they are."""
+    """Return two orthogonal directions across gravity, shape (2, 3).
+
+    They are axes of the base, if gravity is along an axis of the base.
+    """
     down = np.array(robot.gravity) / np.linalg.norm(robot.gravity)
     first = np.eye(3)[np.argmin(np.abs(down))]
     first = first - (first @ down) * down
@@ -264,7 +268,7 @@ def across_gravity(robot: Robot) -> Array:
 
 def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
     robot, evidence = rows.robot, rows.evidence
-    total, time = rows.rigid + rows.motor + rows.of_own, evidence.time / 3600.0
+    total, time = rows.rigid + rows.motor + rows.own_torque, evidence.time / 3600.0
     hours = time - time.mean()
     for axis in range(robot.n_joints):
         mine = evidence.axis == axis
@@ -283,9 +287,9 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
         yield at["torque constant"], -0.01 * mine * total
         yield at["drift of torque constant"], -0.01 * mine * total * hours
         yield at["rotor inertia"], 0.01 * mine * rows.motor
-        yield at["late torque"], -1e-3 * mine * rows.by_time
-        yield at["late position"], 1e-3 * rows.by_time_of(axis)
-        yield from _of_gaps(rows, axis, HALF_GAPS)
+        yield at["late torque"], -1e-3 * mine * rows.time_derivative
+        yield at["late position"], 1e-3 * rows.axis_time_derivative(axis)
+        yield from _gap_columns(rows, axis, HALF_GAPS)
         for instant in instants(evidence):
             part = f"{instant:.0f}"
             yield Column("slip", axis, part), by_position * (evidence.time >= instant)
@@ -304,14 +308,16 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
     yield from _load(rows)
 
 
-def _of_gaps(rows: _Rows, axis: int, half_gaps: Sequence[float]) -> Iterator[tuple[Column, Array]]:
+def _gap_columns(
+    rows: _Rows, axis: int, half_gaps: Sequence[float]
+) -> Iterator[tuple[Column, Array]]:
     unit = np.pi / 180 if rows.robot.revolute[axis] else 1e-3
-    for half_gap, column in zip(half_gaps, rows.within_gap(axis, half_gaps), strict=True):
+    for half_gap, column in zip(half_gaps, rows.backlash_torque(axis, half_gaps), strict=True):
         yield Column(f"play {1e6 * half_gap:.0f}", axis), unit / half_gap * column
 
 
 def _load(rows: _Rows) -> Iterator[tuple[Column, Array]]:
-    """Parameters of the last link: those that the robot file leaves out, all if it came later."""
+    """Yield columns of the last link's missing parameters, or of all for a later load."""
     robot, evidence = rows.robot, rows.evidence
     complete = robot.free_links([robot.n_joints - 1])
     stated, all_of_it = base_parameters(robot), base_parameters(complete)

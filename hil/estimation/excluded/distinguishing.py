@@ -1,21 +1,21 @@
-r"""Measurements that make causes visible and distinguish them, added to a plan.
+r"""Additional measurements of a plan for visible and distinguishable causes.
 
-Of the column of a cause, another one that is named leaves the share s^2 = I' / I of its
-information, I' being that beside base parameters and all columns of the other. A flaw theta of it,
-with z^2 = theta^2 I / phi, is explained by its own column as (z + e)^2, by the other so much worse:
-z^2 s^2 + 2 z s e', e' standard normal. The two are distinguished if that exceeds
-`finding.TOGETHER`, with the probability `limits.POWER` from
+Beside another named cause, a column keeps the share s^2 = I' / I of its information, where I' is
+the information beside base parameters and all columns of the other cause. A flaw theta of the
+column, with z^2 = theta^2 I / phi, is explained by its own column as (z + e)^2, by the other cause
+so much worse: z^2 s^2 + 2 z s e', e' standard normal. The two are distinguished if this difference
+exceeds `finding.TOGETHER`, with the probability `limits.POWER` from
 
     theta = a sqrt(phi / I'),    a^2 - 2 a Phi^-1(.8) = 3.84,
 
-on, if s^2 is twice what a correlation of `finding.SAME` leaves, at least: of less the lead must be
-a share of all that is explained, and theta grows beyond all bounds.
+on, if s^2 is at least twice the share that a correlation of `finding.SAME` leaves. For less, the
+lead must be a share of the explained sum of squares, and theta grows beyond all bounds.
 
-Inner products of candidates add up (`hil.least_squares.blocks`). So one after the other is taken
-that lowers most, in its time, the logarithms by which sizes exceed what is wanted: what is usual of
-the cause, or, where nothing is, that it is distinguished from the others as soon as it is found.
-The sizes that are stated are those of the whole plan by the battery (`foreseen`), which is asked
-again until it agrees.
+Inner products of candidates add up (`hil.least_squares.blocks`). So the search adds one candidate
+after the other: the one that lowers most, per time, the logarithms by which sizes exceed the wanted
+sizes. Wanted is the usual size of a cause or, without one, that a cause is distinguished from the
+others as soon as it is found. The stated sizes are those of the whole plan by the battery
+(`foreseen`); the search repeats until the battery agrees.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from hil.estimation.excluded.columns import Column, columns
 from hil.estimation.excluded.finding import SAME, TOGETHER
 from hil.estimation.excluded.foreseen import expected_evidence, foreseen_tests, recorded
 from hil.estimation.excluded.limits import POWER, noncentrality, smallest
-from hil.estimation.excluded.words import in_words, name_of, unit_of
+from hil.estimation.excluded.words import describe_cause, name_of, unit_of
 from hil.estimation.signals import signals
 from hil.planning.design.by_minutes import assign_ids, order_by_travel, total_duration
 from hil.planning.design.candidates import strokes
@@ -53,48 +53,47 @@ if TYPE_CHECKING:
     from hil.planning.prediction.noise import Noise
 
 EACH = 12
-"""Candidates of an element: each takes some 50 ms to judge, and of more the first ones, which
-spread over all ranges, are still those chosen."""
+"""Candidates of an element: judging one takes some 50 ms, and of more candidates the first ones,
+which spread over all ranges, are still chosen."""
 QUANTILE = float(special.ndtri(POWER))
 LEAD = QUANTILE + float(np.sqrt(QUANTILE**2 + TOGETHER))
-"""The module's a."""
+"""Factor a of the module docstring."""
 APART = 2.0 * (1.0 - SAME**2)
-"""Least share of a cause's information beside another one, for the two to be distinguished."""
+"""Minimum share of a cause's information beside another cause, for the two to be distinguished."""
 ROUNDS = 6
-"""How often more is added and the whole plan is tested, each time as much of what may be added."""
+"""Number of rounds: each adds an equal part of the time available and tests the whole plan."""
 FEW = 20
-"""Degrees of freedom that the test of a cause is taken to have before it shows at all."""
+"""Assumed degrees of freedom of the test of a cause, before the cause shows at all."""
 ALL_AXES = Column("torques of all axes", -1)
 RIDGE, TINY = 1e-9, 1e-12
-"""Beside unit diagonals: what of singular products is taken for rounding, and least shares."""
+"""Ridge on unit diagonals, which takes singular products for rounding, and minimum share."""
 NEVER = "base parameters, friction or other columns explain it whatever is measured"
 BY_TIME = ("drift of torque constant", "slip")
-"""Causes that depend on when something is measured, not on where."""
+"""Causes that depend on the time of a measurement, not on its configuration."""
 PLANNED = tuple(
     name for name, each in CAUSES.items()
     if each.unit and name not in (*FITTED, *BY_TIME, "torque at its limit")
 )  # fmt: skip
-"""Causes that measurements are chosen for."""
+"""Causes for which measurements are chosen."""
 
 
 class Reached(NamedTuple):
-    """What a plan shows of a cause that was named, or of one of its columns.
+    """Visibility of a named cause, or of a single column of the cause, in a plan.
 
     Attributes
     ----------
     name, unit : str
         Such as ``zero of axis 4``.
     usual : float
-        Size that is usual, 0 where none is known.
+        Usual size, 0 if none is known.
     shown : float
-        Smallest size that is found; infinite where none is.
+        Smallest size that is found; infinite if none is.
     distinct : float
-        Smallest size that is distinguished from all others named; infinite where it is like one of
-        them.
+        Smallest size that is distinguished from all other named causes; infinite if none is.
     like : str
-        The one of these that it is most alike; empty where there are no others.
+        Most similar of the other named causes; empty if there are none.
     remedy : str
-        What would show it, if no candidate does; empty where one does.
+        Evidence that would show the cause, if no candidate does; empty if one does.
     """
 
     name: str
@@ -107,12 +106,12 @@ class Reached(NamedTuple):
 
     @property
     def enough(self) -> bool:
-        """Whether a usual size, or else each that is found, is found and distinguished."""
+        """True if a usual size, or else any size found, is found and distinguished."""
         return max(self.shown, self.distinct) <= (self.usual or self.shown) < np.inf
 
 
 class Distinguished(NamedTuple):
-    """A plan with what was added, and what it shows of the causes named.
+    """Extended plan, with the visibility of the named causes before and after.
 
     Attributes
     ----------
@@ -120,7 +119,7 @@ class Distinguished(NamedTuple):
     added : tuple of str
         Ids of the measurements that were added.
     durations : tuple of float
-        Of all measurements and the ways between them, before and after [s].
+        Duration of all measurements and travels, before and after [s].
     before, after : tuple of Reached
         In the same order.
     """
@@ -133,7 +132,7 @@ class Distinguished(NamedTuple):
 
 
 def causes_named(robot: Robot, text: str) -> list[Key]:
-    """Causes of a list such as ``load, zero of axis 4``; the axis (from 0) is -1 where it is open.
+    """Parse causes such as ``load, zero of axis 4``; axes count from 0, -1 for any axis.
 
     Raises
     ------
@@ -162,16 +161,16 @@ def causes_named(robot: Robot, text: str) -> list[Key]:
 def distinguish(
     plan: Plan, robot: Robot, noise: Noise, p: Array, named: Sequence[Key]
 ) -> Distinguished:
-    """Add measurements to a plan, as long as itself at most.
+    """Add measurements to a plan, with at most the duration of the plan.
 
     Parameters
     ----------
     noise : Noise
-        That torques are expected to have.
+        Expected noise of torques.
     p : ndarray, shape (n_base,)
-        Base parameters as they are expected.
+        Expected base parameters.
     named : sequence of Key
-        As `causes_named` returns them.
+        Causes, as returned by `causes_named`.
 
     Raises
     ------
@@ -196,16 +195,16 @@ def distinguish(
 
 
 class _Search:
-    """A plan that grows, the tests of what it will record, and candidates to be added."""
+    """Growing plan, with tests of the expected recordings and candidates for addition."""
 
     def __init__(
         self, robot: Robot, plan: Plan, noise: Noise, p: Array, named: Sequence[Key]
     ) -> None:
         self.robot, self.plan, self.noise, self.p = robot, plan, noise, p
         self.taken: list[int] = []
-        """Candidates that were added."""
+        """Indices of added candidates."""
         self.most = total_duration(robot, plan.measurements) / ROUNDS
-        """Time that may be added in a round [s]."""
+        """Maximum time added in a round [s]."""
         self.battery, self.tests = self._tested()
         every = self.battery.columns.tests
         self.keys = [
@@ -215,7 +214,7 @@ class _Search:
         self.columns = [k for key in self.keys for k in every[key]]
         self.names = [self.battery.columns.names[k] for k in self.columns]
         self.cause = np.repeat(np.arange(len(self.keys)), [len(every[key]) for key in self.keys])
-        """Which of the causes each column is of, shape (n_columns,)."""
+        """Index of each column's cause, shape (n_columns,)."""
         self.usual = np.array([CAUSES[name_of((cause, 0))].usual for cause, *_ in self.names])
         self.options = self._candidates()
         worth = np.array([self._products(each) for each in self.options])
@@ -226,8 +225,9 @@ class _Search:
         heard = size > NOTHING**2 * size.max(initial=0.0)
         unit = np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, size, 1.0))
         self.worth, self.there = worth * np.outer(unit, unit), there * np.outer(unit, unit)
-        """Of candidates and plan; columns have unit length in all of them together."""
-        self.visible = np.diag(self._beside(self.there + self.worth.sum(axis=0))) > SPAN
+        """Inner products of candidates and plan; columns have unit length in all of them together.
+        """
+        self.visible = np.diag(self._project(self.there + self.worth.sum(axis=0))) > SPAN
         """Columns that all candidates together show, shape (n_columns,)."""
 
     def _tested(self) -> tuple[Battery, int]:
@@ -237,7 +237,7 @@ class _Search:
         return found
 
     def _candidates(self) -> list[ElementMeasurement]:
-        """Strokes among which a plan chooses; if a load is named, they vary what shows it, too."""
+        """Return strokes as for a plan; with a named load, strokes that vary the load, too."""
         guard = self.plan.workspace
         robot = narrow_ranges(self.robot, guard)
         if any(cause == "load" for cause, _ in self.keys):
@@ -245,32 +245,32 @@ class _Search:
         return [measurement for _, measurement, _ in strokes(robot, guard, EACH)]
 
     def _products(self, measurement: ParameterMeasurement) -> Array:
-        """Weighted inner products of a measurement: of the named columns, then of all others."""
+        """Return weighted inner products of a measurement: named columns, then the rest."""
         robot, rng, period = self.robot, np.random.default_rng(0), self.plan.sample_period
         made = recorded(robot, measurement, period, self.noise, self.p, rng, 0.0)
         evidence = expected_evidence(robot, [(measurement, signals(made))])
         found = columns(robot, self.p, evidence)
         value = dict(zip(found.names, found.values.T, strict=True))
-        if ALL_AXES not in value:  # of one axis alone it is not stated
+        if ALL_AXES not in value:  # missing if only one axis moves
             value[ALL_AXES] = -0.01 * evidence.recorded
         given = [self.battery.columns.names[k] for k in self.battery.given]
         none = np.zeros(len(evidence.axis))
         shared = [value.get(name, none) for name in (*self.names, *given)]
         rows = np.column_stack([none, *shared, evidence.X, evidence.own])
         n_shared = len(shared) + evidence.X.shape[1]
-        blocks = evidence.blocks(evidence.without_friction(rows), n_shared)
+        blocks = evidence.blocks(evidence.project_out_friction(rows), n_shared)
         return blocks.normal(self.battery.weights).information
 
-    def _beside(self, N: Array) -> Array:
-        """Inner products of the named columns beside all that is estimated, shape (..., m, m)."""
+    def _project(self, N: Array) -> Array:
+        """Return inner products of named columns, adjusted for estimated columns, (..., m, m)."""
         m = len(self.names)
         inner = N[..., m:, m:] + RIDGE * np.eye(N.shape[-1] - m)
         return N[..., :m, :m] - N[..., :m, m:] @ np.linalg.solve(inner, N[..., m:, :m])
 
     def _left(self, S: Array) -> Array:
-        """Information of each column beside each other cause, shape (..., m, n_causes).
+        """Return information of columns adjusted for other causes, shape (..., m, n_causes).
 
-        Beside its own cause it is that beside none.
+        Information for a column's own cause is not adjusted.
         """
         own = np.maximum(np.einsum("...ii->...i", S), TINY)
         found = np.repeat(own[..., np.newaxis], len(self.keys), axis=-1)
@@ -285,7 +285,7 @@ class _Search:
         return found
 
     def _sizes(self) -> tuple[Array, Array, Array]:
-        """Information, smallest size that is found, and dispersion of each column."""
+        """Return information, smallest size found, and dispersion of the columns."""
         information = np.diag(self.battery.gram(self.columns))
         shown, phi = np.full(len(self.names), np.inf), np.ones(len(self.names))
         for j, key in enumerate(self.keys):
@@ -296,7 +296,7 @@ class _Search:
         return information, shown, phi
 
     def reached(self) -> tuple[Reached, ...]:
-        """What the plan shows, by the battery."""
+        """Return the visibility of named causes in the plan, by the battery."""
         information, shown, phi = self._sizes()
         left, found = self._left(self.battery.gram(self.columns)), list[Reached]()
         for k, (cause, axis, part) in enumerate(self.names):
@@ -307,18 +307,18 @@ class _Search:
                 apart = np.isfinite(shown[k]) and left[k, like] >= APART * information[k]
                 distinct = LEAD * float(np.sqrt(phi[k] / left[k, like])) if apart else np.inf
             found.append(Reached(
-                name=in_words((cause, axis), part),
+                name=describe_cause((cause, axis), part),
                 unit=unit_of(self.robot, (cause, axis), part),
                 usual=float(self.usual[k]),
                 shown=float(shown[k]),
                 distinct=distinct,
-                like="" if like is None else in_words(self.keys[like]),
+                like="" if like is None else describe_cause(self.keys[like]),
                 remedy="" if self.visible[k] else SHOWN_BY.get(cause, NEVER),
             ))  # fmt: skip
         return tuple(found)
 
     def add(self) -> bool:
-        """Add what brings sizes down to those wanted; whether there was anything."""
+        """Add measurements to reach the wanted sizes; return True if any was added."""
         way, chosen = np.full(len(self.options), np.inf), list[int]()
         starts = np.array([each.start for each in self.options])
         for m in self.plan.measurements:
@@ -338,16 +338,16 @@ class _Search:
             way = np.minimum(way, travel_times(self.robot, starts[best], starts, TRAVEL))
         self.taken += chosen
         if chosen:
-            self.plan = _with(self.robot, self.plan, [self.options[k] for k in chosen])
+            self.plan = _extend_plan(self.robot, self.plan, [self.options[k] for k in chosen])
             self.battery, self.tests = self._tested()
         return bool(chosen)
 
     def _wanted(self) -> tuple[Array, Array, Array]:
-        """Information wanted of each column, that beside each other cause, and its least share."""
+        """Return wanted information, alone and adjusted for other causes, and least share."""
         information, shown, phi = self._sizes()
-        now, seen = np.diag(self._beside(self.there)), np.isfinite(shown)
+        now, seen = np.diag(self._project(self.there)), np.isfinite(shown)
         known = (self.usual > 0) & self.visible
-        # the battery thins rows out, and so knows less by about one factor
+        # the battery thins rows out, so its information is less by about one factor
         ratio = now[seen] / information[seen]
         unit = np.full(len(now), np.median(ratio) if len(ratio) else 1.0)
         unit[seen] = ratio
@@ -358,8 +358,8 @@ class _Search:
         return need * each, LEAD**2 * each, np.where(self.visible, share, 0.0)
 
     def _lacking(self, N: Array, wanted: Array, apart: Array, share: Array) -> Array:
-        """Sum of the logarithms by which sizes exceed what is wanted, shape (...)."""
-        S = self._beside(N)
+        """Return the sum of the logarithms of sizes over wanted sizes, shape (...)."""
+        S = self._project(N)
         own = np.maximum(np.einsum("...ii->...i", S), TINY)
         left = self._left(S)
         least = np.maximum(apart[:, np.newaxis], share[:, np.newaxis] * own[..., np.newaxis])
@@ -370,12 +370,12 @@ class _Search:
 
 
 def _excess(wanted: Array, there: Array) -> Array:
-    """Logarithm by which a size exceeds the one that is wanted, by information on both."""
+    """Return the logarithm of a size over the wanted size, from information on both."""
     return np.maximum(np.log(np.maximum(wanted, TINY) / there), 0.0) / 2
 
 
-def _with(robot: Robot, plan: Plan, more: Sequence[ElementMeasurement]) -> Plan:
-    """The plan with more measurements behind its own; in a guarded workspace in one tour of all."""
+def _extend_plan(robot: Robot, plan: Plan, more: Sequence[ElementMeasurement]) -> Plan:
+    """Append measurements to a plan; a guarded workspace takes one tour of all."""
     named = assign_ids(order_by_travel(robot, more), {each.id for each in plan.measurements})
     every = [*plan.measurements, *named]
     if plan.workspace is not None:

@@ -1,11 +1,11 @@
-"""What causes beside the tests do to an estimate: it fits some of them, others are its scatter.
+"""Effects on an estimate of causes outside the tests: fitted causes, and sources of scatter.
 
-How much one that is fitted matters is how far the base parameters move where it is ignored: soft
-gears, friction of the load, friction that differs by direction. Torque ripple of orders that the
-regression does not hold moves them to first order. Two make parameters scatter more than noise of
-the torque readings does: encoders of few increments, whose second differences are noise, and a SYNC
-so slow that little is left to smooth. Only what is significant counts; what it means in torques is
-for `hil.results.advice` to say.
+The effect of a fitted cause is the change of the base parameters if it is ignored: soft gears,
+friction of the load, friction that differs by direction. Torque ripple of orders outside the
+regression changes the parameters to first order. Two causes make parameters scatter more than noise
+of the torque readings does: encoders of few increments, with noisy second differences, and a SYNC
+period too long for smoothing. Only significant effects count; `hil.results.advice` states their
+meaning in torques.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.estimation.drive_train import CERTAIN, compliance_units
-from hil.estimation.friction.symmetry import of_local_values
+from hil.estimation.friction.symmetry import judge_local_values
 from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.least_squares.differences import SECOND
@@ -34,34 +34,34 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 ORDINARY = 0.01
-"""Difference of friction by direction, as share of it, that any gear may have."""
+"""Difference of friction by direction, as a share of friction, that any gear may have."""
 COARSE = 0.9
-"""Share of encoder noise in what the fit leaves of an axis from which on its encoder counts: of the
-virtual plant with nothing wrong it is 0.58 at most (clean runs 1000, 1005 and 1011 of
-`benchmarks/excluded.py`), with 1024 increments a turn more than this (docs, causes-of-error.md)."""
+"""Minimum share of encoder noise in an axis's residual, for a coarse encoder: on the virtual plant
+with nothing wrong it is 0.58 at most (clean runs 1000, 1005 and 1011 of `benchmarks/excluded.py`),
+with 1024 increments a turn more than this (docs, causes-of-error.md)."""
 FEWEST_IN_WINDOW = 4.0
-"""Samples on either side of the window's middle below which SYNC counts as slow."""
+"""Minimum number of samples on either side of the window's middle; with fewer, SYNC is slow."""
 _EVERY = 100
-"""Samples from one at which inertias are looked at to the next."""
+"""Samples between two evaluations of inertia."""
 _ORDER = 8
-"""Of differences."""
+"""Order of the differences."""
 
 
 class Effect(NamedTuple):
-    """What a cause does to an estimate.
+    """Effect of a cause on an estimate.
 
     Attributes
     ----------
     cause : str
         One of `hil.estimation.excluded.causes.CAUSES`.
     axes : tuple of int
-        From 0; none where it concerns all.
+        From 0; none if the cause concerns all.
     detail : str
-        What was found, with its figure.
+        Finding, with its figure.
     change : ndarray, shape (n_base,)
-        Of the base parameters; of a cause that is fitted what ignoring it would do to them.
+        Change of the base parameters; for a fitted cause, the change if it were ignored.
     covariance : ndarray, shape (n_base, n_base)
-        Part of that of the base parameters which is due to the cause.
+        Part of the base parameters' covariance due to the cause.
     """
 
     cause: str
@@ -74,14 +74,14 @@ class Effect(NamedTuple):
 def effects(
     robot: Robot, joint: Joint, local: Sequence[LocalValue], covariance: Array
 ) -> Iterator[Effect]:
-    """What matters to an estimate by the improved method, or would if it were ignored.
+    """Yield causes with an effect on an estimate by the improved method, ignored or fitted.
 
     Parameters
     ----------
     local : sequence of LocalValue
-        Each measurement by itself.
+        Values from single measurements.
     covariance : ndarray, shape (n_base, n_base)
-        Of the base parameters, as they scatter.
+        Covariance of the base parameters by their scatter.
     """
     fit, none = joint.solver, np.zeros_like(covariance)
     for cause, axes, detail, ignored in _fitted(robot, joint, local):
@@ -112,32 +112,32 @@ def effects(
 def _fitted(
     robot: Robot, joint: Joint, local: Sequence[LocalValue]
 ) -> Iterator[tuple[str, Iterable[int], str, Array]]:
-    """Causes that are taken into account: axes, detail, and base parameters without that."""
+    """Yield fitted causes: name, axes, detail, and base parameters without the cause."""
     fit, train = joint.solver, joint.drive_train
     sure = np.nan_to_num(train.compliance / train.compliance_error) > CERTAIN
     if (train.soft & sure).any():
         soft = np.flatnonzero(train.soft)
         rigid = SimultaneousFit(robot, [(m, replace(s, twist=None)) for m, s in joint.prepared])
-        each = _with_errors(1e6, train.compliance, train.compliance_error, soft)
+        each = _format_errors(1e6, train.compliance, train.compliance_error, soft)
         detail = f"compliances of {each} {compliance_units(robot)}"
         yield "soft gears", soft, detail, rigid.solve()
     mu, error = fit.load_friction
     if (loaded := np.flatnonzero(np.nan_to_num(mu / error) > CERTAIN)).size:
-        detail = f"{_with_errors(100, mu, error, loaded)} % of the transmitted torque"
+        detail = f"{_format_errors(100, mu, error, loaded)} % of the transmitted torque"
         yield "friction of the load", loaded, detail, joint.rigid
-    tests = of_local_values(local, ORDINARY).items()
+    tests = judge_local_values(local, ORDINARY).items()
     if failed := {axis: test.asymmetry for axis, test in tests if not test.passed}:
         each = ", ".join(f"{100 * asymmetry:.2g}" for asymmetry in failed.values())
         detail = f"{each} % of it, or offsets of the current"
         yield "friction that differs by direction", failed, detail, fit.without_asymmetry()
 
 
-def _with_errors(factor: float, value: Array, error: Array, axes: Indices) -> str:
+def _format_errors(factor: float, value: Array, error: Array, axes: Indices) -> str:
     return ", ".join(f"{factor * value[k]:.2g} ± {factor * error[k]:.1g}" for k in axes)
 
 
 def _part(fit: SimultaneousFit, share: Array, covariance: Array) -> Array:
-    """Part of `covariance` that is due to a share of each axis's residual variance."""
+    """Return the part of `covariance` due to a share of the axes' residual variance."""
     G = fit.noise_covariance[: fit.n_base]
     white = np.diag(G)
     scale = np.sqrt(np.diag(covariance) / np.where(white > 0, white, np.inf))
@@ -146,9 +146,10 @@ def _part(fit: SimultaneousFit, share: Array, covariance: Array) -> Array:
 
 
 def _encoder_noise(robot: Robot, joint: Joint) -> Array:
-    """Variance of each axis's smoothed torque that noise of accelerations would need [(N m)^2].
+    """Estimate the variance of smoothed torque due to encoder noise, by axis [(N m)^2].
 
-    It is what eighth differences of positions show in steady motion, which leave nothing of motion.
+    Noise shows in eighth differences of positions in steady motion, which leave nothing of the
+    motion.
     """
     variance, count = np.zeros(robot.n_joints), np.zeros(robot.n_joints)
     looked_at = [s.q[::_EVERY] for _, s in joint.prepared]

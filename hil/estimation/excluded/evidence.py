@@ -1,13 +1,13 @@
-"""What recordings say, sample by sample, thinned out: the rows that all causes are tested on.
+"""Thinned samples of recordings: the rows for the tests of causes.
 
-A row is a sample of one channel, the torque of an axis in recordings of one kind: its torque, the
-base parameters' and the channel's own columns, and the motion there, all of them smoothed alike.
-Friction of a part (a measurement, a period) is projected out within it, so that no cause is tested
-by what friction explains. Parts are cut into groups, which the covariance goes by: what a law of
-friction misses of a trajectory comes again in each period, so periods share their groups.
+A row is a sample of a channel, the torque of an axis in recordings of one kind. It holds the
+torque, the columns of the base parameters and of the channel, and the motion, all smoothed alike.
+Friction of a part (a measurement, a period) is projected out within the part, so that no cause is
+tested by an effect of friction. Parts are cut into groups for the covariance. The error of a
+friction law in a trajectory repeats in each period, so periods share their groups.
 
-Some thousand rows of each axis are enough. What scatters between recordings does not become less by
-more samples of each.
+Some thousand rows of each axis are enough: more samples of each recording do not reduce the scatter
+between recordings.
 """
 
 from __future__ import annotations
@@ -36,53 +36,55 @@ if TYPE_CHECKING:
     from hil.planning.measurement import ParameterMotion
 
 MOST = 2400
-"""Rows of a channel, about: twice as many take twice the time and show sizes 5 % smaller."""
+"""Approximate number of rows of a channel: twice as many take twice the time and show sizes 5 %
+smaller."""
 LONGEST = 10.0
-"""Duration of a group at most [s]: what a law of friction misses of a period of a trajectory
-differs from one part of it to the next."""
+"""Maximum duration of a group [s]: the error of a friction law in a period of a trajectory differs
+from one part of it to the next."""
 FEWEST_GROUPS = 12
-"""Groups that there are to be, if parts are long enough: a test of fewer finds next to nothing."""
+"""Minimum number of groups, if parts are long enough: a test of fewer finds next to nothing."""
 FINEST = 1e-4
-"""Share of the torque limit that no model is truer than: differences of positions and means over
-the window leave as much of torques that are without noise."""
+"""Share of the torque limit below which no model is true: differences of positions and means over
+the window leave such an error even in torques without noise."""
 _SAME = 1e-6
-"""As `rank` of `orthonormal`: columns of friction that are one and the same at one speed."""
+"""Threshold for `rank` of `orthonormal`: friction columns that coincide at one speed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
-    """Rows of all channels.
+    """Rows of all channels: thinned samples with torques, columns and motion.
 
     Attributes
     ----------
     axis, group : ndarray of int, shape (n,)
-        From 0; rows of an axis follow each other. What is left out or clustered together has one
-        number.
+        From 0; rows of an axis are contiguous. Rows that are left out or clustered together share a
+        group.
     torque : ndarray, shape (n,)
-        Without that of rotors of known inertia [N m].
+        Torque without that of rotors of known inertia [N m].
     recorded : ndarray, shape (n,)
-        With it.
+        Torque including these rotors [N m].
     rate : ndarray, shape (n,)
-        Change of `recorded` by time [N m/s]; zero where changes are not looked for.
+        Time derivative of `recorded` [N m/s]; zero if changes are not tested.
     X : ndarray, shape (n, n_base)
     own : ndarray, shape (n, n_own)
         Columns of the channel alone.
     motion : ndarray, shape (3, 3, n, n_joints)
-        q, qd and qdd, one sample before, at the row and one after it; the same of axes at rest.
+        q, qd and qdd, one sample before the row, at the row and one after it; constant for axes at
+        rest.
     period : ndarray, shape (n,)
-        From one of these samples to the next [s].
+        Time between these samples [s].
     time : ndarray, shape (n,)
-        Since the first row [s].
+        Time since the first row [s].
     parts : tuple of (slice, ndarray)
-        Rows that share their friction, and an orthonormal basis of what that can be.
+        Rows with common friction, and an orthonormal basis of this friction.
     finest : ndarray, shape (n_channels,)
         Torque below which no model is true [N m].
     signals : sequence of Signals
-        Recordings that the rows are of.
+        Recordings of the rows.
     source, sample : ndarray of int, shape (n,)
-        Which of `signals`, and which of its samples.
+        Index into `signals`, and index of the sample.
     later : ndarray of bool, shape (n,), optional
-        Rows of recordings that causes are looked for in, if the others are without any.
+        Rows of recordings tested for causes, if the other rows are without any.
     """
 
     axis: Indices
@@ -102,19 +104,19 @@ class Evidence:
     sample: Indices
     later: Mask | None = None
 
-    def without_friction(self, x: Array) -> Array:
-        """Rows of `x`, shape (n, ...), with friction projected out, part by part."""
+    def project_out_friction(self, x: Array) -> Array:
+        """Project friction out of the rows of `x`, shape (n, ...), part by part."""
         found = x.copy()
         for rows, Q in self.parts:
             found[rows] -= Q @ (Q.T @ x[rows])
         return found
 
-    def without_own(self) -> Evidence:
-        """The same with channels' own columns projected out like friction, and counted like it.
+    def project_out_own(self) -> Evidence:
+        """Project out channels' own columns like friction, and count them like friction.
 
-        Of later rows by themselves: where their torque has another sign, so has its offset.
+        Later rows have a basis of their own: if their torque has another sign, so has its offset.
         """
-        own, parts = self.without_friction(self.own), list(self.parts)
+        own, parts = self.project_out_friction(self.own), list(self.parts)
         for channel in range(self.n_channels):
             for run in (False, True):
                 rows = np.flatnonzero((self.axis == channel) & (self.is_later == run))
@@ -124,14 +126,13 @@ class Evidence:
         return replace(self, own=own[:, :0], parts=tuple(parts))
 
     def blocks(self, rows: Array, n_shared: int, axis: Indices | None = None) -> Blocks:
-        """All rows added up: of a torque, so many shared columns and channels' own ones.
+        """Add up the rows of a torque, of shared columns, and of channels' own columns.
 
         Parameters
         ----------
-        rows : ndarray, shape (n, 1 + n_shared + n_own)
-            Without friction.
+        rows : ndarray, shape (n, 1 + n_shared + n_own) Rows without friction.
         axis : ndarray of int, shape (n,), optional
-            Of the rows, where these are in another order.
+            Axes of the rows, if in another order.
         """
         axis = self.axis if axis is None else axis
         channels = [rows[axis == each] for each in range(self.n_channels)]
@@ -147,7 +148,7 @@ class Evidence:
 
     @property
     def is_later(self) -> Mask:
-        """Rows that causes are looked for in, where the others are without; none else."""
+        """Rows tested for causes, if earlier rows are without causes; otherwise none."""
         return np.zeros(len(self.axis), dtype=bool) if self.later is None else self.later
 
     @property
@@ -157,28 +158,28 @@ class Evidence:
 
     @property
     def n_channels(self) -> int:
-        """Channels, whether rows are of them or not."""
+        """Number of channels, including channels without rows."""
         return int(self.motion.shape[-1])
 
     def thinned(self, most: int) -> tuple[Evidence, Indices]:
-        """Rows of each channel, at least `most` beyond those that friction takes, and their places.
+        """Return at least `most` rows of a channel beyond friction terms, with row indices.
 
-        Of `most` rows alone friction of many parts would leave nothing.
+        With `most` rows alone, friction of many parts would leave nothing.
         """
         counts, kept = np.bincount(self.axis), []
         for rows, Q in self.parts:
             n = rows.stop - rows.start
             wanted = Q.shape[1] + most * n / counts[self.axis[rows.start]]
             kept.append(np.arange(rows.start, rows.stop)[:: max(1, int(n / wanted))])
-        return self._of(kept), np.concatenate(kept)
+        return self._select(kept), np.concatenate(kept)
 
     def only(self, chosen: Mask) -> Evidence:
-        """Return the parts whose first row is chosen; with own columns not projected out yet."""
-        return self._of([
+        """Return the parts with a chosen first row; own columns must not be projected out yet."""
+        return self._select([
             np.arange(rows.start, rows.stop) if chosen[rows.start] else [] for rows, _ in self.parts
         ])  # fmt: skip
 
-    def _of(self, kept: Sequence[Indices | Sequence[int]]) -> Evidence:
+    def _select(self, kept: Sequence[Indices | Sequence[int]]) -> Evidence:
         """Return some rows of each part."""
         parts, first = [], 0
         for (rows, Q), some in zip(self.parts, kept, strict=True):
@@ -199,7 +200,7 @@ class Evidence:
 COLUMNS = (
     "axis", "group", "torque", "recorded", "rate", "X", "own", "period", "time", "source", "sample",
 )  # fmt: skip
-"""Attributes of `Evidence` with a row each."""
+"""Attributes of `Evidence` with one element per row."""
 
 
 def measured(
@@ -209,16 +210,16 @@ def measured(
     *,
     rates: bool = False,
 ) -> Evidence:
-    """Rows of strokes and trajectories that were measured here.
+    """Return the rows of measured strokes and trajectories.
 
-    Axes that move though they should not are heard, too: two of them may be exchanged.
+    Axes that move without a command are included: two axes may be exchanged.
 
     Parameters
     ----------
     prepared : sequence of (ParameterMotion, Signals)
-        What the solver is of.
+        Recordings of the solver.
     rates : bool
-        Whether a change is looked for, which takes `Evidence.rate`.
+        True to test for a change, which needs `Evidence.rate`.
     """
     unasked = [
         (s, [each])
@@ -237,27 +238,27 @@ def rows_of(
     *,
     rates: bool = False,
 ) -> Evidence:
-    """Thin out the columns of axes that move, measurement by measurement.
+    """Thin out the columns of moving axes, measurement by measurement.
 
     Parameters
     ----------
     asked : sequence of (Signals, sequence of Stacked)
-        Axes that were to move.
+        Axes commanded to move.
     loaded : ndarray of bool, shape (n_joints,)
         Axes with friction of the load.
     unasked : sequence of (Signals, sequence of Stacked)
-        Axes that moved besides.
+        Further axes that moved.
     rates : bool
         See `measured`.
     """
     stacked = [*asked, *unasked]
     several = -(-FEWEST_GROUPS // max(len({s for s, _ in asked}), 1))
-    # periods of a trajectory repeat what a law of friction misses of it, so they share their groups
+    # periods of a trajectory repeat the error of a friction law, so they share their groups
     place = {s: k for k, s in enumerate(dict.fromkeys(s for s, _ in stacked))}
     parts = []
     for axis in range(robot.n_joints):
         own = [(place[s], s, each) for s, axes in stacked for each in axes if each.axis == axis]
-        own.sort(key=lambda part: part[1].time[0])  # later recordings lie in one piece
+        own.sort(key=lambda part: part[1].time[0])  # later recordings are contiguous
         step = max(1, round(sum(len(each.index) for *_, each in own) / MOST))
         parts += [_part(robot, s, each, step, k, several, loaded, rates) for k, s, each in own]
     evidence = gathered(parts)
@@ -265,7 +266,7 @@ def rows_of(
         limit_or_reached(limit, evidence.recorded[evidence.axis == axis])
         for axis, limit in enumerate(robot.torque_limit)
     ]
-    # torques that are zero throughout show nothing, and rounding of the others even there
+    # torques of zero show nothing, though rounding of other axes appears even there
     rounding = np.finfo(float).eps * (np.abs(evidence.recorded).max(initial=0.0) or 1.0)
     finest = np.maximum(FINEST * np.array(limits), rounding)
     return replace(evidence, finest=finest, signals=tuple(place))
@@ -290,7 +291,7 @@ def _part(
     loaded: Mask,
     rates: bool,
 ) -> Evidence:
-    """Rows of one axis in one measurement, friction's basis beside."""
+    """Return the rows of an axis in a measurement, with the basis of friction."""
     some = slice(step // 2, None, step) if len(each.index) > step else slice(None)
     index = each.index[some]
     n_base = len(base_parameters(robot))
@@ -301,7 +302,7 @@ def _part(
     if rates:
         before, _, after = smooth_at(near, s.tau[:, [each.axis]], s.period).reshape(3, -1)
         rate = (after - before) / (2.0 * s.period)
-    # of an axis at rest the change from one sample to the next is its encoder's noise
+    # changes between samples of an axis at rest are encoder noise
     rest = [k for k in range(robot.n_joints) if not s.moving(robot, k).any()]
     motion[..., rest] = motion[1][..., rest]
     time = s.time[index]
@@ -331,7 +332,7 @@ def _part(
 
 
 def gathered(parts: Sequence[Evidence]) -> Evidence:
-    """Rows of all parts, one after the other; groups of theirs are numbered anew."""
+    """Concatenate the rows of parts, with groups numbered anew."""
     first, ends = [], 0
     for each in parts:
         first.append(ends)

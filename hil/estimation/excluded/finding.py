@@ -1,14 +1,14 @@
-"""All causes tested: what is found, and what would have been (`limits`).
+"""Tests of all causes: found causes, and exclusion limits (`limits`).
 
-Causes are tested beside what is estimated (`battery`), all of them at a familywise level of 5 %
-(Holm, Scand. J. Statist. 6 (1979) 65-70). The one that explains most is found if it is significant
-beside itself: with the dispersion of what is left once it is taken into account. Then the others
-are tested beside it, again and again, until none is. What explains as much as the one found, as far
-as the data distinguish them, is named with it.
+Causes are tested beside the estimated columns (`battery`), together at a familywise level of 5 %
+(Holm, Scand. J. Statist. 6 (1979) 65-70). The cause that explains most is found if it is
+significant beside itself: with the dispersion of the residual after the cause is taken into
+account. Then the others are tested beside it, until none is significant. Causes that explain as
+much as the found one, as far as the data distinguish them, are named with it.
 
-Columns are of the first order. Where what is found is large, groups contradict each other whatever
-the reason, or friction would drive an axis, other readings of the recordings are tried too
-(`alternatives`), and one of them that explains as much as all columns together takes their place.
+Columns are of the first order. Other readings of the recordings are tried too (`alternatives`) if a
+found cause is large, if groups contradict each other whatever the reason, or if friction would
+drive an axis. A reading that explains as much as all columns together takes their place.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from hil.estimation.excluded.departure import Departure, parts_of
 from hil.estimation.excluded.friction_change import friction_changes
 from hil.estimation.excluded.limits import limits
 from hil.estimation.excluded.result import Excluded, Found, located
-from hil.estimation.excluded.words import axes_of, name_of, of_reading, rank_of, with_size
+from hil.estimation.excluded.words import axes_of, describe_reading, describe_size, name_of, rank_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -45,33 +45,34 @@ if TYPE_CHECKING:
     Tests = dict[Key, list[int]]
 
 LEAVES = 0.5
-"""Share of the mean square of an axis that a cause leaves at most, where model error is to be told
-from it: friction that is eliminated here contradicts every model a little where samples are slow or
-motion turns often (public recordings of five machines: 0.75 and more)."""
+"""Maximum share of an axis's mean square that a cause leaves, where it must be told from model
+error. Eliminated friction contradicts every model a little where samples are slow or motion turns
+often (public recordings of five machines: 0.75 and more)."""
 MOST = 5
-"""Causes that are found at most: beyond, the model is wrong as a whole."""
+"""Maximum number of found causes: beyond, the model is wrong as a whole."""
 LARGE = 0.95
-"""Share of the sum of squares that is left beside a cause, below which it may be too large for a
-column of the first order, and other readings are tried. 0.5 and 0.99 have the same outcome: clean
-runs 1000 and 1001 of `benchmarks/excluded.py`, and six flaws put into each."""
+"""Share of the sum of squares left beside a cause, below which the cause may be too large for a
+first-order column, and other readings are tried. 0.5 and 0.99 have the same outcome: clean runs
+1000 and 1001 of `benchmarks/excluded.py`, and six flaws put into each."""
 BOUNCES = 0.25
-"""Share of what a backlash explains that its column may leave: it holds one impact without a
-rebound, and links that rebound with a restitution of 0.5 come back with as much of the energy."""
+"""Share of what a backlash explains that its column may leave: the column holds one impact without
+a rebound, and links that rebound with a restitution of 0.5 come back with as much of the energy."""
 CONTRADICTS = 4.0
-"""Dispersion that most causes have from which on groups contradict each other, whatever the reason:
-they scatter twice as much as noise within them explains. Then nothing may be significant, since all
-is uncertain. It is 1.0 to 1.5 where nothing is wrong, with strong drift of friction, too, up to 3.5
-beside a cause that a column explains, and 13 to 18 where one axis counts the other way, two are
-exchanged or a zero is off by 90 degrees. 2.5 and 9 have the same outcome on the runs of `LARGE`."""
+"""Median dispersion of causes from which on groups contradict each other, whatever the reason: they
+scatter twice as much as noise within them explains. Then nothing may be significant, since
+everything is uncertain. It is 1.0 to 1.5 where nothing is wrong, even with strong drift of
+friction; up to 3.5 beside a cause that a column explains; and 13 to 18 where one axis counts the
+other way, two are exchanged or a zero is off by 90 degrees. 2.5 and 9 have the same outcome on the
+runs of `LARGE`."""
 TOGETHER = float(special.chdtri(1, 0.05))
-"""Difference of chi squares below which two causes explain as much. Let the right one explain z^2;
-another that is correlated by r explains (r z + sqrt(1 - r^2) e)^2, e standard normal. However alike
-they are, that is more by less than e^2, so the wrong one leads by more in less than 5 %."""
+"""Difference of chi squares below which two causes explain equally much. Let the true cause explain
+z^2; another of correlation r explains (r z + sqrt(1 - r^2) e)^2, e standard normal. However similar
+the two are, that is more by less than e^2, so the wrong cause leads by more in less than 5 %."""
 SAME = 0.98
-"""Correlation of two causes beyond which data do not distinguish them: a column of the first order
-is not exact to 2 % where a cause is of any size. On the runs of `LARGE` 0.99 has the same outcome;
-at 0.95 a load is named for a zero of axis 5 that is off by 90 degrees, at 0.995 a slip for a zero
-of axis 2 that is off by 0.1 degrees."""
+"""Correlation beyond which data do not distinguish two causes: a first-order column is not exact to
+2 % for a cause of any size. On the runs of `LARGE` 0.99 has the same outcome; at 0.95 a load is
+named for a zero of axis 5 that is off by 90 degrees, at 0.995 a slip for a zero of axis 2 that is
+off by 0.1 degrees."""
 
 
 def excluded(
@@ -82,15 +83,14 @@ def excluded(
     known: Sequence[str] = (),
     both: Array | None = None,
 ) -> Excluded:
-    """Test all causes.
+    """Test all causes; return found causes and exclusion limits.
 
     Parameters
     ----------
     p : ndarray, shape (n_base,)
-        Base parameters as they were estimated.
+        Estimated base parameters.
     leaves : float
-        Share of the mean square of some axis that a cause must not exceed to be shown, as far as
-        limits go.
+        Maximum share of some axis's mean square that a cause leaves, for the limits.
     known : sequence of str
         Causes that stay free beside the others.
     both : ndarray, shape (n_base,), optional
@@ -99,7 +99,7 @@ def excluded(
     """
     if evidence.later is None:
         every = columns(robot, p, evidence, (*FITTED, *known))
-    else:  # lags of all recordings are free; one that changed is a cause
+    else:  # lags of all recordings are free; a changed lag is a cause
         evidence = replace(evidence, own=np.column_stack([evidence.own, late(robot, p, evidence)]))
         every = columns(robot, p, evidence, known)
     unchanged = scales_of_parts(robot, p, evidence) if evidence.later is not None else None
@@ -118,12 +118,12 @@ def excluded(
         if likely is None:
             break
         key, test = likely
-        of_gaps = half_gap(robot, key) is not None  # with gaps in between, and their like
+        of_gaps = half_gap(robot, key) is not None  # with all gaps of the axis
         given = every.gaps(key[1]) if of_gaps else test.columns.tolist()
-        beside = battery.beside([k for k in given if battery.visible[k]])
+        beside = battery.extend([k for k in given if battery.visible[k]])
         step = Step(robot, key, test, battery, beside, tests)
         if found and step.taken < found[0].unexplained * found[0].taken:
-            break  # what a column leaves of the first
+            break  # remainder of the first, left by its column
         found.append(step)
         battery = step.beside
     instead = _Instead(robot, evidence, first, battery, tests, tuple(step.found for step in found))
@@ -132,7 +132,7 @@ def excluded(
         stated = tuple(each.model_copy(update={"size": None}) for each in stated)
     if evidence.later is not None and not instead.departs:
         friction, more = friction_changes(robot, p if both is None else both, evidence)
-        # where all torques of an axis changed, its friction did with them
+        # a change of all torques of an axis includes its friction
         explained = {axis for each in causes for axis in each.axes}
         causes = (*causes, *(each for each in friction if not explained & {*each.axes}))
         stated = (*stated, *more)
@@ -140,9 +140,9 @@ def excluded(
 
 
 def explained_by(battery: Battery, tests: Tests, dispersion: float) -> dict[Key, float]:
-    """What each cause explains, as chi square beyond what it explains by chance on average.
+    """Return the chi square explained by causes, beyond the average by chance.
 
-    A slip happens once: what it explains is what two instants do that follow each other.
+    A slip happens once, so it explains the part of two successive instants.
     """
 
     def gain(columns: Sequence[int]) -> float:
@@ -157,18 +157,18 @@ def explained_by(battery: Battery, tests: Tests, dispersion: float) -> dict[Key,
 
 @cache
 def chance(rank: int, n_tests: int) -> float:
-    """Chi square that the best of so many tests of a rank has by chance."""
+    """Return the chi square of the best of several tests of a rank, by chance."""
     return float(special.chdtri(rank, LEVEL / max(n_tests, 1)))
 
 
 def alike(gain: float, best: float) -> bool:
-    """Whether two causes explain as much as far as the data distinguish them."""
+    """Return True if two causes explain equally much, as far as the data distinguish them."""
     return gain > min(best - TOGETHER, SAME**2 * best)
 
 
 @dataclass(frozen=True)
 class Step:
-    """A cause that was found, its test beside itself, the battery before it, and that beside it."""
+    """Found cause, with the test, and the batteries without and with the cause."""
 
     robot: Robot
     key: Key
@@ -179,22 +179,22 @@ class Step:
 
     @property
     def left(self) -> float:
-        """Share of the mean square that is left of the axis where that is least."""
+        """Least ratio over axes of residual mean squares with and without the cause."""
         return float((self.beside.left / self.battery.left).min())
 
     @property
     def unexplained(self) -> float:
-        """Share of what is explained that the column may leave, being no more exact."""
+        """Share of the explained part left by an inexact column."""
         return (1.0 - SAME**2) if half_gap(self.robot, self.key) is None else BOUNCES
 
     @property
     def taken(self) -> float:
-        """Chi square that is explained."""
+        """Chi square explained by the cause."""
         return self.battery.misfit - self.beside.misfit
 
     @property
     def found(self) -> Found:
-        """In words, together with what explains as much."""
+        """Finding in words, with causes that explain the data equally well."""
         explains = explained_by(self.battery, self.tests, self.test.dispersion)
         same = [k for k, gain in explains.items() if alike(gain, explains[self.key])]
         tests = {k: self.battery.test(self.tests[k], itself=True) for k in same}
@@ -204,11 +204,11 @@ class Step:
             if test is not None and possible(self.robot, self.battery.evidence, k, test)
         }
         named = [
-            (key, may_be[key], with_size(self.robot, self.battery.columns, key, may_be[key]))
+            (key, may_be[key], describe_size(self.robot, self.battery.columns, key, may_be[key]))
             for key in sorted(may_be, key=lambda k: rank_of(*k))
-            # a slip before an axis shows anything is a zero that is off
+            # a slip before the first visible motion of an axis is a zero error
             if key[0] != "slip" or ("zero", key[1]) not in may_be
-            # of several gaps of an axis that which explains most
+            # of several gaps of an axis the best one
             if half_gap(self.robot, key) is None
             or explains[key] == max(explains[k] for k in may_be if _is_gap(self.robot, k, key[1]))
         ]
@@ -228,8 +228,8 @@ class Step:
         )
 
     def _change(self, key: Key, test: Test) -> tuple[float, ...]:
-        """Compute the change of the base parameters beside a cause."""
-        beside = self.beside if key == self.key else self.battery.beside(test.columns.tolist())
+        """Return the change of the base parameters when a cause is fitted, too."""
+        beside = self.beside if key == self.key else self.battery.extend(test.columns.tolist())
         return tuple((beside.solution - self.battery.solution).tolist())
 
 
@@ -238,7 +238,7 @@ def _is_gap(robot: Robot, key: Key, axis: int) -> bool:
 
 
 def _best_gaps(robot: Robot, battery: Battery, tests: Tests, level: float) -> Iterator[Key]:
-    """Yield the gap that explains most of each axis whose backlash is significant."""
+    """Yield the best gap of each axis with significant backlash."""
     for axis in range(robot.n_joints):
         own = [key for key in tests if _is_gap(robot, key, axis)]
         key = max(own, key=lambda key: battery.drop(tests[key])[0], default=None)
@@ -248,15 +248,15 @@ def _best_gaps(robot: Robot, battery: Battery, tests: Tests, level: float) -> It
 
 
 def scales_of_parts(robot: Robot, p: Array, evidence: Evidence) -> dict[Key, Common]:
-    """Return what each cause explains of parts of the earlier recordings, see `battery`."""
+    """Return the scales of causes from parts of the earlier recordings, see `battery`."""
     early = evidence.only(~evidence.is_later)
     early = replace(early, later=np.ones(len(early.axis), dtype=bool))
     every = columns(robot, p, early, ())
-    return Battery(early, every, every.fitted).of_parts(parts_of(early.time))
+    return Battery(early, every, every.fitted).part_scales(parts_of(early.time))
 
 
 def possible(robot: Robot, evidence: Evidence, key: Key, test: Test) -> bool:
-    """Return True if mechanics allows a size, and it is one that its column stands for."""
+    """Return True if a size is mechanically possible and within the validity of the column."""
     cause = CAUSES[name_of(key)]
     if (test.size < cause.least).any():
         return False
@@ -273,13 +273,13 @@ def likeliest(
     level: float,
     admit: Callable[[Key, Test], bool] = lambda *_: True,
 ) -> tuple[Key, Test] | None:
-    """Return the admitted cause that explains most of those significant beside themselves."""
+    """Return the best admitted cause among causes significant after adjustment for the cause."""
     best: tuple[Key, Test] | None = None
     gain, white, n = 0.0, 1.0, len(tests)
     each = {key: battery.drop(at) for key, at in tests.items()}
     for key, (drop, rank) in sorted(each.items(), key=lambda item: -item[1][0]):
         if drop / white - chance(rank, n) <= gain:
-            continue  # nor would it with the least dispersion that there can be
+            continue  # not even with the least possible dispersion
         test = battery.test(tests[key], itself=True)
         if test and test.p < level and admit(key, test):
             own = test.drop / test.dispersion - chance(rank, n)
@@ -290,7 +290,7 @@ def likeliest(
 
 @dataclass(frozen=True)
 class _Instead:
-    """Other readings of the recordings beside causes that were found."""
+    """Comparison of found causes with other readings of the recordings."""
 
     robot: Robot
     evidence: Evidence
@@ -301,9 +301,9 @@ class _Instead:
 
     @property
     def found(self) -> tuple[Found, ...]:
-        """What is found after all."""
+        """Findings after the comparison with other readings."""
         if self._departure is not None:
-            return self._of_change(self._departure)
+            return self._find_change(self._departure)
         sound = self._scatter < CONTRADICTS and self._stated.possible
         if sound and not any(each.left < LARGE for each in self.causes):
             return self.causes
@@ -318,8 +318,8 @@ class _Instead:
             words = "friction would drive an axis, or some motions would have a negative energy"
         return (Found(cause="unknown", axes=(), detail=words),)
 
-    def _of_change(self, departure: Departure) -> tuple[Found, ...]:
-        """Return what changed, if the later recordings are like the earlier ones beside that."""
+    def _find_change(self, departure: Departure) -> tuple[Found, ...]:
+        """Return the change, if later recordings are then similar to the earlier ones."""
         thin, _ = self._thin
         if self.causes and self.shows_changes:
             return self.causes
@@ -330,17 +330,17 @@ class _Instead:
 
     @property
     def shows_changes(self) -> bool:
-        """Whether any column would be named, see `_of_change`."""
-        return self._of(self.battery.given).possible and not self.departs
+        """True if a column would be named as a change, see `_find_change`."""
+        return self._explain(self.battery.given).possible and not self.departs
 
     @cached_property
     def departs(self) -> bool:
-        """Whether the later recordings depart from the earlier ones beside the causes given."""
-        residual = self._of(self.battery.given).residual
+        """True if later recordings depart from the earlier ones despite the given causes."""
+        residual = self._explain(self.battery.given).residual
         return bool(self._departure and self._departure.significant(self._thin[0], residual))
 
     def _restores(self, departure: Departure, read: Explained) -> bool:
-        """Return True if later recordings, read so, are like the earlier ones."""
+        """Return True if a reading makes later recordings similar to the earlier ones."""
         left = float((read.left / self._stated.left).min())
         return left <= LEAVES and not departure.significant(self._thin[0], read.residual)
 
@@ -349,16 +349,16 @@ class _Instead:
         if self.evidence.later is None:
             return None
         thin, _ = self.evidence.thinned(ROWS)
-        return Departure.of(self.robot, thin)
+        return Departure.measure(self.robot, thin)
 
     @cached_property
     def _thin(self) -> tuple[Evidence, Array]:
         thin, at = self.evidence.thinned(ROWS)
-        return thin.without_own(), self.battery.columns.values[at]
+        return thin.project_out_own(), self.battery.columns.values[at]
 
     @cached_property
     def _stated(self) -> Explained:
-        return self._of(self.battery.columns.fitted)
+        return self._explain(self.battery.columns.fitted)
 
     @property
     def _slipped(self) -> int:
@@ -366,8 +366,8 @@ class _Instead:
         slips = [key for key in self.battery.columns.tests if key[0] == "slip"]
         return max(slips, key=lambda key: self.first.drop(self.battery.columns.tests[key]))[1]
 
-    def _of(self, given: Sequence[int]) -> Explained:
-        """What is stated explains with some columns."""
+    def _explain(self, given: Sequence[int]) -> Explained:
+        """Fit the stated reading with some columns."""
         thin, values = self._thin
         stated, more = Reading.stated(self.robot), values[:, list(given)]
         return explained(self.robot, thin, stated, more, dispersion=self._scatter)
@@ -378,12 +378,12 @@ class _Instead:
         return max(float(np.median(each)), 1.0)
 
     def _gain(self, each: Explained, n: int) -> float:
-        """What a reading, or columns, with `n` unknowns explain."""
+        """Return the chi square explained by a reading, or by columns, with `n` unknowns."""
         explains = self._stated.misfit - each.misfit
         return explains - chance(n, len(self.tests)) if n else explains
 
     def _likeliest(self) -> Found | None:
-        """The reading that explains most with its like, if columns do not explain more."""
+        """Return the best reading with equally good ones, unless columns explain more."""
         every = [
             (self._gain(each.explained, int(not np.isnan(each.size))), each)
             for each in alternatives(self._stated, self.first.sizes, self._slipped)
@@ -392,24 +392,24 @@ class _Instead:
         best = max((gain for gain, _ in every), default=-np.inf)
         if best < (chance(1, len(self.tests)) if self._stated.possible else -TOGETHER):
             return None
-        given = self._of(self.battery.given)
+        given = self._explain(self.battery.given)
         rival = self.causes and given.possible and self._departure is None
         if rival and not alike(best, self._gain(given, 0)):
             return None
         same = [each for gain, each in every if alike(gain, best)]
         zeros = [each.axes for each in same if each.cause == "zero"]
-        # one before anything was measured
+        # a slip before the first measurement
         same = [each for each in same if each.cause != "slip" or each.axes not in zeros]
         same.sort(key=lambda each: rank_of(each.cause, *each.axes))
-        words = [of_reading(self.robot, each) for each in same]
+        words = [describe_reading(self.robot, each) for each in same]
         named = [
             located([axis + 1 for axis in each.axes], text)
             for each, text in zip(same, words, strict=True)
         ]
-        for cause in self.causes:  # a load explains what a zero of the last axes does
+        for cause in self.causes:  # a load explains the same as a zero of the last axes
             if cause.cause == "load":
                 at = self.tests["load", -1]
-                load = self._of([*self.battery.columns.fitted, *at])
+                load = self._explain([*self.battery.columns.fitted, *at])
                 if load.possible and alike(self._gain(load, len(at)), best):
                     return cause.model_copy(update={"others": tuple(named)})
         first = same[0]

@@ -1,12 +1,12 @@
-"""What a plan will exclude, before anything moves: its motion with expected torques and noise.
+"""Foreseen exclusion limits of a plan, from its motion with expected torques and noise.
 
-The tests of causes need rows, and how much these scatter. Both come from recordings as they are to
-be expected: axes that follow their profiles exactly, positions in the encoders' increments, the
-torque of expected base parameters, and on top of it the noise that every prediction of this plan
-goes by (`hil.planning.prediction.noise`): white noise, and a level of friction that wanders. They
-pass through the same estimator and the same battery as what is measured later, so that a size that
-is stated beforehand and one that is stated afterwards mean the same. What friction is by itself
-makes no difference: any law of speed is projected out of each measurement.
+The tests of causes need rows and their scatter. Both come from expected recordings: axes that
+follow their profiles exactly, positions in the encoders' increments, and the torque of expected
+base parameters. The noise is that of every prediction of this plan
+(`hil.planning.prediction.noise`): white noise and a wandering level of friction. Expected
+recordings pass through the same estimator and the same battery as measured ones, so sizes stated
+before and after a run mean the same. The level of friction makes no difference: any law of speed is
+projected out of each measurement.
 """
 
 from __future__ import annotations
@@ -43,16 +43,15 @@ if TYPE_CHECKING:
 
 
 def foreseen(plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0) -> Excluded | None:
-    """What a plan will exclude; None where it identifies nothing.
+    """Return the exclusion limits of a plan; None if the plan identifies nothing.
 
     Parameters
     ----------
     noise : Noise
-        That torques are expected to have.
+        Expected noise of torques.
     p : ndarray, shape (n_base,)
-        Base parameters as they are expected.
-    seed : int
-        Of the noise.
+        Expected base parameters.
+    seed : int Seed of the noise.
     """
     found = foreseen_tests(plan, robot, noise, p, seed)
     if found is None:
@@ -64,7 +63,7 @@ def foreseen(plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0) ->
 def foreseen_tests(
     plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0
 ) -> tuple[Battery, int] | None:
-    """Tests of all causes in what a plan will record, and how many there are; see `foreseen`."""
+    """Return the tests of causes in a plan's expected recordings, and the number of tests."""
     try:
         evidence = expected_evidence(robot, _expected(plan, robot, noise, p, seed))
     except NotIdentifiable:
@@ -77,7 +76,7 @@ def foreseen_tests(
 def _expected(
     plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int
 ) -> Iterator[tuple[ParameterMeasurement, Signals]]:
-    """Yield what a plan will record, one measurement after the other."""
+    """Yield the expected signals of a plan, measurement by measurement."""
     rng, time = np.random.default_rng(seed), 0.0
     for entry in timetable(plan, robot, plan.measurements):
         time += entry.travel
@@ -90,7 +89,9 @@ def _expected(
 def expected_evidence(
     robot: Robot, prepared: Iterable[tuple[ParameterMotion, Signals]]
 ) -> Evidence:
-    """Rows of expected recordings: recordings alone show whether a load has friction.
+    """Return rows of expected recordings, without friction of the load.
+
+    Only real recordings show whether a load has friction.
 
     Raises
     ------
@@ -100,7 +101,7 @@ def expected_evidence(
     stacked = []
     for motion, s in prepared:
         stacked += [(s, axes) for axes in stack(robot, motion, s)]
-        s.kept.clear()  # of all samples; the rows are some of them
+        s.kept.clear()  # holds all samples; the rows are some of them
     if not stacked:
         raise NotIdentifiable("no measurement is long enough to show parameters")
     return rows_of(robot, stacked, np.zeros(robot.n_joints, dtype=bool))
@@ -115,7 +116,7 @@ def recorded(
     rng: np.random.Generator,
     begin: float,
 ) -> Recording:
-    """One measurement as it is expected to be recorded."""
+    """Return the expected recording of one measurement."""
     group = None
     if measurement.streamed:
         # not one period several times: it need not be a whole number of samples

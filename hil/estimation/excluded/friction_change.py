@@ -1,18 +1,17 @@
-"""Friction that changed between recordings, on the scale by which parts of the earlier ones differ.
+"""Change of friction between recordings, on the scale of differences among earlier ones.
 
-Friction is each measurement's own in all other tests, so no cause is found by it and none shows it.
-Here the earlier recordings state a curve phi(v) of Coulomb, viscous and cube-root terms for each
-axis. Of part k of the earlier recordings, and of the later ones,
+Friction is separate for each measurement in all other tests, so no cause is found by friction and
+none shows it. Here the earlier recordings state a curve phi(v) of Coulomb, viscous and cube-root
+terms for each axis. Of part k of the earlier recordings, and of the later ones,
 
     tau - A p - own columns = g_k phi(v) + o_k + e
 
 gives the level g_k. The variance of a level among the parts of either is moderated over the axes
-(`moderated`), is at least what e explains, and recordings as a whole may differ by as much as one
-part of them does.
-Warmth changes friction of all axes together (`hil.results.changes`): of three axes or more, the
-median of the others' relative changes is taken from each, and what is beyond it is tested. Of m
-others with standard deviations s_j the median has the variance (pi / 2) m / (sum 1 / s_j)^2: that
-of normal distributions with one mean.
+(`moderated`) and is at least the variance due to e. Recordings as a whole may differ by as much as
+one part of them does. Warmth changes friction of all axes together (`hil.results.changes`). So for
+three axes or more, the median of the other axes' relative changes is subtracted from each change,
+and the rest is tested. The median of m others with standard deviations s_j has the variance (pi /
+2) m / (sum 1 / s_j)^2, as for normal distributions with one mean.
 """
 
 from __future__ import annotations
@@ -36,22 +35,22 @@ if TYPE_CHECKING:
 
 FRICTION = "friction"
 SEVERAL = 3
-"""Axes from which on their median change is that of the others, where one of them changed."""
+"""Minimum number of axes for which the median change of the others is subtracted."""
 FEWEST = 30
-"""Rows that level and offset of a part are fitted to: noise leaves a fifth of its own size."""
+"""Minimum number of rows for level and offset of a part: noise leaves a fifth of its own size."""
 
 
 def friction_changes(
     robot: Robot, p: Array, evidence: Evidence
 ) -> tuple[tuple[Found, ...], tuple[Limit, ...]]:
-    """Return axes whose friction changed, and the change of each that would be found.
+    """Return axes with changed friction, and the smallest detectable changes by axis.
 
     Parameters
     ----------
     p : ndarray, shape (n_base,)
         Base parameters of all recordings.
     evidence : Evidence
-        With later rows.
+        Evidence with later rows.
     """
     shown = [(axis, x) for axis in range(robot.n_joints) if (x := _levels(p, evidence, axis))]
     if not shown:
@@ -72,12 +71,12 @@ def friction_changes(
         precision = [np.sum(square[each] ** -0.5) for each in others]
         square = square + np.pi / 2.0 * (len(axes) - 1) / np.square(precision)
     error = np.sqrt(square)
-    # the earlier level is 1: recordings that do not show even that show no change of it
+    # the earlier level is 1: recordings that do not show this level show no change of it
     known = special.stdtr(degrees, -1.0 / error) < LEVEL
     p_value = 2.0 * special.stdtr(degrees, -np.abs(change) / error)
     level = LEVEL / FAMILIES / len(axes)
     need = [np.sqrt(noncentrality(1, max(math.floor(each), 1), level)) for each in degrees]
-    size = need * error + np.abs(change)  # as of `limits`
+    size = need * error + np.abs(change)  # as in `limits`
     found = tuple(
         Found(
             cause=FRICTION,
@@ -104,16 +103,16 @@ def friction_changes(
 
 
 class _Levels(NamedTuple):
-    """Friction of an axis over that of the earlier recordings, part by part.
+    """Friction levels of an axis by part, relative to the earlier recordings.
 
     Attributes
     ----------
     earlier, later : ndarray, shape (n_parts,)
     floor : float
-        Variance of a level by what the curve leaves: a stroke shows one level, however many samples
-        it has.
+        Variance of a level by the residual of the curve: a stroke shows one level, whatever its
+        number of samples.
     share : float
-        Share of the recorded torque that 1 % of the friction is.
+        Share of the recorded torque due to 1 % of the friction.
     """
 
     earlier: Array
@@ -123,7 +122,7 @@ class _Levels(NamedTuple):
 
 
 def _levels(p: Array, evidence: Evidence, axis: int) -> _Levels | None:
-    """Return the levels of an axis; None where its rows do not show friction in each part."""
+    """Return the levels of an axis; None if some part does not show friction."""
     rows = np.flatnonzero(evidence.axis == axis)
     early, late = rows[~evidence.is_later[rows]], rows[evidence.is_later[rows]]
     own = evidence.own[:, evidence.own[early].any(axis=0)]
@@ -149,7 +148,7 @@ def _levels(p: Array, evidence: Evidence, axis: int) -> _Levels | None:
 
 
 def _pieces(rows: Indices, time: Array, v: Array) -> list[Indices] | None:
-    """Cut rows into as many parts as have both directions each, at most `PARTS`; None below two."""
+    """Cut rows into at most `PARTS` parts with both directions of motion; None below two."""
     for n in range(PARTS, 1, -1):
         if len(rows) < n * FEWEST:
             continue
@@ -161,7 +160,7 @@ def _pieces(rows: Indices, time: Array, v: Array) -> list[Indices] | None:
 
 
 def _level(rest: Array, curve: Array, v: Array) -> tuple[float, float]:
-    """Fit level and offset to a part; return the level and its variance by what is left."""
+    """Fit level and offset of a part; return the level and its variance by the residual."""
     terms = np.column_stack([curve, np.ones(len(curve))])
     found, *_ = np.linalg.lstsq(terms, rest, rcond=None)
     left = rest - terms @ found

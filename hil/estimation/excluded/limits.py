@@ -1,9 +1,9 @@
-"""What is excluded: the smallest size of each cause that would be found, and the torque it makes.
+"""Exclusion limits: smallest detectable sizes of causes, and the torque at these sizes.
 
-It is what is found with a probability of 80 %, from the noncentral F of the cause's own test. Of a
-change, the size that recordings show though it is not significant is added: it hides a change of
-the other sign, and models of real machines are never exact. A cause within the span of what is
-estimated never shows.
+A limit is found with a probability of 80 %, from the noncentral F of the cause's own test. For a
+change, the insignificant size that recordings show is added: it hides a change of the other sign,
+and models of real machines are never exact. A cause within the span of the estimated columns never
+shows.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 POWER = 0.8
-"""Probability with which a cause of the stated size is found (Cohen, Statistical Power Analysis
-for the Behavioral Sciences, 1988, p. 56)."""
+"""Probability of finding a cause of the stated size (Cohen, Statistical Power Analysis for the
+Behavioral Sciences, 1988, p. 56)."""
 ROUNDS, SETTLED = 100, 0.01
-"""Times at most that sizes are corrected for their own part in the weights, and the share by which
-one may still change at the end: 20 000 random cases, whose axes differ in information and mean
-square by a log-normal factor of sigma 3, settle within 56."""
+"""Maximum number of corrections of sizes for their own part in the weights, and the largest final
+relative change: 20 000 random cases, with axes that differ in information and mean square by a
+log-normal factor of sigma 3, settle within 56."""
 MIDDLES = (np.arange(200) + 0.5) / 200
-"""Probabilities at which a chi square is looked at."""
+"""Probabilities for the quadrature over a chi square."""
 
 
 def limits(
     robot: Robot, battery: Battery, every: Columns, n_tests: int, leaves: float = 1.0
 ) -> tuple[Limit, ...]:
-    """Smallest sizes that are found; `leaves` as of `finding.excluded`."""
+    """Return the smallest detectable sizes; `leaves` as in `finding.excluded`."""
     torque = _torque(battery)
     found = [
         Limit(
@@ -58,24 +58,24 @@ def limits(
         for key, at in every.tests.items()
         if key[0] not in every.free and not _is_fitted(battery, key)
         for part, first, each in _sizes(battery, key, at, torque, n_tests, leaves)
-        for size in [_of_any_order(robot, battery, key, first)]
+        for size in [_true_size(robot, battery, key, first)]
     ]
-    hardest: dict[tuple[str, int, str], Limit] = {}  # of a torque that repeats, of all orders
+    hardest: dict[tuple[str, int, str], Limit] = {}  # of a repeating torque, over all orders
     for each in sorted(found, key=lambda each: rank_of(each.cause, each.axis)):
         at = each.cause, each.axis, each.part
-        # the gap that shows shows whatever the larger ones do
+        # a visible gap counts, whatever the larger ones show
         rank = -1.0 if each.cause == "play" else 1.0
         if at not in hardest or rank * _hard(each) > rank * _hard(hardest[at]):
             hardest[at] = each
     return tuple(hardest.values())
 
 
-def _of_any_order(robot: Robot, battery: Battery, key: Key, size: float) -> float:
-    """Return the size of a cause that a column of the first order shows as `size`.
+def _true_size(robot: Robot, battery: Battery, key: Key, size: float) -> float:
+    """Return the size of a cause with the first-order size `size`.
 
-    Of a gain 1 / (1 + x) the column shows x / (1 + x), less than x in one direction and more in the
-    other. What is too large for its column is taken for none (`finding.possible`), so no such size
-    is found.
+    For a gain 1 / (1 + x) the column shows x / (1 + x), less than x in one direction and more in
+    the other. A size too large for its column is rejected (`finding.possible`), so no such size is
+    found.
     """
     cause, gap = CAUSES[name_of(key)], half_gap(robot, key)
     if gap is not None:
@@ -89,7 +89,7 @@ def _of_any_order(robot: Robot, battery: Battery, key: Key, size: float) -> floa
 
 
 def _is_fitted(battery: Battery, key: Key) -> bool:
-    """Whether the estimate holds friction of the load of an axis, since that shows there."""
+    """Return True if the estimate fits the axis's friction of the load, which shows the cause."""
     e = battery.evidence
     return key[0] == "friction of the load" and bool(e.own[e.axis == key[1], LOAD:].any())
 
@@ -101,21 +101,21 @@ def _hard(limit: Limit) -> float:
 def _sizes(
     battery: Battery, key: Key, at: Sequence[int], torque: Array, n_tests: int, leaves: float
 ) -> Iterator[tuple[str, float, float]]:
-    """Parts of a cause: each one's smallest size that is found, and the torque of a unit."""
+    """Yield parts of a cause, with the smallest detectable size and the torque of a unit."""
     each = smallest(battery, at, n_tests, leaves)
     size = dict(zip(at, each.tolist(), strict=True))
     if key[0] == "load":
         for k in at:
             yield battery.columns.names[k].part, size[k], float(torque[k])
-    else:  # of several columns that which hardly shows
+    else:  # the least visible of several columns
         worst = max(at, key=size.__getitem__)
         yield "", size[worst], float(torque[worst])
 
 
 def smallest(battery: Battery, at: Sequence[int], n_tests: int, leaves: float = 1.0) -> Array:
-    """Size of each column of a cause, were it the only one, that is found with `POWER`.
+    """Return the smallest size found with `POWER` for each column of a cause, acting alone.
 
-    What leaves no more than a share of a mean square adds 1 / share - 1 of what remains to it.
+    A cause that leaves no more than a share of a mean square adds 1 / share - 1 of the remainder.
     """
     change = battery.evidence.later is not None
     test, found = battery.test(at, itself=change), np.full(len(at), np.inf)
@@ -123,7 +123,7 @@ def smallest(battery: Battery, at: Sequence[int], n_tests: int, leaves: float = 
         degrees, level = math.floor(10.0 * test.degrees) / 10.0, battery.level / n_tests
         columns = test.columns
         need = noncentrality(test.rank, degrees, level) * test.dispersion
-        # noise grows with what a cause adds beside its column: s^2 I = need (1 + s^2 elsewhere)
+        # noise grows with a cause's effect outside its column: s^2 I = need (1 + s^2 elsewhere)
         information = battery.information[columns] - need * battery.elsewhere[columns]
         seen = np.abs(battery.alone(columns)) if change else 0.0
         small = np.sqrt(need / np.where(information > 0.0, information, np.nan)) + seen
@@ -140,14 +140,14 @@ def smallest(battery: Battery, at: Sequence[int], n_tests: int, leaves: float = 
 
 @cache
 def noncentrality(rank: int, degrees: float, level: float) -> float:
-    r"""Square of a size, over its variance as it is estimated, that is found with `POWER`.
+    r"""Return the squared size, over the estimated variance, for detection with `POWER`.
 
-    Noncentral F takes the variance as known. Here size and limit go by one and the same estimate of
-    it, :math:`s` times the true one, with :math:`d s` of chi square's distribution,
+    Noncentral F assumes a known variance. Here size and limit use the same estimate of the
+    variance, :math:`s` times the true one, with :math:`d s` distributed as chi square,
 
     .. math:: P = \int P(\chi'^2_r(\lambda s) > r F s) \, p(s) \, ds ,
 
-    which of one column is Student's t about :math:`\sqrt\lambda`.
+    which for one column is Student's t about :math:`\sqrt\lambda`.
     """
     limit = rank * float(special.fdtri(rank, degrees, 1.0 - level))
     s = special.chdtri(degrees, MIDDLES) / degrees
@@ -156,7 +156,7 @@ def noncentrality(rank: int, degrees: float, level: float) -> float:
 
 
 def _torque(battery: Battery) -> Array:
-    """Share of the recorded torque that one unit of each column makes, where that is most."""
+    """Return the share of recorded torque due to a unit of each column, largest over axes."""
     e, found = battery.evidence, np.zeros(len(battery.columns.names))
     for axis in np.unique(e.axis):
         rows = e.axis == axis

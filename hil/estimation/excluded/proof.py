@@ -1,4 +1,4 @@
-"""What recordings prove: rows made of them, all causes tested, torques at their limits beside."""
+"""Proof by recordings: rows of evidence, tests of causes, and torques at the limit."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recorded, Recording
 
 ENOUGH = 600.0
-"""Time of the free motions that are looked at, at most [s], if they are several: rows are no more
-however much is recorded, and `evidence.MOST` of an axis are four a second then."""
+"""Maximum total duration of several free motions [s]: longer recordings give no more rows, and
+`evidence.MOST` rows of an axis are then four a second."""
 APART = 60.0
-"""From the earlier recordings to the later ones [s]; no cause counts how long that was."""
+"""Time from the earlier to the later recordings [s]; no cause depends on its length."""
 
 
 def proved(
@@ -42,18 +42,18 @@ def proved(
     drive_train: DriveTrain | None = None,
     joint: Joint | None = None,
 ) -> Excluded | None:
-    """What recordings prove; None where too little was recorded to contradict itself.
+    """Test recordings for all causes; return None if too little was recorded for a contradiction.
 
     Parameters
     ----------
     recorded : iterable of (RecordedMotion, Recording)
-        Gone through again where a cause is found.
+        Read again if a cause is found.
     p : ndarray, shape (n_base,), optional
         Base parameters, if they were estimated.
     drive_train : DriveTrain, optional
-        What lies between currents and arm, if that is known.
+        Transmission between currents and arm, if known.
     joint : Joint, optional
-        Regression of the recordings, where there is one.
+        Regression of the recordings, if there is one.
     """
     if joint is None:
         prepared: Prepared = list(_prepared(recorded))
@@ -90,19 +90,19 @@ def changed(
     after: Recorded,
     known: Sequence[str] = (),
 ) -> Excluded | None:
-    """What changed between recordings, by cause; None where too little was recorded.
+    """Find causes of a change between recordings; return None if too little was recorded.
 
-    Base parameters are fitted to all recordings, and causes act in the later ones alone. So what
-    parameters would take for their own in one run shows here: a torque constant, a rotor, all of a
-    load. The columns of causes are made with the earlier run's parameters, since those of both hold
-    part of the change; known causes keep those of both, since the earlier hold none of a load.
-    Friction is each measurement's own; whether it changed is tested by itself, beside the
-    parameters of both.
+    Base parameters are fitted to all recordings, and causes act in the later recordings alone. So
+    causes that parameters would absorb in one run show here: a torque constant, a rotor, all of a
+    load. Columns of causes use the parameters of the earlier run, since the parameters of both
+    contain part of the change. With known causes the columns use the parameters of both, since the
+    earlier run contains none of a load. Friction is fitted to each measurement separately; its
+    change is a separate test, beside the parameters of both.
 
     Parameters
     ----------
     known : sequence of str
-        Causes that are known to have come: they stay free beside the others.
+        Causes known to be new: they stay free beside the others.
     """
     earlier = list(_prepared(before))
     if not earlier:
@@ -130,7 +130,7 @@ def _prepared(
     recorded: Recorded,
 ) -> Iterator[tuple[ParameterMotion, Signals]]:
     free: list[tuple[FreeMotion, Recording]] = []
-    seen, every = 0, 1  # of free motions every so many
+    seen, every = 0, 1  # step between the free motions used
     for measurement, recording in recorded:
         if not isinstance(measurement, FreeMotion):
             if shows_parameters(measurement):

@@ -1,6 +1,6 @@
-"""Found, excluded, invisible: what recordings prove of the causes that may spoil an estimate.
+"""Results of the tests of causes: found, excluded and invisible causes.
 
-And how much of its error each cause makes that an estimate knows of.
+Error terms state the part of each cause in the known error of an estimate.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ if TYPE_CHECKING:
 
 
 class Found(FileModel):
-    """A cause that the recordings show.
+    """Cause shown by the recordings.
 
     Attributes
     ----------
     cause : str
         One of `hil.estimation.excluded.causes.CAUSES`.
     axes : tuple of int
-        From 1; none where it concerns none in particular.
+        From 1; none if the cause concerns none in particular.
     detail : str
-        Its size with standard error, or its evidence; a clause without subject.
+        Size with standard error, or evidence; a clause without subject.
     left : float
-        Share of the sum of squares of residuals that remains beside it.
+        Remaining share of the residual sum of squares beside the cause.
     others : tuple of str
-        Causes that explain the recordings as well, with axes and sizes.
+        Causes that explain the recordings equally well, with axes and sizes.
     change : tuple of float, optional
-        Of the base parameters once it is corrected; None where that takes other parameters.
+        Change of the base parameters by correcting the cause; None if this takes other parameters.
     other_changes : tuple of tuple of float
-        The same of each of `others`.
+        Change for each of `others`.
     size, error : float
-        In the cause's unit; of several columns the largest; None where it has none.
+        In the cause's unit; of several columns the largest; None without a size.
     """
 
     cause: str
@@ -53,7 +53,7 @@ class Found(FileModel):
 
     @property
     def remedy(self) -> str:
-        """What to do about it; nothing about others that explain the recordings as well."""
+        """Remedy of the cause, without remedies of `others`."""
         which = "find out which before anything is changed: " if self.others else ""
         return which + CAUSES[self.cause].remedy
 
@@ -63,20 +63,20 @@ class Found(FileModel):
 
 
 class Limit(FileModel):
-    """What is excluded of a cause.
+    """Exclusion limit of a cause.
 
     Attributes
     ----------
     cause : str
     axis : int
-        From 1; 0 where it concerns none in particular.
+        From 1; 0 if the cause concerns none in particular.
     part : str
-        Which of its columns; empty where all of them are alike.
+        Column of the cause; empty if all columns are alike.
     unit : str
     size : float or None
-        Size that would be found with a probability of 80 %; None where it never shows.
+        Size that would be found with a probability of 80 %; None if the cause never shows.
     torque : float
-        Share of the recorded torque that one unit makes, on the axis where that is most.
+        Share of the recorded torque due to one unit, on the axis with the largest share.
     """
 
     cause: str
@@ -88,37 +88,37 @@ class Limit(FileModel):
 
     @property
     def usual(self) -> float:
-        """Size that is usual of it, 0 where none is known."""
+        """Usual size of the cause, 0 if none is known."""
         return CAUSES[self.cause].usual
 
     @property
     def visible(self) -> bool:
-        """Whether what is usual of it would be found; true where nothing is usual."""
+        """True if a usual size would be found; any size, if none is usual."""
         return self.size is not None and (not self.usual or self.size <= self.usual)
 
     @property
     def unnoticed(self) -> float:
-        """Share of the torque of the smallest size that is found; of a usual one if none is."""
+        """Torque share of the smallest size found, or of a usual size if none is."""
         return self.worth if self.size is None else self.torque * self.size
 
     @property
     def worth(self) -> float:
-        """Share of the torque that may go unnoticed: of the smallest size, or of a usual one."""
+        """Unnoticed torque share at the smallest size found, or at a usual size if smaller."""
         sizes = [each for each in (self.size, self.usual) if each]
         return self.torque * min(sizes, default=0.0)
 
 
 class Excluded(FileModel):
-    """What recordings prove.
+    """Proof by recordings: found causes and exclusion limits.
 
     Attributes
     ----------
     found : tuple of Found
-        The one that explains most first.
+        Found causes, the most explaining first.
     limits : tuple of Limit
-        Of all causes, in the order of the table.
+        Limits of all causes, in the order of the table.
     tests : int
-        Causes that were tested.
+        Number of tested causes.
     """
 
     found: tuple[Found, ...]
@@ -127,9 +127,9 @@ class Excluded(FileModel):
 
     @property
     def shifts(self) -> tuple[Array, ...]:
-        """Change of the base parameters by the correction of each cause found, shape (n_base,).
+        """Changes of the base parameters by correcting the found causes, each of shape (n_base,).
 
-        Of causes that data do not distinguish, by the correction of each.
+        Causes that data do not distinguish have one change each.
         """
         return tuple(
             np.array(change)
@@ -140,7 +140,7 @@ class Excluded(FileModel):
 
     @property
     def invisible(self) -> tuple[Limit, ...]:
-        """Causes that do not show in the size that is usual of them, and make torque."""
+        """Causes with a torque that are invisible at the usual size."""
         return tuple(
             each
             for each in self.limits
@@ -149,33 +149,33 @@ class Excluded(FileModel):
 
     @property
     def places(self) -> frozenset[tuple[str, int]]:
-        """Causes that were found with their axes, from 1; 0 for a cause of no axis."""
+        """Found causes with axes, from 1; 0 for a cause of no axis."""
         return frozenset((each.cause, axis) for each in self.found for axis in each.axes or (0,))
 
     def unseen(self, cause: str, axis: int) -> float:
-        """Share of a cause's usual size that may go unnoticed at an axis, from 1; at most 1."""
+        """Return the smallest size found over the usual size at an axis (from 1); 1 if none is."""
         own = (each for each in self.limits if (each.cause, each.axis) == (cause, axis))
         return min((each.size / each.usual for each in own if each.size is not None), default=1.0)
 
 
 class ErrorTerm(FileModel):
-    """One cause of error, as `model.yaml` keeps it.
+    """Cause of error, as stored in `model.yaml`.
 
     Attributes
     ----------
     cause : str
         One of `hil.estimation.excluded.causes.CAUSES`.
     axes : tuple of int
-        From 1; none where it concerns all.
+        From 1; none if the cause concerns all.
     found : str
-        What was found, with its figure.
+        Finding, with its figure.
     torque : float
-        Error of the torques on a free motion, mean over joints of its root mean square over that of
-        the torque; if the cause is accounted for, the error without that.
+        Error of the torques on a free motion: mean over joints of its root mean square over that of
+        the torque. For an accounted cause, the error without the correction.
     share : float
-        Of the sum of squares.
+        Share of the sum of squares.
     accounted : bool
-        Whether the estimate takes it into account.
+        True if the estimate accounts for the cause.
     """
 
     cause: str
@@ -187,11 +187,11 @@ class ErrorTerm(FileModel):
 
     @property
     def remedy(self) -> str:
-        """What to do about it."""
+        """Remedy of the cause."""
         return CAUSES[self.cause].remedy
 
 
 def located(axes: Sequence[int], words: str) -> str:
-    """Words about axes, from 1."""
+    """Prefix words with the axes concerned, from 1."""
     which = " and ".join(map(str, axes))
     return f"{'axis' if len(axes) == 1 else 'axes'} {which}: {words}" if which else words

@@ -1,4 +1,4 @@
-"""Torques at their limit: many samples at one and the same greatest value."""
+"""Torques at a limit: many samples at exactly the greatest value."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ if TYPE_CHECKING:
 
 
 LEVEL = 0.01
-"""Share of the samples in motion at the greatest torque from which on it is a limit."""
+"""Minimum share of moving samples at the greatest torque, for a limit."""
 NEXT = 5.0
-"""Times as many as the next lower torques of the same width have, which is no coincidence."""
+"""Minimum ratio to the number of samples at the next lower torques of the same width, which is no
+coincidence."""
 _WIDTH = 1e-6
 
 
 def saturated(recorded: Recorded, n_joints: int) -> tuple[int, float, float] | None:
-    """Axis whose torque is at its limit most often, from 0, the share of its samples, and it.
+    """Return the most often saturated axis (from 0), the share of samples, and the limit.
 
-    Torques are those that were recorded: where a lag is taken back no two are the same.
+    Torques are as recorded: after compensation of a lag no two are equal.
     """
     sizes: list[list[Array]] = [[] for _ in range(n_joints)]
     for motion, recording in recorded:
@@ -47,7 +48,7 @@ def _moving_torques(recording: Recording) -> Array:
 
 
 def share_at_top(size: Array) -> float:
-    """Share of samples at the greatest torque, if that holds far more than values below it."""
+    """Return the share of samples at the greatest torque, if far more than at lower values."""
     at_top = int(np.sum(size >= size.max() * (1 - _WIDTH)))
     below = np.unique(size[size < size.max() * (1 - _WIDTH)], return_counts=True)[1][-20:]
     usual = float(below.max()) if below.size else 0.0

@@ -1,4 +1,4 @@
-"""Causes in words: their names, axes and sizes."""
+"""Causes in words: names, axes and sizes."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 SI = {"I": "kg m²", "s": "kg m", "m": "kg"}
-"""Units of a link's parameters by their first letters."""
+"""Units of a link's parameters by first letter."""
 
 
 def rank_of(cause: str, *axes: int) -> tuple[int, ...]:
-    """Place of a cause in the table, then its axes: several are named in this order."""
+    """Return the sort key of a cause: row of the table, then axes."""
     return list(CAUSES).index(name_of((cause, 0))), *axes
 
 
 def name_of(key: Key) -> str:
-    """Name of a cause in the table."""
+    """Return the name of a cause in the table."""
     return key[0].rstrip(" 0123456789")
 
 
-def in_words(key: Key, part: str = "") -> str:
-    """A cause with its axis, or one of its columns, as commands take and tables show it."""
+def describe_cause(key: Key, part: str = "") -> str:
+    """Describe a cause with its axis, or a column of a cause, as in commands and tables."""
     of_axis = f" of axis {key[1] + 1}" if key[1] >= 0 else ""
     return f"{key[0]}{of_axis} {part}".strip()
 
 
 def unit_of(robot: Robot, key: Key, part: str = "") -> str:
-    """Unit of a cause, or of a parameter of a load."""
+    """Return the unit of a cause, or of a parameter of a load."""
     return SI[part[0]] if key[0] == "load" and part else CAUSES[name_of(key)].unit_of(robot, key[1])
 
 
 def axes_of(robot: Robot, key: Key) -> tuple[int, ...]:
-    """Axes that a cause concerns, from 1."""
+    """Return the axes of a cause, from 1."""
     if key[0] == "load":
         return (robot.n_joints,)
     return (key[1] + 1,) if key[1] >= 0 else ()
 
 
-def with_size(robot: Robot, every: Columns, key: Key, test: Test) -> str:
-    """A cause and its size."""
+def describe_size(robot: Robot, every: Columns, key: Key, test: Test) -> str:
+    """Describe a cause with the size."""
     cause, unit = CAUSES[name_of(key)], CAUSES[name_of(key)].unit_of(robot, key[1])
     if key[0] == "load":
         return cause.words
@@ -66,8 +66,8 @@ def with_size(robot: Robot, every: Columns, key: Key, test: Test) -> str:
     return f"{cause.words} {test.size[at]:.3g} ± {test.error[at]:.1g} {unit}{after}"
 
 
-def of_reading(robot: Robot, each: Alternative) -> str:
-    """Another reading and its size."""
+def describe_reading(robot: Robot, each: Alternative) -> str:
+    """Describe an alternative reading with the size."""
     cause = CAUSES[each.cause]
     if np.isnan(each.size):
         return cause.words

@@ -1,1 +1,1 @@
-"""Friction from recordings: points at constant velocity, and what an axis did before."""
+"""Friction from recordings: friction points, their symmetry, and the motion history of an axis."""

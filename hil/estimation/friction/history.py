@@ -1,11 +1,11 @@
-"""What an axis did while it was measured: the history that its friction depends on.
+"""Motion history of the axes during a run, on which friction depends.
 
-While samples were recorded, its mean speed is the distance passed, divided by the time. Between two
-recordings nothing was sampled, but it is known what had been planned: a rest, an exercise of so
-many seconds, and travels whose ends are known.
+The mean speed during a recording is the distance divided by the duration. Nothing is sampled
+between recordings, but the plan is known: a rest, an exercise of a known duration, and travels
+between known positions.
 
-A trajectory that begins later than `COLD` after the bus was entered was passed before, in attempts
-that were repeated: nothing else takes as long.
+A first trajectory that begins later than `COLD` after the bus was entered was passed before, in
+repeated attempts: nothing else takes as long.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 
 COLD = 60.0
-"""Time from entering the bus to the first sample up to which a run begins cold [s]: travels and
-switching on take less (`hil run` says so, too)."""
+"""Longest time from entering the bus to the first sample of a cold start [s]; travels and switching
+on take less (`hil run` uses it, too)."""
 
 
-class Way(Protocol):
-    """A recording, or its signals: where the axes were when."""
+class Positions(Protocol):
+    """Positions of the axes over time: a recording or signals."""
 
     @property
     def time(self) -> Array:
@@ -43,8 +43,8 @@ class Way(Protocol):
         """Shape (n, n_joints) [rad or m]."""
 
 
-def history(robot: Robot, recorded: Iterable[tuple[RecordedMotion, Way]]) -> History:
-    """Put together the history of a run, in the order in which it was measured."""
+def history(robot: Robot, recorded: Iterable[tuple[RecordedMotion, Positions]]) -> History:
+    """Put together the history of a run, in the order of measurement."""
     in_time = sorted(recorded, key=lambda pair: float(pair[1].time[0]))
     begin = float(in_time[0][1].time[0]) if in_time else 0.0
     ends, speeds = [], []
@@ -71,15 +71,15 @@ def history(robot: Robot, recorded: Iterable[tuple[RecordedMotion, Way]]) -> His
     return History(np.array(ends), np.array(speeds).reshape(len(ends), robot.n_joints), begin)
 
 
-def _mean_speed(robot: Robot, way: Way) -> Array:
-    """Distance passed over the time, as shares of the limits, shape (n_joints,)."""
+def _mean_speed(robot: Robot, way: Positions) -> Array:
+    """Compute the mean speed as shares of the velocity limits, shape (n_joints,)."""
     steps = np.abs(np.nan_to_num(np.diff(way.q, axis=0))).sum(axis=0)
     duration = max(float(way.time[-1] - way.time[0]), 1e-9)
     return np.asarray(steps / duration / robot.velocity_limit)
 
 
 def _exercise(measurement: RecordedMotion, robot: Robot) -> tuple[float, Array]:
-    """Duration [s] and speeds, as shares of the limits, of a friction measurement's exercise."""
+    """Return duration [s] and speeds (shares of limits) of a friction measurement's exercise."""
     speed = np.zeros(robot.n_joints)
     if measurement.streamed or not measurement.exercised:
         return 0.0, speed

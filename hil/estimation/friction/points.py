@@ -1,16 +1,16 @@
-"""From a measurement at constant velocity to the friction torque at one speed.
+"""Friction torque at one speed, from a measurement at constant velocity.
 
-Every stroke gives the mean torque T_k over its window of constant velocity. All windows of a
-measurement are cut to the angles that they share, so that gravity (and torque ripple, over whole
-turns of the motor) is alike in all of them and
+Each stroke gives the mean torque T_k over its window of constant velocity. All windows of a
+measurement are cut to their common angles, over whole turns of the motor, so that gravity and
+torque ripple are alike in all windows and
 
     T_k = c + s_k (f + d t_k) + e_k,    s_k = +1 forward, -1 back,
 
-with the friction f, its drift d during the measurement and a common part c, by least squares.
-Without a model of gravity c is the mean gravity torque, with what friction has of asymmetry in it,
-and f is the half-difference of both directions at equal angles. With the parameters p_g of an
-identified model g(q) is subtracted first; then c is the asymmetry by itself, and the friction
-torques f + c forward and f - c back stand apart.
+gives the friction f, its drift d during the measurement and a common part c by least squares.
+Without a gravity model, c is the mean gravity torque plus the asymmetry of friction, and f is the
+half-difference of both directions at equal angles. With the parameters p_g of an identified model,
+g(q) is subtracted first; then c is the asymmetry alone, and the friction torques f + c forward and
+f - c back are separate.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ if TYPE_CHECKING:
 
 
 FEWEST = 10
-"""Samples of a stroke at constant velocity."""
+"""Minimum number of samples of a stroke at constant velocity."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrictionPoint:
-    """Friction of one axis at one speed.
+    """Friction of an axis at a speed.
 
     Attributes
     ----------
@@ -60,14 +60,14 @@ class FrictionPoint:
     friction_error : float
         Standard error of `friction` within the measurement [N m].
     common : float
-        Half-sum of both directions less the gravity torque: the asymmetry [N m]. Without a model
-        it holds gravity too.
+        Half-sum of both directions less the gravity torque: the asymmetry [N m]. Without a model it
+        includes gravity.
     common_error : float
-        Its standard error within the measurement [N m].
+        Standard error of `common` within the measurement [N m].
     gravity_error : float
-        Standard error of the gravity torque that was compensated [N m].
+        Standard error of the compensated gravity torque [N m].
     absolute : bool
-        Whether gravity was compensated by a model or cannot act on the axis.
+        True if gravity was compensated by a model or cannot act on the axis.
     """
 
     id: str
@@ -94,7 +94,7 @@ class FrictionPoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GravityModel:
-    """Base parameters of an identified model, and their covariance, both in the model's order."""
+    """Base parameters of an identified model and their covariance, in the order of the model."""
 
     p: Array
     covariance: Array
@@ -105,7 +105,7 @@ def points(
     recorded: Iterable[tuple[Friction, Recording]],
     model: GravityModel | None = None,
 ) -> tuple[list[FrictionPoint], list[str]]:
-    """Evaluate friction measurements.
+    """Compute friction points from friction measurements.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def points(
     Returns
     -------
     list of FrictionPoint, list of str
-        In the order of `recorded`; and what could not be used, and why.
+        Points in the order of `recorded`, and the reasons for unused measurements.
     """
     found, left_out = [], []
     for measurement, recording in recorded:
@@ -131,7 +131,7 @@ def points(
 def point(
     robot: Robot, m: Friction, s: Signals, model: GravityModel | None = None
 ) -> FrictionPoint:
-    """Evaluate one friction measurement.
+    """Compute the friction point of a measurement.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def point(
 
 
 def _windows(m: Friction, s: Signals, gear_ratio: float) -> list[Mask]:
-    """Samples of each stroke at constant velocity, over the same angles: whole motor turns."""
+    """Select samples at constant velocity by stroke, over common angles: whole motor turns."""
     steady = [_steady(m, s, stroke) for stroke in range(m.n_strokes)]
     if any(window.sum() < FEWEST for window in steady):
         raise NotEnoughData("no window of constant velocity in both directions; repeat it")
@@ -182,7 +182,7 @@ def _windows(m: Friction, s: Signals, gear_ratio: float) -> list[Mask]:
 
 
 def _steady(m: Friction, s: Signals, stroke: int) -> Mask:
-    """Samples past the axis's ramps, by position, the transient after the first left out."""
+    """Select samples beyond the ramps of an axis, by position, without the initial transient."""
     profile = m.profile(stroke)
     away = profile.ramp + SETTLING * profile.peak
     low, high = sorted((profile.start, profile.end))
@@ -195,24 +195,24 @@ def _steady(m: Friction, s: Signals, stroke: int) -> Mask:
 
 
 def _mean_at(away: Array, torque: Array) -> float:
-    """Mean torque where `away` is zero: windows cut by whole samples differ a little in angle."""
+    """Return the mean torque at `away` = 0: windows cut by samples differ a little in angle."""
     mean = float(away.mean())
     slope = float((away - mean) @ torque / ((away - mean) @ (away - mean)))
     return float(torque.mean()) - slope * mean
 
 
 def _white_noise(values: Array) -> float:
-    """Scatter from one sample to the next, whatever slower course the values have."""
+    """Estimate white noise from the differences of successive samples, free of slow changes."""
     return float(np.sqrt(np.mean(np.diff(values) ** 2) / 2))
 
 
 def _level(means: Array, noise: Array, when: Array) -> tuple[Array, Array]:
-    """Common part, friction and, from four strokes on, drift; with their covariance.
+    """Fit common part, friction and (from four strokes) drift; return values and covariance.
 
-    Strokes that scatter more than their noise make the covariance larger.
+    Scatter between strokes beyond their noise enlarges the covariance.
     """
     s = np.resize([1.0, -1.0], len(means))
-    # a current that is rounded may show none
+    # a rounded current may show no noise
     noise = np.maximum(noise, np.sqrt(np.finfo(float).eps) * np.abs(means).max())
     columns = [np.ones_like(s), s]
     if len(means) > 3:
@@ -228,7 +228,7 @@ def _level(means: Array, noise: Array, when: Array) -> tuple[Array, Array]:
 
 
 def _gravity_row(robot: Robot, s: Signals, axis: int, used: Mask) -> Array:
-    """Gravity torque of one unit of each base parameter, mean over the samples used."""
+    """Return the mean gravity torque per unit of the base parameters, over the samples used."""
     q = s.q[used]
     still = np.zeros_like(q)
     row: Array = regressor(robot, q, still, still, joints=[axis])[:, 0].mean(axis=0)

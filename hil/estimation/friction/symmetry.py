@@ -1,14 +1,14 @@
-"""Is friction the same in both directions? The one assumption of the two-step method.
+"""Symmetry of friction in both directions: tests of the one assumption of the two-step method.
 
-The published method takes half the sum of both directions for the gravity torque, so any difference
-between them becomes an error of p_g (eq. (14)). Each measurement gives that difference as a share
-of the friction level, (half-sum - gravity) / half-difference. Over the measurements of an axis the
-weighted mean is tested against zero by Student's t; what the gravity model is uncertain by is
-common to all of them and added to the standard error of the mean.
+The published method takes half the sum of both directions for the gravity torque, so a difference
+between the directions becomes an error of p_g (eq. (14)). Each measurement gives this difference as
+a share of the friction level, (half-sum - gravity) / half-difference. For each axis the weighted
+mean over the measurements is tested against zero by Student's t. The error of the gravity model is
+common to all measurements, so it is added to the standard error of the mean.
 
-With enough data any gear is found to be asymmetric. So there is a second p-value, of the hypothesis
-that the asymmetry is no larger than a bound; an axis fails only where that is improbable. An offset
-of the current sensor looks, and does harm, exactly like asymmetry.
+With enough data every gear is found to be asymmetric. A second p-value therefore tests the
+hypothesis that the asymmetry is no larger than a bound; an axis fails only if that is improbable.
+An offset of the current sensor looks exactly like asymmetry, and does the same harm.
 """
 
 from __future__ import annotations
@@ -33,26 +33,26 @@ if TYPE_CHECKING:
 
 
 BOUND = 0.02
-"""Largest acceptable asymmetry, as share of the friction level: a convention, for which
-``hil friction --asymmetry`` states another one."""
+"""Largest acceptable asymmetry, as a share of the friction level: a convention; ``hil friction
+--asymmetry`` sets another bound."""
 
 
 class Symmetry(FileModel):
-    """Test of one axis, as `friction.yaml` keeps it.
+    """Symmetry test of an axis, as stored in `friction.yaml`.
 
     Attributes
     ----------
     measurements : int
     asymmetry, standard_error : float
-        Share of the friction level by which friction is larger forward than the mean.
+        Excess of forward friction over the mean, as a share of the friction level.
     p_zero : float
-        Probability of a mean as far from zero, were friction symmetric.
+        Probability of a mean at least as far from zero if friction is symmetric.
     p_bound : float
-        Probability of a mean as far beyond `bound`, were the asymmetry no larger than that.
+        Probability of a mean at least as far beyond `bound` if the asymmetry does not exceed it.
     bound : float
         Share of the friction level.
     passed : bool
-        Whether an identification may rely on symmetric friction of this axis.
+        True if an identification may rely on symmetric friction of this axis.
     """
 
     measurements: int
@@ -65,7 +65,7 @@ class Symmetry(FileModel):
 
     @property
     def verdict(self) -> str:
-        """State the outcome in words."""
+        """Result of the symmetry test in words."""
         if not self.passed:
             return f"asymmetric by more than {100 * self.bound:g} %"
         if self.p_zero < SIGNIFICANT:
@@ -73,14 +73,14 @@ class Symmetry(FileModel):
         return "no asymmetry found"
 
 
-def of_points(points: Sequence[FrictionPoint], bound: float = BOUND) -> dict[int, Symmetry]:
-    """Test all axes whose gravity torque is known, which the result names by index from 0.
+def judge_points(points: Sequence[FrictionPoint], bound: float = BOUND) -> dict[int, Symmetry]:
+    """Test the symmetry of all axes with a known gravity torque; keys are axes from 0.
 
     Parameters
     ----------
     points : sequence of FrictionPoint
     bound : float
-        Largest acceptable asymmetry, as share of the friction level.
+        Largest acceptable asymmetry, as a share of the friction level.
     """
     found = {}
     for axis in sorted({point.axis for point in points}):
@@ -94,11 +94,12 @@ def of_points(points: Sequence[FrictionPoint], bound: float = BOUND) -> dict[int
     return found
 
 
-def of_local_values(values: Iterable[LocalValue], bound: float = BOUND) -> dict[int, Symmetry]:
-    """Test the axes of a campaign's gravity measurements, free of charge; result as of `of_points`.
+def judge_local_values(values: Iterable[LocalValue], bound: float = BOUND) -> dict[int, Symmetry]:
+    """Test the symmetry of axes from gravity measurements; result as of `judge_points`.
 
-    The parameters that predict gravity come from the same measurements; they leave the axis's
-    mean deviation where friction's asymmetry was fitted too, as the improved method does.
+    The parameters that predict gravity come from the same measurements. They leave the mean
+    deviation of an axis only if the asymmetry of friction was fitted too, as in the improved
+    method.
     """
     shares: dict[int, list[float]] = {}
     for v in values:
@@ -112,7 +113,7 @@ def of_local_values(values: Iterable[LocalValue], bound: float = BOUND) -> dict[
 
 
 def _test(shares: Array, errors: Array, common: float, bound: float) -> Symmetry:
-    """Weighted mean against zero and against the bound."""
+    """Test the weighted mean against zero and against the bound."""
     weights = 1.0 / np.maximum(errors, float(np.median(errors))) ** 2
     weights = weights / weights.sum()
     mean, degrees = float(weights @ shares), len(shares) - 1

@@ -1,9 +1,9 @@
-"""What a run says of a robot, with a load or without: blocks of one form for all kinds of run.
+"""Evidence of a run about robot and load: blocks of the same form for any kind of run.
 
-The torque of an axis is the first column, as it was read, in SI by the gains that are stated or in
-the unit of its signal. Columns that all axes share are those of the base parameters, of coupled
-motors' friction and of the torque that turns rotors of known inertia (`ROTOR`); own columns are an
-axis's friction. So every gain and every load is a combination of columns.
+The first column is the torque of an axis as it was read, in SI by stated gains or in the unit of
+its signal. Shared columns are those of the base parameters, of the friction of coupled motors, and
+of the torque that turns rotors of known inertia (`ROTOR`); own columns are an axis's friction. So
+every gain and every load is a combination of columns.
 """
 
 from __future__ import annotations
@@ -39,24 +39,25 @@ class Evidence:
     Attributes
     ----------
     kind : str
-        What groups are: measurements or periods with friction of their own, or pieces of time.
+        Kind of groups: measurements or periods with friction of their own, or pieces of time.
     blocks : Blocks
     apart : frozenset of str
-        Columns whose unknowns another run of this kind has anew.
+        Columns with separate unknowns in each run of this kind.
     terms : tuple of frozenset of str
-        Own columns of each axis that its law of friction has.
+        Own columns of each axis in its friction law.
     gains : ndarray, shape (n_joints,)
-        [N m or N for one unit of the signal], to begin with where they are open.
+        Gains [N m or N per unit of the signal]; initial values where they are unknown.
     cells : Blocks, optional
-        The same samples by state, of free motions.
+        Samples of free motions, grouped by state.
     unknown : tuple of int
-        Axes, from 0, whose gain the map leaves open.
+        Axes, from 0, with a gain that the map leaves open.
     scale_open : bool
-        Whether one more gain is, which was held at random.
+        True if one more gain is unknown, which was held at an arbitrary value.
     beside : ndarray
-        As of `hil.least_squares.balance.Kind`.
+        Covariance as in `hil.least_squares.balance.Kind`.
     doubt : ndarray
-        The same of what does not change how much the run counts: lags, gears, encoders' steps.
+        Covariance from sources that leave the weight of the run unchanged: lags, gears, encoder
+        steps.
     """
 
     kind: Literal["strokes", "free motions"]
@@ -71,14 +72,14 @@ class Evidence:
     doubt: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
-def of_strokes(blocks: Blocks, loaded: Mask, doubt: Array | None = None) -> Evidence:
-    """Evidence of condensed measurements, friction of the load on axes that are `loaded` alone.
+def stroke_evidence(blocks: Blocks, loaded: Mask, doubt: Array | None = None) -> Evidence:
+    """Return the evidence of condensed measurements, with friction of the load on `loaded` axes.
 
-    Runs of one kind share their `doubt`, that of the first.
+    Runs of the same kind share the `doubt` of the first run.
     """
     torque, rotor = np.eye(1, blocks.products.shape[-1]), blocks.place(ROTOR)
     motors = np.zeros_like(torque)
-    # condensed is the torque less that of the rotors
+    # the condensed torque excludes the rotors
     torque[:, rotor] = motors[:, rotor] = 1.0
     return Evidence(
         kind="strokes",
@@ -91,23 +92,23 @@ def of_strokes(blocks: Blocks, loaded: Mask, doubt: Array | None = None) -> Evid
 
 
 def condensed_like(robot: Robot, fit: SimultaneousFit, prepared: Prepared, p: Array) -> Blocks:
-    """Condense measurements, friction of the transmitted torque where a fit of others has it.
+    """Condense measurements, with friction of the transmitted torque on the same axes as `fit`.
 
     Parameters
     ----------
     p : ndarray, shape (n_base,)
-        By which torque is transmitted.
+        Base parameters for the transmitted torque.
     """
 
-    def of_axis(each: Stacked) -> Stacked:
+    def load_axis(each: Stacked) -> Stacked:
         return each.loaded(each.load(p)) if fit.loaded[each.axis] else each
 
     stacks = (axes for motion, s in prepared for axes in stack(robot, motion, s))
-    return condensed_blocks(robot, [[of_axis(each) for each in axes] for axes in stacks])
+    return condensed_blocks(robot, [[load_axis(each) for each in axes] for axes in stacks])
 
 
-def of_free_motions(robot: Robot, runs: Sequence[Gathered]) -> list[Evidence]:
-    """Evidence of imported runs: they share the dead zone and, axis by axis, terms of friction."""
+def free_motion_evidence(robot: Robot, runs: Sequence[Gathered]) -> list[Evidence]:
+    """Return the evidence of imported runs, with a common dead zone and common friction terms."""
     slowest = max((run.choice.slowest for run in runs), default=0)
     terms = tuple(
         frozenset(term for run in runs for term in law_terms(run.choice.laws[axis]))

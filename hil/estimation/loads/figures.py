@@ -1,7 +1,7 @@
-"""A load that was found, and its figures: mass, centre of mass, inertia, each with its interval.
+"""Figures of an estimated load: mass, centre of mass and inertia, with intervals.
 
 Centre of mass and the inertia about it follow from first moments and the inertia about the frame's
-origin (Huygens and Steiner), their errors to first order.
+origin (Huygens and Steiner), with errors to first order.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 LOOSE = 0.001
-"""Chance of what a rigid load leaves, from which on it is not rigid."""
+"""Significance level of the tests for a rigid load."""
 _NAMES = (
     *LINK_PARAMETERS[:MASS],
     "mass",
@@ -34,31 +34,31 @@ _NAMES = (
 )
 _UNITS = *6 * ["kg m2"], *3 * ["kg m"], "kg", *3 * ["m"], *6 * ["kg m2"]
 _CENTRE, _CENTRAL = 10, 13
-"""Where the centre of mass and inertias about it begin among these."""
+"""Indices of the first coordinate of the centre and of the first inertia about it."""
 
 
 class Figure(FileModel):
-    """One figure of a load."""
+    """Figure of a load: value, standard error, interval and unit."""
 
     name: str
     value: float
     standard_error: float
     half_width: Annotated[float, BeforeValidator(lambda x: x or 0.0)] = 0.0
-    """Of the interval of 95 %; 0 where an earlier version kept none."""
+    """Half-width of the 95 % interval; 0 in files of an earlier version."""
     unit: str
 
 
 class AxisMisfit(FileModel):
-    """What measurements of one axis with a load leave beside those without.
+    """Misfit of an axis with a load, over the misfit without the load.
 
     Attributes
     ----------
     axis : int
         Number from 1.
     ratio : float
-        Of the mean squares.
+        Ratio of the mean squares.
     p_value : float
-        Chance of a ratio at least as great, were the load rigid and nothing else changed.
+        Probability of a ratio at least as great if the load is rigid and nothing else changed.
     """
 
     axis: int
@@ -67,7 +67,7 @@ class AxisMisfit(FileModel):
 
 
 class Chance(NamedTuple):
-    """Hotelling's T^2 of so many directions, and the chance of one at least as great."""
+    """Hotelling's T^2, the number of directions, and the probability of a T^2 at least as great."""
 
     square: float
     directions: int
@@ -76,7 +76,7 @@ class Chance(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Load:
-    """A load, and the robot and gains that were found with it.
+    """Estimated load, with the robot and the gains of the same fit.
 
     Attributes
     ----------
@@ -88,25 +88,24 @@ class Load:
     phi : ndarray, shape (10,)
         The load's standard parameters in the last link's frame, order of eq. (4).
     covariance : ndarray, shape (10, 10)
-        Zero for those that were stated, that the robot file leaves out or that are open.
+        Zero for parameters that are stated, left out of the robot file, or undetermined.
     degrees : ndarray, shape (10,)
         Effective degrees of freedom.
     stated_mass : float or None
-        The mass that was stated and held [kg]; None where it was estimated.
+        Stated mass, which was held [kg]; None if the mass was estimated.
     unseen : tuple of str
-        Of the load's ten those that the robot file leaves out of the last link.
+        Parameters of the load that the robot file leaves out of the last link.
     unidentifiable : tuple of str
-        Of the load's ten those that the recordings do not determine.
+        Parameters of the load that the recordings do not determine.
     gains : ndarray, shape (n_joints,)
-        [N m or N for one unit of the torque that was read with the load].
+        Gains [N m or N per unit of the torque read with the load].
     gain_errors : ndarray, shape (n_joints,)
-        Relative standard errors; 0 for gains that were taken as stated, inf for those that nothing
-        determines.
+        Relative standard errors; 0 for stated gains, inf for undetermined gains.
     present, rigid : Chance
-        Of no load at all, and of nothing but a rigid load; of no directions where the run with the
-        load does not determine every change of the base parameters.
+        Tests of no load at all, and of nothing but a rigid load; the latter without directions if
+        the run with the load does not determine every change of the base parameters.
     misfit : tuple of AxisMisfit
-        What strokes with the load contradict one another by, beside those without.
+        Misfit of strokes with the load, over the misfit of strokes without the load.
     """
 
     p: Array
@@ -126,33 +125,33 @@ class Load:
 
     @property
     def mass(self) -> Figure:
-        """Mass [kg]; a stated one has no standard error."""
+        """Mass of the load [kg]; a stated mass has no standard error."""
         return self._figures([MASS])[0]
 
     @property
     def rigid_chance(self) -> float:
-        """Chance of the worst axis's misfit, as one of so many that were tested."""
+        """Probability of the worst axis's misfit, corrected for the number of tested axes."""
         chances = [each.p_value for each in self.misfit]
         return min(1.0, len(chances) * min(chances)) if chances else 1.0
 
     @property
     def is_no_body(self) -> bool:
-        """Whether a moment of inertia about the centre is negative beyond its error."""
+        """True if a central moment of inertia is significantly negative."""
         least = self.least_inertia()
         return least is not None and least[1] <= LOOSE
 
     @property
     def is_loose(self) -> bool:
-        """Whether the axes' torques contradict a load that is rigid and fixed, or no body is so."""
+        """True if torques contradict a rigid, fixed load, or if the load is no physical body."""
         return self.rigid_chance <= LOOSE or self.is_no_body
 
     def quantities(self, level: float = 0.95) -> list[Figure]:
-        """Mass, first moments, centre of mass and inertias, as far as they were estimated.
+        """Return mass, first moments, centre of mass and inertias, as far as estimated.
 
         Parameters
         ----------
         level : float
-            Of the intervals.
+            Probability of the intervals.
         """
         present = [k for k in range(10) if self.covariance[k, k] > 0]
         known = MASS in present or self.stated_mass is not None
@@ -165,16 +164,16 @@ class Load:
         return self._figures(listed, level)
 
     def _central_at(self, k: int) -> bool:
-        """Whether all first moments that shift an inertia to the centre are determined."""
+        """Return True if the first moments for shifting an inertia to the centre are determined."""
         axes = set(LINK_PARAMETERS[k][1:])
         shifted_by = axes if len(axes) > 1 else set("xyz") - axes
         return not any(f"s{axis}" in self.unidentifiable for axis in shifted_by)
 
     def least_inertia(self) -> tuple[Figure, float] | None:
-        """Moment about the centre that is least likely a body's, and its chance of being one.
+        """Return the least plausible moment about the centre, and the chance that it is positive.
 
-        No moment of inertia is negative, so for all pairs of axes (Iii + Ijj) / 2 >= |Iij|. None
-        where not all inertias were estimated.
+        No moment of inertia is negative, so (Iii + Ijj) / 2 >= |Iij| for all pairs of axes. None if
+        not all inertias were estimated.
         """
         if not (np.all(np.diag(self.covariance)[:6] > 0) and self.phi[MASS] > 0):
             return None
@@ -191,7 +190,7 @@ class Load:
         return min(found, key=lambda each: each[1])
 
     def _figures(self, listed: Sequence[int], level: float = 0.95) -> list[Figure]:
-        """Figures by their places among `_NAMES`."""
+        """Return figures by index in `_NAMES`."""
         values, gradients = _derived(self.phi)
         return [
             self._figure(_NAMES[k], float(values[k]), gradients[k], _UNITS[k], level)
@@ -211,10 +210,10 @@ class Load:
 
 
 def _derived(phi: Array) -> tuple[Array, Array]:
-    """All that has a name, of a load's ten parameters, and its gradients by these, (19, 10)."""
-    # steps along the imaginary axis, so small that only rounding is left of the error
+    """Derive the named quantities of a load from ten parameters, with gradients, (19, 10)."""
+    # complex steps, so small that only rounding is left of the error
     phi = phi + 1e-100j * np.vstack([np.zeros(10), np.eye(10)])
-    # without a mass nothing is asked about a centre
+    # without a mass no centre is reported
     m = np.where(phi[0, MASS].real > 0, phi[:, MASS], 1.0)[:, np.newaxis]
     s = phi[:, FIRST_MOMENTS]
     away = s[:, :, np.newaxis] * s[:, np.newaxis] - np.eye(3) * (s**2).sum(axis=1)[:, None, None]

@@ -1,8 +1,8 @@
-"""A load is up to ten more columns beside a robot, from runs without it and with it (`joint`).
+"""Fit of a load, from runs without and with the load: up to ten additional columns (`joint`).
 
-Whether anything but a rigid load changed is asked with a change dp of all base parameters in its
-place: what of dp no load explains should be no larger than its covariance (Hotelling's T^2). In the
-same way a load that is nothing but error is found. A short run does not determine dp.
+A change dp of all base parameters in place of the load tests whether anything but a rigid load
+changed: the part of dp that no load explains should not exceed its covariance (Hotelling's T^2).
+The same test applied to the load tells a load from mere error. A short run does not determine dp.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 PASSES = 2
-"""Times that friction of the transmitted torque is made of what the load adds to it."""
+"""Number of passes: friction of the transmitted torque includes the load of the previous pass."""
 
 
 def fit_load(
@@ -40,21 +40,21 @@ def fit_load(
     gains: bool = False,
     covariance: Covariance = "CR2",
 ) -> Load:
-    """Find a load.
+    """Fit a load to runs without and with the load.
 
     Parameters
     ----------
     bare : sequence of Evidence
-        Of runs without the load, one of each kind.
+        Evidence of runs without the load, one of each kind.
     with_load : callable
-        Evidence of runs with the load, of the change of the base parameters that it makes; friction
-        may depend on it.
+        Function of the load's change of the base parameters: evidence of runs with the load;
+        friction may depend on this change.
     mass : float, optional
-        Of the load, if it is known: held [kg].
+        Known mass of the load, which is held [kg].
     gains : bool
-        Whether the gains of all axes are found too, which takes the mass.
+        True to find the gains of all axes too, which needs the mass.
     covariance : str
-        How errors are stated (`hil.least_squares.regression`).
+        Kind of covariance (`hil.least_squares.regression`).
 
     Raises
     ------
@@ -75,7 +75,7 @@ def fit_load(
             unknown = {axis for run in runs.every for axis in run.unknown}
             wanted = list(range(robot.n_joints)) if gains else sorted(unknown)
             joint = _determined(robot, runs, terms, mass, wanted)
-            change = terms.known + terms.columns @ joint.of("load")
+            change = terms.known + terms.columns @ joint.values("load")
     return _described(joint, wanted, mass, known, free, covariance)
 
 
@@ -99,10 +99,10 @@ def _described(
     V = V[np.ix_(at, at)] * np.outer(seen, seen)
     is_open = zip(LINK_PARAMETERS, np.abs(free) @ lost > 0, strict=True)
     return Load(
-        p=joint.of("base"),
+        p=joint.values("base"),
         p_covariance=of_base,
         p_degrees=np.maximum(degrees[base], 1.0),
-        phi=known + free @ (seen * joint.of("load")),
+        phi=known + free @ (seen * joint.values("load")),
         covariance=free @ V @ free.T,
         degrees=np.where(free.any(axis=1), np.maximum(np.abs(free) @ degrees[at], 1.0), MANY),
         stated_mass=mass,
@@ -110,7 +110,7 @@ def _described(
         unidentifiable=tuple(name for name, each in is_open if each or name in load.dark),
         gains=joint.gains[-1],
         gain_errors=errors,
-        present=_test(joint.of("load"), V, joint.n_groups),
+        present=_test(joint.values("load"), V, joint.n_groups),
         rigid=_rigid(joint, covariance),
         misfit=joint.misfit(),
     )
@@ -119,16 +119,16 @@ def _described(
 def _determined(
     robot: Robot, runs: Runs, terms: Terms, mass: float | None, wanted: Sequence[int]
 ) -> JointRuns:
-    """Regression with those of the wanted gains that are determined."""
+    """Solve the regression with the determined gains among the wanted gains."""
     start, kinds = np.array([run.gains for run in runs.every]), [run.kind for run in runs.every]
     for kind in dict.fromkeys(kinds):
         alike = np.array([each == kind for each in kinds])
         start[alike] = np.exp(np.mean(np.log(start[alike]), axis=0))
     if mass is not None and wanted and any(run.scale_open for run in runs.every):
-        # one gain was held at random: scaled so that the mass is right
+        # one gain was held at an arbitrary value: scaled to the known mass
         load = load_columns(robot)
         whole = Terms(np.zeros(len(load.K)), load.shown, "load")
-        found = float((load.free @ JointRuns(robot, runs, whole, (), start).of("load"))[MASS])
+        found = float((load.free @ JointRuns(robot, runs, whole, (), start).values("load"))[MASS])
         start *= mass / found if found > 0 else 1.0
     joint = JointRuns(robot, runs, terms, wanted, start)
     lost = joint.undetermined("gain")
@@ -138,7 +138,7 @@ def _determined(
 
 
 def _rigid(joint: JointRuns, covariance: Covariance) -> Chance:
-    """Test a change of all base parameters against those that a load makes."""
+    """Test a free change of the base parameters against the changes by a rigid load."""
     known, columns, _ = joint.terms
     any_change = Terms(known, np.eye(len(known)), "change")
     free = JointRuns(joint.robot, joint.runs, any_change, (), joint.gains)
@@ -146,11 +146,11 @@ def _rigid(joint: JointRuns, covariance: Covariance) -> Chance:
         return Chance(0.0, 0, 1.0)
     at, other = free.places("change"), linalg.null_space(columns.T)
     V = free.uncertainty(covariance)[0][np.ix_(at, at)]
-    return _test(other.T @ free.of("change"), other.T @ V @ other, free.n_groups)
+    return _test(other.T @ free.values("change"), other.T @ V @ other, free.n_groups)
 
 
 def _test(x: Array, V: Array, groups: int) -> Chance:
-    """Test x = 0, its covariance V being found from so many groups of samples."""
+    """Test x = 0, with the covariance V estimated from a number of groups of samples."""
     shown = np.diag(V) > 0
     x, V, k = x[shown], V[np.ix_(shown, shown)], int(shown.sum())
     if not k:

@@ -1,39 +1,39 @@
-"""All runs without a load and with it in one regression, solved.
+"""Joint regression of runs without and with a load.
 
 With s = 0 and 1 for runs without and with the load,
 
     g_i y_i - Qm_i - s A_i K phi_known = A_i p + s A_i K phi + F_i a_is - d_i (model)_present,
 
-in which y is the torque as it was read, Qm that of the motors' rotors, K phi what a load adds to
-the base parameters (`hil.model.load`), F friction and d the relative change of an unknown gain g,
-linearised about the present solution (Gauss and Newton). All columns are combinations of those that
-a run of any kind gives (`evidence`), so runs of any kinds and number make one regression, each axis
-of each run weighted by what the solution leaves there, and runs of different kinds by what leaving
-out their groups does to the torque (`hil.least_squares.balance`). No run need identify anything by
-itself.
+where y is the torque as it was read, Qm the torque of the motors' rotors, K phi the addition of a
+load to the base parameters (`hil.model.load`), F friction and d the relative change of an unknown
+gain g, linearised about the present solution (Gauss and Newton). All columns are combinations of
+the columns of any kind of run (`evidence`), so runs of any kinds and number make one regression.
+Each axis of each run is weighted by its residual, and runs of different kinds by the effect on the
+torque of leaving out their groups (`hil.least_squares.balance`). No run need identify anything
+alone.
 
-A gain that is off by a share makes all torques of its axis wrong by that share, and shows in no
-residual of a run: the base parameters take it up. The change that a known mass brings about is
-known too, so with the mass all gains may be found. One that the load does not show stays as stated,
-within `GAIN_STATED`.
+A relative error of a gain makes all torques of its axis wrong by that share, and shows in no
+residual of a run: the base parameters absorb it. The change due to a known mass is known too, so
+with the mass all gains may be found. A gain that the load does not show stays as stated, within
+`GAIN_STATED`.
 
-Covariances come from what differs between groups, of which few carry phi: scores are corrected for
-the solution's having come to meet them (CR2). What repeats with the motion scatters over cells of
-states besides (`hil.least_squares.regression`). Errors of torque constants and rotor inertias are
-the same in both runs, and enter by what they do to the solution.
+Covariances come from the differences between groups, of which few carry phi: scores are corrected
+for the fit of the solution to its own data (CR2). Errors that repeat with the motion scatter over
+cells of states besides (`hil.least_squares.regression`). Errors of torque constants and rotor
+inertias are the same in both runs, and enter by their effect on the solution.
 
-Of every measurement of an axis remains its score about the base parameters, e. Had they to be found
-from this measurement alone, in as many directions r as it determines, they would differ from those
-found by
+Let e be the score of a measurement of an axis about the base parameters, and I its information.
+Base parameters from this measurement alone, in the r directions that it determines, would differ
+from the common ones by
 
-    T = e'I^+ e,
+    T = e'I^+ e.
 
-with the information I of the measurement. Noise and friction that wanders leave some T in any run.
-A load that gives way, slides or drags a cable along leaves more of it in the run with the load, as
-does friction that the load changed. So the mean T / r of an axis with the load is compared with
-that without: their ratio, were nothing else different, has about an F distribution with as many
-degrees of freedom as there are measurements of the axis in each run. What T adds within a
-measurement is alike in all of its directions, so r does not count them.
+Noise and wandering friction leave some T in any run. A load that gives way, slides or drags a cable
+along leaves a greater T in the run with the load, as does friction that the load changed. So the
+mean T / r of an axis with the load is compared with the mean without it. If nothing else differs,
+their ratio has about an F distribution, with as many degrees of freedom as there are measurements
+of the axis in each run. An addition to T within a measurement is alike in all of its directions, so
+r does not count them.
 """
 
 from __future__ import annotations
@@ -63,31 +63,31 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 GAIN_STATED = 0.5
-"""Standard deviation of the logarithm of a stated gain before any measurement: wide enough to sway
-none that a load shows, and none is undetermined."""
+"""Prior standard deviation of the logarithm of a stated gain: wide enough not to bias a gain that a
+load shows, and no gain is undetermined."""
 STEADY = 1e-6
-"""Relative change of weights that is none."""
+"""Relative change of weights below which they count as constant."""
 
 
 class Runs(NamedTuple):
-    """Evidence of runs without a load, and with it; of each at most one of a kind."""
+    """Evidence of runs without and with a load, at most one run per kind and group."""
 
     bare: Sequence[Evidence]
     loaded: Sequence[Evidence]
 
     @property
     def every(self) -> list[Evidence]:
-        """Of all runs, those without the load first."""
+        """Evidence of the runs without the load, followed by the runs with the load."""
         return [*self.bare, *self.loaded]
 
     @property
     def alike(self) -> bool:
-        """Whether all are of one kind."""
+        """True if all runs are of the same kind."""
         return len({run.kind for run in self.every}) == 1
 
 
 class Terms(NamedTuple):
-    """How a load enters the base parameters, ``known + columns theta``, and what theta is named."""
+    """Effect of a load on the base parameters, ``known + columns theta``, and the name of theta."""
 
     known: Array
     columns: Array
@@ -95,14 +95,14 @@ class Terms(NamedTuple):
 
 
 class JointRuns:
-    """All runs in one regression, solved.
+    """Joint regression of runs without and with a load, and the solution.
 
     Parameters
     ----------
     axes : tuple of int
-        From 0, whose gains are found.
+        Axes, from 0, with gains to be found.
     start : ndarray, shape (n_runs, n_joints)
-        Gains of each run, to begin with.
+        Initial gains of each run.
     """
 
     def __init__(
@@ -143,11 +143,11 @@ class JointRuns:
         self.whole = self._regression(self._joined([run.blocks for run in self._every]))
 
     def _solve(self, blocks: Blocks) -> None:
-        """Gains, weights and solution from each other."""
+        """Alternate between gains, weights and solution until they agree."""
         n, own = len(self._every), self.places("gain")
         counts = np.maximum(blocks.counts[:n], 1.0)
         left = blocks.products[:n, :, 0, 0] / counts
-        # until there is a solution the columns of gains are not those of one
+        # columns of gains are derivatives at a solution, which the first round lacks
         kept = np.setdiff1d(self._kept, own)
         for _ in range(ROUNDS):
             before, square = left, blocks.products[:n, :, 0, 0] / counts
@@ -167,7 +167,7 @@ class JointRuns:
             kept, blocks = self._kept, self._joined(self._totals)
 
     def _shares(self) -> tuple[Shares, list[int], list[Array]]:
-        """What runs of each kind say of what all share, the kind of each run, and kinds' doubts."""
+        """Return shares of the kinds of run in common unknowns, kinds of the runs, and doubts."""
         kinds = list(dict.fromkeys(run.kind for run in self._every))
         of = [kinds.index(run.kind) for run in self._every]
         found, doubts = [], []
@@ -186,34 +186,34 @@ class JointRuns:
         return [name for names in self._names.values() for name in names]
 
     def places(self, kind: str) -> Indices:
-        """Where unknowns stand: of "base" parameters, of the "load" or "change", of each "gain"."""
+        """Return indices of unknowns of a kind: "base", "load" or "change", "gain"."""
         return np.array([self.layout.index(name) for name in self._names[kind]], dtype=np.intp)
 
-    def of(self, kind: str) -> Array:
-        """Solution for them."""
+    def values(self, kind: str) -> Array:
+        """Return the solution for the unknowns of a kind."""
         return self.x[self.places(kind)]
 
     def undetermined(self, kind: str) -> Mask:
-        """Which of them the runs leave open."""
+        """Return a mask of the unknowns of a kind that the runs do not determine."""
         own = self.places(kind)
         order = np.concatenate([own, np.setdiff1d(self._kept, own)])
         N = embedded(self.whole.normal.information, self._kept, self.layout.size)
         return undetermined_beside(N[np.ix_(order, order)], len(own))
 
     def uncertainty(self, covariance: Covariance) -> tuple[Array, Array]:
-        """Covariance of all unknowns and its degrees of freedom."""
+        """Compute the covariance of the unknowns and the degrees of freedom."""
         n, cells = self.layout.size, [run.cells for run in self._every]
         of_states = self._regression(self._joined(cells)).blocks if any(cells) else None
         found = self.whole.uncertainty(covariance, of_states)
         V = found.covariance
         scattered = embedded(np.diag(V), self._kept, n)
-        V = embedded(V, self._kept, n) + self._of_drives() + self._beside
-        # stated errors have as many degrees of freedom as one likes, and scatter has few
+        V = embedded(V, self._kept, n) + self._drive_covariance() + self._beside
+        # stated errors have infinite degrees of freedom, and scatter has few
         ratio = np.divide(np.diag(V), scattered, out=np.ones(n), where=scattered > 0)
         return V, embedded(found.degrees_of_freedom, self._kept, n) * ratio**2
 
-    def _of_drives(self) -> Array:
-        """Covariance from torque constants and rotor inertias, as uncertain as stated."""
+    def _drive_covariance(self) -> Array:
+        """Compute the covariance due to stated errors of torque constants and rotor inertias."""
         stated = self.robot.stated_uncertainty.copy()
         stated[self.axes] = 0.0
         torques = (self._regression(self._joined(self._totals, each)) for each in ("", ROTOR))
@@ -222,11 +222,11 @@ class JointRuns:
 
     @property
     def n_groups(self) -> int:
-        """Groups that scatter: of time, and of states."""
+        """Number of groups that scatter: pieces of time and cells of states."""
         return sum(len(run.blocks) + (len(run.cells) if run.cells else 0) for run in self._every)
 
     def misfit(self) -> tuple[AxisMisfit, ...]:
-        """Compare strokes with and without the load, where all runs are of strokes."""
+        """Compare strokes with and without the load, if all runs consist of strokes."""
         if any(run.kind != "strokes" for run in self._every):
             return ()
         blocks = self._joined([run.blocks for run in self._every])
@@ -234,8 +234,8 @@ class JointRuns:
         return tuple(_misfit(without, with_load, self.x, len(self._names["base"])))
 
     def _regression(self, blocks: Blocks) -> Regression:
-        """Regression of blocks, each axis of each run weighted."""
-        # cells of one run alone lack columns of the other
+        """Return the regression of blocks, weighted by axis and run."""
+        # cells of a single run lack columns of the others
         layout = self.layout
         whole = blocks.expanded(layout.shared, layout.own, layout.channels)
         weights = self.weights[blocks.labels["run"], :, np.newaxis, np.newaxis]
@@ -243,8 +243,10 @@ class JointRuns:
         return Regression(weighted, np.ones(blocks.n_channels), self._kept)
 
     def _joined(self, parts: Sequence[Blocks | None], torque: str | None = None) -> Blocks:
-        """Blocks of all runs, and what is known of stated gains; `torque` as of `_of_run`."""
-        made = [self._of_run(s, part, torque) for s, part in enumerate(parts) if part is not None]
+        """Join the blocks of runs and the prior of stated gains; `torque` as in `_run_blocks`."""
+        made = [
+            self._run_blocks(s, part, torque) for s, part in enumerate(parts) if part is not None
+        ]
         n, k = self.robot.n_joints, len(self.axes)
         products = np.zeros((1, n, 1 + k, 1 + k))
         unknown = {axis for run in self._every for axis in run.unknown}
@@ -259,14 +261,14 @@ class JointRuns:
         known = Blocks(self._names["gain"], (), products, np.zeros((1, n)), labels=label)
         return made[0].joined(*made[1:], known)
 
-    def _of_run(self, s: int, recorded: Blocks, torque: str | None) -> Blocks:
-        """Blocks of a run with the columns of gains and load.
+    def _run_blocks(self, s: int, recorded: Blocks, torque: str | None) -> Blocks:
+        """Return the blocks of a run with the columns of gains and load.
 
         Parameters
         ----------
         torque : str, optional
-            What stands in place of the torque less what is known: the column of this name, or if
-            it is empty the torque alone.
+            Replacement of the torque less its known part: the column of this name, or if it is
+            empty the torque alone.
         """
         (known, columns, kind), carried = self.terms, self._carry[s]
         scaling = Scaling(self.gains[s], tuple(self._open[s]), self._solution(s))
@@ -289,7 +291,7 @@ class JointRuns:
         return replace(blocks, shared=shared, own=own, labels=_label(len(blocks), s))
 
     def _solution(self, s: int) -> Array:
-        """What the solution is to one run, its load among the base parameters."""
+        """Return the solution for a run, with the load included in the base parameters."""
         layout, base = self._every[s].blocks.layout, self._names["base"]
         names = replace(
             layout, shared=self._columns(s, layout.shared), own=self._columns(s, layout.own)
@@ -297,7 +299,7 @@ class JointRuns:
         found = {name: self._found.get(name, 0.0) for name in names if name != ROTOR}
         if self._found:
             added = self._carry[s] * (
-                self.terms.known + self.terms.columns @ self.of(self.terms.name)
+                self.terms.known + self.terms.columns @ self.values(self.terms.name)
             )
             for name, more in zip(base, added.tolist(), strict=True):
                 found[name] += more
@@ -307,7 +309,7 @@ class JointRuns:
         return tuple(self._named(s, name) for name in names)
 
     def _named(self, s: int, name: str) -> str:
-        """What a column of a run is named beside those of the others."""
+        """Return the name of a run's column in the joint regression."""
         run, first = self._every[s], self._every[0]
         if s and name in run.apart:
             return f"{name} of run {s}"
@@ -316,19 +318,19 @@ class JointRuns:
 
 
 def _misfit(without: Blocks, with_load: Blocks, x: Array, n_base: int) -> list[AxisMisfit]:
-    """Compare both runs, axis by axis; axes that the load's run hardly moves are left out.
+    """Compare both runs by axis, without axes that hardly move in the run with the load.
 
     Parameters
     ----------
     without, with_load : Blocks
-        Measurements, the base parameters' columns first.
+        Measurements, with the base parameters' columns first.
     x : ndarray, shape (n,)
-        What was found of all unknowns.
+        Solution for all unknowns.
     """
     found = []
     for axis in range(with_load.n_channels):
         before, after = (_left(blocks, axis, x, n_base) for blocks in (without, with_load))
-        # measurements of an axis in a run from which on it is tested
+        # minimum number of measurements of an axis in a run
         if min(len(before), len(after)) >= 2:
             (square, r), (square_with, s) = before.sum(axis=0), after.sum(axis=0)
             ratio = float(square_with / s / (square / r)) if square > 0 else 1.0
@@ -338,12 +340,11 @@ def _misfit(without: Blocks, with_load: Blocks, x: Array, n_base: int) -> list[A
 
 
 def _left(blocks: Blocks, axis: int, x: Array, n_base: int) -> Array:
-    """T and r of every measurement of an axis, shape (n, 2)."""
+    """Return T and r of the measurements of an axis, shape (n, 2)."""
     around, base = np.concatenate([[1.0], -x[blocks.layout.place(axis)]]), slice(1, 1 + n_base)
     found = []
     for product in blocks.products[blocks.counts[:, axis] > 0, axis]:
-        # share of the information's largest eigenvalue from which on a measurement shows a
-        # direction
+        # minimum share of the information's largest eigenvalue for a determined direction
         t = inverse_root(product[base, base], 1e-4).T @ (product[base] @ around)
         if len(t):
             found.append((t @ t, len(t)))

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hil.commands.friction import models
-from hil.estimation.friction.symmetry import of_local_values
+from hil.estimation.friction.symmetry import judge_local_values
 from hil.report.sections import friction_plots as plots
 from hil.results.identified_robot import lacking
 from hil.results.tables import friction as tables
@@ -34,7 +34,7 @@ def friction_over_campaign(run: ReportedRun) -> Section | None:
             "law": campaign_friction(run.model),
             "lack": lacking(run.model),
             "drift": tables.drift(run.found.drifts),
-            "symmetry": tables.symmetry(of_local_values(local)),
+            "symmetry": tables.symmetry(judge_local_values(local)),
         },
         (_levels_plot(run.estimate, run.robot),) if local else (),
     )

@@ -122,7 +122,7 @@ def test_least_squares_under_the_conditions_is_the_projection_in_its_own_informa
     unconstrained, information = np.linalg.lstsq(X, y, rcond=None)[0], X.T @ X
     found = nearest_robot(robot, unconstrained, np.linalg.inv(information))
     whole = robot.free_links()
-    space = Space.of(robot, whole, 0 * p, np.eye(len(p)), likely_bodies(robot))
+    space = Space.create(robot, whole, 0 * p, np.eye(len(p)), likely_bodies(robot))
     columns = np.hstack([space.placement, space.free])
     asked = [Inequality(c.constant, c.weights @ columns) for c in tightened(whole, BodyBounds())]
     A = np.hstack([X, np.zeros((len(X), space.free.shape[1]))])

@@ -50,11 +50,11 @@ def test_as_many_rows_as_are_asked_for_are_left_beside_friction(n_parts: int, ro
 
 def test_without_own_columns_nothing_is_left_along_them() -> None:
     whole = evidence(5, 60, 3)
-    bare = whole.without_own()
-    rows = bare.without_friction(np.column_stack([whole.torque, whole.X]))
+    bare = whole.project_out_own()
+    rows = bare.project_out_friction(np.column_stack([whole.torque, whole.X]))
     for channel in (0, 1):
         of = whole.axis == channel
-        own = whole.without_friction(whole.own)[of]
+        own = whole.project_out_friction(whole.own)[of]
         assert np.abs(own.T @ rows[of]).max() < 1e-9
     counts = [e.blocks(np.zeros((len(e.axis), 1)), 0).counts[0] for e in (whole, bare)]
     assert (counts[0] - counts[1]).tolist() == [2.0, 2.0]

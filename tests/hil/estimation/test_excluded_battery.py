@@ -141,7 +141,7 @@ def test_a_slip_is_named_where_the_zero_that_explains_as_much_is_too_large(manut
     found = likeliest(battery, tests, LEVEL / len(tests), partial(possible, manutec, rows))
     assert found is not None
     assert found[0] == ("slip", 0)
-    step = Step(manutec, *found, battery, battery.beside([1, 2]), tests)
+    step = Step(manutec, *found, battery, battery.extend([1, 2]), tests)
     assert (step.found.cause, step.found.others) == ("slip", ())
 
 

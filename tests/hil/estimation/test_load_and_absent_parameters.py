@@ -10,7 +10,7 @@ from hil.estimation.absent_parameters import examine
 from hil.estimation.drive_train import directly_driven, find_drive_train
 from hil.estimation.gravity_phase import SEEN, models, shifted_most
 from hil.estimation.identify import estimate
-from hil.estimation.loads.evidence import condensed_like, of_strokes
+from hil.estimation.loads.evidence import condensed_like, stroke_evidence
 from hil.estimation.loads.fit import fit_load
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.signals import signals
@@ -70,11 +70,11 @@ def test_a_load_has_its_share_of_each_base_parameter(robot):
 
 def found_between(robot, runs, mass=None, **gains):
     fit = SimultaneousFit(robot, prepared(runs[0]))
-    bare, p = of_strokes(fit.recorded, fit.loaded), fit.solve()
+    bare, p = stroke_evidence(fit.recorded, fit.loaded), fit.solve()
 
     def with_load(change):
         items = condensed_like(robot, fit, prepared(runs[1]), p + change)
-        return [of_strokes(items, fit.loaded)]
+        return [stroke_evidence(items, fit.loaded)]
 
     return fit_load(robot, [bare], with_load, mass, **gains)
 

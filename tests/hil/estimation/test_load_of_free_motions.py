@@ -13,7 +13,7 @@ from twin_recordings import TwinRecorder, brick, in_units
 
 from hil.estimation.free_motion.gathering import Gathered, gather
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
-from hil.estimation.loads.evidence import of_free_motions, of_strokes
+from hil.estimation.loads.evidence import free_motion_evidence, stroke_evidence
 from hil.estimation.loads.fit import fit_load
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
@@ -37,7 +37,7 @@ def gathered(twin: TwinRecorder, data, *, open_scale: bool = False) -> Gathered:
 
 
 def fitted(robot, runs, *of_load, **gains):
-    bare, loaded = of_free_motions(robot, runs)
+    bare, loaded = free_motion_evidence(robot, runs)
     return fit_load(robot, [bare], lambda _: [loaded], *of_load, **gains)
 
 
@@ -61,7 +61,7 @@ def test_what_scatters_over_states_comes_to_what_scatters_over_time(twin: TwinRe
     pair = [
         gathered(twin, twin.recorded(seed, load, n=1)) for seed, load in ((50, None), (51, LOAD))
     ]
-    bare, loaded = of_free_motions(twin.robot, pair)
+    bare, loaded = free_motion_evidence(twin.robot, pair)
     whole, in_time = (
         fit_load(twin.robot, [runs[0]], lambda _, runs=runs: [runs[1]])
         for runs in ((bare, loaded), [replace(run, cells=None) for run in (bare, loaded)])
@@ -107,14 +107,14 @@ def strokes(robot, p, seed: int):
     fit = SimultaneousFit(robot, [
         (m, signals(record(robot, m, p, friction, noise=0.002, rng=rng))) for m in plan.measurements
     ])  # fmt: skip
-    return of_strokes(fit.recorded, fit.loaded)
+    return stroke_evidence(fit.recorded, fit.loaded)
 
 
 @pytest.mark.parametrize("imported", ["loaded", "bare"])
 def test_one_run_may_be_of_strokes_and_the_other_imported(twin: TwinRecorder, imported) -> None:
     robot, p = twin.robot, twin.truth
     load = LOAD if imported == "loaded" else None
-    (free,) = of_free_motions(robot, [gathered(twin, twin.recorded(2, load, n=2))])
+    (free,) = free_motion_evidence(robot, [gathered(twin, twin.recorded(2, load, n=2))])
     if imported == "loaded":
         found = fit_load(robot, [strokes(robot, p, 1)], lambda _: [free])
     else:
@@ -133,7 +133,7 @@ def test_runs_of_both_kinds_without_and_with_the_load_are_one_regression(
 ) -> None:
     robot, p = twin.robot, twin.truth
     loaded_p = p + load_columns(robot).K @ LOAD.phi()
-    free = of_free_motions(
+    free = free_motion_evidence(
         robot,
         [gathered(twin, twin.recorded(seed, load, n=2)) for seed, load in ((1, None), (2, LOAD))],
     )

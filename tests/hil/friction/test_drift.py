@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hil.estimation.friction.points import FrictionPoint
-from hil.estimation.friction.symmetry import of_points
+from hil.estimation.friction.symmetry import judge_points
 from hil.friction.drift import REFERENCE, Level, drift
 from hil.friction.warmth import History
 
@@ -87,13 +87,13 @@ def asymmetric(share, sigma, seed=0, gravity_error=0.0):
 
 
 def test_symmetric_friction_passes_and_its_p_values_are_uniform():
-    p = [of_points(asymmetric(0.0, 0.2, seed))[0].p_zero for seed in range(200)]
+    p = [judge_points(asymmetric(0.0, 0.2, seed))[0].p_zero for seed in range(200)]
     assert np.mean(np.array(p) < 0.1) == pytest.approx(0.1, abs=0.06)
     assert np.mean(p) == pytest.approx(0.5, abs=0.08)
 
 
 def test_a_small_asymmetry_is_found_and_let_pass():
-    test = of_points(asymmetric(0.005, 0.1))[0]
+    test = judge_points(asymmetric(0.005, 0.1))[0]
     assert test.asymmetry == pytest.approx(0.005, abs=0.002)
     assert test.p_zero < 1e-4
     assert test.passed
@@ -101,27 +101,27 @@ def test_a_small_asymmetry_is_found_and_let_pass():
 
 
 def test_an_asymmetry_beyond_the_bound_fails():
-    test = of_points(asymmetric(0.03, 0.1))[0]
+    test = judge_points(asymmetric(0.03, 0.1))[0]
     assert not test.passed
     assert test.verdict == "asymmetric by more than 2 %"
-    assert of_points(asymmetric(0.03, 0.1), bound=0.05)[0].passed
+    assert judge_points(asymmetric(0.03, 0.1), bound=0.05)[0].passed
 
 
 @pytest.mark.parametrize(("share", "passed"), [(0.01, True), (0.03, False)])
 def test_where_nothing_scatters_the_outcome_is_certain(share, passed):
     alike = [replace(point, common=50.0 * share) for point in asymmetric(0.0, 0.1)]
-    test = of_points(alike)[0]
+    test = judge_points(alike)[0]
     assert test.standard_error == pytest.approx(0.0, abs=1e-12)
     assert (test.p_zero, test.p_bound) == pytest.approx((0.0, float(passed)))
 
 
 def test_two_measurements_are_too_few_for_a_test_of_symmetry_and_three_are_not():
     points = asymmetric(0.0, 0.1)
-    assert of_points(points[:2]) == {}
-    assert of_points(points[:3])[0].measurements == 3
+    assert judge_points(points[:2]) == {}
+    assert judge_points(points[:3])[0].measurements == 3
 
 
 def test_an_asymmetry_that_gravity_s_uncertainty_explains_is_none():
-    test = of_points(asymmetric(0.03, 0.1, gravity_error=2.0))[0]
+    test = judge_points(asymmetric(0.03, 0.1, gravity_error=2.0))[0]
     assert test.passed
     assert test.p_zero > 0.05

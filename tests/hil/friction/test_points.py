@@ -6,7 +6,7 @@ from synthetic import TABLE_3_A, Friction, record
 
 import hil
 from hil.estimation.friction.points import GravityModel, points
-from hil.estimation.friction.symmetry import of_points
+from hil.estimation.friction.symmetry import judge_points
 from hil.planning.design.friction import sweep
 
 OFFSET = np.array([1.0, -2.0, 0.5, 0.3, -0.2, 0.1])
@@ -55,14 +55,14 @@ def test_without_a_model_asymmetry_shows_only_where_gravity_cannot_act(robot):
     loaded, _ = points(robot, measured(robot, 1, friction))
     assert all(point.absolute for point in free)
     assert not any(point.absolute for point in loaded)
-    assert list(of_points([*free, *loaded])) == [0]
+    assert list(judge_points([*free, *loaded])) == [0]
 
 
 def test_the_model_s_own_uncertainty_widens_the_asymmetry(robot):
     recorded = measured(robot, 1, Friction(offset=OFFSET), noise=1e-3)
     sure, _ = points(robot, recorded, MODEL)
     unsure, _ = points(robot, recorded, GravityModel(TABLE_3_A, 0.01 * np.eye(14)))
-    assert of_points(unsure)[1].standard_error > 3 * of_points(sure)[1].standard_error
+    assert judge_points(unsure)[1].standard_error > 3 * judge_points(sure)[1].standard_error
 
 
 def test_standard_errors_within_a_measurement_cover_what_noise_does(robot):
