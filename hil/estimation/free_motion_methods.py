@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.free_motion.bias_test import bias_test
-from hil.estimation.free_motion.choice import without_choice
+from hil.estimation.free_motion.choice import classical_choice
 from hil.estimation.free_motion.description import (
     Residuals,
     axis_friction,
@@ -20,7 +20,7 @@ from hil.estimation.free_motion.description import (
     remarks,
     torque_lags,
 )
-from hil.estimation.free_motion.gathering import as_kinds, gather, gather_rates
+from hil.estimation.free_motion.gathering import gather, gather_rates, rate_regressions
 from hil.estimation.free_motion.positive import least_inertia
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.free_motion.scaling import found_gains
@@ -86,7 +86,7 @@ def _of_all(
 ) -> Estimate:
     """Estimate of recordings of several rates; friction and settings are those of the fastest."""
     names = base_parameters(robot).names
-    joint, n = balance(as_kinds(rates), names).whole, len(names)
+    joint, n = balance(rate_regressions(rates), names).whole, len(names)
     fit = joint.regression.fit(options.covariance, joint.cells)
     beside = embedded(joint.beside, np.arange(n), len(fit.x))
     fit = replace(fit, covariance=fit.covariance + beside)
@@ -122,10 +122,10 @@ def estimate_from(
     processing, products = gathered.processing, gathered.products
     visited = configurations(found)
     solution = solve(robot, products, choice, solver, visited, options)
-    classical = without_choice(products, weighted=True)
+    classical = classical_choice(products, weighted=True)
     plain = solve(robot, products, classical, "least squares", visited, options).fit
     fit, n = solution.fit, len(gathered.first)
-    left = Residuals.of(gathered, products, fit)
+    left = Residuals.compute(gathered, products, fit)
     return Estimate(
         method=name,
         p=fit.x[:n],

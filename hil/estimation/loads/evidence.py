@@ -130,6 +130,6 @@ def of_free_motions(robot: Robot, runs: Sequence[Gathered]) -> list[Evidence]:
             cells=cells.where(cells.counts.sum(axis=1) > 0),
             unknown=run.scaling.unknown,
             scale_open=run.scaling.unknown != run.found.unknown_gains,
-            beside=run.beside,
+            beside=run.choice_covariance,
         ))  # fmt: skip
     return found
