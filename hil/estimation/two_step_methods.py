@@ -214,7 +214,7 @@ def _believed(
     for each in local:
         m, s = prepared[each.id]
         common = found.solver.solution[place(robot, m.index)[found.solver.n_base :]]
-        seen = believed_fit(robot, m, s, p, common).at(p)
+        seen = believed_fit(robot, m, s, p, common).evaluate(p)
         yield replace(each, believed=seen.value, believed_error=seen.standard_error)
 
 
@@ -264,7 +264,7 @@ def estimate_of(
     degrees: Array,
 ) -> Estimate:
     """Put an estimate together."""
-    local = tuple(each.at(p) for each in fits)
+    local = tuple(each.evaluate(p) for each in fits)
     return Estimate(
         method=method,
         p=p,

@@ -39,7 +39,7 @@ from hil.estimation.free_motion.columns import shared_names
 from hil.estimation.free_motion.motion import filtered_motion, low_passed
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.intervals import Edge
-from hil.estimation.nuisances import AROUND, Search, State, over_names, shift_names
+from hil.estimation.nuisances import AROUND, Search, State, direction_names, shift_names
 from hil.estimation.options import NUISANCES
 from hil.friction.terms import COLUMNS
 from hil.least_squares.choice import FOLDS
@@ -119,21 +119,21 @@ def find_nuisances(
         for each in _condensed(robot, motions, first, slowest, times, gears)
     )
     axes = [axis for axis in range(robot.n_joints) if axis not in found.still]
-    state, error, edges = State.of(robot.n_joints), none.lag_error, list[Edge]()
+    state, error, edges = State.start(robot.n_joints), none.lag_error, list[Edge]()
     if "lag" in wanted:
-        state, error = _sure(fast, fast.grown(state, axes, fast.with_lag), "late")
+        state, error = _sure(fast, fast.grown(state, axes, fast.add_lag), "late")
     if "compliance" in wanted:
         state, edges = _find_soft_gears(robot, fast, state, axes)
     if state.soft.any() and "lag" in wanted:
-        in_time = replace(State.of(robot.n_joints), soft=state.soft)
-        state, error = _sure(fast, fast.grown(in_time, axes, fast.with_lag), "late")
+        in_time = replace(State.start(robot.n_joints), soft=state.soft)
+        state, error = _sure(fast, fast.grown(in_time, axes, fast.add_lag), "late")
     if "lag" in wanted:
         edges += [
             Edge(axis=axis + 1, what=LAG_OF_TORQUE, value=1e3 * lag, bound=1e3 * most, unit="ms")
             for axis, lag in fast.edges(state).items()
         ]
     if "presliding" in wanted:
-        state = whole.grown(state, axes, whole.with_distance)
+        state = whole.grown(state, axes, whole.add_presliding)
     distance = np.append(0.0, DISTANCES)[state.direction] * processing.speed
     return Nuisances(
         replace(
@@ -152,7 +152,7 @@ def _find_soft_gears(
     robot: Robot, search: Search, state: State, axes: Sequence[int]
 ) -> tuple[State, list[Edge]]:
     """Return the state with significant soft gears, and the gears that twist too far."""
-    if not search.grown(state, axes, search.with_soft).soft.any():
+    if not search.grown(state, axes, search.add_soft_gear).soft.any():
         return state, []
     every = np.isin(np.arange(len(state.soft)), axes)
     found, _ = _sure(search, replace(state, soft=every), "soft")
@@ -177,7 +177,7 @@ def _sure(search: Search, state: State, what: str) -> tuple[State, Array]:
         least = int(np.argmin(size))
         if size[least] > SURE:
             return state, error
-        state = search.converged(state.with_one(what, least, 0))
+        state = search.converged(state.change_axis(what, least, 0))
     return state, np.zeros(len(state.lag))
 
 
@@ -191,7 +191,7 @@ def _condensed(
 ) -> tuple[Blocks, Blocks]:
     """Condense shifted torques, columns and directions: from all samples, and from fast ones."""
     shared = (*shared_names(robot, soft), ROTOR)
-    own = (*shift_names(times), *COLUMNS, *over_names(DISTANCES))
+    own = (*shift_names(times), *COLUMNS, *direction_names(DISTANCES))
     n, k = robot.n_joints, 1 + len(shared)
     duration = sum(motion.duration for motion in motions)
     found = []
