@@ -43,6 +43,7 @@ BOUNDS = {
     "checked_files": Bounds(1.0, 2.7, 0.0),
     "drivers": Bounds(1.1, 2.3, 0.5),
     "sim_plant": Bounds(0.4, 2.2, 0.5),
+    "hil/estimation/back_and_forth": Bounds(0.5, 0.8, 0.5),
     "hil/imports": Bounds(0.8, 2.1, 1.0),
     "hil/measuring": Bounds(1.0, 2.4, 1.0),
     "hil/runs": Bounds(0.5, 1.5, 1.0),

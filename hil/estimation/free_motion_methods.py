@@ -1,4 +1,4 @@
-"""The methods by name, from recordings of free motions to an estimate."""
+"""Identify base parameters and friction from free motions, by method name."""
 
 from __future__ import annotations
 
@@ -50,25 +50,25 @@ def fit_free_motions(
     name: str = DEFAULT,
     options: Options = DEFAULTS,
 ) -> Estimate:
-    """Identify base parameters and friction.
+    """Identify base parameters and friction from free motions.
 
     Parameters
     ----------
     robot : Robot
     recorded : iterable of (RecordedMotion, Recording)
-        Others than free motions are left out. An iterator is read into memory; anything else is
+        Recordings; only free motions are used. An iterator is read into memory; anything else is
         iterated several times.
     name : str
         One of `VARIANTS`.
     options : Options
-        Law of friction, and nuisances that are looked for.
+        Friction law, and nuisances to be estimated.
 
     Raises
     ------
     NotEnoughData
         No free motions, or too short ones.
     NotIdentifiable
-        Base parameters that the motions do not excite, or that unknown gains leave open.
+        Base parameters are not excited, or not determined with unknown gains.
     Mismatch
         The gain of an axis is known in some motions and unknown in others.
     """
@@ -84,7 +84,7 @@ def fit_free_motions(
 def _of_all(
     robot: Robot, fastest: Estimate, rates: Sequence[Gathered], options: Options
 ) -> Estimate:
-    """Estimate of recordings of several rates; friction and settings are those of the fastest."""
+    """Estimate from recordings of several rates, with friction and settings of the fastest."""
     names = base_parameters(robot).names
     joint, n = balance(rate_regressions(rates), names).whole, len(names)
     fit = joint.regression.fit(options.covariance, joint.cells)
@@ -111,12 +111,12 @@ def estimate_from(
     gathered: Gathered,
     options: Options = DEFAULTS,
 ) -> Estimate:
-    """Solve for base parameters and friction of recordings that are gathered.
+    """Estimate base parameters and friction from gathered recordings.
 
     Raises
     ------
     NotIdentifiable
-        Base parameters that the motions do not excite, or gains that they hardly fix.
+        Base parameters are not excited, or gains not determined precisely enough.
     """
     found, scaling, choice = gathered.found, gathered.scaling, gathered.choice
     processing, products = gathered.processing, gathered.products

@@ -129,7 +129,7 @@ def estimate(
     UnknownName
         There is no such method.
     NotIdentifiable
-        Base parameters that the measurements do not excite.
+        Base parameters are not excited by the measurements.
     NotEnoughData
         A method for free motions without any.
     Mismatch
@@ -140,14 +140,14 @@ def estimate(
 
 
 def refuse_without_effect(method: str, options: Options) -> None:
-    """Refuse options that a method would ignore.
+    """Raise an error for options without effect on a method.
 
     Raises
     ------
     UnknownName
         There is no such method, or the method takes no prior.
     Mismatch
-        Friction, nuisance or covariance without effect; says what has one.
+        Friction, nuisance or covariance without effect; the message lists effective values.
     """
     if options.prior is not None and method in (BACK_AND_FORTH, "published"):
         raise UnknownName(

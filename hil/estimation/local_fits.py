@@ -4,12 +4,12 @@ gravity, eq. (14)
     Friction is symmetric, so half the sum of the mean torques forward and backward at constant
     velocity is the gravity torque; half the difference is friction.
 inertia, eq. (19), (20)
-    The gravity torque is compensated by the model found from the gravity measurements; what is left
-    is fitted by ``M_ii qdd + a1 qd + a2 sign(qd) + a3 cbrt(qd)``.
+    The gravity torque is compensated by the model found from the gravity measurements; the
+    remainder is fitted by ``M_ii qdd + a1 qd + a2 sign(qd) + a3 cbrt(qd)``.
 coupling, eq. (21)
-    The torque is read on axis j, which creeps, while axis i accelerates: ``M_ji qdd_i`` and, for
-    each stroke of the creeping axis, a level that holds its friction (the paper's ``a1 qd_j`` at
-    constant ``qd_j``), gravity being compensated.
+    The torque is measured on the creeping axis j while axis i accelerates: ``M_ji qdd_i`` and, for
+    each stroke of the creeping axis, a friction level (the paper's ``a1 qd_j`` at constant
+    ``qd_j``), gravity being compensated.
 
 Much of the torque is in none of these terms: load-dependent or direction-dependent friction,
 ripple, gear elasticity, accelerations of other axes. The improved method models these effects, and

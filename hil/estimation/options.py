@@ -44,9 +44,9 @@ class Options:
     Raises
     ------
     UnknownName
-        A nuisance or a covariance that there is not.
+        Unknown nuisance or covariance.
     InvalidValue
-        An accuracy that is not between 0 and 1.
+        Accuracy out of the range above 0, at most 1.
     """
 
     friction: str = "auto"

@@ -104,7 +104,7 @@ class Prior:
     Raises
     ------
     InvalidValue
-        No share above 0, or standard parameters that no body has.
+        The share is out of range, or standard parameters are physically impossible.
     """
 
     bodies: Array

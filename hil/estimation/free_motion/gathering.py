@@ -178,7 +178,7 @@ def gather(
     NotEnoughData
         No free motions, or too short ones.
     NotIdentifiable
-        Base parameters that unknown gains leave open.
+        Unknown gains leave base parameters undetermined.
     Mismatch
         The gain of an axis is known in some motions and unknown in others.
     """
@@ -294,7 +294,7 @@ def _unspoilt_stretches(
     if any(each.used.any() for each in stretches):
         return stretches
     spoilt = max(each.spoilt for each in stretches)
-    # twice what is spoilt, so that as much is left
+    # twice the spoilt duration, so that half remains
     longer = survey(motions, 2.0 * spoilt).stretches
     stretches = [filtered_motion(each, processing) for each in longer]
     if any(each.used.any() for each in stretches):

@@ -69,7 +69,7 @@ def nearest_positive(robot: Robot, x: Array, V: Array, q: Array) -> Array:
     for _ in range(ROUNDS):
         scaled, size = _scaled(robot, found[:n_base], q)
         values, vectors = np.linalg.eigh(scaled)
-        # a little further than is asked for, so that what rounding leaves is still positive
+        # target slightly above the bound, so that the result is positive after rounding
         worst = np.flatnonzero(values[:, 0] < LEAST)
         if not len(worst):
             break

@@ -155,7 +155,7 @@ def first_scaling(
     Raises
     ------
     NotIdentifiable
-        Parameters that the unknown gains leave open up to scale, or signals that are zero.
+        The unknown gains leave a scale undetermined, or a signal is zero.
     """
     if not unknown:
         return Scaling.known(np.ones(robot.n_joints))
@@ -295,7 +295,7 @@ def require_scale(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> N
     Raises
     ------
     NotIdentifiable
-        It names the gains and the base parameters that are determined only up to scale.
+        Gains and base parameters are determined only up to scale; the message names them.
     """
     lost = _open(recorded, unknown)
     axes = [axis for axis in unknown if gain_name(axis) in lost]
@@ -367,7 +367,7 @@ def found_gains(robot: Robot, scaling: Scaling, fit: Fit) -> tuple[GainValue, ..
     Raises
     ------
     NotIdentifiable
-        Gains that the recordings hardly fix, and so all that depends on them.
+        The recordings do not determine the gains precisely enough.
     """
     places = [fit.layout.index(gain_name(axis)) for axis in scaling.unknown]
     change, error = fit.x[places], np.sqrt(np.diag(fit.covariance)[places])

@@ -95,7 +95,7 @@ def solve(
     Raises
     ------
     NotIdentifiable
-        Base parameters that the motion does not excite, and no prior knows.
+        Base parameters are neither excited by the motion nor known by a prior.
     """
     pieces = asked = choice.fitted(products)
     if options.prior is None:
