@@ -49,6 +49,7 @@ BOUNDS = {
     "hil/estimation/excluded": Bounds(0.6, 1.9, 0.5),
     "hil/estimation/friction": Bounds(0.6, 2.3, 1.0),
     "hil/estimation/loads": Bounds(0.9, 1.2, 1.0),
+    "hil/estimation/back_and_forth": Bounds(0.5, 0.8, 0.5),
     "hil/imports": Bounds(0.8, 2.1, 1.0),
     "hil/measuring": Bounds(1.0, 2.4, 1.0),
     "hil/least_squares": Bounds(0.1, 0.8, 0.5),

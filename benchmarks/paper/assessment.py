@@ -93,7 +93,7 @@ def _neglected(
         without, share = _without(robot, fits, put), {}
         for kind in ELEMENT_KINDS:
             own = [k for k, f in enumerate(fits) if f.kind == kind]
-            largest = np.abs([(put[k], fits[k].at(p).value) for k in own]).max(axis=0)
+            largest = np.abs([(put[k], fits[k].evaluate(p).value) for k in own]).max(axis=0)
             share[kind] = largest[0] / largest[1]
         found[name] = {"share": share, "p3": without[2] - p[2], **errors(robot, without, truth)}
     return found
@@ -133,8 +133,8 @@ def _elements(robot: Robot, fits: Sequence[LocalFit], p: Array) -> list[Figures]
     gravity = np.isin(np.arange(len(p)), base_parameters(robot).groups["gravity"])
     return [
         {
-            "kind": f.kind, "axis": f.axis + 1, "q": np.degrees(f.q), "value": f.at(p).value,
-            "model": f.at(p).model, "of_gravity": f.row @ (gravity * p),
+            "kind": f.kind, "axis": f.axis + 1, "q": np.degrees(f.q), "value": f.evaluate(p).value,
+            "model": f.evaluate(p).model, "of_gravity": f.row @ (gravity * p),
         }
         for f in fits
     ]  # fmt: skip

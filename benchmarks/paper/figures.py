@@ -167,9 +167,13 @@ def fig_7(drawn: Drawn, _: Robot) -> Figure:
     figure, (panel,) = _panels(3.1, 1, 1)
     found, fine = drawn["offset"], np.linspace(-np.pi, np.pi, 200)
     stated, extended = Sinusoid(*found["stated"]), Sinusoid(*found["extended"])
-    panel.plot(np.degrees(fine), stated.at(fine), color=MODEL, label="model by the robot file")
+    panel.plot(
+        np.degrees(fine), stated.evaluate(fine), color=MODEL, label="model by the robot file"
+    )
     panel.plot(found["q"], found["torque"], "o", color=MEASURED, label="measured")
-    panel.plot(np.degrees(fine), extended.at(fine), ":", color=INK, label="with what was found")
+    panel.plot(
+        np.degrees(fine), extended.evaluate(fine), ":", color=INK, label="with what was found"
+    )
     panel.set(xlabel="$q_4$ [degrees]", ylabel="$g_3$ [N m]", ylim=(3.8, 9.4))
     panel.legend(ncols=3, loc="upper center")
     return figure

@@ -328,8 +328,8 @@ def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
     return chart(
         Panel(
             (
-                Line(shown, phase.stated.at(angle), MODEL, "robot file", "5 3"),
-                Line(shown, phase.extended.at(angle), MODEL, f"with {name}"),
+                Line(shown, phase.stated.evaluate(angle), MODEL, "robot file", "5 3"),
+                Line(shown, phase.extended.evaluate(angle), MODEL, f"with {name}"),
                 Points(np.degrees(phase.angle), phase.torque, error=error, label="measured"),
             ),
             title=f"phase offset {signed(f'{np.degrees(phase.shift):.1f}')}°",

@@ -1,1 +1,1 @@
-"""From recordings to base parameters with their uncertainty. No files, no terminal, no bus."""
+"""Estimate base parameters with uncertainty from recordings, without files, terminal or bus."""

@@ -1,22 +1,22 @@
-"""What the model leaves out: a test for each link parameter that the robot file calls absent.
+"""Test for link parameters wrongly declared absent in the robot file.
 
-A robot file states which link parameters are present. One that is wrongly left out is not in the
-base parameters, so its torque has nowhere to go but into the residuals (the paper's Fig. 7). Here
-the measurements are condensed once for the robot with all ten parameters of every link,
-p_all = K_all p_standard, in which the stated model is the linear subspace p_all = T p. Each absent
-parameter adds one direction u, its column of K_all,
+A robot file states the present link parameters. A parameter missing by mistake is not in the base
+parameters, so its torque remains in the residuals (the paper's Fig. 7). Here the measurements are
+condensed once for the robot with all ten parameters of every link, p_all = K_all p_standard, in
+which the stated model is the linear subspace p_all = T p. Each absent parameter adds one direction
+u, its column of K_all,
 
     p_all = T p + u delta;
 
-delta is estimated with everything else at once, by the same least squares as p. Its evidence is
-delta over its standard error, from leaving out one measurement at a time, so that what differs from
-one measurement to the next counts as error (`hil.least_squares.uncertainty`). A direction inside
-T's span is absorbed: that parameter cannot show. Directions that agree but for T's span, or that
-these very measurements do not distinguish, stand together as one candidate.
+delta is estimated together with p by the same least squares. The test statistic is delta over its
+standard error, from leaving out one measurement at a time, so that differences between measurements
+count as error (`hil.least_squares.uncertainty`). A direction in the span of T is absorbed: the
+parameter has no visible effect. Directions equal up to the span of T, or not distinguished by the
+given measurements, form one candidate.
 
-After the strongest candidate has been taken in, all others are tested anew: what only resembled it
-loses its evidence. This goes on until nothing is significant at `SIGNIFICANCE`, shared out among
-all candidates (Bonferroni).
+After inclusion of the strongest candidate all others are tested again: candidates similar to the
+included one lose significance. This is repeated until nothing is significant at `SIGNIFICANCE`,
+divided among all candidates (Bonferroni).
 """
 
 from __future__ import annotations
@@ -44,17 +44,17 @@ if TYPE_CHECKING:
 
 
 SIGNIFICANCE = 0.001
-"""Chance of any finding at all where nothing is left out."""
+"""Probability of any finding for a complete robot file."""
 ALIKE = 0.98
-"""Correlation from which on the measurements do not distinguish two candidates."""
+"""Smallest correlation between indistinguishable candidates."""
 _SEEN = 1e-4
-"""Least share of a direction's information that the stated parameters cannot imitate."""
+"""Smallest share of a direction's information independent of the stated parameters."""
 _SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """One or several link parameters that the robot file leaves out and that look alike.
+    """Candidate: similar link parameters missing in the robot file.
 
     Attributes
     ----------
@@ -63,11 +63,11 @@ class Candidate:
     direction : ndarray, shape (n_all,)
         Change of all base parameters by one unit of the first name.
     value, standard_error : float
-        Of the first name, estimated beside the stated model alone [kg m^2, kg m or kg].
+        Estimate for the first name, with no other candidate included [kg m^2, kg m or kg].
     t : float
-        Their ratio.
+        Ratio of value to standard error.
     p_value : float
-        Of a ratio at least so great by chance.
+        Probability of a ratio at least as large by chance.
     """
 
     names: tuple[str, ...]
@@ -79,13 +79,13 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        """The names as one: ``sy4 or sz5``."""
+        """Joined names: ``sy4 or sz5``."""
         return " or ".join(self.names)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelErrors:
-    """Which left-out parameters the data call for, and which stated ones they do not need.
+    """Missing link parameters required by the data, and stated ones not required.
 
     Attributes
     ----------
@@ -94,21 +94,21 @@ class ModelErrors:
     stated : ndarray, shape (n_all, n_base)
         T: base parameters of the robot file as those of `complete`.
     alone : tuple of Candidate
-        Each tested by itself, strongest evidence first.
+        Candidates tested separately, strongest evidence first.
     found : tuple of Candidate
-        The significant ones, each tested beside those before it.
+        Significant candidates, each tested with the preceding ones included.
     after : tuple of Candidate
-        The others, beside all of `found`, strongest first.
+        Remaining candidates, tested with all of `found` included, strongest first.
     p, standard_error : ndarray, shape (n_base,)
-        Stated parameters with `found` taken in.
+        Stated parameters with `found` included.
     p_values : ndarray, shape (n_base,)
-        Of the stated parameters' being zero.
+        p-values of the stated parameters for the hypothesis zero.
     absorbed : tuple of str
-        Left-out parameters that cannot show, whatever is measured.
+        Missing parameters without visible effect in any measurement.
     unmeasured : tuple of str
-        Left-out parameters that are not identifiable from these measurements.
+        Missing parameters not identifiable from the given measurements.
     threshold : float
-        p-value below which a candidate is significant.
+        Largest p-value of a significant candidate.
     """
 
     complete: Robot
@@ -125,7 +125,7 @@ class ModelErrors:
 
     @property
     def p_all(self) -> Array:
-        """Base parameters of `complete` with `found` taken in, shape (n_all,)."""
+        """Base parameters of `complete` with `found` included, shape (n_all,)."""
         total: Array = self.stated @ self.p
         for candidate in self.found:
             total = total + candidate.direction * candidate.value
@@ -133,7 +133,7 @@ class ModelErrors:
 
 
 def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
-    """Test every link parameter that `robot` leaves out, and those that it states."""
+    """Test the link parameters missing in `robot`, and the stated ones."""
     whole = robot.free_links()
     K = base_parameters(whole).matrix
     stated = K @ base_parameters(robot).placement
@@ -145,7 +145,7 @@ def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
     alone = _tested(measured, stated, candidates)
     found: list[Candidate] = []
     basis, rest = stated, alone
-    # candidates that are taken in one after the other at most
+    # maximum number of included candidates
     while rest and rest[0].p_value < threshold and len(found) < 6:
         found.append(rest[0])
         basis = np.column_stack([basis, rest[0].direction])
@@ -173,7 +173,7 @@ def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
 
 
 def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Columns of K of left-out parameters that can show; names of those that cannot."""
+    """Return columns of K of visible missing parameters, and names of invisible ones."""
     inside, _ = orthonormal(stated)
     shown, absorbed = {}, []
     for name, u in zip(robot.standard_parameters, K.T, strict=True):
@@ -187,19 +187,19 @@ def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tu
 
 
 class _Measured(NamedTuple):
-    """Shares of all measurements in the normal equations of `complete`'s base parameters."""
+    """Measurements' contributions to the normal equations of `complete`'s base parameters."""
 
     shares: Array
     sides: Array
 
-    def beside(self, basis: Array, directions: Array) -> tuple[Array, Array]:
-        """Information on `directions` less what `basis` can imitate, (k, k); and all of it."""
+    def information(self, basis: Array, directions: Array) -> tuple[Array, Array]:
+        """Return information on `directions`, (k, k): independent of `basis`, and in total."""
         X, k = np.column_stack([directions, basis]), directions.shape[1]
         N = X.T @ self.shares.sum(axis=0) @ X
         return eliminated(N, basis.shape[1])[0], N[:k, :k]
 
     def solve(self, basis: Array) -> tuple[Array, Array, Array]:
-        """Coefficients of `basis`, standard errors and p-values, shape (k,) each."""
+        """Solve for coefficients of `basis`, standard errors and p-values, shape (k,) each."""
         x, covariance, degrees = leave_one_out(basis.T @ self.shares @ basis, self.sides @ basis)
         error = np.sqrt(np.diag(covariance))
         return x, error, np.asarray(2 * special.stdtr(degrees, -np.abs(x) / error))
@@ -208,9 +208,9 @@ class _Measured(NamedTuple):
 def _grouped(
     measured: _Measured, stated: Array, absent: dict[str, Array]
 ) -> tuple[dict[tuple[str, ...], Array], tuple[str, ...]]:
-    """Candidates that these measurements distinguish, and names that they do not identify."""
+    """Return distinguishable candidates, and names of unidentifiable parameters."""
     names, U = list(absent), np.array(list(absent.values())).T.reshape(len(stated), -1)
-    beside, whole = measured.beside(stated, U)
+    beside, whole = measured.information(stated, U)
     seen = np.diag(beside) > _SEEN * np.diag(whole)
     alike = np.abs(correlation_of(beside)) > ALIKE
     groups: dict[int, list[int]] = {}
@@ -224,10 +224,10 @@ def _grouped(
 def _tested(
     measured: _Measured, basis: Array, candidates: dict[tuple[str, ...], Array]
 ) -> list[Candidate]:
-    """Every candidate by itself beside `basis`, strongest evidence first."""
+    """Test every candidate separately with `basis`, and sort by evidence."""
     tested = []
     for names, u in candidates.items():
-        own, whole = measured.beside(basis, u[:, np.newaxis])
+        own, whole = measured.information(basis, u[:, np.newaxis])
         if own[0, 0] > _SEEN * whole[0, 0]:
             value, error, p_value = measured.solve(np.column_stack([basis, u]))
             tested.append(_candidate(names, u, value[-1], error[-1], p_value[-1]))

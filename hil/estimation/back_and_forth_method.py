@@ -1,4 +1,4 @@
-"""The method by name, from recordings back and forth to an estimate."""
+"""Identify base parameters and friction curves from recordings back and forth."""
 
 from __future__ import annotations
 
@@ -43,22 +43,22 @@ def fit_back_and_forth(
     recorded: Recorded,
     covariance: Covariance = DEFAULTS.covariance,
 ) -> Estimate:
-    """Identify base parameters, and read friction off, without a law of friction.
+    """Identify base parameters and friction curves, without a friction law.
 
     Parameters
     ----------
     robot : Robot
     recorded : iterable of (RecordedMotion, Recording)
-        Others than of an axis that moves back and forth by itself are left out, and named so.
+        Recordings; those not of a single axis moving back and forth are left out, and listed so.
     covariance : str
-        Rule for what scatters over pairs (`hil.least_squares.regression`).
+        Rule for the scatter over pairs (`hil.least_squares.regression`).
 
     Raises
     ------
     NotEnoughData
-        No such recording, or no pair of strokes is of use.
+        No such recording, or no usable pair of strokes.
     NotIdentifiable
-        Strokes that show no base parameter.
+        No base parameter is excited by the strokes.
     """
     recordings, left_out = _condensed(robot, recorded)
     solution = solve(robot, recordings, covariance)
@@ -105,7 +105,7 @@ def fit_back_and_forth(
 
 
 def _condensed(robot: Robot, recorded: Recorded) -> tuple[list[Halves], list[LeftOut]]:
-    """All recordings of which pairs are of use, and what is left out."""
+    """Condense the recordings with usable pairs, and list the rejected ones."""
     found, others, useless = [], [], []
     for motion, recording in recorded:
         if not goes_back_and_forth(motion):

@@ -1,12 +1,12 @@
-"""Friction of each axis over a whole campaign, once the base parameters are found.
+"""Fit friction laws of the axes over a campaign, for known base parameters.
 
-The methods for strokes and trajectories fit friction anew in every measurement, so that its drift
-does no harm to the base parameters. What a drive has to overcome is found afterwards: of every
-usable sample the torque less those of motors and rigid bodies,
+The methods for strokes and trajectories fit friction separately in every measurement, so that
+friction drift does not bias the base parameters. The friction laws of the drives are fitted
+afterwards: the torque of every usable sample, less motor and rigid-body torque, is
 
     Q_i - Qm_i - A_i(q, qd, qdd) p = F_i a_i + e,
 
-with one law F_i a_i for all measurements of an axis, which `hil.friction.search` finds.
+with one law F_i a_i for all measurements of an axis, found by `hil.friction.search`.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ if TYPE_CHECKING:
 def campaign_friction(
     robot: Robot, p: Array, stacks: Iterable[Sequence[Stacked]], past: History | None = None
 ) -> FrictionLaw:
-    """Find the law of friction of each axis.
+    """Fit the friction law of every axis.
 
     Parameters
     ----------
     robot : Robot
     p : ndarray, shape (n_base,)
-        Base parameters that the same measurements gave.
+        Base parameters from these measurements.
     stacks : iterable of sequence of Stacked
-        Of each measurement, or period of a trajectory, the axes that move.
+        Moving axes of each measurement, or period of a trajectory.
     past : History, optional
-        What the axes did; without it no warmth is looked for.
+        Motion history of the axes; without a history, warm-up is not modelled.
     """
     found: list[list[tuple[float, Array, Array, int]]] = [[] for _ in range(robot.n_joints)]
     for each in (each for axes in stacks for each in axes):
@@ -60,9 +60,10 @@ def campaign_friction(
 
 
 def _product(each: Stacked, p: Array) -> Array:
-    """Products of what is left for friction and its terms, shape (1 + n_terms, 1 + n_terms).
+    """Return products of friction residual and terms, shape (1 + n_terms, 1 + n_terms).
 
-    A measurement counts by its duration, so they are multiplied by its number of samples.
+    The products are multiplied by the number of samples, so that a measurement counts by its
+    duration.
     """
     common, rigid = each.loaded(each.load(p)).X[:, each.n_base :], each.X[:, : each.n_base]
     columns = dict(zip(OWN, each.friction.T, strict=True))
@@ -76,7 +77,7 @@ def _product(each: Stacked, p: Array) -> Array:
 def _law(
     measured: list[tuple[float, Array, Array, int]], limit: float, past: History | None, axis: int
 ) -> AxisLaw | None:
-    """Law of one axis from time, slowest and fastest speed, products and size of measurements."""
+    """Fit the law of an axis from times, speed ranges, products and sizes of measurements."""
     if len(measured) < FOR_A_LAW:
         return None
     in_time = sorted(measured, key=lambda each: each[0])

@@ -1,21 +1,22 @@
-"""Step 1, improved: a measurement condensed to what it says about all base parameters at once.
+"""Condense a measurement to information on the base parameters (step 1, improved).
 
-The paper's local models (19) and (21) regard one element of M(q) at a time, at one configuration,
-and the axes that are not moved as still. Here every usable sample enters with the full row of the
+The paper's local models (19) and (21) treat one element of M(q) at a time, at one configuration,
+with resting axes assumed immobile. Here every usable sample enters with the full row of the
 regressor for the measured motion of all joints,
 
     Q_i - Qm_i = A_i(q, qd, qdd) p + F(t) a + G_i(q) b + e,
 
-and friction is again fitted for this measurement alone; the columns, and which samples are usable,
-are those of `hil.friction.equation`. The coefficients `a` are eliminated at once by orthogonal
-projection (Frisch-Waugh-Lovell), so nothing about friction passes from one measurement to the next.
+and friction is again fitted to this measurement alone; the columns, and the selection of usable
+samples, are those of `hil.friction.equation`. The coefficients `a` are eliminated at once by
+orthogonal projection (Frisch-Waugh-Lovell), so no information on friction passes from one
+measurement to the next.
 
-It makes no difference what the measurement was made for: strokes of one axis, an axis that creeps
-while another one accelerates, a trajectory of all axes. A trajectory goes on for minutes, in which
-friction changes, so each of its periods counts as a measurement of its own.
+The purpose of the measurement does not matter: strokes of one axis, an axis creeping while another
+one accelerates, a trajectory of all axes. A trajectory takes minutes, in which friction changes, so
+each of its periods counts as a separate measurement.
 
-What is left of thousands of samples is a small information matrix and vector over p and b, which
-step 2 adds up: least squares over all samples of the campaign, without ever stacking them.
+Thousands of samples are reduced to a small information matrix and vector over p and b, to be summed
+in step 2: least squares over all samples of the campaign, without ever stacking the samples.
 """
 
 from __future__ import annotations
@@ -47,13 +48,13 @@ if TYPE_CHECKING:
 
 
 SPARSE = 8
-"""Every n-th used sample says how much an error of acceleration matters there: one in 0.1 s."""
+"""Decimation of the used samples for the effect of acceleration errors: one sample in 0.1 s."""
 ROTOR = "known rotor"
-"""Column of the torque of rotors of known inertia."""
+"""Name of the column with the torque of rotors of known inertia."""
 
 
 class Condensed(NamedTuple):
-    """What the torque of one axis in one measurement says, friction eliminated.
+    """Information in the torque of an axis in a measurement, friction eliminated.
 
     Attributes
     ----------
@@ -69,7 +70,7 @@ class Condensed(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stacked:
-    """Columns of one axis in one measurement, smoothed, samples `APART`.
+    """Smoothed columns of an axis in a measurement, samples `APART`.
 
     Attributes
     ----------
@@ -81,11 +82,11 @@ class Stacked:
     X : ndarray, shape (n, n_base + N_COMMON)
     friction : ndarray, shape (n, n_friction)
     each : int
-        Samples for which each of these stands.
+        Number of recorded samples per row.
     index : ndarray, shape (n,)
-        Of the samples in the measurement's signals.
+        Indices of the samples in the measurement's signals.
     time : float
-        Mean of the samples' [s].
+        Mean time of the samples [s].
     """
 
     axis: int
@@ -98,7 +99,7 @@ class Stacked:
     time: float
 
     def loaded(self, load: Array) -> Stacked:
-        """The same with the columns of load-dependent friction.
+        """Return a copy with the columns of load-dependent friction.
 
         Parameters
         ----------
@@ -111,15 +112,15 @@ class Stacked:
         return replace(self, X=X)
 
     def load(self, p: Array) -> Array:
-        """Absolute value of the torque that base parameters `p` say is transmitted, shape (n,).
+        """Return the absolute transmitted torque for base parameters `p`, shape (n,).
 
-        It is smoothed before its absolute value is taken, which would make friction of the noise.
+        Smoothing precedes the absolute value, since rectified noise would look like friction.
         """
         load: Array = np.abs(self.X[:, : self.n_base] @ p)
         return load
 
     def condensed(self) -> Condensed:
-        """Inner products of torques and X, friction eliminated."""
+        """Return inner products of torques and X, friction eliminated."""
         columns = np.hstack([self.torques, self.X, self.friction])
         product, rank = eliminated(columns.T @ columns, self.friction.shape[1])
         return Condensed(self.each * product, self.each * len(columns) - rank)
@@ -131,14 +132,14 @@ def condensed_blocks(
     shifts: Sequence[str] = (),
     gears: Sequence[str] = (),
 ) -> Blocks:
-    """Condense measurements, each a group; columns of rotors are shared, too.
+    """Condense measurements to groups, with the rotor column among the shared columns.
 
     Parameters
     ----------
     stacks : iterable of sequence of Stacked
-        Of each measurement, the axes that move.
+        Moving axes of each measurement.
     shifts, gears : sequence of str
-        Columns that stand behind the motor's part, and behind the base parameters.
+        Columns following the motor's part, and columns following the base parameters.
     """
     shared, own = (ROTOR, *base_parameters(robot).names, *gears), (*shifts, *COMMON)
     columns = (ROTOR, *shifts, *shared[1:], *COMMON)
@@ -154,12 +155,12 @@ def condensed_blocks(
 
 
 def drive_torques(blocks: Blocks) -> tuple[Array, Array]:
-    """Torque as it was read, and that of the known rotor, which is off it: rows over the columns.
+    """Return recorded torque and known rotor torque as rows over the columns.
 
     Parameters
     ----------
     blocks : Blocks
-        Of the torque less that of the rotor, which is a column, `ROTOR`.
+        Blocks with the torque less that of the rotor, whose column is `ROTOR`.
     """
     m, rotor = blocks.products.shape[-1], blocks.place(ROTOR)
     taken: Array = -np.eye(1, m, int(rotor[0]))
@@ -167,9 +168,9 @@ def drive_torques(blocks: Blocks) -> tuple[Array, Array]:
 
 
 def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[Stacked]]:
-    """Stack y, the motor's part and X: of each period or measurement, each axis that moves.
+    """Stack y, the motor's part and X for the moving axes of each period or measurement.
 
-    What holds too few usable samples is left out.
+    Axes with too few usable samples are left out.
     """
     motors = motor_torque(robot, s.q, s.qd, s.qdd)
 
@@ -180,14 +181,14 @@ def stack(robot: Robot, measurement: ParameterMotion, s: Signals) -> list[list[S
     return stack_axes(robot, s, measurement.moved, part)
 
 
-def of_steps(
+def quantisation_bias(
     robot: Robot, axis: int, p: Array, stacked: Sequence[tuple[Signals, Stacked]]
 ) -> Array:
-    """What the step of each encoder adds to X'y of an axis less X'X p, on average.
+    """Return the expected bias of X'y - X'X p of an axis, by encoder quantisation.
 
-    A position that is read in steps d errs by d^2 / 12 (variance), from sample to sample anew, and
-    differences and window make an error of the acceleration of it. All that an acceleration is
-    multiplied by errs with it, and inertias come out too small, unless what that adds is taken off
+    A position with the quantisation step d has an error of variance d^2 / 12, independent from
+    sample to sample, turned into an acceleration error by differentiation and window. All factors
+    of an acceleration share this error, and inertias are underestimated unless the bias is removed
     (W. A. Fuller, Measurement Error Models, 1987, section 2.2).
 
     Parameters
@@ -203,7 +204,7 @@ def of_steps(
     if not stacked:
         return found
     q = np.concatenate([s.q[each.index[::SPARSE]] for s, each in stacked])
-    variance = np.concatenate([_variance_of_steps(robot, s, each) for s, each in stacked])
+    variance = np.concatenate([_quantisation_variance(robot, s, each) for s, each in stacked])
     still = np.zeros(robot.n_joints)
     rates = [(still, still), *((still, unit) for unit in np.eye(robot.n_joints))]
     weight, *moved = (A[:, 0] for A in regressors(robot, q, rates, [axis]))
@@ -214,8 +215,8 @@ def of_steps(
     return found
 
 
-def _variance_of_steps(robot: Robot, s: Signals, stacked: Stacked) -> Array:
-    """Variance of accelerations, of every n-th sample for all that it stands for, (n, n_joints)."""
+def _quantisation_variance(robot: Robot, s: Signals, stacked: Stacked) -> Array:
+    """Return variances of accelerations of the decimated samples, (n, n_joints)."""
     n = len(stacked.index[::SPARSE])
     variance = np.broadcast_to(s.resolution, robot.n_joints) ** 2 / 12
     variance = variance * np.sum(rounding_window(s.period) ** 2)
@@ -229,12 +230,12 @@ def stack_axes(
     part: Callable[[int], tuple[Array, Mask]],
     passes: int = 1,
 ) -> list[list[Stacked]]:
-    """Stack axes: of each period or measurement those with enough usable samples.
+    """Stack axes with enough usable samples, by period or measurement.
 
     Parameters
     ----------
     part : callable
-        Of an axis, its left-hand sides and the samples that are usable, as of `stack_axis`.
+        Function from an axis to its left-hand sides and usable samples, as of `stack_axis`.
     """
     periods = list(groups(s))
     found: list[list[Stacked]] = [[] for _ in periods]
@@ -254,17 +255,17 @@ def stack_axis(
     periods: list[Mask],
     passes: int = 1,
 ) -> Iterator[Stacked | None]:
-    """Stack one axis: of each of `periods` its `used` samples, or None if they are too few.
+    """Stack the `used` samples of an axis in each of `periods`, or None for too few.
 
     Parameters
     ----------
     torques : ndarray, shape (n, k)
-        Not smoothed yet.
+        Unsmoothed torques.
     used : ndarray of bool, shape (n,)
-        Further from both ends than smoothing reaches.
+        Samples beyond the reach of smoothing from both ends.
     periods : list of ndarray of bool, shape (n,)
     passes : int
-        How often all columns are smoothed.
+        Number of smoothing passes.
     """
     each = max(1, round(APART / s.period))
     if used.sum() < FEWEST:
@@ -285,7 +286,7 @@ def stack_axis(
 
 
 def groups(s: Signals) -> Iterator[Mask]:
-    """Samples that share their friction, group by group; all where there are no groups."""
+    """Yield masks of samples with common friction; a single mask without groups."""
     if s.group is None:
         yield np.ones(len(s.time), dtype=bool)
     else:

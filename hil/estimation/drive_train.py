@@ -1,27 +1,27 @@
-"""What lies between the current and the arm, axis by axis: late readings, soft gears, friction.
+"""Estimate torque delay, gear compliance and load friction of each axis.
 
-Drives filter or queue the current that they report, positions they do not: 4 ms between the two
-cost half a percent of the inertias and leave residuals that look like friction. Gears give way, and
-a share mu_j of what a gear transmits is friction.
+Drives filter or queue the reported current, but not the positions: a delay of 4 ms changes the
+inertias by half a percent and leaves residuals similar to friction. Gears are elastic, and a share
+mu_j of the torque transmitted by a gear is friction.
 
-Lags and compliances (`hil.estimation.nuisances`) are found from measurements of inertia and
-trajectories: where the axis that is read does not accelerate neither shows. Both show most at the
-corners of the trapezoids, which the estimate itself leaves out, because there it would have to know
-them. Errors come from the scores of the measurements; what an error of the lags does to the base
-parameters comes along, so that it can be counted with theirs.
+Lags and compliances (`hil.estimation.nuisances`) are estimated from measurements of inertia and
+trajectories: without acceleration of the measured axis neither is visible. Both have the largest
+effect at the corners of the trapezoids, which the estimate itself leaves out, because lag and
+compliance would have to be known there. Errors come from the scores of the measurements; the effect
+of lag errors on the base parameters is returned, so that it can be included in their errors.
 
-How far a gear gives way, what it transmits says, and that the motor's torque says: without that of
-the rotor and friction it is what the arm takes, rings of the arm on its gears included, which no
-torque that is calculated from the motors' motion holds. So links are placed by measured torques.
-Whether any gear is soft, columns of calculated torques show: noise of measured ones would make such
-a column alike to the torque that it is to explain. Where one is, compliances are first found by
-measured torques, which hold the rings, then all again from links in their places, with columns of
-the torque that is calculated from their motion.
+The twist of a gear follows from the transmitted torque, and the motor torque shows that torque:
+less rotor torque and friction it is the torque on the arm, including vibrations of the arm on its
+gears, which no torque calculated from motor motion contains. Links are therefore positioned by
+measured torques. The existence of soft gears is tested with columns of calculated torques: with
+measured torques, noise would make such a column similar to the explained torque. If a gear is soft,
+compliances are first estimated with measured torques, which contain the vibrations, then again from
+corrected link positions, with columns of the torque calculated from link motion.
 
-A torque that is sampled every T shows a corner of the motion where the next sample is. As long as
-corners fall anywhere between samples, as `hil plan` arranges it, that is noise. What remains of it
-looks like a compliance: a variance T^2/12 of the instant smooths the torque by T^2/24 times its
-second derivative. A compliance must be well above what amounts to the same.
+A torque sampled every T shows a corner of the motion only at the next sample. If the corners fall
+anywhere between samples, as `hil plan` arranges, this is noise. The remaining mean effect resembles
+a compliance: a variance T^2/12 of the instant smooths the torque by T^2/24 times its second
+derivative. A compliance must be well above the equivalent value.
 """
 
 from __future__ import annotations
@@ -66,42 +66,44 @@ if TYPE_CHECKING:
     from hil.planning.measurement import ParameterMotion
 
 EARLIEST, LATEST = -0.002, 0.012
-"""Range of lags that is searched [s]: drives queue a current for a few samples of the bus."""
+"""Search range of lags [s]: drives queue a current for a few samples of the bus."""
 RANK = 1e-6
-"""Least share of information that counts: measurements of inertia show some combinations of
-parameters so faintly that these would follow the corners of the motion as the lag does."""
+"""Smallest relevant share of information: in measurements of inertia some combinations of
+parameters are so weakly excited that they would follow the corners of the motion, as the lag
+does."""
 CERTAIN = 5.0
-"""Compliance or friction of the load over its standard error from which on it counts."""
+"""Smallest significant ratio of compliance or load friction to its standard error."""
 MOST_TWIST = 0.05
-"""At the torque limit [rad]: more is no gear, but what few measurements make of their noise."""
+"""Largest twist of a gear at the torque limit [rad]: more is an artefact of noise in few
+measurements."""
 LAG_OF_TORQUE = "lag of the torque"
 MOST_ROUNDS = 5
-"""Times that all is found from links in their places: gears of 20 Hz need three."""
+"""Maximum number of rounds of compliances and link positions: gears of 20 Hz need three."""
 PASSES = 2
-"""How often everything is smoothed: K holds the fourth derivative of positions, whose noise the
-motor's part shares."""
+"""Number of smoothing passes: K contains the fourth derivative of positions, whose noise also
+enters the motor's part."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DriveTrain:
-    """By how much torque readings lag behind positions, and how far gears give way.
+    """Torque delays and gear compliances of the axes.
 
     Attributes
     ----------
     lag : ndarray, shape (n_joints,)
-        Positive where the torque is late [s]; zero where it is not identifiable.
+        Delay of the torque [s], positive for a late torque; zero if not identifiable.
     lag_error : ndarray, shape (n_joints,)
-        Standard errors [s]; NaN where the lag is not identifiable.
+        Standard errors [s]; NaN if the lag is not identifiable.
     compliance : ndarray, shape (n_joints,)
-        Of each axis's gear [rad/(N m)], as measured: also where it is not `soft`.
+        Measured compliance of each gear [rad/(N m)], also for gears that are not `soft`.
     compliance_error : ndarray, shape (n_joints,)
-        Standard errors [rad/(N m)]; NaN where nothing shows a compliance.
+        Standard errors [rad/(N m)]; NaN without information on a compliance.
     soft : ndarray of bool, shape (n_joints,)
-        Gears that give way significantly. The others count as rigid.
+        Significantly elastic gears. The others count as rigid.
     covariance : ndarray, shape (n_base, n_base)
-        Of the base parameters, from errors of the lags.
+        Covariance of the base parameters from errors of the lags.
     p : ndarray, shape (n_base,)
-        Base parameters by which the gears' torques are calculated.
+        Base parameters used to calculate the gear torques.
     """
 
     lag: Array
@@ -114,28 +116,28 @@ class DriveTrain:
 
     @property
     def soft_compliance(self) -> Array:
-        """That of gears that are soft, shape (n_joints,) [rad/(N m)]; 0 of the others."""
+        """Compliance of soft gears, shape (n_joints,) [rad/(N m)]; 0 for rigid gears."""
         return np.where(self.soft, self.compliance, 0.0)
 
     def applied(self, robot: Robot, s: Signals, compliance: Array | None = None) -> Signals:
-        """Signals with torques as early as positions, and with links where soft gears let them.
+        """Return signals with compensated torque delays and gear twists.
 
         Parameters
         ----------
         compliance : ndarray, shape (n_joints,), optional
-            Others than those of the gears that are soft.
+            Compliances in place of those of the soft gears.
         """
         return self.placed(robot, s, compliance).torque_advanced(self.lag)
 
     def placed(self, robot: Robot, s: Signals, compliance: Array | None = None) -> Signals:
-        """The same with torques as late as they were read."""
+        """Return signals with compensated gear twists, but recorded torques."""
         c = self.soft_compliance if compliance is None else compliance
         if not c.any():
             return s
         return replace(s, twist=c * _transmitted(robot, self.p, s.torque_advanced(self.lag), c))
 
     def edges(self, robot: Robot) -> tuple[Edge, ...]:
-        """Return the lags and compliances that end at the edge of what is looked for."""
+        """Return the lags and compliances at the edge of the search range."""
         found = [
             Edge(axis=k + 1, what=LAG_OF_TORQUE, value=1e3 * lag, bound=1e3 * bound, unit="ms")
             for k, (lag, known) in enumerate(zip(self.lag, self.lag_error, strict=True))
@@ -148,15 +150,15 @@ class DriveTrain:
 
 
 def twist_edge(robot: Robot, axis: int, twist: float) -> Edge:
-    """Return the edge of a gear, from 0, that would twist so far at its torque limit."""
+    """Return the edge for a gear, from 0, with an excessive twist at its torque limit."""
     unit, what = robot.position_unit(axis), "twist of the gear at the torque limit"
     return Edge(axis=axis + 1, what=what, value=float(twist), bound=MOST_TWIST, unit=unit)
 
 
 class LoadFriction(NamedTuple):
-    """Share of the transmitted torque that is friction, axis by axis, and its standard error.
+    """Share of the transmitted torque lost to friction, with standard error, by axis.
 
-    Both of shape (n_joints,); NaN where no transmitted torque shows it.
+    Both of shape (n_joints,); NaN without a transmitted torque.
     """
 
     mu: Array
@@ -164,7 +166,7 @@ class LoadFriction(NamedTuple):
 
 
 def directly_driven(robot: Robot) -> DriveTrain:
-    """Torque taken as it was read, gears taken as rigid."""
+    """Return a drive train without delay and with rigid gears."""
     n, n_base = robot.n_joints, len(base_parameters(robot))
     zero, unknown = np.zeros(n), np.full(n, np.nan)
     soft = np.zeros(n, dtype=bool)
@@ -174,7 +176,7 @@ def directly_driven(robot: Robot) -> DriveTrain:
 
 
 def compliance_units(robot: Robot) -> str:
-    """Unit of a column of compliances of all joints, in millionths."""
+    """Return the unit of a column of compliances of the joints, in millionths."""
     each = ("µrad/(N m)" if robot.revolute[axis] else "µm/N" for axis in range(robot.n_joints))
     return " or ".join(dict.fromkeys(each))
 
@@ -187,9 +189,9 @@ def find_drive_train(
     Parameters
     ----------
     loaded : ndarray of bool, shape (n_joints,), optional
-        Axes whose friction grows with the transmitted torque; none by default.
+        Axes with load-dependent friction; none by default.
     start : DriveTrain, optional
-        Where it is known already what soft gears transmit.
+        Earlier estimate with the torques transmitted by soft gears.
     """
     loaded = np.zeros(robot.n_joints, dtype=bool) if loaded is None else loaded
     accelerated = [(m, s) for m, s in prepared if _shows_lag(m)]
@@ -204,10 +206,10 @@ def find_drive_train(
         train = replace(found, soft=soft)
         change = np.abs(train.soft_compliance - placed)
         if (change <= np.nan_to_num(train.compliance_error)).all():
-            break  # gears are as soft as links were placed by
+            break  # compliances agree with those of the link positions
         placed = train.soft_compliance
         found = _found(robot, accelerated, loaded, train)
-        soft = soft | found.soft  # or two gears might take turns for ever
+        soft = soft | found.soft  # otherwise two gears might alternate for ever
     if (soft & ~found.soft).any():
         again = _found(robot, accelerated, loaded, found)
         return replace(again, soft=again.soft & found.soft)
@@ -222,7 +224,7 @@ def _found(
     *,
     calculated: bool = False,
 ) -> DriveTrain:
-    """The same from links that are in their places as far as these are known."""
+    """Estimate a drive train from link positions corrected by an earlier estimate."""
     if not accelerated:
         return directly_driven(robot)
     period = max(s.period for _, s in accelerated)
@@ -235,19 +237,19 @@ def _found(
         return directly_driven(robot)
 
     def found(blocks: Blocks, soft: Mask) -> DriveTrain:
-        search = Search(blocks, period * shifts, (EARLIEST, LATEST), solver=_without_faint)
+        search = Search(blocks, period * shifts, (EARLIEST, LATEST), solver=_solve_excited)
         return _read(robot, search, search.settled(replace(all_late, soft=soft)))
 
-    all_late = State.of(robot.n_joints, late=True)
+    all_late = State.start(robot.n_joints, late=True)
     late = shift_names(shifts)
     p = found(condensed_blocks(robot, (axes for _, axes in stacks), late), all_late.soft).p
-    rows = _with_gears(robot, stacks, p, loaded, calculated=calculated)
+    rows = _add_gear_columns(robot, stacks, p, loaded, calculated=calculated)
     blocks = condensed_blocks(robot, rows, late, compliance_names(robot))
     every = found(blocks, ~all_late.soft)
     if before is not None:
         every = replace(every, compliance=every.compliance + before.soft_compliance)
     judged = _judged(robot, every, accelerated, period)
-    # columns that nothing calls for make lags uncertain: gears that are not soft lose theirs
+    # superfluous columns make lags uncertain: rigid gears have none
     last_one = found(blocks, judged.soft)
     return replace(
         judged, lag=last_one.lag, lag_error=last_one.lag_error,
@@ -256,14 +258,14 @@ def _found(
 
 
 def _shows_lag(measurement: ParameterMotion) -> bool:
-    """Whether the axis whose torque is read accelerates."""
+    """Return True if the measured axis accelerates."""
     if shows_element(measurement):
         return bool(measurement.unit_acceleration[measurement.index])
     return True
 
 
 def _stacked(robot: Robot, m: ParameterMotion, s: Signals, shifts: Indices) -> list[list[Stacked]]:
-    """Torques at whole shifts, the motor's part behind the first, beside all columns."""
+    """Stack torques at integer shifts, the motor's part after the first, and all columns."""
     reach = int(np.abs(shifts).max()) + (PASSES - 1) * half_window(s.period)
     motors = motor_torque(robot, s.q, s.qd, s.qdd)
 
@@ -276,7 +278,7 @@ def _stacked(robot: Robot, m: ParameterMotion, s: Signals, shifts: Indices) -> l
     return stack_axes(robot, s, m.read, part, PASSES)
 
 
-def _with_gears(
+def _add_gear_columns(
     robot: Robot,
     stacks: Sequence[tuple[Signals, Sequence[Stacked]]],
     p: Array,
@@ -284,7 +286,7 @@ def _with_gears(
     *,
     calculated: bool,
 ) -> Iterator[list[Stacked]]:
-    """The same with columns of load friction where it is, and K behind those of p."""
+    """Add columns of load friction, and columns K after those of p."""
     transmitted = [_smooth_load(robot, s, p, loaded, calculated=calculated) for s, _ in stacks]
     rows = [
         np.stack([x[each.index] for x in (*s.link, *twist)])
@@ -293,7 +295,7 @@ def _with_gears(
     ]
     every = np.concatenate(rows, axis=1)
     ends = np.cumsum([x.shape[1] for x in rows])[:-1]
-    # of all measurements at once: a call takes as long as a thousand samples do
+    # one call for all measurements: the overhead of a call equals a thousand samples
     K = iter(np.split(gear_columns(robot, p, [*every[:3]], [*every[3:]]), ends))
     for (_, axes), (_, friction) in zip(stacks, transmitted, strict=True):
         found = []
@@ -308,25 +310,25 @@ def _with_gears(
 def _smooth_load(
     robot: Robot, s: Signals, p: Array, loaded: Mask, *, calculated: bool
 ) -> tuple[tuple[Array, Array, Array], Array]:
-    """Torque that gears transmit, smoothed, with two derivatives, and what friction knows of it."""
+    """Return transmitted torques, smoothed with two derivatives, and the load of friction."""
     load = of_links = inverse_dynamics(robot, p, *s.link)
     if s.twist is None and not calculated:
         load = _transmitted(robot, p, s)
     for _ in range(PASSES):
         load = s.smoothed(load)
-    friction = _of_load(s, of_links) if loaded.any() else of_links
+    friction = _smooth_absolute(s, of_links) if loaded.any() else of_links
     return (load, *derivatives(load, s.period)), friction
 
 
 def _transmitted(robot: Robot, p: Array, s: Signals, compliance: Array | float = 0.0) -> Array:
-    """Torque that gears transmit, shape (n, n_joints).
+    """Return the torque transmitted by the gears, shape (n, n_joints).
 
-    Of a stroke motors' torques say it. From them goes the rotors' part, and friction: half of what
-    torques beside calculated ones differ by between the two directions of an axis, less where it
-    turns round. What moves in one direction alone keeps its friction: a constant twists no gear any
-    faster. Where all axes move at once, noise of all rotors' accelerations would come together in
-    each torque, that of positions in either side of the equation: there it is calculated, from the
-    motion of the links as far as `compliance` says it.
+    For a stroke the motor torque is used, less the rotor torque and friction: half the difference,
+    between the two directions of an axis, of measured minus calculated torque, reduced near
+    reversals. For motion in one direction friction is kept: a constant does not change the rate of
+    twist. If all axes move at once, acceleration noise of all rotors would add up in each torque,
+    and position noise would be on either side of the equation: then the torque is calculated, from
+    the motion of the links as far as `compliance` is known.
     """
     calculated = inverse_dynamics(robot, p, s.q, s.qd, s.qdd)
     if s.group is not None:
@@ -341,12 +343,12 @@ def _transmitted(robot: Robot, p: Array, s: Signals, compliance: Array | float =
     return found
 
 
-def _of_load(s: Signals, load: Array) -> Array:
-    """Absolute values of the transmitted torque, smoothed.
+def _smooth_absolute(s: Signals, load: Array) -> Array:
+    """Return absolute values of the transmitted torque, smoothed.
 
-    Where it changes its sign, at many a corner, that of the smoothed torque dips for as long as
-    the window reaches, which looks like a lag; that of the unsmoothed one rectifies noise. So the
-    sign alone is taken from the smoothed torque.
+    At sign changes, frequent at corners, the absolute value of the smoothed torque dips over the
+    length of the window, which resembles a lag; that of the unsmoothed torque rectifies noise. So
+    only the sign is taken from the smoothed torque.
     """
     friction = load * np.sign(s.smoothed(load))
     for _ in range(PASSES):
@@ -354,18 +356,18 @@ def _of_load(s: Signals, load: Array) -> Array:
     return friction
 
 
-def _without_faint(equations: Normal) -> tuple[Normal, Array]:
-    """Solve without combinations of unknowns that show too faintly."""
+def _solve_excited(equations: Normal) -> tuple[Normal, Array]:
+    """Solve without weakly excited combinations of unknowns."""
     return equations, inverse(equations.information, RANK) @ equations.vector
 
 
 def _read(robot: Robot, search: Search, state: State) -> DriveTrain:
-    """Lags and compliances of a search, and what errors of the lags do to the base parameters."""
+    """Read lags and compliances from a search, with the effect of lag errors on parameters."""
     regression = search.regression(state)
     fit, n_base = regression.fit("clusters"), len(base_parameters(robot))
     lags = [fit.layout.index(LAG, axis) for axis in range(robot.n_joints)]
     error = np.sqrt(np.diag(fit.covariance).clip(0.0))
-    # standard error from which on a lag is taken as zero [s]
+    # largest standard error of an identifiable lag [s]
     identifiable = (error[lags] > 0) & (error[lags] < 0.0005)
     certain = fit.covariance[np.ix_(lags, lags)] * np.outer(identifiable, identifiable)
     effect = _effect(robot, regression)
@@ -385,9 +387,9 @@ def _read(robot: Robot, search: Search, state: State) -> DriveTrain:
 
 
 def _effect(robot: Robot, regression: Regression) -> Array:
-    """Change of the base parameters of the diagonal group by the lags, shape (n_base, n_joints).
+    """Return the change of diagonal-group parameters by the lags, shape (n_base, n_joints).
 
-    The others are held: measurements without acceleration identify them.
+    The other groups are fixed: measurements without acceleration identify them.
     """
     layout, kept = regression.layout, regression.kept
     shared = len(layout.shared)
@@ -401,14 +403,14 @@ def _effect(robot: Robot, regression: Regression) -> Array:
 
 
 def _judged(robot: Robot, found: DriveTrain, measured: Prepared, period: float) -> DriveTrain:
-    """Which gears count as soft, an error of sampling being counted."""
+    """Select the significantly soft gears, with the sampling error included."""
     q = np.array([s.q.mean(axis=0) for _, s in measured])
     links = np.einsum("njj->nj", mass_matrix(robot, found.p, q)).mean(axis=0)
     motors = np.diag(motor_inertia(robot, q[0]))
     with np.errstate(divide="ignore", invalid="ignore"):
         sampled = period**2 / 24 * np.where(links > 0, (links + motors) / links**2, np.inf)
     error = np.hypot(found.compliance_error, sampled)
-    # a compliance over its standard error from which on a gear counts as soft
+    # smallest ratio of compliance to standard error of a soft gear
     soft = np.nan_to_num(found.compliance / error) > 2.0
     soft &= np.nan_to_num(found.compliance) * robot.torque_limit < MOST_TWIST
     return replace(found, compliance_error=error, soft=soft)

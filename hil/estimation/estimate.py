@@ -1,4 +1,4 @@
-"""What an identification finds: base parameters and how far they can be trusted."""
+"""Result of an identification: base parameters with uncertainty."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class LeftOut(NamedTuple):
-    """A measurement that could not be used, and why."""
+    """Rejected measurement, with the reason."""
 
     id: str
     reason: str
@@ -34,7 +34,7 @@ class LeftOut(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Estimate:
-    """Base parameters with their uncertainty and the measurements behind them.
+    """Base parameters with uncertainty, and the underlying measurements.
 
     Attributes
     ----------
@@ -43,52 +43,53 @@ class Estimate:
     p : ndarray, shape (n_base,)
         [kg m^2, kg m or kg].
     covariance : ndarray, shape (n_base, n_base)
-        Of all errors that show in the data.
+        Covariance of the errors visible in the data.
     degrees_of_freedom : ndarray, shape (n_base,)
-        Effective ones: few where few measurements carry a parameter.
+        Effective degrees of freedom: few if few measurements determine a parameter.
     effect : ndarray, shape (n_base, 2 n_joints)
         Change of p per relative change of each torque constant, then of each rotor inertia, whose
-        errors do not show.
+        errors are not visible in the data.
     stated, usual : ndarray, shape (2 n_joints,)
-        Standard deviations of these, as the robot file states them; and by usual tolerances where
-        it states none (`Robot.usual_uncertainty`).
+        Standard deviations of these drive values from the robot file, and from usual tolerances for
+        values without one (`Robot.usual_uncertainty`).
     residual : ndarray, shape (n_joints,)
-        Root mean square of what the model leaves of each axis's torque, friction fitted as the
-        method does and after its low-pass; by the published method what the local models of inertia
-        and coupling leave [N m]. NaN where an axis was not measured so.
+        Root mean square of each axis's torque residual, with friction fitted and signals filtered
+        as in the method; for the published method that of the local models of inertia and coupling
+        [N m]. NaN for an axis without such a measurement.
     condition : dict
-        Condition number of each group's observation matrix, rows weighted by eq. (16); by a
-        conventional method of that of all parameters, ``"all"``.
+        Condition number of each group's observation matrix, rows weighted by eq. (16); for a
+        conventional method that of all parameters, ``"all"``.
     local : tuple of LocalValue
-        Step 1: each measurement by itself, in the order of the plan; none by a conventional method.
+        Step 1: values of the measurements, in the order of the plan; empty for a conventional
+        method.
     left_out : tuple of LeftOut
     n_measurements : int
-        Measurements behind the estimate.
+        Number of measurements in the estimate.
     friction_law : FrictionLaw
-        Friction over all recordings; unknown of all axes where the method looks for no law.
+        Friction law over all recordings; all axes unknown for methods without a law.
     drive_train : DriveTrain, optional
-        By how much each axis's torque was read late and its gear gives way, which is compensated;
-        None where the method takes the torque as it was read and gears for rigid.
+        Compensated torque delay and gear compliance of each axis; None for methods with recorded
+        torques and rigid gears.
     load_friction : LoadFriction, optional
-        Friction that grows with the transmitted torque; None where the method knows of none.
+        Friction proportional to the transmitted torque; None for methods without it.
     gains : tuple of GainValue
-        That the maps of imports left unknown, found together with what was measured here.
+        Gains left unknown by the maps of imports, estimated jointly with the measurements.
     details : FreeMotionFit, BackAndForthFit or MeasurementFit
-        Settings and what else was found, by the kind of recordings.
+        Settings and further results, by the kind of recordings.
     half_sums : tuple of HalfSums
-        Step 1 of these: the torque of the rigid bodies over the positions of each recording.
+        Step 1 of these motions: rigid-body torque over the positions of each recording.
     combination : ndarray, shape (n_base, n_base), optional
-        ``combination @ truth`` is what `p` stands for; None where that is each parameter itself.
+        ``combination @ truth`` is the quantity estimated by `p`; None for each parameter itself.
     prior_share : ndarray, shape (n_base,), optional
-        Part of each variance by the data from what they leave open and a prior decides, where one
-        was given (`hil.estimation.prior`).
+        Share of each variance by the data from undetermined directions decided by a prior, if given
+        (`hil.estimation.prior`).
     joint : Joint, optional
-        Regression of all samples behind the improved method, for what else is asked of them.
+        Regression of all samples of the improved method, for further evaluations.
     edges : tuple of Edge
-        Lags and compliances that end at the edge of their search range.
+        Lags and compliances at the edge of the search range.
     shifts : tuple of ndarray, shape (n_base,)
-        Change of `p` by the correction of each cause that was found. The errors contain each shift
-        as one standard deviation, because `p` is not corrected.
+        Change of `p` by the correction of each cause found. The errors contain each shift as one
+        standard deviation, because `p` is not corrected.
     """
 
     method: str
@@ -117,12 +118,12 @@ class Estimate:
 
     @property
     def drive_effect(self) -> Array:
-        """Change of p by one standard deviation of each stated drive value, shape of `effect`."""
+        """Change of p by a standard deviation of every stated drive value, shape of `effect`."""
         return self.effect * self.stated
 
     @property
     def drive_covariance(self) -> Array:
-        """Covariance of `p` from errors that do not show, shape (n_base, n_base)."""
+        """Covariance of `p` from errors of drive values, shape (n_base, n_base)."""
         carried = np.column_stack([self.drive_effect, *self.shifts])
         return carried @ carried.T
 
@@ -137,7 +138,7 @@ class Estimate:
         return correlation_of(self.covariance + self.drive_covariance)
 
     def half_width(self, level: float = 0.95) -> Array:
-        """Half-widths of confidence intervals, shape (n_base,)."""
+        """Return half-widths of confidence intervals, shape (n_base,)."""
         scatter, stated = np.diag(self.covariance), np.diag(self.drive_covariance)
         return half_width(scatter, stated, self.degrees_of_freedom, level)
 

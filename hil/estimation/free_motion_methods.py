@@ -1,4 +1,4 @@
-"""The methods by name, from recordings of free motions to an estimate."""
+"""Identify base parameters and friction from free motions, by method name."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.estimation.estimate import Estimate, LeftOut
 from hil.estimation.free_motion.bias_test import bias_test
-from hil.estimation.free_motion.choice import without_choice
+from hil.estimation.free_motion.choice import classical_choice
 from hil.estimation.free_motion.description import (
     Residuals,
     axis_friction,
@@ -20,7 +20,7 @@ from hil.estimation.free_motion.description import (
     remarks,
     torque_lags,
 )
-from hil.estimation.free_motion.gathering import as_kinds, gather, gather_rates
+from hil.estimation.free_motion.gathering import gather, gather_rates, rate_regressions
 from hil.estimation.free_motion.positive import least_inertia
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.free_motion.scaling import found_gains
@@ -50,25 +50,25 @@ def fit_free_motions(
     name: str = DEFAULT,
     options: Options = DEFAULTS,
 ) -> Estimate:
-    """Identify base parameters and friction.
+    """Identify base parameters and friction from free motions.
 
     Parameters
     ----------
     robot : Robot
     recorded : iterable of (RecordedMotion, Recording)
-        Others than free motions are left out. An iterator is read into memory; anything else is
+        Recordings; only free motions are used. An iterator is read into memory; anything else is
         iterated several times.
     name : str
         One of `VARIANTS`.
     options : Options
-        Law of friction, and nuisances that are looked for.
+        Friction law, and nuisances to be estimated.
 
     Raises
     ------
     NotEnoughData
         No free motions, or too short ones.
     NotIdentifiable
-        Base parameters that the motions do not excite, or that unknown gains leave open.
+        Base parameters are not excited, or not determined with unknown gains.
     Mismatch
         The gain of an axis is known in some motions and unknown in others.
     """
@@ -84,9 +84,9 @@ def fit_free_motions(
 def _of_all(
     robot: Robot, fastest: Estimate, rates: Sequence[Gathered], options: Options
 ) -> Estimate:
-    """Estimate of recordings of several rates; friction and settings are those of the fastest."""
+    """Estimate from recordings of several rates, with friction and settings of the fastest."""
     names = base_parameters(robot).names
-    joint, n = balance(as_kinds(rates), names).whole, len(names)
+    joint, n = balance(rate_regressions(rates), names).whole, len(names)
     fit = joint.regression.fit(options.covariance, joint.cells)
     beside = embedded(joint.beside, np.arange(n), len(fit.x))
     fit = replace(fit, covariance=fit.covariance + beside)
@@ -111,21 +111,21 @@ def estimate_from(
     gathered: Gathered,
     options: Options = DEFAULTS,
 ) -> Estimate:
-    """Solve for base parameters and friction of recordings that are gathered.
+    """Estimate base parameters and friction from gathered recordings.
 
     Raises
     ------
     NotIdentifiable
-        Base parameters that the motions do not excite, or gains that they hardly fix.
+        Base parameters are not excited, or gains not determined precisely enough.
     """
     found, scaling, choice = gathered.found, gathered.scaling, gathered.choice
     processing, products = gathered.processing, gathered.products
     visited = configurations(found)
     solution = solve(robot, products, choice, solver, visited, options)
-    classical = without_choice(products, weighted=True)
+    classical = classical_choice(products, weighted=True)
     plain = solve(robot, products, classical, "least squares", visited, options).fit
     fit, n = solution.fit, len(gathered.first)
-    left = Residuals.of(gathered, products, fit)
+    left = Residuals.compute(gathered, products, fit)
     details = FreeMotionFit(
         cut_off=processing.cut_off,
         band=processing.band,

@@ -1,14 +1,14 @@
-"""The paper's Fig. 7: what a left-out centre of mass does to the phase of a gravity torque.
+"""Show a missing centre of mass as a phase shift of a gravity torque (the paper's Fig. 7).
 
 Gravity is linear in the sine and cosine of each joint angle, so the gravity torque of one axis over
-the angle of another is a sinusoid, determined by its values at three angles. What the robot file
-leaves out shifts it. Every pair of axes is looked at where, of the measured configurations, its
-stated sinusoid is largest, and the one that is shifted most is shown; of several alike the one with
-the weakest motor, whose friction hides least.
+the angle of another is a sinusoid, determined by its values at three angles. A parameter missing in
+the robot file shifts the sinusoid. Every pair of axes is examined at the measured configuration
+with the largest stated sinusoid, and the pair with the largest shift is shown; among similar shifts
+the one with the weakest motor, whose friction hides least.
 
-A measurement at another configuration is brought to the one shown: it is drawn as the extended
-model there, plus what the extended model leaves of it where it was taken, less what it leaves of
-all of them alike, which is friction that differs by direction.
+A measurement at another configuration is transferred to the shown one: its value is the extended
+model there, plus its own residual of the extended model, less the mean residual of all
+measurements, which is direction-dependent friction.
 """
 
 from __future__ import annotations
@@ -28,48 +28,48 @@ if TYPE_CHECKING:
 
 
 SEEN = 0.005
-"""Shift below which what was found acts by its inertia only [rad]."""
+"""Smallest relevant shift [rad]; below, a missing parameter acts by its inertia only."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sinusoid:
-    """mean + cosine cos(angle) + sine sin(angle) [N m]."""
+    """Sinusoid mean + cosine cos(angle) + sine sin(angle) [N m]."""
 
     mean: float
     cosine: float
     sine: float
 
-    def at(self, angle: Array) -> Array:
-        """Torque at angles [rad]."""
+    def evaluate(self, angle: Array) -> Array:
+        """Return the torque at angles [rad]."""
         return self.mean + self.cosine * np.cos(angle) + self.sine * np.sin(angle)
 
     @property
     def amplitude(self) -> float:
-        """[N m]."""
+        """Amplitude [N m]."""
         return float(np.hypot(self.cosine, self.sine))
 
     def phase_against(self, other: Sinusoid) -> float:
-        """Angle by which this one lies to the left of another [rad], within +- pi."""
+        """Return the phase lead over another sinusoid [rad], within +- pi."""
         own, others = (complex(s.cosine, -s.sine) for s in (self, other))
         return float(np.angle(own / others)) if others else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Phase:
-    """A gravity torque over a joint angle: as stated, with what was found, as measured.
+    """Gravity torque over a joint angle: stated, extended and measured.
 
     Attributes
     ----------
     axis, over : int
-        Axis whose torque it is, axis whose angle it is drawn over; from 0.
+        Axis of the torque, axis of the varied angle; from 0.
     q : ndarray, shape (n_joints,)
-        Configuration; that of `over` is varied [rad].
+        Configuration; the angle of `over` is varied [rad].
     stated, extended : Sinusoid
-        By the robot file; with what was found taken in.
+        Sinusoid of the robot file, and sinusoid with the missing parameters.
     angle, torque : ndarray, shape (n,)
-        Measurements of the axis, brought to this configuration [rad], [N m].
+        Measurements of the axis, transferred to this configuration [rad], [N m].
     standard_error : ndarray, shape (n,)
-        Theirs, by their own scatter; NaN where it is unknown [N m].
+        Standard errors by the scatter within each measurement; NaN if unknown [N m].
     """
 
     axis: int
@@ -88,7 +88,7 @@ class Phase:
 
 
 def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Phase | None:
-    """Find the pair of axes whose sinusoid is shifted most; None where gravity is not concerned."""
+    """Find the pair of axes with the largest phase shift; None without a gravity effect."""
     local = [value for value in best.local if value.symbol == "g"]
     largest = [
         _largest(errors, [v for v in local if v.axis == axis], over)
@@ -96,12 +96,12 @@ def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Ph
         for over in range(errors.complete.n_joints)
         if over != axis
     ]
-    # amplitude below which a sinusoid is no place to read a phase [N m]
+    # smallest amplitude for reading a phase [N m]
     clear = [each for each in largest if each[2].amplitude > 0.5] or largest
     shifts = [abs(extended.phase_against(stated)) for *_, stated, extended in clear]
     if max(shifts, default=0.0) < SEEN:
         return None
-    # share of the largest shift from which on shifts count as alike
+    # smallest share of the largest shift among similar shifts
     alike = [each for each, s in zip(clear, shifts, strict=True) if s >= 0.8 * max(shifts)]
     value, over, stated, extended = min(alike, key=lambda each: torque_limit[each[0].axis])
     own = [v for v in local if v.axis == value.axis]
@@ -120,13 +120,13 @@ def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Ph
 def _largest(
     errors: ModelErrors, values: list[LocalValue], over: int
 ) -> tuple[LocalValue, int, Sinusoid, Sinusoid]:
-    """The measurement where the stated sinusoid over one angle is largest, and both sinusoids."""
+    """Return the measurement with the largest stated sinusoid over an angle, and both sinusoids."""
     shown = [(value, over, *_sinusoids(errors, value.q, value.axis, over)) for value in values]
     return max(shown, key=lambda each: each[2].amplitude)
 
 
 def _sinusoids(errors: ModelErrors, q: Array, axis: int, over: int) -> tuple[Sinusoid, Sinusoid]:
-    """Stated and extended torque of an axis over one angle, the others as in `q`."""
+    """Return stated and extended torque of an axis over a single angle at `q`."""
     turned = np.tile(q, (3, 1))
     turned[:, over] = [0.0, np.pi / 2, np.pi]
     found = []
@@ -138,7 +138,7 @@ def _sinusoids(errors: ModelErrors, q: Array, axis: int, over: int) -> tuple[Sin
 
 
 def _brought(errors: ModelErrors, values: list[LocalValue], q: Array, over: int) -> Array:
-    """Extended model at `q` with each measurement's own angle, plus residuals less their mean."""
+    """Return measured torques transferred to `q`: extended model plus centred residuals."""
     stated, extended = models(errors)
     axis = values[0].axis
     there = np.array([value.q for value in values])
@@ -151,7 +151,7 @@ def _brought(errors: ModelErrors, values: list[LocalValue], q: Array, over: int)
 
 
 def models(errors: ModelErrors) -> tuple[Array, Array]:
-    """Base parameters of the complete robot: as the file states it, and with what was found."""
+    """Return base parameters of the complete robot: as stated, and with missing parameters."""
     return errors.stated @ errors.p, errors.p_all
 
 

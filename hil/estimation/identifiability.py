@@ -1,4 +1,4 @@
-"""Do measurements identify every base parameter? Asked before an estimate is believed."""
+"""Check that measurements identify every base parameter before an estimate is accepted."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 BOUND = f"the condition number of their scaled columns exceeds {IDENTIFIABLE**-0.5:.0e}"
-"""Why parameters count as not identified."""
+"""Reason for parameters not being identified."""
 
 
 def conditions(
     robot: Robot, fits: Sequence[LocalFit], *, together: bool = True
 ) -> dict[str, float]:
-    """Condition number of the observation matrix of each group that was measured; inf: no rank.
+    """Return the condition number of every measured group; infinite for a rank defect.
 
-    Parameters that gravity alone leaves open are judged by the elements of M(q) too, unless each
-    group must do by itself.
+    Gravity parameters not determined by gravity alone are judged with the elements of M(q), unless
+    `together` is False.
     """
     base = base_parameters(robot)
     condition: dict[str, float] = {}
@@ -41,13 +41,13 @@ def conditions(
         if not (columns and len(rows)):
             continue
         hidden = together and base.dependencies.hidden[columns].any()
-        N, size = _of_all_kinds(robot, fits, columns) if hidden else (rows.T @ rows, None)
+        N, size = _combine_kinds(robot, fits, columns) if hidden else (rows.T @ rows, None)
         lost = undetermined(N, IDENTIFIABLE, size).any()
         condition[group] = np.inf if lost else float(np.sqrt(np.linalg.cond(N)))
     return condition
 
 
-def _of_all_kinds(
+def _combine_kinds(
     robot: Robot, fits: Sequence[LocalFit], columns: Sequence[int]
 ) -> tuple[Array, Array]:
     axes = np.array([f.axis if ELEMENT_KINDS[f.kind].symbol == "g" else -1 for f in fits])
@@ -56,7 +56,7 @@ def _of_all_kinds(
 
 
 def _rows(robot: Robot, fits: Sequence[LocalFit], group: str) -> Array:
-    """Observation matrix of a group, rows weighted by eq. (16)."""
+    """Return the observation matrix of a group, rows weighted by eq. (16)."""
     columns = list(base_parameters(robot).groups[group])
     kinds = _kinds(group)
     rows = [f.row[columns] / robot.torque_limit[f.axis] for f in fits if f.kind in kinds]
@@ -68,7 +68,7 @@ def _kinds(group: str) -> list[str]:
 
 
 def require_all_groups(robot: Robot, fits: Sequence[LocalFit], condition: dict[str, float]) -> None:
-    """Refuse groups that their own kind of measurement does not identify.
+    """Raise an error for groups not identified by the corresponding measurements.
 
     Raises
     ------
@@ -88,14 +88,14 @@ def require_all_groups(robot: Robot, fits: Sequence[LocalFit], condition: dict[s
 
 
 def require_rank(robot: Robot, regression: Regression, what: str) -> None:
-    """Refuse recordings that together leave base parameters open.
+    """Raise an error for base parameters not determined by the recordings together.
 
     Parameters
     ----------
     regression : Regression
-        The base parameters are its first unknowns.
+        Regression with the base parameters as first unknowns.
     what : str
-        Recordings that it is of, as the message names them.
+        Description of the recordings for the message.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""All methods by name, and the one for what was recorded.
+"""Select the identification method by name, or by the kinds of the recordings.
 
-Two-step methods take measurements (`two_step_methods`), the others motions that somebody else
-recorded (`free_motion_methods`, `back_and_forth_method`).
+Two-step methods take measurements (`two_step_methods`), the others imported motions
+(`free_motion_methods`, `back_and_forth_method`).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def _two_step(method: TwoStepMethod) -> Identify:
 
 def _free_motion(name: str) -> Identify:
     def identify(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
-        # spectra and filters load for half a second, and what was measured here needs none
+        # spectra and filters load for half a second, and measurements need none
         from hil.estimation.free_motion_methods import fit_free_motions  # noqa: PLC0415
 
         return fit_free_motions(robot, recorded, name, options)
@@ -65,12 +65,12 @@ METHODS: dict[str, Identify] = {
     BACK_AND_FORTH: _back_and_forth,
     **{name: _free_motion(name) for name in VARIANTS},
 }
-"""All methods by name: two-step ones, that for several kinds of recordings, and those for motions
-that somebody else recorded."""
+"""Methods by name: two-step methods, the method for recordings of several kinds, and methods for
+imported motions."""
 
 
 class Effective(NamedTuple):
-    """Values of options that have an effect on a method; names as in `Options`."""
+    """Option values with an effect on a method; names as in `Options`."""
 
     friction: tuple[str, ...] = ("auto",)
     nuisance: tuple[str, ...] = ()
@@ -83,16 +83,16 @@ EFFECTIVE = {
     BACK_AND_FORTH: Effective(covariance=COVARIANCES),
     DEFAULT: Effective(("auto", *LAWS), NUISANCES, COVARIANCES),
 }
-"""By method; all others take what `Effective` states by default."""
+"""Effective option values by method; the default for methods not listed is that of `Effective`."""
 RIVALS = (
     "methods that they are compared with are run from the repository:"
     " python -m benchmarks.rivals RUN --method NAME"
 )
-"""Where methods of earlier versions are that exist only to be compared with."""
+"""Hint to methods of earlier versions, kept for comparison only."""
 
 
 def default_method(motions: Sequence[RecordedMotion]) -> tuple[str, str]:
-    """Name of the method for measurements or recorded motions, and why it is this one."""
+    """Return the default method for measurements or recorded motions, with the reason."""
     free = sum(isinstance(motion, FreeMotion) for motion in motions)
     alone = sum(map(goes_back_and_forth, motions))
     unknown = any(isinstance(each, FreeMotion) and each.unknown_gains for each in motions)
@@ -129,7 +129,7 @@ def estimate(
     UnknownName
         There is no such method.
     NotIdentifiable
-        Base parameters that the measurements do not excite.
+        Base parameters are not excited by the measurements.
     NotEnoughData
         A method for free motions without any.
     Mismatch
@@ -140,14 +140,14 @@ def estimate(
 
 
 def refuse_without_effect(method: str, options: Options) -> None:
-    """Refuse options that a method would ignore.
+    """Raise an error for options without effect on a method.
 
     Raises
     ------
     UnknownName
         There is no such method, or the method takes no prior.
     Mismatch
-        Friction, nuisance or covariance without effect; says what has one.
+        Friction, nuisance or covariance without effect; the message lists effective values.
     """
     if options.prior is not None and method in (BACK_AND_FORTH, "published"):
         raise UnknownName(

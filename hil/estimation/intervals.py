@@ -1,12 +1,12 @@
-"""Half-widths of confidence intervals from two kinds of error.
+"""Compute half-widths of confidence intervals from two kinds of error.
 
-What shows in the data has a variance that is itself estimated: Student's t with its effective
-degrees of freedom. What the robot file states (torque constants, rotor inertias) has a known one:
-the normal distribution. A combination of parameters, such as a torque, takes its degrees of freedom
-from those of the parameters (Welch 1947, Satterthwaite 1946), each with its own share a_k^2 V_kk of
-the variance.
+Errors visible in the data have an estimated variance: Student's t with its effective degrees of
+freedom. Errors of values in the robot file (torque constants, rotor inertias) have a known
+variance: the normal distribution. The degrees of freedom of a combination of parameters, such as a
+torque, follow from those of the parameters (Welch 1947, Satterthwaite 1946), weighted by each share
+a_k^2 V_kk of the variance.
 
-An estimate that ends at the edge of its search range has no interval (`Edge`).
+An estimate at the edge of its search range has no interval (`Edge`).
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 
 SIGNIFICANT = 0.01
-"""Probability with which chance may pass for an effect, of all that is tested together."""
+"""Significance level of a family of tests."""
 MANY = 1e9
-"""Degrees of freedom from which on Student's t is the normal distribution."""
+"""Degrees of freedom large enough for the normal distribution."""
 
 
 class Edge(FileModel):
-    """An estimate that ends at the edge of its search range.
+    """Estimate at the edge of its search range.
 
     Attributes
     ----------
@@ -49,16 +49,16 @@ class Edge(FileModel):
 
 
 def half_width(scatter: Array, stated: Array, degrees: Array, level: float) -> Array:
-    """Half-widths at a confidence level, shape of the variances.
+    """Return half-widths at a confidence level, shape of the variances.
 
     Parameters
     ----------
     scatter, stated : ndarray
-        Variances that show in the data, and that the robot file states.
+        Variances from the data, and variances of values in the robot file.
     degrees : ndarray
         Effective degrees of freedom of `scatter`.
     level : float
-        Between 0 and 1.
+        Confidence level between 0 and 1.
     """
     tail = 0.5 + level / 2
     squares = special.stdtrit(degrees, tail) ** 2 * scatter + special.ndtri(tail) ** 2 * stated
@@ -66,14 +66,14 @@ def half_width(scatter: Array, stated: Array, degrees: Array, level: float) -> A
 
 
 def combined_degrees(rows: Array, variances: Array, degrees: Array) -> Array:
-    """Degrees of freedom of combinations of parameters, shape (...,).
+    """Return degrees of freedom of combinations of parameters, shape (...,).
 
     Parameters
     ----------
     rows : ndarray, shape (..., n_base)
         Coefficients of each combination.
     variances, degrees : ndarray, shape (n_base,)
-        Of the parameters.
+        Variances and degrees of freedom of the parameters.
     """
     shares = rows**2 * variances
     total, fourth = shares.sum(axis=-1) ** 2, (shares**2 / degrees).sum(axis=-1)
@@ -82,7 +82,7 @@ def combined_degrees(rows: Array, variances: Array, degrees: Array) -> Array:
 
 
 def degrees_behind(ratio: float) -> float:
-    """Degrees of freedom with which a half-width of 95 % is `ratio` standard errors."""
+    """Return the degrees of freedom for a 95 % half-width of `ratio` standard errors."""
     from scipy import optimize  # noqa: PLC0415 - takes long to load, and half-widths need none
 
     def excess(degrees: float) -> float:

@@ -1,24 +1,23 @@
-"""Step 1 as the paper has it: each measurement by itself gives one element of g(q) or M(q).
+"""Fit an element of g(q) or M(q) to a measurement, as in the paper (step 1).
 
 gravity, eq. (14)
     Friction is symmetric, so half the sum of the mean torques forward and backward at constant
     velocity is the gravity torque; half the difference is friction.
 inertia, eq. (19), (20)
-    The gravity torque is compensated by the model found from the gravity measurements; what is left
-    is fitted by ``M_ii qdd + a1 qd + a2 sign(qd) + a3 cbrt(qd)``.
+    The gravity torque is compensated by the model found from the gravity measurements; the
+    remainder is fitted by ``M_ii qdd + a1 qd + a2 sign(qd) + a3 cbrt(qd)``.
 coupling, eq. (21)
-    The torque is read on axis j, which creeps, while axis i accelerates: ``M_ji qdd_i`` and, for
-    each stroke of the creeping axis, a level that holds its friction (the paper's ``a1 qd_j`` at
-    constant ``qd_j``), gravity being compensated.
+    The torque is measured on the creeping axis j while axis i accelerates: ``M_ji qdd_i`` and, for
+    each stroke of the creeping axis, a friction level (the paper's ``a1 qd_j`` at constant
+    ``qd_j``), gravity being compensated.
 
-Much of the torque is none of these terms: friction that grows with the load or differs by
-direction, ripple, gears that give way, other axes that yield and accelerate as well. The improved
-method finds all that, and a point of step 1 that it is left in lies beside a right model
-(`believed_fit`).
+Much of the torque is in none of these terms: load-dependent or direction-dependent friction,
+ripple, gear elasticity, accelerations of other axes. The improved method models these effects, and
+its values of step 1 lie close to a correct model (`believed_fit`).
 
 Samples slower than 5 % of the axis's speed limit are left out: presliding is no function of
-velocity. The row that belongs to a value is the mean of the regressor's rows over the same samples,
-not the row at the nominal configuration, since a window covers a range of q.
+velocity. The row of a value is the mean of the regressor's rows over the used samples, not the row
+at the nominal configuration, since a window covers a range of q.
 """
 
 from __future__ import annotations
@@ -51,15 +50,15 @@ if TYPE_CHECKING:
 
 
 SETTLING = 0.16
-"""Time after a ramp before the axis counts as at constant velocity [s]."""
+"""Settling time after a ramp until constant velocity [s]."""
 FEWEST = 5
-"""Samples for each coefficient of a fit."""
+"""Fewest samples per coefficient of a fit."""
 REFERENCE_SPEED = 0.1
-"""Share of the speed limit at which friction levels are stated."""
+"""Reference speed of friction levels, as a share of the speed limit."""
 
 
 def local_fit(robot: Robot, measurement: ElementMeasurement, s: Signals) -> LocalFit:
-    """Evaluate one measurement.
+    """Evaluate a measurement.
 
     Raises
     ------
@@ -73,26 +72,26 @@ def local_fit(robot: Robot, measurement: ElementMeasurement, s: Signals) -> Loca
 def believed_fit(
     robot: Robot, measurement: ElementMeasurement, s: Signals, p: Array, common: Array
 ) -> LocalFit:
-    """Evaluate one measurement as the improved method sees it.
+    """Evaluate a measurement after subtraction of effects found by the improved method.
 
-    Its torque is less all that is found beside the element: the terms common to the axis's
-    measurements, and what the full row of the regressor has beside gravity and the element itself.
-    Friction of the measurement alone has the improved method's terms.
+    Subtracted are the terms common to the axis's measurements, and the rigid-body torque except
+    gravity and the element itself. The friction terms of the measurement are those of the improved
+    method.
 
     Parameters
     ----------
     p : ndarray, shape (n_base,)
     common : ndarray, shape (N_COMMON,)
-        Coefficients of the axis's common terms.
+        Coefficients of the common terms of the axis.
 
     Raises
     ------
     NotEnoughData
-        As of `local_fit`.
+        See `local_fit`.
     """
     axis = measurement.index
     rows, columns, _ = s.terms(robot, axis)
-    weight, element = _at_rest(robot, s, axis, *np.flatnonzero(measurement.unit_acceleration))
+    weight, element = _static_rows(robot, s, axis, *np.flatnonzero(measurement.unit_acceleration))
     qdd = s.qdd @ np.abs(measurement.unit_acceleration)
     own = weight @ p[list(base_parameters(robot).groups[GRAVITY])] + qdd * (element @ p)
     rigid, v = rows @ p, s.smoothed(s.qd[:, axis])
@@ -144,7 +143,7 @@ def _inertia(robot: Robot, m: Inertia, s: Signals, friction: Array | None = None
     reference = REFERENCE_SPEED * robot.velocity_limit[i]
     columns = np.column_stack([s.qdd[:, i], v, np.sign(v), np.cbrt(v)])
     levels = np.array([0.0, reference, 1.0, np.cbrt(reference)])
-    if friction is not None:  # the level is that of the published terms
+    if friction is not None:  # the friction level is defined for the published terms only
         columns = np.column_stack([s.qdd[:, i], friction])
         levels = np.zeros(columns.shape[1])
     return _mass_element(robot, m, s, (i, i), columns, levels, s.valid)
@@ -168,16 +167,16 @@ def _mass_element(
     levels: Array,
     used: NDArray[np.bool_],
 ) -> LocalFit:
-    """Eq. (20) for an element of M(q).
+    """Fit eq. (20) for an element of M(q).
 
     Parameters
     ----------
     columns : ndarray, shape (n, k)
-        Of the observation matrix, the acceleration first.
+        Observation matrix, the acceleration first.
     levels : ndarray, shape (k,)
-        Weights with which the coefficients make up the friction level.
+        Weights of the coefficients in the friction level.
     used : ndarray of bool, shape (n,)
-        Samples to choose from.
+        Available samples.
     """
     signals = _filtered(robot, s, element[0], columns, element[1])
     used = used & _away_from_reversals(robot, s, element[0], signals.v)
@@ -209,20 +208,20 @@ def _mass_element(
 
 
 class _Filtered(NamedTuple):
-    """Everything about an axis in one measurement, passed through the filter.
+    """Filtered signals and columns of an axis in a measurement.
 
     Attributes
     ----------
     sides : ndarray, shape (n, k)
-        Those columns of the right-hand side that are not zero: see `LocalFit`.
+        Nonzero columns of the right-hand side: see `LocalFit`.
     place : ndarray of int, shape (k,)
-        Of them among all.
+        Indices of these columns among all.
     v : ndarray, shape (n,)
         Velocity [rad/s].
     columns : ndarray, shape (n, m)
-        Of the observation matrix.
+        Columns of the observation matrix.
     element : ndarray, shape (n, n_base)
-        Of M(q) by the model, per unit of each base parameter; not filtered.
+        Element of M(q) by the model, per unit of each base parameter; not filtered.
     """
 
     sides: Array
@@ -239,44 +238,44 @@ def _filtered(
     columns: Array | None = None,
     accelerated: int | None = None,
 ) -> _Filtered:
-    """Pass everything about an axis through the filter, while a joint accelerates or none does."""
-    weight, element = _at_rest(robot, s, axis, *([] if accelerated is None else [accelerated]))
+    """Filter the signals and columns of an axis, with at most one accelerated joint."""
+    weight, element = _static_rows(robot, s, axis, *([] if accelerated is None else [accelerated]))
 
-    def of_motion() -> Array:
+    def filter_motion() -> Array:
         motor = motor_torque(robot, s.q, s.qd, s.qdd)[:, axis]
         given = [s.qd[:, axis], motor, weight, *([] if columns is None else [columns])]
         return s.filtered(np.column_stack(given))
 
-    # columns of a measurement are always the same, as many as there are
+    # the columns of a measurement are identified by their number
     n_columns = 0 if columns is None else columns.shape[1]
-    found = s.once((_filtered, robot, axis, n_columns), of_motion)
+    found = s.once((_filtered, robot, axis, n_columns), filter_motion)
     shown = np.array(base_parameters(robot).groups[GRAVITY], dtype=int)
     k = 2 + len(shown)
     sides = np.column_stack([s.filtered(s.tau[:, axis]), found[:, 1:k]])
     return _Filtered(sides, np.append([0, 1], 2 + shown), found[:, 0], found[:, k:], element)
 
 
-def _at_rest(robot: Robot, s: Signals, axis: int, *accelerated: int) -> tuple[Array, Array]:
-    """Rows of an axis by gravity, (n, n_gravity), and by an acceleration of 1 of a joint if any."""
+def _static_rows(robot: Robot, s: Signals, axis: int, *accelerated: int) -> tuple[Array, Array]:
+    """Return rows of an axis for gravity, (n, n_gravity), and for a unit acceleration."""
 
-    def of_motion() -> tuple[Array, Array]:
+    def compute_rows() -> tuple[Array, Array]:
         still = np.zeros(robot.n_joints)
         rates = [(still, still), *((still, np.eye(robot.n_joints)[each]) for each in accelerated)]
         rows = [each[:, 0] for each in regressors(robot, s.q, rates, joints=[axis])]
         return rows[0][:, list(base_parameters(robot).groups[GRAVITY])], rows[-1] - rows[0]
 
-    return s.once((_at_rest, robot, axis), of_motion)
+    return s.once((_static_rows, robot, axis), compute_rows)
 
 
 def _away_from_reversals(robot: Robot, s: Signals, axis: int, v: Array) -> NDArray[np.bool_]:
-    """Samples of an axis in motion, apart from its reversals as far as the filter reaches."""
+    """Return the moving samples of an axis beyond the reach of the filter from reversals."""
     return s.away_from(np.abs(v) < SLOW * robot.velocity_limit[axis])
 
 
 def _window(m: Gravity, s: Signals, v: Array, stroke: int) -> NDArray[np.bool_]:
-    """Samples at constant velocity, the transient after the ramp left out."""
+    """Return the samples at constant velocity, without the transient after the ramp."""
     wanted = m.velocity if stroke % 2 == 0 else -m.velocity
-    # relative deviation from the profile velocity that still counts as constant
+    # largest relative deviation from the profile velocity at constant velocity
     off = (s.stroke != stroke) | (np.abs(v - wanted) > 0.1 * m.velocity)
     steady: NDArray[np.bool_] = ~off & s.valid
     if steady.any():
@@ -295,10 +294,10 @@ LOCAL_FITS: dict[str, Callable[[Robot, Any, Signals], LocalFit]] = {
     "inertia": _inertia,
     "coupling": _coupling,
 }
-"""By kind of measurement, for all kinds that show an element of g(q) or M(q)."""
+"""Fit by kind of measurement, for kinds with an element of g(q) or M(q)."""
 ELSEWHERE = {
     "friction": "",
     "trajectory": "the published method takes strokes alone; the improved one trajectories too",
     "free": "the published method takes strokes alone; the improved one free motions too",
 }
-"""The other kinds, from which no base parameters are identified here: what an estimate remarks."""
+"""Remark by kind of measurement without base parameters in step 1."""

@@ -1,4 +1,4 @@
-"""One element of g(q) or M(q) as one measurement shows it (`hil.estimation.local_fits`)."""
+"""Define measured elements of g(q) and M(q) (`hil.estimation.local_fits`)."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalValue:
-    """One element of g(q) or M(q) as measured.
+    """Measured element of g(q) or M(q).
 
     Attributes
     ----------
     id, kind : str
     axis, partner : int
-        Joint whose torque was read, joint that was accelerated; indices from 0.
+        Measured joint, accelerated joint; indices from 0.
     q : ndarray, shape (n_joints,)
         Mean configuration [rad].
     time : float
-        Middle of the recording since the bus was entered [s].
+        Middle of the recording, since the start of the bus [s].
     value, model : float
-        Measured, and what the base parameters say: g_i [N m], M_ii or M_ji [kg m^2].
+        Measured value, and value by the base parameters: g_i [N m], M_ii or M_ji [kg m^2].
     standard_error : float
-        Of `value`, from the scatter inside the measurement; NaN where there is none.
+        Standard error of `value`, from the scatter inside the measurement; NaN without scatter.
     friction : float
-        Level at `hil.estimation.local_fits.REFERENCE_SPEED`, or at creep speed where the axis
-        creeps, mean of both directions [N m].
+        Friction level at `hil.estimation.local_fits.REFERENCE_SPEED`, or at creep speed for a
+        creeping axis, mean of both directions [N m].
     residual : float
-        Root mean square of what the local model leaves [N m].
+        Root mean square residual of the local model [N m].
     believed, believed_error : float
-        Value and standard error when all is taken off that the estimator finds beside the element
-        (`hil.estimation.local_fits.believed_fit`); NaN by a method that finds nothing beside it.
+        Value and standard error after subtraction of further effects found by the estimator
+        (`hil.estimation.local_fits.believed_fit`); NaN for methods without such effects.
     """
 
     id: str
@@ -56,39 +56,39 @@ class LocalValue:
 
     @property
     def shown(self) -> tuple[float, float]:
-        """Value and standard error as they are set beside the model's."""
+        """Value and standard error for comparison with the model."""
         if np.isnan(self.believed):
             return self.value, self.standard_error
         return self.believed, self.believed_error
 
     @property
     def symbol(self) -> Literal["g", "M"]:
-        """Vector or matrix that the element stands in."""
+        """Symbol of the vector or matrix of the element."""
         return ELEMENT_KINDS[self.kind].symbol
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalFit:
-    """A measurement evaluated as far as it goes without knowing p_g.
+    """Evaluated measurement, linear in the unknown base parameters of gravity.
 
-    A fit is linear in its right-hand side, which has several columns here: the measured torque, the
-    motors' part of it, and the gravity torque of one unit of each base parameter.
+    The right-hand side of the fit has several columns: the measured torque, the motors' part of the
+    torque, and the gravity torque of one unit of each base parameter.
 
     Attributes
     ----------
     id, kind, axis, partner, q, time
         See `LocalValue`.
     sides : ndarray, shape (2 + n_base,)
-        The element that each column amounts to. The gravity columns of a gravity measurement are
-        zero, since they are what it measures.
+        Value of the element for each column. The gravity columns of a gravity measurement are zero,
+        since gravity is the measured quantity.
     friction : ndarray, shape (2 + n_base,)
-        The friction level that each column amounts to.
+        Friction level for each column.
     gram : ndarray, shape (2 + n_base, 2 + n_base)
         Mean products of the columns' residuals.
     leverage : float
-        Standard error of the element per residual.
+        Ratio of the element's standard error to the residual.
     row : ndarray, shape (n_base,)
-        The element as the model has it: ``row @ p``.
+        Row of the element in the model: ``row @ p``.
     """
 
     id: str
@@ -103,8 +103,8 @@ class LocalFit:
     leverage: float
     row: Array
 
-    def at(self, p: Array) -> LocalValue:
-        """Values with gravity compensated by base parameters `p`."""
+    def evaluate(self, p: Array) -> LocalValue:
+        """Return values with gravity compensated by base parameters `p`."""
         weights = np.concatenate([[1.0, -1.0], -p])
         residual = float(np.sqrt(max(weights @ self.gram @ weights, 0.0)))
         return LocalValue(

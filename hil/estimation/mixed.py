@@ -1,18 +1,17 @@
-"""Recordings of several kinds as one regression: what was measured here, and what was imported.
+"""Fit measurements and imported recordings in a joint regression.
 
-Each kind becomes blocks in its own way: strokes and trajectories with friction found anew in each
-(`hil.estimation.two_step_methods`), free motions with the laws of friction that held-out pieces
-call for (`hil.estimation.free_motion`). Base parameters have the same names in both, so the blocks
-add up to one regression. Filters, rates and friction differ, so the torque of an axis is a channel
-of its own in each kind, with its own weight and its own friction; nothing but the base parameters
-passes from one to the other. Gains that the map of an import leaves unknown are found with all, by
-Gauss and Newton's method from where the parameters of the strokes have them. How much a whole kind
-counts follows from leaving out its groups (`hil.least_squares.balance`). What lags, gives way and
-drifts is found in each kind by itself.
+Each kind is condensed to blocks separately: strokes and trajectories with separate friction in each
+(`hil.estimation.two_step_methods`), free motions with friction laws chosen on held-out pieces
+(`hil.estimation.free_motion`). Base parameters have equal names in both, so the blocks add up to
+one regression. Filters, rates and friction differ, so the torque of an axis is a separate channel
+in each kind, with separate weight and friction; only the base parameters are shared. Unknown gains
+of imports are estimated jointly, by Gauss-Newton from the values given by the parameters of the
+strokes. The weight of a kind follows from leaving out its groups (`hil.least_squares.balance`).
+Lags, compliances and drift are estimated in each kind separately.
 
-Estimated is as by measurements alone (`hil.estimation.two_step_methods.measured`): errors of groups
-that are left out, and what else leaves the parameters of a kind uncertain, in proportion to what of
-them is in those of all.
+Errors are estimated as for measurements alone (`hil.estimation.two_step_methods.measured`): from
+leaving out groups, plus the further uncertainties of a kind's parameters, in proportion to the
+kind's share in the joint parameters.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from hil.estimation.free_motion.gathering import as_kinds, gather_rates
+from hil.estimation.free_motion.gathering import gather_rates, rate_regressions
 from hil.estimation.free_motion.scaling import found_gains
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.options import DEFAULTS
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
 
 
 def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> Estimate:
-    """Identify base parameters from recordings of several kinds together.
+    """Identify base parameters jointly from recordings of several kinds.
 
     Raises
     ------
@@ -51,13 +50,13 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
     p = found.solver.solve()
     imported = gather_rates(robot, recorded, VARIANTS[DEFAULT], options, p)
     unknown = any(each.scaling.unknown for each in imported)
-    # two rounds of Gauss and Newton's method for unknown gains: it squares the error of a first
-    # gain, which is a few percent beside parameters of strokes
+    # two Gauss-Newton rounds for unknown gains: a round squares the error of a first gain,
+    # which is a few percent with the parameters of strokes
     for _ in range(2 if unknown else 0):
-        kinds = [Kind(found.solver.regression), *as_kinds(imported)]
+        kinds = [Kind(found.solver.regression), *rate_regressions(imported)]
         fit = balance(kinds, names).whole.regression.fit("white")
         imported = [each.rescaled(fit) for each in imported]
-    estimate, fit = measured(robot, raw, unusable, found, options, as_kinds(imported))
+    estimate, fit = measured(robot, raw, unusable, found, options, rate_regressions(imported))
     return replace(
         estimate,
         gains=tuple(gain for each in imported for gain in found_gains(robot, each.scaling, fit)),

@@ -1,17 +1,17 @@
-"""What a campaign shows of the noise: how much its torques scatter, how much friction wanders.
+"""Estimate torque noise and friction fluctuations from a campaign.
 
-White noise shows in the residuals of thousands of samples. Friction that wanders shows in how much
-more than that the measurements contradict each other: the score of a measurement is what its own
-normal equations leave at the solution of all,
+White noise shows in the residuals of thousands of samples. Friction fluctuations show in the
+additional disagreement between measurements: the score of a measurement is the residual of its
+normal equations at the joint solution,
 
     s = X'(y - X x),   E(s s') = a S_white + b S_wander,
 
-with both matrices as for a prediction (`hil.planning.prediction.information`). Scores are taken
-through what they do to the base parameters, in the metric of the information, and summed over the
-measurements of a kind. From these sums, chi-squared with as many degrees of freedom as their
-covariances say, a and b of each axis are the most likely ones. Their prior is log-normal: for a
-about the residuals' level, for b about what was expected beforehand
-(`hil.planning.prediction.noise`), and wide.
+with both matrices as for a prediction (`hil.planning.prediction.information`). Scores are weighted
+by their effect on the base parameters, in the metric of the information, and summed over the
+measurements of a kind. From these sums, chi-squared with the degrees of freedom given by the
+covariances, a and b of each axis are the most likely values. The prior is log-normal and wide: for
+a around the level of the residuals, for b around the expectation before the campaign
+(`hil.planning.prediction.noise`).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 
 class Levels(NamedTuple):
-    """Noise as a campaign shows it, its information under it, and base parameters (n_base,)."""
+    """Estimated noise, information for this noise, and base parameters (n_base,)."""
 
     noise: Noise
     known: Information
@@ -55,7 +55,7 @@ class Levels(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """One axis in one measurement: as measured, and as it was to be expected."""
+    """Data of an axis in a measurement: measured, and expected."""
 
     kind: str
     axis: int
@@ -65,9 +65,10 @@ class _Piece(NamedTuple):
 
 
 class _Sums(NamedTuple):
-    """Over the measurements of one kind and axis: squared scores and what they are made of.
+    """Sums over measurements of a kind and axis: squared scores and expected contributions.
 
-    Expected is a `white` + b `wander`; `freedom` is that of the squares as a chi-squared variable.
+    The expectation is a `white` + b `wander`; `freedom` is that of the squares as a chi-squared
+    variable.
     """
 
     squares: float
@@ -77,7 +78,7 @@ class _Sums(NamedTuple):
 
 
 def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
-    """Find the noise of each axis from prepared measurements."""
+    """Estimate the noise of every axis from prepared measurements."""
     used = [(m, s) for m, s in prepared if _is_used(robot, m, s)]
     joint = SimultaneousFit(robot, used)
     pieces = list(_pieces(robot, used, joint))
@@ -94,7 +95,7 @@ def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
 
 
 def _is_used(robot: Robot, measurement: ElementMeasurement, s: Signals) -> bool:
-    """Whether the estimator uses `measurement` at all."""
+    """Return True if the estimator uses `measurement`."""
     used = (s.usable(robot, axis) for axis in measurement.moved)
     return any(each.sum() >= FEWEST for each in used)
 
@@ -111,7 +112,7 @@ def _pieces(robot: Robot, used: Prepared, joint: SimultaneousFit) -> Iterator[_P
 
 
 def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: SimultaneousFit) -> list[list[_Sums]]:
-    """Sums of each axis, one for each kind of measurement that it moved in."""
+    """Return the sums of every axis, by kind of measurement."""
     n_base = len(base_parameters(robot))
     x, matrix = joint.shares.solution(), joint.shares.information
     inverse = solved(matrix, np.eye(len(matrix)))
@@ -122,7 +123,7 @@ def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: SimultaneousFit) ->
         effect = weight * metric @ inverse[:n_base, at]
         score = effect @ (piece.v - piece.N @ x[at])
         own = effect @ piece.N
-        # the solution has bent towards this measurement by its share of the information
+        # the solution is shifted towards this measurement by its share of the information
         bent = weight * np.sum(own @ inverse[np.ix_(at, at)] * own) / np.sum(own * effect)
         white = (1.0 - bent) * effect @ piece.foreseen.white @ effect.T
         wander = (1.0 - bent) * effect @ piece.foreseen.wander @ effect.T
@@ -136,11 +137,11 @@ def _all_sums(robot: Robot, pieces: Sequence[_Piece], joint: SimultaneousFit) ->
 
 
 def _likeliest(sums: Sequence[_Sums], white: float, walk: float) -> tuple[float, float]:
-    """White noise's variance and the walk's growth, from what is expected of them."""
+    """Return the likeliest variance of white noise and growth of the random walk."""
 
     def cost(logs: Array) -> float:
         factors = np.exp(logs)
-        # standard deviations of the priors; the wander, root of b, is known to a factor of about 3
+        # standard deviations of the priors; the root of b is known within a factor of about 3
         total = (logs[0] / 0.3) ** 2 + (logs[1] / 2.0) ** 2
         for each in sums:
             mean = factors[0] * white * each.white + factors[1] * walk * each.wander

@@ -1,30 +1,30 @@
-"""Nuisances beside all other unknowns: lags of torques, soft gears, presliding.
+"""Model torque lags, soft gears and presliding as columns of a regression.
 
-Each is a column, or a value whose derivative is one, of any blocks (`hil.least_squares.blocks`),
-whatever signals these were made of.
+Each nuisance is a column, or a value whose derivative is a column, of any blocks
+(`hil.least_squares.blocks`), independent of the signals in the blocks.
 
-*Lag.* With the lag s of an axis its recorded torque is y(t) = f(t - s). What is explained is
-y(t + s), interpolated between shifts at which the torque is condensed, so a lag need not be a
-number of samples. Near a first s the rest of it is linear, y(t + s) = W(t) x - ds y'(t + s), so ds
-is found with all other unknowns and s by Gauss and Newton's method.
+*Lag.* With the lag s of an axis the recorded torque is y(t) = f(t - s). The torque to be explained
+is y(t + s), interpolated between shifts of the condensed torque, so a lag need not be a number of
+samples. Near a first s the remainder is linear, y(t + s) = W(t) x - ds y'(t + s), so ds is
+estimated with all other unknowns and s by Gauss-Newton.
 
-*Soft gears.* Encoders sit on the motors' side of gears that give way: with a compliance c_j of the
-gear of axis j, which transmits Q_t,j, the link is at q_j = theta_j - c_j Q_t,j. To first order that
-changes the torque of axis i by
+*Soft gears.* Encoders are on the motor side of elastic gears: with a compliance c_j of the gear of
+axis j and the transmitted torque Q_t,j, the link is at q_j = theta_j - c_j Q_t,j. To first order
+this changes the torque of axis i by
 
     sum_j c_j K_ij,   K_ij = -(M_ij Q_t,j'' + dQ_t,i/dq_j Q_t,j + dQ_t,i/dqd_j Q_t,j'),
 
-which is one more column that all axes share.
+which is one further column shared by all axes.
 
-*Presliding.* Surfaces that touch bend their asperities before they slide, so that friction turns
-round over the presliding distance d. Dahl's model has its direction z, from -1 to 1, follow the way
+*Presliding.* Surfaces in contact bend their asperities before sliding, so that friction reverses
+over the presliding distance d. In Dahl's model the direction z, from -1 to 1, depends on the path
 alone,
 
     dz / dq = (1 - z sign(dq)) / d,      z = s - (s - z_0) exp(-|q - q_0| / d)
 
-while the axis moves in direction s from q_0 on, where it was z_0 (P. R. Dahl, Solid friction
-damping of mechanical vibrations, AIAA Journal 14 (1976) 1675-1682). With d = 0 it is the sign of
-the velocity. Directions over some distances are condensed, too.
+while the axis moves in direction s from q_0 on, with z = z_0 at q_0 (P. R. Dahl, Solid friction
+damping of mechanical vibrations, AIAA Journal 14 (1976) 1675-1682). With d = 0, z is the sign of
+the velocity. Directions for several distances are condensed, too.
 """
 
 from __future__ import annotations
@@ -52,42 +52,42 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 STEP = 1e-6
-"""Compliance for which a column K is calculated, by differences [rad/(N m)]: the angle is far
-above rounding and far below what bends K."""
+"""Compliance step for calculating a column K by differences [rad/(N m)]: the angle is far above
+rounding and far below the nonlinearity of K."""
 AROUND = 3
-"""Shifts that interpolation needs beyond any lag."""
+"""Additional shifts for interpolation beyond any lag."""
 WORST = 0.2
-"""Growth of the residual (rms) of one axis that no gain of others is worth: by so much the default
-may leave more than weighted least squares on any axis (`benchmarks/real_machines.py`)."""
+"""Largest growth of the residual (rms) of one axis accepted for gains on others: the accepted
+excess of the default over weighted least squares on any axis (`benchmarks/real_machines.py`)."""
 KEPT = 4
-"""States of an axis whose inner products are kept: those that are compared, and as many before."""
+"""Number of cached states per axis: the compared ones, and as many earlier ones."""
 LAG = "lag"
 _SHIFT, _OVER, _SOFT = "shift", "over", "compliance {}"
 
 
 def shift_names(times: Array) -> list[str]:
-    """Own columns of the torque at all but the first of some times."""
+    """Return the names of the own columns of shifted torques, for times after the first."""
     return [f"{_SHIFT} {k}" for k in range(1, len(times))]
 
 
-def over_names(distances: Sequence[float] | Array) -> list[str]:
-    """Own columns of the direction of friction over some distances."""
+def direction_names(distances: Sequence[float] | Array) -> list[str]:
+    """Return the names of the own columns of friction directions, by presliding distance."""
     return [f"{_OVER} {k}" for k in range(len(distances))]
 
 
 def compliance_names(robot: Robot) -> tuple[str, ...]:
-    """Shared columns of the gears' compliances, in `STEP`."""
+    """Return the names of the shared columns of gear compliances, in `STEP`."""
     return tuple(_SOFT.format(axis + 1) for axis in range(robot.n_joints))
 
 
 def gear_columns(robot: Robot, p: Array, motion: Sequence[Array], load: Sequence[Array]) -> Array:
-    """K: torque of each axis by a compliance `STEP` of each gear, shape (n, n_joints, n_joints).
+    """Return K: torques for a compliance `STEP` of every gear, (n, n_joints, n_joints).
 
     Parameters
     ----------
     p : ndarray, shape (n_base,)
     motion, load : sequence (3,) of ndarray, shape (n, n_joints)
-        Positions and the torques that gears transmit, and two derivatives of either.
+        Positions and transmitted torques, each with two derivatives.
     """
     rigid = inverse_dynamics(robot, p, *motion)
     found = np.empty((*rigid.shape, robot.n_joints))
@@ -99,9 +99,10 @@ def gear_columns(robot: Robot, p: Array, motion: Sequence[Array], load: Sequence
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Lags [s], axes of unknown lag, soft gears, and each axis's distance from 1 on, or 0.
+    """State of the search: lags [s], unknown lags, soft gears, presliding indices.
 
-    All of shape (n_joints,).
+    All of shape (n_joints,). `direction` is the index of the distance from 1 on; 0 for immediate
+    reversal of friction.
     """
 
     lag: Array
@@ -110,13 +111,13 @@ class State:
     direction: Indices
 
     @classmethod
-    def of(cls, n: int, *, late: bool = False) -> State:
-        """All lags unknown or none, all gears rigid, all friction turning round at once."""
+    def start(cls, n: int, *, late: bool = False) -> State:
+        """Create a state with rigid gears and immediate friction reversal, lags unknown or none."""
         rigid, at_once = np.zeros(n, dtype=bool), np.zeros(n, dtype=np.intp)
         return cls(np.zeros(n), np.full(n, late), rigid, at_once)
 
-    def with_one(self, what: str, axis: int, value: int = 1) -> State:
-        """The same with `late`, `soft` or `direction` of one axis changed."""
+    def change_axis(self, what: str, axis: int, value: int = 1) -> State:
+        """Return a copy with a changed `late`, `soft` or `direction` of an axis."""
         other = getattr(self, what).copy()
         other[axis] = value
         found = replace(self, **{what: other})
@@ -124,22 +125,21 @@ class State:
 
 
 class Search:
-    """Regressions over blocks of which the columns depend on a state.
+    """Regressions over blocks with state-dependent columns.
 
     Parameters
     ----------
     blocks : Blocks
-        Of the torque at the first of `times`; own columns are those of `shift_names` and
-        `over_names` besides terms of friction.
+        Blocks with the torque at the first of `times`; own columns are those of `shift_names` and
+        `direction_names` and the terms of friction.
     times : ndarray, shape (k,)
-        Instants, evenly apart, by which the torque is condensed later [s]; `AROUND` of them beyond
-        either bound.
+        Evenly spaced time shifts of the condensed torque [s]; `AROUND` of them beyond either bound.
     bounds : tuple of float
-        Least and largest lag [s].
+        Smallest and largest lag [s].
     distances : ndarray, shape (k,), optional
-        Over which directions of friction are condensed.
+        Presliding distances of the condensed friction directions.
     solver : callable
-        As of `hil.least_squares.regression.Regression`.
+        Solver of `hil.least_squares.regression.Regression`.
     """
 
     def __init__(
@@ -154,42 +154,40 @@ class Search:
         self._distances = np.zeros(0) if distances is None else distances
         self._bounds, self._solver = bounds, solver
         self._terms = tuple(x for x in blocks.own if not x.startswith((f"{_SHIFT} ", f"{_OVER} ")))
-        self._over = blocks.place(*over_names(self._distances))
+        self._over = blocks.place(*direction_names(self._distances))
         self._names = tuple(name for name in blocks.shared if name != ROTOR)
-        # states that are compared differ on one axis
+        # compared states differ on one axis
         self._seen: list[dict[tuple[float, int], Array]] = [{} for _ in range(blocks.n_channels)]
-        self.weights = self.weighed(State.of(blocks.n_channels))
+        self.weights = self.weighed(State.start(blocks.n_channels))
         self._ended: dict[int, State] = {}
 
     def weighed(self, state: State) -> Array:
-        """Weights of the axes by what a state leaves."""
-        blocks = self._at(self._total, state)
+        """Return weights of the axes by the residuals of a state."""
+        blocks = self._state_blocks(self._total, state)
         return Regression.weighed(blocks, self._kept(blocks.layout, state)).weights
 
     def regression(self, state: State, *, total: bool = False) -> Regression:
-        """Regression over all groups, or their total."""
-        blocks = self._at(self._total if total else self._blocks, state)
+        """Return the regression over the groups, or over the total."""
+        blocks = self._state_blocks(self._total if total else self._blocks, state)
         return Regression(blocks, self.weights, self._kept(blocks.layout, state), self._solver)
 
     def converged(self, state: State) -> State:
-        """State with lags by Gauss and Newton's method."""
-        # rounds of Gauss and Newton's method, at most
+        """Iterate the lags of a state by Gauss-Newton."""
+        # maximum number of Gauss-Newton rounds
         for _ in range(12 if state.late.any() else 0):
             change = self.lags_of(self.regression(state, total=True).solution) * state.late
             before, state = (
                 state.lag,
                 replace(state, lag=np.clip(state.lag + change, *self._bounds)),
             )
-            # change of a lag after which the next no longer matters [s]: a hundredth of its
-            # standard error
+            # change of a lag at convergence [s]: a hundredth of the standard error
             if np.abs(state.lag - before).max() < 1e-6:
                 break
         return state
 
     def settled(self, state: State) -> State:
-        """State with lags and weights found from each other."""
-        # times that lags and weights are found from each other: weights of axes hardly depend on
-        # lags
+        """Iterate lags and weights of a state alternately."""
+        # few rounds suffice: weights of axes hardly depend on lags
         for _ in range(3):
             self.weights = self.weighed(state)
             state = self.converged(state)
@@ -198,9 +196,9 @@ class Search:
     def values(
         self, what: str, state: State, covariance: Covariance, most: int | None
     ) -> tuple[Array, Array]:
-        """Lags [s] of `late` axes or compliances [rad/(N m)] of `soft` ones, and their errors.
+        """Return lags [s] of `late` axes or compliances [rad/(N m)] of `soft` axes, with errors.
 
-        Both are 0 where none is unknown.
+        Both are 0 for axes without an unknown lag or compliance.
         """
         fit = self.regression(state).fit(covariance, most=most)
         error = np.sqrt(np.diag(fit.covariance).clip(0.0))
@@ -210,17 +208,18 @@ class Search:
         return STEP * fit.x[gears], STEP * error[gears]
 
     def lags_of(self, x: Array) -> Array:
-        """What stands at the lags among all unknowns, shape (n_joints,)."""
+        """Return the entries of the lags in a vector of unknowns, shape (n_joints,)."""
         n, first = self._blocks.n_channels, len(self._names)
         return np.asarray(x[first + (len(self._terms) + 1) * np.arange(1, n + 1) - 1])
 
     def grown(
         self, state: State, axes: Sequence[int], more: Callable[[State, int], State | None]
     ) -> State:
-        """State with what predicts held-out blocks certainly better, axis by axis.
+        """Add nuisances with certain improvements of held-out predictions, axis by axis.
 
-        Blocks that are held out have others of the same motion nearby. So either half of the
-        recordings must be predicted from the other better, too, and on no axis by `WORST` worse.
+        Held-out blocks have neighbours from the same motion. So the prediction of either half of
+        the recordings from the other must improve, too, and on no axis become worse by more than
+        `WORST`.
         """
         left = list(axes)
         while left:
@@ -234,74 +233,74 @@ class Search:
         return state
 
     def _best(self, state: State, others: Mapping[int, State]) -> int | None:
-        """Axis of the state that predicts held-out blocks certainly better and best, if any."""
+        """Return the axis with the best certain improvement of held-out predictions, if any."""
         states = {"none": state} | {str(axis): each for axis, each in others.items()}
         errors = {name: self._held_out(each) for name, each in states.items()}
         if simplest(errors, self._blocks.n_channels) == "none":
             return None
-        before, least = self._by_halves(state), float(errors["none"].sum())
+        before, least = self._predict_halves(state), float(errors["none"].sum())
         better = {
             int(name): float(error.sum())
             for name, error in errors.items()
-            if error.sum() < least and _no_worse(self._by_halves(states[name]), before)
+            if error.sum() < least and _no_worse(self._predict_halves(states[name]), before)
         }
         return min(better, key=lambda axis: better[axis]) if better else None
 
     def edges(self, state: State) -> dict[int, float]:
-        """Lags of axes [s] that end at a bound of the search, and predict certainly better there.
+        """Return lags [s] at a bound of the search range with certainly better predictions.
 
-        None of them is admitted by `with_lag`: beyond the bound it might be better yet.
+        These lags are rejected by `add_lag`: beyond the bound the prediction might be better yet.
         """
         found = {}
         for axis in [axis for axis in self._ended if not state.late[axis]]:
-            if self.with_lag(state, axis) is None:
+            if self.add_lag(state, axis) is None:
                 at_bound = self._ended[axis]
                 self.weights = self.weighed(state)
                 if self._best(state, {axis: at_bound}) is not None:
                     found[axis] = float(at_bound.lag[axis])
         return found
 
-    def with_lag(self, state: State, axis: int) -> State | None:
-        """State with a lag of one more axis; None where it is beyond all that is looked for."""
-        found = self.converged(state.with_one("late", axis))
+    def add_lag(self, state: State, axis: int) -> State | None:
+        """Return the state with a lag of a further axis; None outside the search range."""
+        found = self.converged(state.change_axis("late", axis))
         if self._bounds[0] < found.lag[axis] < self._bounds[1]:
             return found
         self._ended[axis] = found
         return None
 
-    def with_soft(self, state: State, axis: int) -> State | None:
-        """State with one more gear that gives way; None where it would stiffen with the torque."""
-        found = self.converged(state.with_one("soft", axis))
+    def add_soft_gear(self, state: State, axis: int) -> State | None:
+        """Return the state with a further soft gear; None for a negative compliance."""
+        found = self.converged(state.change_axis("soft", axis))
         fit = self.regression(found, total=True)
         return found if fit.solution[fit.layout.index(_SOFT.format(axis + 1))] > 0 else None
 
-    def with_distance(self, state: State, axis: int) -> State | None:
-        """State with the presliding distance of one axis that fits best.
+    def add_presliding(self, state: State, axis: int) -> State | None:
+        """Return the state with the best presliding distance of an axis.
 
-        None where the usual law leaves no less of the axis with it: another law than all terms may
-        be chosen in the end, or none.
+        None if presliding does not reduce the residual of the axis with the classical law: the
+        final law may differ from all terms, or have no presliding.
         """
-        tried = [state.with_one("direction", axis, k + 1) for k in range(len(self._over))]
+        tried = [state.change_axis("direction", axis, k + 1) for k in range(len(self._over))]
         best = min(tried, key=lambda other: float(self.weights @ self._left(other)))
         with_it, without = (self._left(each, CLASSICAL)[axis] for each in (best, state))
         return best if with_it < without else None
 
     def _left(self, state: State, terms: Sequence[str] = ()) -> Array:
-        """Squares that a state leaves of each axis, with all or some terms of friction."""
+        """Return squared residuals of every axis, with all or some terms of friction."""
         found = self.regression(state, total=True)
         if terms:
             found = replace(found, kept=self._kept(found.layout, state, terms))
         return np.asarray(found.blocks.squares_left(found.solution)[0])
 
     def _held_out(self, state: State) -> Array:
-        """Squared errors on blocks that were held out, lags fitted without them."""
+        """Return squared errors on held-out blocks, with lags fitted to the remaining blocks."""
         found = self.regression(state)
         system = found.blocks.normal(self.weights)
         heard = np.einsum("bkk->k", system.N)[found.kept] > 0
         return HeldOut(system, system).error(found.kept[heard])
 
-    def _by_halves(self, state: State) -> Array:
-        """Weighted squares of each axis that a fit to one half leaves of the other."""
+    def _predict_halves(self, state: State) -> Array:
+        """Return weighted squared errors of mutual predictions of the halves, by axis."""
         found = self.regression(state)
         half = np.arange(len(found.blocks)) < len(found.blocks) // 2
         left = np.zeros(found.blocks.n_channels)
@@ -311,7 +310,7 @@ class Search:
         return left
 
     def _kept(self, layout: Layout, state: State, terms: Sequence[str] = ()) -> Indices:
-        """Unknowns of a state."""
+        """Return the unknowns of a state."""
         rigid = [_SOFT.format(axis + 1) for axis in np.flatnonzero(~state.soft)]
         own = dict.fromkeys((*(terms or self._terms), BENT, LAG))
         gone = zip(np.where(state.direction, "", BENT), np.where(state.late, "", LAG), strict=True)
@@ -322,22 +321,22 @@ class Search:
 
     @cached_property
     def _unchanged(self) -> Array:
-        """Combinations that no state changes, shape (m, m')."""
+        """Column combinations common to every state, shape (m, m')."""
         columns = (*self._names, *self._terms)
         T = np.zeros((self._blocks.products.shape[-1], 2 + len(columns)))
         T[self._blocks.place(*columns), 1 + np.arange(len(columns))] = 1.0
         T[self._blocks.place(ROTOR), 0] = -1.0
         return T
 
-    def _at(self, of: Blocks, state: State) -> Blocks:
-        """Blocks of torques as early as positions, directions over the state's distances."""
+    def _state_blocks(self, of: Blocks, state: State) -> Blocks:
+        """Return blocks with lags compensated and friction directions of the state."""
         each = zip(state.lag.tolist(), state.direction.tolist(), strict=True)
-        made = [self._of_axis(of, axis, *one) for axis, one in enumerate(each)]
+        made = [self._axis_products(of, axis, *one) for axis, one in enumerate(each)]
         own, products = (*self._terms, LAG), np.stack(made, axis=1)
         return replace(of, shared=self._names, own=own, products=products)
 
-    def _of_axis(self, of: Blocks, axis: int, lag: float, distance: int) -> Array:
-        """Inner products of one axis with its lag and distance, shape (n_groups, m', m')."""
+    def _axis_products(self, of: Blocks, axis: int, lag: float, distance: int) -> Array:
+        """Return inner products of an axis for a lag and a distance, (n_groups, m', m')."""
         if of is not self._blocks:
             return self._combined(of, axis, lag, distance)
         seen, state = self._seen[axis], (lag, distance)
@@ -361,7 +360,7 @@ class Search:
         return np.asarray(T.T @ of.products[:, axis] @ T)
 
     def _interpolated(self, lag: float) -> tuple[Array, Array]:
-        """Torque as a combination of shifts, and what a greater lag takes from it [1/s]."""
+        """Return the torque as a combination of shifts, and the derivative by the lag [1/s]."""
         apart = float(self._times[1] - self._times[0])
 
         def weights(lag: float) -> Array:
@@ -376,6 +375,6 @@ class Search:
 
 
 def _no_worse(squares: Array, before: Array) -> bool:
-    """Whether squares of all axes are fewer in sum, and on none more than `WORST` allows."""
+    """Return True if squares decrease in sum, and grow on no axis beyond `WORST`."""
     most = (1.0 + WORST) ** 2 * before
     return bool(squares.sum() < before.sum() and (squares <= most).all())

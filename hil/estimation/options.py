@@ -1,4 +1,4 @@
-"""What a regression is asked to find beside the base parameters, and how it states its errors."""
+"""Options of a regression: friction law, nuisances, covariance rule and prior."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from hil.least_squares.regression import Covariance
 
 NUISANCES = ("lag", "compliance", "presliding", "drift")
-"""What may lie between torque and rigid bodies beside friction: torques read late, gears that give
-way, friction that turns round over a distance, its level that changes while one measures."""
+"""Effects between torque and rigid bodies in addition to friction: delayed torques, soft gears,
+presliding, drift of the friction level."""
 ACCURACY = 0.1
-"""Residual of an axis over its torque up to which a model is good: as much as its torque constant
-by itself leaves open, which data sheets state within 10 %."""
+"""Largest relative residual of an axis with a good model: the typical error of torque constants,
+given in data sheets within 10 %."""
 COVARIANCES: tuple[Covariance, ...] = ("jackknife", "clusters", "CR2", "white")
 
 
@@ -27,27 +27,26 @@ class Options:
     Attributes
     ----------
     friction : str
-        ``auto``: found anew in each measurement where the robot was measured here, by the law that
-        held-out data call for where it was imported; or the name of a law
-        (`hil.friction.terms.LAWS`), for imports.
+        ``auto``: separate friction in each measurement, and for imports the law chosen on held-out
+        data; or the name of a law (`hil.friction.terms.LAWS`), for imports.
     nuisance : tuple of str
-        Which of `NUISANCES` are looked for; each is taken only where the data show it. All of them
-        stand for those that the method knows.
+        Subset of `NUISANCES` to be estimated, each used only if significant in the data. The full
+        set selects the nuisances known to the method.
     covariance : str
-        One of `COVARIANCES` (`hil.least_squares.regression`); CR2 stands for the method's own.
+        One of `COVARIANCES` (`hil.least_squares.regression`); CR2 selects the default of the
+        method.
     prior : Prior, optional
-        What is known of the links' bodies, for what recordings leave open; by default nothing, and
-        recordings that leave anything open are refused.
+        Prior knowledge of the links' bodies, for parameters not determined by the recordings; by
+        default none, and recordings that do not determine all parameters are refused.
     accuracy : float
-        Residual of an axis that carries load, over its torque, up to which a model is *good*
-        (`hil.results.residual`).
+        Largest relative residual of a loaded axis with a *good* model (`hil.results.residual`).
 
     Raises
     ------
     UnknownName
-        A nuisance or a covariance that there is not.
+        Unknown nuisance or covariance.
     InvalidValue
-        An accuracy that is not between 0 and 1.
+        Accuracy out of the range above 0, at most 1.
     """
 
     friction: str = "auto"

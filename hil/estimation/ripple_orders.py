@@ -1,15 +1,15 @@
-"""Torque ripple of orders that the regression does not hold.
+"""Detect torque ripple of orders outside the regression.
 
-The regression holds the first six multiples of the motor's angle theta. Further orders n are looked
-for in what it leaves of each axis: cos n theta and sin n theta, smoothed like everything else and
-with friction of each measurement projected out, are fitted to the residuals measurement by
-measurement. They have no common phase: the servo takes a part of the ripple away, more or less of
-it as the speed makes it slow or fast. Most orders explain what noise lets any two columns explain,
-so their median is the level; the order that explains most counts if noise would hardly do as much
-(chi-square with two degrees of freedom a measurement), all orders and axes that are looked at being
-counted (Bonferroni). Then the next one is looked for in what is left.
+The regression contains the first six multiples of the motor angle theta. Further orders n are
+searched for in the residuals of each axis: cos n theta and sin n theta, smoothed like all signals
+and with friction of each measurement projected out, are fitted to the residuals measurement by
+measurement. The phase differs between measurements: the servo compensates a part of the ripple,
+depending on the speed. Most orders explain no more than any two columns explain of noise, so the
+median is the noise level; the order with the largest explained part counts if noise is an unlikely
+cause (chi-square with two degrees of freedom a measurement), corrected for the number of tested
+orders and axes (Bonferroni). Then the next order is searched for in the remainder.
 
-Fast motion hides ripple, because the window passes none of it. What it does pass is a share of the
+Fast motion hides ripple, because the window filters it out. The remaining ripple is a share of the
 residual variance, and to first order changes the base parameters by
 
     N^-1 sum over samples of w X' r,
@@ -41,20 +41,20 @@ if TYPE_CHECKING:
 
 
 ORDERS = range(RIPPLE_ORDERS[-1] + 1, 25)
-"""That are looked for: higher ones pass the window only where axes creep."""
+"""Tested orders: higher ones pass the window only for creeping axes."""
 
 
 class UnmodelledRipple(NamedTuple):
-    """What was found.
+    """Detected ripple outside the regression.
 
     Attributes
     ----------
     largest : dict
-        Order and amplitude at the joint [N m] of what explains most, by the index of its axis.
+        Order and amplitude at the joint [N m] of the strongest ripple, by index of the axis.
     share : ndarray, shape (n_joints,)
-        Of each axis's residual variance.
+        Share of each axis's residual variance.
     change : ndarray, shape (n_base,)
-        Of the base parameters.
+        Change of the base parameters.
     """
 
     largest: dict[int, tuple[int, float]]
@@ -63,7 +63,7 @@ class UnmodelledRipple(NamedTuple):
 
 
 def unmodelled_ripple(robot: Robot, fit: SimultaneousFit) -> UnmodelledRipple:
-    """Look for ripple of further orders in the measurements of a fit."""
+    """Detect ripple of further orders in the measurements of a fit."""
     side, share = np.zeros(len(fit.information)), np.zeros(robot.n_joints)
     solution, largest = fit.solution, {}
     for axis in range(robot.n_joints):
@@ -85,12 +85,12 @@ def unmodelled_ripple(robot: Robot, fit: SimultaneousFit) -> UnmodelledRipple:
 
 
 class _Piece(NamedTuple):
-    """One measurement of an axis, friction projected out.
+    """Measurement of an axis, friction projected out.
 
     Attributes
     ----------
     columns : ndarray, shape (n, n_orders)
-        Cosines, and sines as imaginary parts.
+        Cosines, with sines as imaginary parts.
     residual : ndarray, shape (n,)
         [N m].
     """
@@ -99,18 +99,18 @@ class _Piece(NamedTuple):
     residual: Array
 
     def explained(self, residual: Array) -> tuple[Array, Array]:
-        """Sum of squares that each order explains of it, and that an amplitude of 1 makes."""
+        """Return explained squares of a residual by order, and squares of a unit amplitude."""
         c, s = self.columns.real, self.columns.imag
         cc, ss, cs = (np.einsum("nk,nk->k", *pair) for pair in ((c, c), (s, s), (c, s)))
         on_c, on_s = residual @ c, residual @ s
         apart = cc * ss - cs**2
         square = ss * on_c**2 - 2 * cs * on_c * on_s + cc * on_s**2
-        # share of both squares below which a cosine and a sine are the same column
+        # smallest independent share of a cosine and a sine
         clear = apart > 1e-6 * cc * ss
         return np.divide(square, apart, out=np.zeros_like(cc), where=clear), (cc + ss) / 2
 
     def ripple(self, orders: list[int]) -> Array:
-        """What the orders at these places explain together, shape (n,)."""
+        """Return the joint ripple of the orders with given indices, shape (n,)."""
         own = self.columns[:, orders]
         Q, _ = orthonormal(np.hstack([own.real, own.imag]))
         return np.asarray(Q @ (Q.T @ self.residual))
@@ -127,7 +127,7 @@ def _piece(robot: Robot, s: Signals, each: Stacked, solution: Array) -> _Piece:
 
 
 def _found(pieces: list[_Piece], chance: float) -> tuple[dict[int, float], list[Array]]:
-    """Orders with their amplitudes [N m], and the ripple in each piece [N m]."""
+    """Return orders with amplitudes [N m], and the ripple in every piece [N m]."""
     bound = special.chdtri(2 * len(pieces), chance) / special.chdtri(2 * len(pieces), 0.5)
     orders: dict[int, float] = {}
     places: list[int] = []

@@ -1,25 +1,24 @@
-"""From samples to signals, section 7.1.
+"""Convert samples to signals: differentiation and filters (section 7.1).
 
 Velocities and accelerations are differences of position, of fourth order in the sampling period:
-second-order ones cost percents of the inertias at the rates that a bus allows. Differences are
-taken from the unfiltered position; afterwards everything that enters a fit, torque and columns of
-the regressor alike, passes the same low-pass, so that what the filter takes away it takes from
-both sides of the equation.
+second-order differences cause errors of percents in the inertias at typical bus rates. Differences
+are taken from the unfiltered position; afterwards torque and columns of the regressor pass the same
+low-pass, so that the filter affects both sides of the equation equally.
 
-Two low-passes are there. The paper's is a "non-causal, phase-neutral eighth-order Butterworth
-low-pass". Here that is a Butterworth filter of order four run forth and back: phase zero, the
-magnitude that of order eight, 6 dB down at the cut-off frequency (`Signals.filtered`). Forth and
-back it multiplies a spectrum by a real number,
+Two low-passes are available. The paper's is a "non-causal, phase-neutral eighth-order Butterworth
+low-pass". Here that is a Butterworth filter of order four run forth and back: zero phase, magnitude
+of order eight, 6 dB down at the cut-off frequency (`Signals.filtered`). Forth and back the filter
+multiplies a spectrum by a real number,
 
     |H(f)|^2 = 1 / (1 + (tan(pi f T) / tan(pi f_c T))^8),
 
-the bilinear transform of the analogue filter for samples every T, and is run as that: on the
-spectra of all columns at once. Its response rings on for longer than a reversal of friction lasts.
-So the improved method takes a Blackman window instead, which is phase-neutral too and soon ends
+the bilinear transform of the analogue filter for samples every T, and is applied in this form: to
+the spectra of all columns at once. Its response rings longer than a reversal of friction lasts. So
+the improved method uses a Blackman window instead, which is phase-neutral and short
 (`Signals.smoothed`, `hil.least_squares.window`).
 
-Nothing is reflected or extrapolated where it matters: recordings begin and end with samples at
-rest, and samples closer to an end or to a missing sample than the filters reach are marked invalid.
+No reflected or extrapolated value affects a result: recordings begin and end with samples at rest,
+and samples within the reach of the filters from an end or a missing sample are marked invalid.
 """
 
 from __future__ import annotations
@@ -49,19 +48,19 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
     Prepared = Sequence[tuple[ParameterMotion, "Signals"]]
-    """Measurements with their signals."""
+    """Measurements with signals."""
 
 Kept = TypeVar("Kept")
 
 CUTOFF = 30.0
-"""Of the low-pass [Hz]."""
+"""Cut-off frequency of the low-pass [Hz]."""
 ORDER = 4
-"""Of the filter that runs forth and back."""
+"""Order of the filter run forth and back."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signals:
-    """One measurement on an even grid of time, differentiated, not filtered.
+    """Signals of a measurement on an even time grid, differentiated, not filtered.
 
     Attributes
     ----------
@@ -70,19 +69,19 @@ class Signals:
     time : ndarray, shape (n,)
         [s].
     q, qd, qdd, tau : ndarray, shape (n, n_joints)
-        [rad], [rad/s], [rad/s^2], [N m]; bridged where samples are missing.
+        [rad], [rad/s], [rad/s^2], [N m]; interpolated over missing samples.
     stroke, partner_stroke : ndarray, shape (n,)
         As in the recording.
     valid : ndarray of bool, shape (n,)
-        Samples that neither an end of the recording nor a missing sample can have touched.
+        Samples unaffected by the ends of the recording and by missing samples.
     twist : ndarray, shape (n, n_joints), optional
-        Angle by which each gear gives way [rad]; None where all are rigid.
+        Twist angle of each gear [rad]; None for rigid gears.
     group : ndarray, shape (n,), optional
         As in the recording.
     resolution : ndarray, shape (n_joints,)
-        Least difference of positions [rad]: the encoder's step.
+        Smallest difference of positions [rad]: the encoder's step.
     kept : dict
-        What was computed from the motion alone (`once`).
+        Cache of values computed from the motion alone (`once`).
     """
 
     period: float
@@ -101,19 +100,19 @@ class Signals:
 
     @property
     def active(self) -> Mask:
-        """Samples of a stroke or a group, shape (n,)."""
+        """Mask of the samples of a stroke or a group, shape (n,)."""
         return active_samples(self.stroke, self.group)
 
     @property
     def link(self) -> tuple[Array, Array, Array]:
-        """q, qd and qdd on the links' side of the gears, each of shape (n, n_joints)."""
+        """Positions, velocities and accelerations on the link side, each (n, n_joints)."""
         if self.twist is None:
             return self.q, self.qd, self.qdd
         qd, qdd = derivatives(self.twist, self.period)
         return self.q - self.twist, self.qd - qd, self.qdd - qdd
 
     def once(self, key: Hashable, made: Callable[[], Kept]) -> Kept:
-        """What follows from the motion alone: of one `key` made once, for any torque."""
+        """Return a cached function of the motion, computed a single time per key for any torque."""
         motion = self.q, self.qd, self.qdd, self.twist
         of, value = self.kept.get(key, ((), None))
         if len(of) != len(motion) or any(a is not b for a, b in zip(of, motion, strict=True)):
@@ -122,23 +121,23 @@ class Signals:
         return cast("Kept", value)
 
     def moving(self, robot: Robot, axis: int) -> Mask:
-        """Valid samples of an axis away from reversals, shape (n,)."""
+        """Return valid samples of an axis away from reversals, shape (n,)."""
         return self.valid & self.once((moving, robot, axis), lambda: moving(robot, self, axis))
 
     def usable(self, robot: Robot, axis: int) -> Mask:
-        """Those of them away from corners of the motion too, shape (n,)."""
+        """Return valid samples away from reversals and corners of the motion, shape (n,)."""
         return self.valid & self.once((usable, robot, axis), lambda: usable(robot, self, axis))
 
     def terms(self, robot: Robot, axis: int) -> tuple[Array, Array, Array]:
-        """Columns of an axis (`hil.friction.equation.term_columns`)."""
+        """Return the columns of an axis (`hil.friction.equation.term_columns`)."""
         rows = self.once((base_rows, robot, axis), lambda: base_rows(robot, self, axis))
         return term_columns(robot, self, axis, rows)
 
     def filtered(self, x: Array) -> Array:
-        """Butterworth low-pass along the first axis."""
+        """Filter by the Butterworth low-pass along the first axis."""
         if self.period * CUTOFF >= 0.5:
             return x
-        # time after which the filter's response is below rounding [s]
+        # time until the filter's response is below rounding [s]
         first = round(0.5 / self.period)
         n = fft.next_fast_len(len(x) + 2 * first, real=True)
         ends = [(first, n - len(x) - first)] + [(0, 0)] * (x.ndim - 1)
@@ -147,9 +146,9 @@ class Signals:
         return filtered[first : first + len(x)]
 
     def error_of_sum(self, weights: Array) -> float:
-        """Standard error of a weighted sum of filtered samples, per that of one of them.
+        """Return the standard error of a weighted sum of filtered samples, per sample error.
 
-        Where the noise was white before the filter h: of the sum of a_i (h * e)_i it is |h * a|,
+        For white noise before the filter h, the error of the sum of a_i (h * e)_i is |h * a|, that
         of one sample |h|.
         """
         one = np.zeros_like(weights)
@@ -157,11 +156,11 @@ class Signals:
         return float(np.linalg.norm(self.filtered(weights)) / np.linalg.norm(self.filtered(one)))
 
     def smoothed(self, x: Array) -> Array:
-        """Weighted mean over a Blackman window along the first axis."""
+        """Return a weighted mean over a Blackman window along the first axis."""
         return smooth(x, self.period)
 
     def torque_advanced(self, lag: Array) -> Signals:
-        """The same with each axis's torque as it is read `lag` later, shape (n_joints,) [s]."""
+        """Return signals with torques advanced by `lag`, shape (n_joints,) [s]."""
         tau, widest = self.tau.copy(), 0
         for axis in np.flatnonzero(lag):
             first, weights = interpolation(float(lag[axis]) / self.period)
@@ -177,7 +176,7 @@ class Signals:
         return replace(self, tau=tau, valid=valid)
 
     def away_from(self, excluded: Mask) -> Mask:
-        """Samples that neither filter nor differences connect to the `excluded` ones."""
+        """Return samples beyond the reach of filter and differences from `excluded` ones."""
         return ~widen(excluded, _reach(self.period))
 
 
@@ -185,12 +184,12 @@ _KEPT: WeakKeyDictionary[Recording, Signals] = WeakKeyDictionary()
 
 
 def signals(recording: Recording) -> Signals:
-    """Put a recording on an even grid and differentiate it, once for as long as it is held.
+    """Put a recording on an even grid and differentiate it, with a cache.
 
     Parameters
     ----------
     recording : Recording
-        With missing samples as NaN or as gaps in time.
+        Recording with missing samples as NaN or as gaps in time.
 
     Raises
     ------
@@ -212,8 +211,8 @@ def _signals(recording: Recording) -> Signals:
     if not sampled.any():
         raise NotEnoughData("no usable sample among all those recorded; repeat it")
     missing[index[sampled]] = False
-    q = _on_grid(time, recording.time[sampled], recording.q[sampled])
-    tau = _on_grid(time, recording.time[sampled], recording.tau[sampled])
+    q = _interpolate_columns(time, recording.time[sampled], recording.q[sampled])
+    tau = _interpolate_columns(time, recording.time[sampled], recording.tau[sampled])
     nearest = np.searchsorted(index, np.arange(n), side="right") - 1
     ends = np.zeros(n, dtype=bool)
     ends[[0, -1]] = True
@@ -235,26 +234,26 @@ def _signals(recording: Recording) -> Signals:
 
 
 def _period(time: Array, fresh: Array) -> float:
-    """Return the time between samples, of those between which most of a motion passes [s].
+    """Return the sampling period covering most of a motion [s].
 
-    Where drives renew their values less often than SYNC comes, that is the time between renewals.
+    If drives update values less often than SYNC, the period is the time between updates.
     """
     apart = np.diff(fresh)
     regular = float(np.median(np.diff(time)))
-    longer = apart[apart > 1.5 * regular]  # 1.5: at least one sample is left out
+    longer = apart[apart > 1.5 * regular]  # 1.5: at least one sample is missing
     return float(np.median(longer)) if longer.sum() > apart.sum() / 2 else regular
 
 
 def _least_difference(q: Array) -> float:
-    """Least difference of positions that is no rounding, shape (n,); 0 where there is none."""
+    """Return the smallest difference of positions above rounding; 0 without a difference."""
     apart = np.diff(np.sort(q))
-    # share of the largest position that rounding of its decimals may make: a file has ten of them
+    # rounding error relative to the largest position: a file has ten decimals
     apart = apart[apart > 1e-9 * np.abs(q).max()]
     return float(apart.min(initial=np.inf)) if len(apart) else 0.0
 
 
 def interpolation(shift: float) -> tuple[int, Array]:
-    """First sample and Lagrange weights of six that give a signal `shift` samples later."""
+    """Return first sample and six Lagrange weights of a signal `shift` samples later."""
     first = int(np.floor(shift)) - 2
     x, nodes = shift - first, np.arange(6.0)
     apart = nodes[:, np.newaxis] - nodes
@@ -266,22 +265,22 @@ def interpolation(shift: float) -> tuple[int, Array]:
 
 
 def derivatives(x: Array, period: float) -> tuple[Array, Array]:
-    """First and second derivative along the first axis."""
+    """Return first and second derivative along the first axis."""
     return correlate(x, FIRST / period), correlate(x, SECOND / period**2)
 
 
 @cache
 def _forth_and_back(n: int, period: float) -> Array:
-    """What the Butterworth filter, run forth and back, leaves of the spectrum of `n` samples."""
+    """Return the gain of the Butterworth filter, run forth and back, for `n` samples."""
     frequencies = np.tan(np.pi * fft.rfftfreq(n)) / np.tan(np.pi * CUTOFF * period)
     return np.asarray(1.0 / (1.0 + frequencies ** (2 * ORDER)))
 
 
 def _reach(period: float) -> int:
-    """Samples over which filters and differences spread a disturbance (noticeably)."""
+    """Return the number of samples noticeably disturbed by filters and differences."""
     return max(half_window(period) + len(SECOND) // 2, round(1.0 / CUTOFF / period))
 
 
-def _on_grid(time: Array, sampled: Array, values: Array) -> Array:
+def _interpolate_columns(time: Array, sampled: Array, values: Array) -> Array:
     columns = [np.interp(time, sampled, column) for column in values.T]
     return np.column_stack(columns)

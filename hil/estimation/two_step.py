@@ -1,11 +1,11 @@
-"""The paper's second step, eq. (14)-(18): one weighted least-squares fit after the other.
+"""Fit parameter groups by successive weighted least squares, as in the paper, eq. (14)-(18).
 
-Gravity measurements give p_g. The moments of inertia, less what p_g contributes to them (and to the
+Gravity measurements give p_g. The moments of inertia, less the contributions of p_g (and of the
 gravity torque during the measurement), give p_Md; the coupling inertias, less both, give p_Mod.
 Each row is weighted with the reciprocal of its axis's largest torque, eq. (16).
 
 The whole chain is linear in the measured values, which is used twice: to leave a measurement out,
-and to see what an error of a torque constant or of a rotor inertia does.
+and to compute the effect of an error of a torque constant or of a rotor inertia.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class TwoStep:
-    """Step 2 as published, over the local fits of step 1."""
+    """Published step 2, over the local fits of step 1."""
 
     def __init__(self, robot: Robot, local: Sequence[LocalFit]) -> None:
         self._groups = base_parameters(robot).groups
@@ -43,18 +43,18 @@ class TwoStep:
 
     @property
     def n_measurements(self) -> int:
-        """How many measurements there are to leave out."""
+        """Number of measurements."""
         return len(self._group)
 
     def solve(self, without: int | None = None) -> Array:
-        """Base parameters, shape (n_base,)."""
+        """Return the base parameters, shape (n_base,), optionally without a measurement."""
         used = np.ones(self.n_measurements, dtype=bool)
         if without is not None:
             used[without] = False
         return self._chain(self._torque - self._motor, used)
 
     def sensitivity(self) -> Array:
-        """Change of p per relative change of torque constants and rotor inertias."""
+        """Return the change of p per relative change of torque constants, then rotor inertias."""
         everything = np.ones(self.n_measurements, dtype=bool)
         axes = range(self._n_joints)
         of_constants = [self._chain(self._torque * (self._axis == j), everything) for j in axes]
@@ -62,7 +62,7 @@ class TwoStep:
         return np.array([*of_constants, *of_rotors]).T
 
     def _chain(self, values: Array, used: Mask) -> Array:
-        """Fit one group after the other, each less what the ones before contribute."""
+        """Fit the groups successively, less the contributions of preceding groups."""
         p = np.zeros(self._n_base)
         for group in GROUPS:
             columns = list(self._groups[group])

@@ -1,23 +1,22 @@
-"""The two-step methods: from measurements to base parameters, with their uncertainty.
+"""Identify base parameters from measurements by a two-step method.
 
 published
-    Section 6.1 as it stands (`two_step`): weighted least squares for p_g, then for p_Md with
+    Section 6.1 of the paper (`two_step`): weighted least squares for p_g, then for p_Md with
     p_g compensated, then for p_Mod.
 improved
-    The condensed measurements of all kinds are added up and solved for all groups at once
+    The condensed measurements of all kinds are summed and solved for all groups at once
     (`hil.estimation.simultaneous`).
-    Before, the torque of each axis is shifted by its lag behind the positions, and soft gears are
-    taken into account, as the measurements themselves show it (`hil.estimation.drive_train`); what
-    that leaves uncertain is added. Trajectories count as well as strokes, period by period.
+    Before, torque lags and soft gears are estimated from the same measurements and compensated
+    (`hil.estimation.drive_train`); their remaining uncertainty is added. Trajectories are used in
+    addition to strokes, period by period.
 
 Standard errors come from leaving out one measurement at a time (the jackknife of
-`hil.least_squares.uncertainty`): they hold whatever differs from one measurement to the next,
-noise, drift or a misfit of the friction terms, and assume nothing about any of them. If few
-measurements carry a parameter its standard error is itself uncertain; it has fewer degrees of
-freedom.
+`hil.least_squares.uncertainty`): they include any difference between measurements, noise, drift or
+a misfit of the friction terms, without assumptions on these. If few measurements determine a
+parameter, its standard error is itself uncertain, with fewer degrees of freedom.
 
-Two errors cannot show in the data, however long one measures: those of the torque constants and of
-the rotor inertias. Where the robot file states their uncertainty it is carried to the parameters.
+Two errors are never visible in the data: those of the torque constants and of the rotor inertias.
+If the robot file states their uncertainty, it is propagated to the parameters.
 """
 
 from __future__ import annotations
@@ -69,12 +68,12 @@ def estimates(
     methods: Sequence[TwoStepMethod] = TWO_STEP_METHODS,
     options: Options = DEFAULTS,
 ) -> dict[TwoStepMethod, Estimate]:
-    """Identify by several two-step methods, which share the signals.
+    """Identify by several two-step methods with common signals.
 
     Raises
     ------
     NotIdentifiable
-        Base parameters that the measurements do not excite.
+        Base parameters are not excited by the measurements.
     """
     raw, unusable = prepare(recorded)
     robot = with_reached_limits(robot, raw)
@@ -102,12 +101,12 @@ def _published(robot: Robot, raw: Prepared, unusable: Sequence[LeftOut]) -> Esti
 
 
 def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) -> Joint:
-    """Condense measurements to one regression, and find what lies between current and arm.
+    """Condense measurements to a joint regression, and estimate the drive trains.
 
     Parameters
     ----------
     nuisance : collection of str
-        Which of `NUISANCES` are looked for; others are taken for none.
+        Subset of `NUISANCES` to be estimated; the others are taken as zero.
     """
     drive_train = as_asked(find_drive_train(robot, raw), nuisance)
     prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
@@ -115,8 +114,8 @@ def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) ->
     mu, error = solver.load_friction
     loaded = np.nan_to_num(mu / error) > CERTAIN
     if drive_train.soft.any() or loaded.any():
-        # what gears transmit is now known better than from measurements of inertia alone, and so is
-        # which of them turn it into friction; a doubtful one would take the lag along, since few
+        # transmitted torques, and the axes with load friction, are now known better than from
+        # measurements of inertia alone; doubtful load friction would bias the lag, since few
         # measurements of inertia distinguish the two
         known = replace(drive_train, p=solver.solve())
         drive_train = as_asked(find_drive_train(robot, raw, loaded, known), nuisance)
@@ -127,14 +126,14 @@ def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) ->
 
 
 def as_asked(train: DriveTrain, nuisance: Collection[str]) -> DriveTrain:
-    """What was found of the drive trains, as far as it was asked for."""
+    """Return the drive trains restricted to the requested nuisances."""
     none = np.zeros_like(train.lag)
     if "lag" not in nuisance:
         train = replace(train, lag=none, lag_error=none)
     if "compliance" not in nuisance:
         train = replace(train, soft=np.zeros_like(train.soft))
     if not {"lag", "compliance"} <= set(nuisance):
-        # what is not looked for has no error that the covariance would hold
+        # a nuisance that is not estimated has no error in the covariance
         train = replace(train, covariance=np.zeros_like(train.covariance))
     return train
 
@@ -153,22 +152,22 @@ def measured(
     options: Options,
     imported: Sequence[Kind] = (),
 ) -> tuple[Estimate, Fit]:
-    """Estimate of measurements, and of imported recordings beside them; and all unknowns.
+    """Estimate from measurements, and optionally imports; return the fit as well.
 
     Parameters
     ----------
     raw : sequence of (ParameterMotion, Signals)
-        Measurements before their drive trains were compensated.
+        Measurements without compensation of the drive trains.
     unusable : sequence of LeftOut
     found : Joint
-        These measurements as one regression.
+        Joint regression of the measurements.
     imported : sequence of Kind
         Regressions of imports.
 
     Raises
     ------
     NotIdentifiable
-        Base parameters that all together leave open, and no prior knows.
+        Base parameters are neither determined by the recordings nor known by a prior.
     """
     solver, drive_train, names = found.solver, found.drive_train, base_parameters(robot).names
     fits, useless = local_fits(robot, found.prepared)
@@ -178,7 +177,7 @@ def measured(
     whole, (share, *_) = balance([own, *imported], names)
     if options.prior is None:
         if not (imported or any(m.streamed for m, _ in raw)):
-            # what is not excited on purpose is excited by noise, which identifies nothing
+            # parameters not excited on purpose are excited by noise, which identifies nothing
             require_all_groups(robot, fits, condition)
         too = " together with the imports" if imported else ""
         require_rank(robot, whole.regression, f"{solver.n_measurements} usable measurements{too}")
@@ -210,17 +209,17 @@ def measured(
 def _believed(
     robot: Robot, found: Joint, p: Array, local: Sequence[LocalValue]
 ) -> Iterator[LocalValue]:
-    """Values of step 1 with what each is when all is taken off that was found beside it."""
+    """Yield values of step 1 after subtraction of effects found by the improved method."""
     prepared = {m.id: (m, s) for m, s in found.prepared if shows_element(m)}
     for each in local:
         m, s = prepared[each.id]
         common = found.solver.solution[place(robot, m.index)[found.solver.n_base :]]
-        seen = believed_fit(robot, m, s, p, common).at(p)
+        seen = believed_fit(robot, m, s, p, common).evaluate(p)
         yield replace(each, believed=seen.value, believed_error=seen.standard_error)
 
 
 def _left_out_in_turn(solver: TwoStep) -> tuple[Array, Array]:
-    """Base parameters, and how they change without each of the measurements."""
+    """Return base parameters, and changes by leaving out every measurement."""
     p = solver.solve()
     return p, np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
 
@@ -228,12 +227,12 @@ def _left_out_in_turn(solver: TwoStep) -> tuple[Array, Array]:
 def doubt(
     robot: Robot, raw: Prepared, drive_train: DriveTrain, solver: SimultaneousFit
 ) -> tuple[Array, Array]:
-    """What drive trains and encoders leave uncertain of measurements, however many there are.
+    """Return correction and covariance of the base parameters from drive trains and encoders.
 
     Returns
     -------
     change : ndarray, shape (n_base,)
-        Of the base parameters, by what the steps of encoders take from inertias.
+        Change of the base parameters by the correction for encoder quantisation.
     covariance : ndarray, shape (n_base, n_base)
     """
     change, of_steps = solver.steps()
@@ -242,7 +241,7 @@ def doubt(
 
 
 def covariance_of_gears(robot: Robot, raw: Prepared, drive_train: DriveTrain, p: Array) -> Array:
-    """Covariance of the base parameters from what is uncertain of the soft gears' compliances."""
+    """Return the covariance of the base parameters from errors of gear compliances."""
     effects = [np.zeros(len(p))]
     for axis in np.flatnonzero(drive_train.soft):
         c = np.where(drive_train.soft, drive_train.compliance, 0.0)
@@ -264,8 +263,8 @@ def estimate_of(
     covariance: Array,
     degrees: Array,
 ) -> Estimate:
-    """Put an estimate together."""
-    local = tuple(each.at(p) for each in fits)
+    """Assemble an estimate."""
+    local = tuple(each.evaluate(p) for each in fits)
     return Estimate(
         method=method,
         p=p,
@@ -286,7 +285,7 @@ def estimate_of(
 def prepare(
     recorded: Recorded,
 ) -> tuple[list[tuple[ParameterMotion, Signals]], list[LeftOut]]:
-    """Signals of all measurements that are of use here, and why others have none."""
+    """Return the signals of usable measurements, and the rejected measurements."""
     found, left_out = [], []
     for measurement, recording in recorded:
         if not shows_parameters(measurement):
@@ -300,9 +299,9 @@ def prepare(
 
 
 def with_reached_limits(robot: Robot, prepared: Prepared) -> Robot:
-    """Robot whose unknown limits are what the measurements reach.
+    """Return the robot with unknown limits replaced by the values reached in measurements.
 
-    Samples are taken by shares of the limits; an import may not state them.
+    Samples are selected by shares of the limits, and an import may lack limits.
     """
     if robot.limits_known or not prepared:
         return robot
@@ -329,7 +328,7 @@ def _refuse_unknown_gains(measurement: RecordedMotion) -> None:
 def prepared_for(
     robot: Robot, found: Estimate, recorded: Recorded
 ) -> list[tuple[ParameterMotion, Signals]]:
-    """Signals of the measurements behind an estimate, its drive train taken into account."""
+    """Return the signals of an estimate's measurements with compensated drive trains."""
     unused = {left.id for left in found.left_out}
     own = [each for each in prepare(recorded)[0] if each[0].id not in unused]
     if found.drive_train is None:
@@ -338,7 +337,7 @@ def prepared_for(
 
 
 def local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[LeftOut]]:
-    """Step 1 for all measurements, and the reasons for those that are of no use."""
+    """Evaluate step 1 for the measurements, and list the rejected ones."""
     found, left_out = [], []
     for measurement, s in prepared:
         if not shows_element(measurement):
@@ -351,7 +350,7 @@ def local_fits(robot: Robot, prepared: Prepared) -> tuple[list[LocalFit], list[L
 
 
 def _residual(robot: Robot, local: Sequence[LocalValue]) -> Array:
-    """Root mean square of what the local models of inertia and coupling leave of each axis."""
+    """Return root mean square residuals of the local inertia and coupling models, by axis."""
     found = np.full(robot.n_joints, np.nan)
     for axis in range(robot.n_joints):
         squares = [f.residual**2 for f in local if f.axis == axis and f.symbol == "M"]

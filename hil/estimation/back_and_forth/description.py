@@ -1,13 +1,13 @@
-"""What a solution says, in the words of `model.yaml`: curves of friction, residuals, restrictions.
+"""Describe a solution as in `model.yaml`: friction curves, residuals, restrictions.
 
-A half-difference less what of it is rigid bodies' is the friction at the mean of both speeds. Each
-pair gives one value in each class of speed; the mean over pairs and its interval, by Student's t,
-are the curve. Friction that drifts from pair to pair widens the interval, as it should: it is that
-of the mean over these recordings.
+A half-difference less its rigid-body part is the friction at the mean of both speeds. Each pair
+gives one value in each class of speed; mean and confidence interval over pairs, by Student's t, are
+the curve. Friction that drifts from pair to pair widens the interval, as intended: the interval is
+that of the mean over these recordings.
 
-Of the half-sums of each bin, mean over the pairs, friction that does not cancel and what differs by
-direction are taken off; what remains is the torque of the rigid bodies, gravity where the axis goes
-at constant speed. Its standard error is that of the scatter between pairs.
+The half-sums of each bin are averaged over pairs, less residual friction and the part that depends
+on the direction; the rest is the rigid-body torque, which is gravity where the axis moves at
+constant speed. The standard error is that of the scatter between pairs.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 CLASSES = 12
-"""Classes of speed, alike in width: of the 8 levels that a recording's friction is interpolated
-between, three fall on two."""
+"""Number of classes of speed, equal in width: three classes for two of the 8 levels between which
+the friction of a recording is interpolated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HalfSums:
-    """Torque of the rigid bodies over the positions of one axis, as one recording shows it.
+    """Rigid-body torque over the positions of an axis in a recording.
 
     Attributes
     ----------
@@ -70,12 +70,12 @@ class HalfSums:
 
 
 def half_sums(halves: Halves, solution: Solution) -> HalfSums:
-    """Half-sums of one recording."""
-    around = solution.around(halves.axis)
+    """Return the half-sums of a recording."""
+    around = solution.residual_row(halves.axis)
     sums = halves.rows[0] / np.sqrt(halves.pairs.weights)[:, np.newaxis]
     base = slice(1, len(around) - len(COMMON))
     model = -sums[:, base] @ around[base]
-    left = sums @ solution.without_levels(halves) @ around
+    left = sums @ solution.eliminate_levels(halves) @ around
     number = np.unique(halves.pairs.bin, return_inverse=True)[1]
     n = np.bincount(number).astype(float)
     q, modelled, rest, square = (
@@ -86,14 +86,14 @@ def half_sums(halves: Halves, solution: Solution) -> HalfSums:
 
 
 def friction_curves(recordings: Sequence[Halves], solution: Solution) -> tuple[FrictionCurve, ...]:
-    """Friction of all axes that were moved."""
+    """Return the friction curves of the moved axes."""
     axes = sorted({each.axis for each in recordings})
     return tuple(_curve([e for e in recordings if e.axis == axis], solution) for axis in axes)
 
 
 def _curve(recordings: Sequence[Halves], solution: Solution) -> FrictionCurve:
     axis, fit = recordings[0].axis, solution.fit
-    around = solution.around(axis)
+    around = solution.residual_row(axis)
     left = np.concatenate([each.rows[1, :, : len(around)] @ around for each in recordings])
     weight = np.concatenate([each.pairs.weights for each in recordings])
     speed = np.concatenate([each.speed for each in recordings])
@@ -132,7 +132,7 @@ def _point(speed: Array, friction: Array, weight: Array, pair: Indices) -> Curve
 
 
 def _plain(recordings: Sequence[Halves], around: Array) -> dict[str, TermValue]:
-    """Offset, Coulomb's and viscous friction by least squares, pairs left out in turn."""
+    """Fit offset, Coulomb and viscous friction, with a covariance by leaving out pairs."""
     whole, n = np.concatenate([each.whole for each in recordings]), len(around)
     if len(whole) == 1:
         return {}
@@ -141,7 +141,7 @@ def _plain(recordings: Sequence[Halves], around: Array) -> dict[str, TermValue]:
 
 
 def samples(robot: Robot, recordings: Sequence[Halves]) -> Blocks:
-    """Inner products of torque and known columns of all samples used, by recording and axis."""
+    """Sum products of torque and known columns over the used samples, by recording and axis."""
     columns = known(robot)
     n = 1 + len(columns)
     products = np.zeros((len(recordings), robot.n_joints, n, n))
@@ -152,13 +152,13 @@ def samples(robot: Robot, recordings: Sequence[Halves]) -> Blocks:
 
 
 def residuals(whole: Blocks, recordings: Sequence[Halves], solution: Solution) -> Residuals:
-    """What a solution, and levels of friction, leave of all samples used."""
+    """Return the residuals of a solution, with levels of friction, over the used samples."""
     left = np.zeros(whole.n_channels)
     for each in recordings:
-        around = solution.without_levels(each) @ solution.around(each.axis)
+        around = solution.eliminate_levels(each) @ solution.residual_row(each.axis)
         left[each.axis] += max(float(around @ each.samples @ around), 0.0)
     counts = np.maximum(whole.total.counts[0], 1.0)
-    # as it was recorded, with that of known rotors
+    # recorded torque, including that of known rotors
     recorded = np.eye(1, whole.products.shape[-1])
     recorded[0, whole.place(ROTOR)] = 1.0
     torque = np.sqrt(whole.recast(recorded).squares / counts)
@@ -166,7 +166,7 @@ def residuals(whole: Blocks, recordings: Sequence[Halves], solution: Solution) -
 
 
 def combinations(robot: Robot, excited: Excitation) -> tuple[Combination, ...]:
-    """What parameters stand for that were identified together with others."""
+    """Write the parameter sums behind jointly identified parameters."""
     names = base_parameters(robot).names
     found = []
     for k in excited.kept.tolist():
@@ -190,7 +190,7 @@ def remarks(
     solution: Solution,
     left: Residuals,
 ) -> Iterator[str]:
-    """What restricts the estimate."""
+    """Yield remarks on the restrictions of the estimate."""
     moved = {each.axis for each in recordings}
     never = [str(axis + 1) for axis in range(robot.n_joints) if axis not in moved]
     if never:

@@ -1,23 +1,23 @@
-"""Which base parameters such motions show, and which only together with others.
+"""Base parameters excited by motions of single axes, alone or in combination.
 
-An axis that moves by itself shows what is on the diagonal of the mass matrix, and gravity; it never
-shows couplings, and from few configurations sums of parameters only. Columns of the regression that
-are combinations of others are found by Cholesky's factorisation with pivoting of the scaled normal
-equations (Gautier, J. Robotic Syst. 8 (1991) 485-506, does the same by the QR decomposition). Of
-such a set some parameters are kept, and each stands for itself and a share of those that are not:
+An axis moving alone shows the diagonal of the mass matrix, and gravity; it never shows couplings,
+and few configurations show sums of parameters only. Linearly dependent columns of the regression
+are found by Cholesky factorisation with pivoting of the scaled normal equations (Gautier, J.
+Robotic Syst. 8 (1991) 485-506, does the same by the QR decomposition). Of a dependent set some
+parameters are kept, and each represents itself and a share of the dropped ones:
 
     W_d = W_k B   so   W_k p_k + W_d p_d = W_k (p_k + B p_d).
 
-Kept is, time and again, the parameter whose column is the longest of those that are left: of
-p30 + 1.8e7 p35, p35 is the one that shows. Where p35 itself is not to be kept, p30 is not either,
-since it would stand for p35 all the same: for no more than `LARGEST` of another parameter.
+Each step keeps the parameter with the longest remaining column: of p30 + 1.8e7 p35, p35 is the
+visible one. If p35 itself must be dropped, p30 is dropped too, since p30 would still represent p35:
+a kept parameter represents no more than `LARGEST` of another one.
 
-A column that is nearly such a combination is one too, where noise alone would make its parameter's
-torque, over the recorded motion, uncertain by more than the share `LOOSE` of the torque: with rows
-of unit residual variance, of which it leaves the share r of its square length, that torque's sum of
-squares is uncertain by 1 / r.
+A nearly dependent column is dropped too if noise alone would make the torque of its parameter, over
+the recorded motion, uncertain by more than the share `LOOSE` of the torque: for rows of unit
+residual variance and a column with the share r of its square length left, the sum of squares of
+that torque is uncertain by 1 / r.
 
-Those that are not kept are zero in the model: it predicts what such motions show, no more.
+Dropped parameters are zero in the model: the model predicts what such motions show, no more.
 """
 
 from __future__ import annotations
@@ -34,26 +34,26 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Indices
 
 LARGEST = 10.0
-"""Coefficient of another parameter in the sum that a parameter stands for, at most. Those of
-parameters that could be kept themselves are 1 or less, since longer columns come first; UR10e has
-1e5 or nothing else where its axes stand at right angles, and up to 2 elsewhere."""
+"""Largest coefficient of another parameter in the sum represented by a kept parameter. Coefficients
+of parameters that could be kept are 1 or less, since longer columns come first; UR10e has 1e5 or
+zero at right angles of its axes, and up to 2 elsewhere."""
 NOTICEABLE = 1e-3
-"""Share of a parameter in a combination below which it is none of its parts: less than is shown."""
+"""Smallest share of a parameter in a combination, below the displayed precision."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Excitation:
-    """What is excited.
+    """Excited parameters and combinations.
 
     Attributes
     ----------
     kept : ndarray of int
-        Parameters that are identified, by themselves or with others.
+        Identified parameters, alone or in combination.
     nuisance : ndarray of int
-        Nuisance that is independent of each other, among all unknowns.
+        Linearly independent nuisance unknowns, as indices into all unknowns.
     combination : ndarray, shape (n, n)
-        ``combination @ p`` is what is identified of parameters p; rows of those that are not kept
-        are zero.
+        ``combination @ p`` is the identified part of parameters p; rows of dropped parameters are
+        zero.
     """
 
     kept: Indices
@@ -62,24 +62,24 @@ class Excitation:
 
     @property
     def unknowns(self) -> Indices:
-        """All that are found: parameters, then nuisance."""
+        """Identified unknowns: parameters, then nuisances."""
         return np.concatenate([self.kept, self.nuisance])
 
     @property
     def lost(self) -> Indices:
-        """Parameters that are not kept."""
+        """Dropped parameters."""
         return np.setdiff1d(np.arange(len(self.combination)), self.kept)
 
 
 def excitation(N: Array, n: int, square: float) -> Excitation:
-    """Which of the first `n` unknowns the normal equations determine; the others are nuisance.
+    """Determine the excited ones of the first `n` unknowns; the rest are nuisances.
 
     Parameters
     ----------
     N : ndarray, shape (n + k, n + k)
-        Of rows with residuals of unit variance.
+        Normal equations of rows with unit residual variance.
     square : float
-        Sum of the squares of these rows' torques.
+        Sum of squared torques of these rows.
     """
     size = np.diag(N)
     nuisance = n + independent(N[n:, n:], size[n:])
@@ -91,7 +91,7 @@ def excitation(N: Array, n: int, square: float) -> Excitation:
     combination[kept, kept] = 1.0
     shares = solved(left[np.ix_(kept, kept)], left[np.ix_(kept, lost)])
     length = np.sqrt(size)
-    # a parameter without any effect on the torque is no part of what the others stand for
+    # a parameter without any effect on the torque is not part of a combination
     parts = np.abs(shares) * length[kept, np.newaxis] > NOTICEABLE * length[lost]
     parts &= length[lost] > SILENT * length.max(initial=0.0)
     combination[np.ix_(kept, lost)] = np.where(parts, shares, 0.0)
@@ -101,17 +101,17 @@ def excitation(N: Array, n: int, square: float) -> Excitation:
 def independent(
     N: Array, size: Array, least: float = IDENTIFIABLE, largest: float = np.inf
 ) -> Indices:
-    """Unknowns whose columns are no combinations of those before, in rising order.
+    """Return the unknowns with linearly independent columns, in rising order.
 
     Parameters
     ----------
     N : ndarray, shape (n, n)
     size : ndarray, shape (n,)
-        Squares of the columns' lengths, with which what is left of them is compared.
+        Squared lengths of the columns, the reference for the independent parts.
     least : float
-        Share of it that is left at least of an independent one.
+        Smallest independent share of the squared length of a kept column.
     largest : float
-        Coefficient with which an independent one may stand for another unknown.
+        Largest coefficient of another unknown in a combination.
     """
     heard = size > SILENT**2 * size.max(initial=0.0)
     scale = np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, size, 1.0))

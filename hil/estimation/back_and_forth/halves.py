@@ -1,22 +1,23 @@
-"""Step 1: a recording condensed to half-sums and half-differences over bins of position.
+"""Condense a recording to half-sums and half-differences over bins of position (step 1).
 
-All columns of the regression go the same way: torque, the motors' known part of it, the rows of the
-base parameters, what differs by direction, and friction. In half-sums friction cancels where both
-strokes pass at one speed, in half-differences all else where they accelerate alike; what is left
-there of either is in its columns. Friction has no law: it is any odd function of the velocity,
+All columns of the regression are condensed alike: torque, known rotor torque, the base parameters'
+rows, direction-dependent terms, and friction. In half-sums friction cancels if both strokes pass at
+equal speeds; in half-differences everything else cancels if both strokes accelerate alike. The
+remainders are in the columns. No friction law is assumed, friction is any odd function of the
+velocity,
 
     f = sign(v) sum_j c_j h_j(|v|) + sum_k T_k(t) (a_k sign(v) + b_k v).
 
-The h_j interpolate linearly between levels at speeds that the strokes themselves have, so any curve
-is among them. Each pair k has a level a_k and a slope b_k of its own at its turning point; between
-two pairs the T_k interpolate in time, and go on beyond the first and the last one. A stroke back
-always comes later than the one forth, so a trend would shift all half-sums; it is read off the
-half-differences of successive pairs, and taken off.
+The h_j interpolate linearly between levels at speeds of the strokes themselves, so any curve is
+represented. Each pair k has a level a_k and a slope b_k of its own at its turning point; between
+two pairs the T_k interpolate in time, and extrapolate beyond the first and the last one. A stroke
+back always comes later than the stroke forth, so a trend would shift all half-sums; the
+half-differences of successive pairs determine the trend, which is removed.
 
-The cut-off is chosen as that of free motions is (`hil.estimation.free_motion.settings`), but from
-the axis that moves, and recording by recording: slow strokes over few increments deserve a lower
-one than fast ones. Half-sums over bins take noise off by themselves, so torque and columns keep
-what positions keep: the narrower the low-pass, the further a reversal reaches into a stroke.
+The cut-off is chosen as for free motions (`hil.estimation.free_motion.settings`), but from the
+moving axis, and recording by recording: slow strokes over few increments need a lower cut-off than
+fast ones. Half-sums over bins average noise already, so torque and columns keep the bandwidth of
+the positions: the narrower the low-pass, the further a reversal spreads into a stroke.
 """
 
 from __future__ import annotations
@@ -51,39 +52,39 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 COMMON = ("offset", "asymmetric", *RIPPLE)
-"""What else is the same forth and back, alike in all recordings of an axis: a constant, a part in
-proportion to the speed, ripple over the motor's angle."""
+"""Terms equal forth and back and in all recordings of an axis: a constant, a term proportional to
+the speed, ripple over the motor angle."""
 
 
 @dataclass(frozen=True, eq=False)
 class Halves:
-    """Half-sums and half-differences of one recording, over pairs and bins.
+    """Half-sums and half-differences of a recording, over pairs and bins.
 
     Attributes
     ----------
     id : str
     axis : int
-        That moves, from 0.
+        Moving axis, from 0.
     pairs : Pairs
     rows : ndarray, shape (2, n, 1 + n_known + n_levels)
         Half-sums and half-differences of the torque less that of known rotors, of `known` columns
         and of levels of friction, at unit variance for samples of variance 1.
     alone : ndarray, shape of `rows`
-        The same, had all other axes stood still: what such motions show, without what they show by
-        chance; the known rotors' column, which is no unknown, is 0.
+        `rows` with all other axes at rest: the content of such motions without accidental
+        excitation; the column of the known rotors, which is no unknown, is 0.
     q : ndarray, shape (n, n_joints)
         Mean positions [rad or m].
     speed : ndarray, shape (n,)
-        Mean of both strokes [rad/s or m/s].
+        Mean speed of both strokes [rad/s or m/s].
     samples : ndarray
-        Inner products of the same columns over all samples of the pairs.
+        Inner products of these columns over all samples of the pairs.
     whole : ndarray, shape (n_pairs, m, m)
         Inner products of the torque, base parameters and `CLASSICAL` friction over all samples of
-        each pair, slow ones too.
+        each pair, including slow samples.
     also_moving : tuple of int
-        Other axes, from 0, that moved along.
+        Further moving axes, from 0.
     cut_off : float
-        Of the low-pass [Hz].
+        Cut-off frequency of the low-pass [Hz].
     cut_off_reason : str
     """
 
@@ -102,37 +103,37 @@ class Halves:
 
     @cached_property
     def _products(self) -> Array:
-        """Inner products of both kinds of columns by half, shape (2, 2, m, m)."""
+        """Inner products of the columns by kind and half, shape (2, 2, m, m)."""
         return np.stack([np.swapaxes(x, 1, 2) @ x for x in (self.rows, self.alone)])
 
-    def without_levels(self, weights: Array, n: int, *, alone: bool = False) -> Array:
-        """Combinations of columns: the first `n`, levels of friction taken off, shape (m, n).
+    def eliminate_levels(self, weights: Array, n: int, *, alone: bool = False) -> Array:
+        """Return column combinations, shape (m, n), that eliminate the levels of friction.
 
-        Both halves have the levels in common, so what these explain depends on their weights,
-        shape (2,).
+        The first `n` columns are kept. Both halves share the levels, so the eliminated part depends
+        on the weights of the halves, shape (2,).
         """
         both = np.tensordot(weights, self._products[int(alone)], 1)
         return np.vstack([np.eye(n), -inverse(both[n:, n:]) @ both[n:, :n]])
 
 
 def numbered_pairs(recordings: Sequence[Halves]) -> Indices:
-    """Number of the pair of each row, recording after recording, from 0."""
+    """Number the pairs of the rows consecutively across recordings, from 0."""
     rows = [(k, pair) for k, each in enumerate(recordings) for pair in each.pairs.pair.tolist()]
     return np.unique(rows, axis=0, return_inverse=True)[1].ravel()
 
 
 def known(robot: Robot) -> tuple[str, ...]:
-    """Columns that all recordings of an axis have in common, known rotors' torque among them."""
+    """Return the names of the columns common to the recordings of an axis."""
     return (*base_parameters(robot).names, ROTOR, *COMMON)
 
 
 def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
-    """Condense one recording of an axis that moves back and forth.
+    """Condense a recording of an axis moving back and forth.
 
     Raises
     ------
     NotEnoughData
-        No pair is of use.
+        No pair is usable.
     """
     (axis,) = motion.moved
     processing, reason = _processing(motion, recording)
@@ -175,7 +176,7 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
 
 
 def _processing(motion: FreeMotion, recording: Recording) -> tuple[Processing, str]:
-    """Settings of one recording, and why its cut-off is what it is."""
+    """Choose the settings of a recording, with the reason for the cut-off."""
     (axis,) = motion.moved
     width = bandwidth(recording.q[:, axis], recording.period)
     cut_off, reason = cut_off_of([width], recording.period, motion.cut_off)
@@ -198,15 +199,15 @@ def _columns(robot: Robot, motion: Motion, axis: int) -> dict[str, Array]:
 
 
 def _levels(u: Array, pairs: Pairs) -> Array:
-    """Columns of friction, shape (n, n_columns), over the velocity as share of the recording's.
+    """Return friction columns, shape (n, n_columns), over the relative velocity.
 
-    Their rank may be less.
+    The columns may be linearly dependent.
     """
     knots: list[float] = []
-    # speeds between which the curve of friction is interpolated, at most: one for each of the
-    # fewest bins of position (`hil.estimation.back_and_forth.pairs.BINS`)
+    # at most as many interpolation speeds of the friction curve as the fewest bins of position
+    # (`hil.estimation.back_and_forth.pairs.BINS`)
     for speed in np.quantile(np.abs(u[pairs.used]), np.linspace(0.0, 1.0, 8)).tolist():
-        # closer ones would resolve less than half of what friction bends over
+        # closer speeds would resolve less than half of the bend of friction
         if not knots or speed >= knots[-1] + BEND / 2:
             knots.append(speed)
     curve = np.column_stack([np.interp(np.abs(u), knots, unit) for unit in np.eye(len(knots))])
@@ -218,14 +219,13 @@ def _levels(u: Array, pairs: Pairs) -> Array:
 
 
 def _others_still(motion: Motion, axis: int) -> tuple[Mask, Motion]:
-    """Axes that stand still, and the motion with these where they are on average.
+    """Find the axes at rest, and replace the motion of axes at rest by the mean position.
 
-    What their controllers let them give way is in the torque, and so in the columns. But it would
-    make base parameters seem to be excited that are not.
+    The small motion allowed by the controllers is in the torque, and so in the columns. But in the
+    excitation this motion would make base parameters appear excited by mistake.
     """
     ways = np.ptp(motion.q, axis=0)
-    # share of the distance of the axis that is to move alone up to which another axis counts as
-    # still: what its controller lets it give way
+    # largest distance of an axis at rest, as a share of the moving axis's: control deviation
     still = ways <= 0.02 * ways[axis]
     mean = np.where(still, motion.q.mean(axis=0), motion.q)
     qd, qdd = (np.where(still, 0.0, x) for x in (motion.qd, motion.qdd))

@@ -1,10 +1,10 @@
-"""Which samples are of which stroke, which bin of position, and which pairs are of use.
+"""Assign samples to strokes and position bins, and select the usable pairs of strokes.
 
-A pair is a stroke forth and the stroke back that follows it, as the import numbered them. Samples
-near a reversal, where friction is no function of the velocity, are left out. Bins of position hold
-about as many samples each, of a stroke those of a period of the low-pass at least, so they are
-narrow where the axis is slow and its speed changes from one position to the next. Where both
-strokes of a pair pass a bin, half the sum and half the difference of their means are a row each.
+A pair is a stroke forth and the following stroke back, as numbered by the import. Samples near a
+reversal, where friction is no function of the velocity, are left out. Bins of position hold about
+equally many samples, and per stroke at least those of one period of the low-pass, so bins are
+narrow where the axis is slow and its speed changes quickly with position. Each bin passed by both
+strokes of a pair gives two rows: half the sum and half the difference of the means.
 """
 
 from __future__ import annotations
@@ -23,32 +23,32 @@ if TYPE_CHECKING:
     from hil.estimation.free_motion.motion import Motion
 
 FEWEST = 4
-"""Bins that both strokes of a pair must pass: two for each unknown that it has of its own, a level
-and a slope of friction."""
+"""Fewest bins passed by both strokes of a pair: two for each unknown of the pair, a level and a
+slope of friction."""
 BINS = 2 * FEWEST, 60
-"""Bins of the whole way, at least and at most: of half a turn one in 3 degrees, over which columns
-of links, of degree two in sines and cosines, change by a tenth."""
+"""Fewest and most bins of the whole distance: for half a turn one in 3 degrees, over which link
+columns, of degree two in sines and cosines, change by a tenth."""
 UNLIKE = 1.5
-"""Ratio of the speeds forth and back at the same positions from which on a pair is of no use. At
-1.2 torques were wrong by 0.34 % where they were by 0.08 % at 1 (benchmarks/back_and_forth.py)."""
+"""Largest ratio of the speeds forth and back at equal positions. At 1.2 torques were wrong by 0.34
+% where they were by 0.08 % at 1 (benchmarks/back_and_forth.py)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pairs:
-    """Pairs of a recording that are of use, and its rows: a pair's bins, pair after pair.
+    """Usable pairs of a recording and the rows of the regression: bins of a pair, pair after pair.
 
     Attributes
     ----------
     forth, back : ndarray of int
         Filtered samples of the strokes.
     rows : tuple of ndarray of int
-        The row of each of these samples, forth and back.
+        Row of each sample, forth and back.
     pair, bin : ndarray of int, shape (n_rows,)
         Numbers in the recording, from 0.
     turning : ndarray, shape (n_pairs,)
-        Where pairs turn round, in filtered samples.
+        Turning points of the pairs, in filtered samples.
     useless : tuple of str
-        Pairs that were left out, and why.
+        Rejected pairs with reasons.
     """
 
     forth: Indices
@@ -64,17 +64,17 @@ class Pairs:
 
     @property
     def used(self) -> Indices:
-        """Filtered samples of all strokes."""
+        """Filtered samples of the strokes."""
         return np.concatenate([self.forth, self.back])
 
     @property
     def weights(self) -> Array:
-        """Samples that each half is worth, shape (n_rows,): reciprocal variances for unit ones."""
+        """Inverse variances of the halves, shape (n_rows,), for unit sample variance."""
         forth, back = map(np.bincount, self.rows)
         return 4.0 / (1.0 / forth + 1.0 / back)
 
     def halves(self, x: Array) -> Array:
-        """Half-sums and half-differences, shape (2, n_rows, k), of filtered columns, (n, k)."""
+        """Return half-sums and half-differences, shape (2, n_rows, k), of columns (n, k)."""
         sums = np.zeros((2, len(self.pair), x.shape[1]))
         for k, samples in enumerate((self.forth, self.back)):
             np.add.at(sums[k], self.rows[k], x[samples])
@@ -85,7 +85,7 @@ class Pairs:
 
 
 def pairs_of(motion: Motion, stroke: Numbers, axis: int, unit: str) -> Pairs:
-    """Pairs of a recording.
+    """Return the usable pairs of a recording.
 
     Parameters
     ----------
@@ -93,21 +93,21 @@ def pairs_of(motion: Motion, stroke: Numbers, axis: int, unit: str) -> Pairs:
     stroke : ndarray, shape (n_used,)
         Number of the stroke of each filtered sample, even forth, odd back; -1 between strokes.
     axis : int
-        That moves, from 0.
+        Moving axis, from 0.
     unit : str
-        Of its positions.
+        Unit of the positions.
 
     Raises
     ------
     NotEnoughData
-        No pair is of use.
+        No pair is usable.
     """
     q, qd = (x[:: motion.rates.coarse][: len(motion.tau), axis] for x in (motion.q, motion.qd))
     number, returns = np.divmod(stroke, 2)
     steady = motion.used & (motion.slowest[:, axis] >= SLOW) & (stroke >= 0)
     steady &= np.sign(qd) == np.where(returns, -1, 1)
     bins = _bins(q, stroke, steady)
-    # a row for each bin that both strokes of a pair pass
+    # one row for each bin passed by both strokes of a pair
     key = number.astype(np.intp) * BINS[1] + bins
     useless, used = [], steady.copy()
     for pair in range((int(stroke.max(initial=-1)) + 1) // 2):
@@ -141,7 +141,7 @@ def pairs_of(motion: Motion, stroke: Numbers, axis: int, unit: str) -> Pairs:
 
 
 def _bins(q: Array, stroke: Numbers, steady: Mask) -> Indices:
-    """Bin of the recording's positions of each filtered sample."""
+    """Return the position bin of every filtered sample."""
     lengths = np.bincount(stroke[steady])
     if not steady.any():
         return np.zeros(len(q), dtype=np.intp)
@@ -151,7 +151,7 @@ def _bins(q: Array, stroke: Numbers, steady: Mask) -> Indices:
 
 
 def _reason(q: Array, qd: Array, forth: Mask, back: Mask, bins: Indices, unit: str) -> str:
-    """Why a pair is of no use; empty where it is."""
+    """Return why a pair is rejected, or an empty string."""
     if not (forth.any() and back.any()):
         return (
             "a stroke is too short for the low-pass; record longer strokes, or state a higher"

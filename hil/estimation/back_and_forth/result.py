@@ -1,4 +1,4 @@
-"""What motions back and forth show beside the base parameters, as `model.yaml` keeps it."""
+"""Define the `model.yaml` entries of estimates from motions back and forth."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hil.friction.law import TermValue
 
 
 class CurvePoint(FileModel):
-    """Friction at one speed: the half-differences of all pairs of an axis thereabouts.
+    """Friction at a speed, from the half-differences of the pairs of an axis.
 
     Attributes
     ----------
@@ -18,8 +18,8 @@ class CurvePoint(FileModel):
     friction : float
         Mean over the pairs [N m or N].
     half_width : float, optional
-        Of its interval of 95 %, from the scatter between pairs, which holds what drifts; None where
-        there is one pair.
+        Half-width of the 95 % confidence interval, from the scatter between pairs, which includes
+        drift; None for one pair.
     pairs : int
     """
 
@@ -30,7 +30,7 @@ class CurvePoint(FileModel):
 
 
 class FrictionCurve(FileModel):
-    """Friction of one axis over its speed, no law assumed.
+    """Friction of an axis over its speed, without a friction law.
 
     Attributes
     ----------
@@ -39,12 +39,12 @@ class FrictionCurve(FileModel):
     points : tuple of CurvePoint
         By rising speed.
     by_direction : tuple of TermValue
-        What is the same forth and back and no rigid body's: a constant, which may be an offset of
-        the torque [N m or N], and per unit of speed [N m s/rad or N s/m].
+        Terms equal forth and back that are no rigid-body torque: a constant, possibly an offset of
+        the torque [N m or N], and a term per unit of speed [N m s/rad or N s/m].
     plain : dict of str to TermValue
-        What offset, Coulomb's and viscous friction alone would be, of samples at all speeds: for
-        comparison with other sources [N m or N, the viscous per unit of velocity]. Empty where
-        there is one pair, which shows no standard error.
+        Offset, Coulomb and viscous friction fitted alone to samples at all speeds, for comparison
+        with other sources [N m or N, viscous per unit of velocity]. Empty for one pair, which has
+        no standard error.
     """
 
     axis: int
@@ -54,35 +54,35 @@ class FrictionCurve(FileModel):
 
 
 class Combination(FileModel):
-    """A parameter that stands for a sum, in words such as ``p4 + 0.25 p9``."""
+    """Parameter sum represented by a parameter, in words such as ``p4 + 0.25 p9``."""
 
     name: str
     stands_for: str
 
 
 class BackAndForthFit(FileModel):
-    """Friction and settings behind an estimate from motions back and forth.
+    """Friction and settings of an estimate from motions back and forth.
 
     Attributes
     ----------
     cut_off : tuple of float
-        Of the low-pass of all signals, the lowest and the highest of all recordings [Hz].
+        Lowest and highest cut-off frequency of the low-pass over the recordings [Hz].
     cut_off_reason : str
     pairs : int
-        Of strokes.
+        Number of pairs of strokes.
     curves : tuple of FrictionCurve
-        Of the axes that were moved.
+        Friction curves of the moved axes.
     relative_residual : tuple of float or None
-        Root mean square of what base parameters and friction leave of all samples that were used,
-        over that of the torque, axis by axis; None for an axis that was not moved.
+        Root mean square residual of the used samples over that of the torque, axis by axis; None
+        for an axis that was not moved.
     overall_residual : float
-        The same of all axes together.
+        Relative residual of all axes together.
     not_identified : tuple of str
-        Base parameters that the motions do not show; they are zero in the model.
+        Base parameters not excited by the motions; zero in the model.
     combinations : tuple of Combination
-        Parameters that were identified together with some of these.
+        Parameters identified together with some of these.
     remarks : tuple of str
-        What restricts the estimate.
+        Restrictions of the estimate.
     """
 
     cut_off: tuple[float, float]
@@ -99,5 +99,5 @@ class BackAndForthFit(FileModel):
     compliance: ClassVar[dict[int, TermValue]] = {}
 
     def sum_of(self, name: str) -> str:
-        """Sum that was identified in place of a parameter; empty where it is the parameter."""
+        """Return the sum identified in place of a parameter; empty for the parameter alone."""
         return next((each.stands_for for each in self.combinations if each.name == name), "")

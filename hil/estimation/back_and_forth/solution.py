@@ -1,13 +1,13 @@
-"""Step 2: all half-sums and half-differences to one set of base parameters.
+"""Fit base parameters to the half-sums and half-differences of all pairs (step 2).
 
-Half-sums and half-differences of an axis are two channels of one regression, with the axis's common
-terms for unknowns of both: friction that is no function of the speed, such as one that grows with
-the load, spoils the latter alone. Rows are weighted by the number of their samples, channels by
-their residual variance. Levels of friction of each recording are eliminated with these weights.
+Half-sums and half-differences of an axis are two channels of one regression with common unknowns:
+friction not represented by a function of the speed, such as load-dependent friction, spoils the
+half-differences alone. Rows are weighted by the number of samples, channels by the residual
+variance. Levels of friction of each recording are eliminated with these weights.
 
-Friction that wanders and noise differ from one pair of strokes to the next: pairs are groups. What
-the model lacks repeats with the strokes, but differs from one part of the space of states to the
-next: cells of it add their scatter (`hil.least_squares.regression`).
+Friction fluctuations and noise differ from one pair of strokes to the next: pairs are groups. Model
+errors repeat with the strokes, but differ between regions of the state space: the scatter over
+cells of states is added (`hil.least_squares.regression`).
 """
 
 from __future__ import annotations
@@ -36,24 +36,24 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 BLOCKS = 200
-"""Blocks of successive pairs, at most: what friction does lasts longer than a pair, and of so many
-a variance is known within 5 %, 1 / sqrt(2 * 200)."""
+"""Largest number of blocks of successive pairs: friction changes last longer than a pair, and from
+200 blocks a variance is known within 5 %, 1 / sqrt(2 * 200)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """What half-sums and half-differences say.
+    """Solution of the regression over half-sums and half-differences.
 
     Attributes
     ----------
     fit : Fit
-        Base parameters, and by axis what differs by direction; zero where not kept.
+        Base parameters, and direction-dependent terms by axis; zero if not kept.
     excitation : Excitation
     weights : ndarray, shape (2 n_joints,)
-        Of half-sums and half-differences of each axis, reciprocal variances of a sample.
+        Inverse variances of a sample in the half-sums and half-differences of each axis.
     effect : ndarray, shape (n, 2 n_joints)
-        Parts of the unknowns from the torque of each axis, then of its known rotor, which
-        counts as negative.
+        Contributions to the unknowns by the torque of each axis, then by its known rotor
+        (negative).
     """
 
     fit: Fit
@@ -61,18 +61,18 @@ class Solution:
     weights: Array
     effect: Array
 
-    def around(self, axis: int) -> Array:
-        """Coefficients of torque and known columns of an axis, to what the fit leaves of them."""
+    def residual_row(self, axis: int) -> Array:
+        """Return the coefficients of torque and known columns in the residual of an axis."""
         return np.concatenate([[1.0], -self.fit.x[self.fit.layout.place(axis)]])
 
-    def without_levels(self, halves: Halves) -> Array:
-        """Combinations of a recording's columns to the same, levels of friction taken off."""
-        n = len(self.around(halves.axis))
-        return halves.without_levels(self.weights[channels(halves)], n)
+    def eliminate_levels(self, halves: Halves) -> Array:
+        """Return the combinations of a recording's columns without levels of friction."""
+        n = len(self.residual_row(halves.axis))
+        return halves.eliminate_levels(self.weights[channels(halves)], n)
 
 
 def solve(robot: Robot, recordings: Sequence[Halves], covariance: Covariance) -> Solution:
-    """Solve for all unknowns that the recordings excite."""
+    """Solve for the unknowns excited by the recordings."""
     by_pair = numbered_pairs(recordings)
     together = np.zeros_like(by_pair)
 
@@ -103,16 +103,16 @@ def blocks(
     *,
     alone: bool = False,
 ) -> Blocks:
-    """Half-sums and half-differences of all recordings, levels of friction taken off.
+    """Condense half-sums and half-differences of recordings without levels of friction.
 
     Parameters
     ----------
     weights : ndarray, shape (2 n_joints,)
-        Of the channels.
+        Weights of the channels.
     groups : ndarray of int
         Group of each row, recording after recording.
     alone : bool
-        Whether columns are those that there were, had all other axes stood still.
+        Use the columns with all other axes at rest.
     """
     columns, axes = known(robot), axis_names(robot.n_joints)
     n = 1 + len(columns)
@@ -121,7 +121,7 @@ def blocks(
     ends = np.cumsum([len(each.q) for each in recordings])[:-1]
     for each, own in zip(recordings, np.split(groups, ends), strict=True):
         at = channels(each)
-        T = each.without_levels(weights[at], n, alone=alone)
+        T = each.eliminate_levels(weights[at], n, alone=alone)
         rows = (each.alone if alone else each.rows) @ T
         for group in np.unique(own):
             part = rows[:, own == group]
@@ -133,5 +133,5 @@ def blocks(
 
 
 def channels(halves: Halves) -> slice:
-    """Channels of a recording's half-sums and half-differences."""
+    """Return the channels of a recording's half-sums and half-differences."""
     return slice(2 * halves.axis, 2 * halves.axis + 2)

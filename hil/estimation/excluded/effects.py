@@ -129,7 +129,7 @@ def _fitted(
     if failed := {axis: test.asymmetry for axis, test in tests if not test.passed}:
         each = ", ".join(f"{100 * asymmetry:.2g}" for asymmetry in failed.values())
         detail = f"{each} % of it, or offsets of the current"
-        yield "friction that differs by direction", failed, detail, fit.without_asymmetry()
+        yield "friction that differs by direction", failed, detail, fit.solve_without_asymmetry()
 
 
 def _format_errors(factor: float, value: Array, error: Array, axes: Indices) -> str:

@@ -1,18 +1,18 @@
-"""All recordings condensed to inner products, recording by recording.
+"""Condense recordings to inner products of columns by piece of time and cell of states.
 
-Every axis's share of every piece of time, and of every cell of the space of states, becomes a small
-matrix over the columns
+The samples of every axis in every piece of time, and in every cell of the state space, become a
+small matrix over the columns
 
     y | A(q, qd, qdd), coupled motors, friction
 
-of filtered samples (`hil.least_squares.blocks`): first with the signal as it was recorded for y and
-the torque of rotors of known inertia as a further column (`recorded_products`), then of the torque
-to be explained (`scaling`). Pieces are divided by the axis's speed too, so that a dead zone can be
-chosen afterwards. Cells are samples that are alike in positions and velocities, wherever in time
-they are: the nearest of some states that were drawn from the motion. What a model cannot explain
-repeats whenever the motion does; over cells it scatters.
+of filtered samples (`hil.least_squares.blocks`): first with the recorded signal for y and the
+torque of rotors of known inertia as a further column (`recorded_products`), then with the torque to
+be explained (`scaling`). Pieces are also divided by the speed of the axis, so that a dead zone can
+be chosen afterwards. A cell holds samples of similar positions and velocities at any time: the
+samples nearest to one of some states drawn from the motion. Model errors repeat whenever the motion
+repeats; over cells they scatter.
 
-With instruments there are besides the products of all columns with those of a second motion
+With instruments, products of all columns with the columns of a second motion are added
 (`motion.filtered_motion`).
 """
 
@@ -42,19 +42,19 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 SPEEDS = (0.02, 0.05, 0.1)
-"""Bounds of the classes of speed, as shares of the axis's speed: dead zones that are tried."""
+"""Candidate dead zones: bounds of the classes of speed as shares of the axis's speed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Division:
-    """How samples are divided.
+    """Division of samples into pieces of time and cells of states.
 
     Attributes
     ----------
     piece : float
         Length of a piece [s].
     states : ndarray, shape (n_cells, 2 n_joints)
-        Middles of the cells: positions and velocities over `scale`; none without stretches.
+        Centres of the cells: positions and velocities over `scale`; empty without stretches.
     scale : ndarray, shape (2 n_joints,)
     """
 
@@ -63,22 +63,22 @@ class Division:
     scale: Array
 
     def cells(self, motion: Motion) -> Indices:
-        """Cell of each sample that is used, shape (n_used,)."""
+        """Return the cell of every used sample, shape (n_used,)."""
         return _nearest(self.states, _states(motion) / self.scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Products:
-    """Inner products of all columns.
+    """Inner products of the columns of the regression.
 
-    Shared columns are base parameters, coupled motors' friction, compliances of soft gears and what
-    was added, the own ones those of friction, `COLUMNS`.
+    Shared columns are base parameters, friction of coupled motors, compliances of soft gears and
+    added columns; own columns are those of friction, `COLUMNS`.
 
     Attributes
     ----------
     pieces : tuple of Blocks
-        By piece of time, labelled by the number of its recording: of all samples, and of those of
-        each class of the axis's speed and faster.
+        By piece of time, labelled by the number of its recording: of all samples, then of the
+        samples in each class of speed and faster.
     cells : tuple of Blocks
         By cell of states, likewise.
     instruments : Blocks, optional
@@ -91,17 +91,17 @@ class Products:
 
     @property
     def n_joints(self) -> int:
-        """Axes."""
+        """Number of axes."""
         return self.pieces[0].n_channels
 
     @property
     def n_pieces(self) -> int:
-        """Pieces of time."""
+        """Number of pieces of time."""
         return len(self.pieces[0])
 
     @property
     def layout(self) -> Layout:
-        """Where unknowns stand."""
+        """Layout of the unknowns."""
         return self.pieces[0].layout
 
     def recast(
@@ -110,10 +110,10 @@ class Products:
         added: Mapping[str, Array] | None = None,
         dropped: Sequence[str] = (),
     ) -> Products:
-        """Products of another torque or other shared columns, as of `Blocks.recast`.
+        """Return products for another torque or other shared columns, as `Blocks.recast` does.
 
-        Columns that differ from piece to piece, shape (n_pieces, n_joints, m), are 0 in cells,
-        which have no time.
+        Time-dependent columns, shape (n_pieces, n_joints, m), are 0 in cells, since cells have no
+        time.
         """
         new, crossed = added or {}, self.instruments
         of_cells = {name: 0.0 * x[0] if x.ndim == 3 else x for name, x in new.items()}
@@ -125,7 +125,7 @@ class Products:
 
 
 def division(processing: Processing, duration: float, stretches: Sequence[Motion] = ()) -> Division:
-    """Divide recordings of some `duration` [s], cells as `stretches` of them show the motion."""
+    """Divide recordings of a `duration` [s] into pieces, and `stretches` into cells of states."""
     n = 2 * len(processing.speed)
     # about 120 pieces of all recordings, none shorter than 10 periods of the cut-off frequency
     piece = max(duration / 120, 10.0 / processing.band)
@@ -141,8 +141,8 @@ def _states(motion: Motion) -> Array:
 
 
 def _middles(states: Array) -> Array:
-    """States that cover the motion: drawn evenly in time, then moved to their cells' means."""
-    # 60 cells of the space of states
+    """Return states covering the motion: evenly drawn in time, then moved to cell means."""
+    # 60 cells of the state space
     found: Array = states[np.linspace(0, len(states) - 1, min(60, len(states))).astype(int)]
     some = states[:: max(1, len(states) // 5000)]
     for _ in range(5):
@@ -155,19 +155,19 @@ def _middles(states: Array) -> Array:
 
 
 def _nearest(middles: Array, states: Array) -> Indices:
-    """Number of the middle that each state is nearest to."""
+    """Return the number of the nearest centre of every state."""
     square = (middles**2).sum(axis=1)
     return np.asarray(np.argmin(square - 2.0 * states @ middles.T, axis=1))
 
 
 def cells_of(states: Array) -> Indices:
-    """Cell of each of some states, shape (n, k), each scaled by how much it varies."""
+    """Return the cell of every state, shape (n, k), after scaling by standard deviations."""
     scaled = states / _scale(states)
     return _nearest(_middles(scaled), scaled)
 
 
 def _scale(states: Array) -> Array:
-    """Standard deviations, above what rounding leaves of states that stay the same."""
+    """Return standard deviations with a lower bound above rounding errors of constant states."""
     found: Array = np.maximum(states.std(axis=0), 1e-9)
     return found
 
@@ -182,20 +182,20 @@ def recorded_products(
     instruments: bool = False,
     soft: tuple[int, ...] = (),
 ) -> Products:
-    """Condense motions, the signal as it was recorded.
+    """Condense motions with the recorded signals as torque.
 
     The torque of the rotors whose inertia is known is the last of the shared columns, `ROTOR`.
 
     Parameters
     ----------
     first : ndarray, shape (n_base,)
-        First estimate of the base parameters, for what friction knows of the load.
+        First estimate of the base parameters, for load-dependent friction.
     terms : tuple of str
-        Of friction, in the order of `COLUMNS`.
+        Terms of friction, in the order of `COLUMNS`.
     instruments : bool
-        Whether products of one half of the samples with the other are wanted.
+        Compute products of one half of the samples with the other half.
     soft : tuple of int
-        Axes, from 0, whose gears give way.
+        Axes with soft gears, from 0.
 
     Raises
     ------
@@ -232,15 +232,15 @@ def recorded_products(
     if not pieces:
         raise too_short(longest, spoilt, motion.processing)
     columns = shared, terms
-    by_time = Groups.joined(pieces).by_speed(*columns, {"recording": np.array(origin)})
+    by_time = Groups.joined(pieces).speed_classes(*columns, {"recording": np.array(origin)})
     other = None
     if instruments:
         other = Blocks(*columns, np.concatenate(crossed), by_time[0].counts)
-    return Products(by_time, cells.by_speed(*columns), other)
+    return Products(by_time, cells.speed_classes(*columns), other)
 
 
 def too_short(longest: float, spoilt: float, processing: Processing) -> NotEnoughData:
-    """Return the error that the low-pass spoils all of each recording; times in s."""
+    """Return the error for recordings completely spoilt by the low-pass; times in s."""
     return NotEnoughData(
         f"the longest recording has {longest:.3g} s, of which the low-pass at"
         f" {processing.cut_off:.3g} Hz spoils {spoilt:.3g} s at its ends; import longer ones, or"
@@ -250,25 +250,25 @@ def too_short(longest: float, spoilt: float, processing: Processing) -> NotEnoug
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Groups:
-    """Inner products and counts by class of speed, group and axis, to which samples are added."""
+    """Accumulators of inner products and counts by class of speed, group and axis."""
 
     products: Array
     counts: Array
 
     @classmethod
     def empty(cls, n: int, n_joints: int, m: int, n_bounds: int = len(SPEEDS)) -> Groups:
-        """Groups of `m` columns, with classes of speed between so many bounds."""
+        """Create groups of `m` columns, with classes of speed between `n_bounds` bounds."""
         lead = n_bounds + 1, n, n_joints
         return cls(np.zeros((*lead, m, m)), np.zeros(lead))
 
     @classmethod
     def joined(cls, each: Sequence[Groups]) -> Groups:
-        """Groups of several motions, one after the other."""
+        """Join groups of several motions."""
         both = [(part.products, part.counts) for part in each]
         return cls(*(np.concatenate(parts, axis=1) for parts in zip(*both, strict=True)))
 
     def add(self, axis: int, rows: Array, group: Indices, speed: Indices) -> None:
-        """Add samples of one axis, shape (n, m), each to a group and a class of speed."""
+        """Add samples of an axis, shape (n, m), to the given groups and classes of speed."""
         shape = self.counts.shape[:2]
         number = speed * shape[1] + group
         order = np.argsort(number, kind="stable")
@@ -283,13 +283,13 @@ class Groups:
             part = columns[:, ends[k] : ends[k + 1]]
             self.products[*divmod(k, shape[1]), axis][at] += part @ part.T
 
-    def by_speed(
+    def speed_classes(
         self,
         shared: tuple[str, ...],
         own: tuple[str, ...],
         labels: Mapping[str, Indices] | None = None,
     ) -> tuple[Blocks, ...]:
-        """Blocks of each class of speed and all that are faster."""
+        """Return blocks of every class of speed including the faster classes."""
         for k in reversed(range(len(self.counts) - 1)):
             self.products[k] += self.products[k + 1]
             self.counts[k] += self.counts[k + 1]
@@ -305,7 +305,7 @@ def _crossed(
     terms: tuple[str, ...],
     soft: tuple[int, ...],
 ) -> Array:
-    """Products of one half of the samples with the other, shape (n_parts, n_joints, m, m)."""
+    """Return products of the two halves of the samples, shape (n_parts, n_joints, m, m)."""
     both = (motion.half(half) for half in (1, 2))
     axes = (every_axis(robot, each, first, motion.tau, terms, soft) for each in both)
     found = [[Z[part].T @ W[part] for part in parts] for W, Z in zip(*axes, strict=True)]
@@ -320,7 +320,7 @@ def every_axis(
     terms: tuple[str, ...],
     soft: tuple[int, ...],
 ) -> Iterator[Array]:
-    """Torque and all columns of each axis, filtered."""
+    """Yield torque and columns of every axis, filtered."""
     A = regressor(robot, motion.q, motion.qd, motion.qdd)
     gears = soft_gears(robot, motion, first, soft)
     for axis in range(robot.n_joints):
@@ -330,7 +330,7 @@ def every_axis(
 
 
 def pieces_of(motion: Motion, length: float) -> list[slice]:
-    """Pieces of about equal length of the samples that are used."""
+    """Divide the used samples into pieces of about equal length."""
     used = np.flatnonzero(motion.used)
     if len(used) < 2:
         return []

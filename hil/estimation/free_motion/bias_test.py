@@ -1,11 +1,11 @@
-"""Whether errors of the measured motion shift least squares: Durbin, Wu and Hausman's test.
+"""Test whether measurement errors of the motion bias least squares (Durbin, Wu, Hausman).
 
 Noise of the positions is noise of the accelerations, and so of columns of the regressor: least
-squares then finds too small inertias. Instruments from one half of the samples, columns from the
-other, are not shifted by errors that differ from sample to sample. Were there no such errors both
-would find the same, up to what scatters over blocks of time (Hausman, Econometrica 46 (1978)
-1251-1271). Parameters are tested one by one, by Student's t over blocks, and their number is
-reckoned with (Bonferroni), which takes no more blocks than an error of one parameter does.
+squares then underestimates inertias. With columns from one half of the samples and instruments from
+the other half, errors that are independent from sample to sample cause no bias. Without such errors
+both estimates agree, up to the scatter over blocks of time (Hausman, Econometrica 46 (1978)
+1251-1271). Parameters are tested separately by Student's t over blocks, with a correction for the
+number of parameters (Bonferroni), which needs no more blocks than the error of one parameter.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 def bias_test(
     robot: Robot, stretches: Sequence[Motion], scaling: Scaling, choice: Choice, first: Array
 ) -> BiasTest | None:
-    """Test least squares on the survey's stretches; None where there are too few blocks."""
+    """Test least squares on the survey's stretches; return None for too few blocks."""
     periods, processing = [each.rates.period for each in stretches], stretches[0].processing
-    # halves of the samples must show the motion
+    # half of the samples must resolve the motion
     if processing.cut_off * periods[0] * FINE > 1.0:
         return None
     samples = [each.recording.n_samples for each in stretches]
@@ -58,7 +58,7 @@ def bias_test(
     if products.instruments is None or products.n_pieces < FEW_BLOCKS:
         return None
     n, tiny, m = len(first), np.finfo(float).tiny, products.n_pieces
-    plain = choice.of(products.pieces[0])
+    plain = choice.regression(products.pieces[0])
     crossed = plain.transfer(products.instruments)
     difference = (crossed.solution - plain.solution)[:n]
     of_plain, of_crossed = (_influence(each.normal)[:, :n] for each in (plain, crossed))
@@ -73,5 +73,5 @@ def bias_test(
 
 
 def _influence(system: Normal) -> Array:
-    """How much each block moves the solution, shape (n_blocks, n)."""
+    """Return the change of the solution by every block, shape (n_blocks, n)."""
     return solved(system.information, system.scores(system.solution()).T).T

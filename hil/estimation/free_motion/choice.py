@@ -1,30 +1,30 @@
-"""What the data choose: the law of friction of each axis, and the dead zone at low speed.
+"""Choose the friction law of each axis, and the dead zone at low speed, from the data.
 
-Alternatives are compared on pieces of time that were held out (`hil.least_squares.choice`). What is
-usual is weighted least squares with the classical law. Nothing simpler is tried: it would save an
-unknown or two and leave more of some other motion.
+Alternatives are compared on held-out pieces of time (`hil.least_squares.choice`). The reference is
+weighted least squares with the classical law. Nothing simpler is tried: a simpler law would save an
+unknown or two and enlarge the residuals of some other motion.
 
-Halves of the recordings, predicted from each other, do not decide: half of an exciting trajectory
-leaves base parameters undetermined, and what these are wrong by is up to a hundred times what laws
-differ by.
+Mutual prediction of halves of the recordings does not decide: half of an exciting trajectory leaves
+base parameters undetermined, whose errors are up to a hundred times the differences between laws.
 
-Dead zones are compared on fast samples alone, the same for all: a fit that slow samples have
-spoilt, where friction depends on the way since the last reversal, predicts fast ones worse. On all
-samples it would always be the fit on all samples that seems best.
+Dead zones are compared on equal fast samples: if friction depends on the distance since the last
+reversal, a fit spoilt by slow samples predicts fast samples worse. On all samples the fit to all
+samples would always seem best.
 
-A law that is chosen is not the truth. What it gets wrong repeats with the motion, and where the
-motion repeats itself, as exciting trajectories do, neither blocks of time nor cells of states show
-much of it. But another law gets something else wrong. So alternatives m are taken as draws: with
-weights w_m, the root mean square error on held-out blocks of the choice over theirs, they add
+The chosen law is not the truth. Its errors repeat with the motion, and if the motion repeats
+itself, as exciting trajectories do, neither blocks of time nor cells of states show much of these
+errors. But another law has other errors. Alternatives m are therefore taken as draws: with weights
+w_m, the root mean square error on held-out blocks of the choice over that of the alternative, they
+add
 
     V = sum w_m (x_m - x)(x_m - x)' / sum w_m
 
-to the covariance of what all laws have, as averaging over models would (J. A. Hoeting et al.,
-Bayesian model averaging, Statistical Science 14 (1999) 382-417, eq. 3). An alternative that
-predicts badly counts little. Dead zones smaller than the chosen one are no alternatives: slow
-samples spoil what they find by more than chance, though they fit these samples best. Laws that
-nobody would choose are among them, and some err more than the choice, so the share `SHARE` of V is
-taken.
+to the covariance of the unknowns common to all laws, as averaging over models would (J. A. Hoeting
+et al., Bayesian model averaging, Statistical Science 14 (1999) 382-417, eq. 3). An alternative with
+bad predictions counts little. Dead zones smaller than the chosen one are no alternatives: slow
+samples bias the estimates by more than chance, though such a fit describes slow samples best.
+Alternatives include laws that would never be chosen, some with larger errors than the choice, so
+only the share `SHARE` of V is taken.
 """
 
 from __future__ import annotations
@@ -51,29 +51,29 @@ if TYPE_CHECKING:
     from hil.least_squares.layout import Layout
 
 MATERIAL = 0.05
-"""Growth of a residual (rms) that nothing is worth, no dead zone and no positive mass matrix: by so
-much the default may leave more than weighted least squares."""
+"""Largest growth of a residual (rms), over weighted least squares, accepted for a dead zone or a
+positive mass matrix."""
 SHARE = 0.6
-"""Share of the spread of alternatives that counts: over twins of seven robots, twelve seeds each,
-errors are 0.6 (seven axes) to 1.2 times (portal) as large as is stated then."""
+"""Share of the spread of alternatives in the covariance: over twins of seven robots, twelve seeds
+each, errors are then 0.6 (seven axes) to 1.2 times (portal) the stated ones."""
 OTHER_LAWS = ("cube root", "arc tangent", "all speeds and load", "all")
-"""Laws that hold most of what friction does with speed."""
+"""Laws with most of the speed dependence of friction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Choice:
-    """What was chosen, and the errors that decided.
+    """Chosen friction laws and dead zone, with the errors for the decision.
 
     Attributes
     ----------
     slowest : int
-        First class of speed that is fitted: 0 where there is no dead zone.
+        First fitted class of speed; 0 without a dead zone.
     laws : tuple of str
-        Of each axis, by name.
+        Names of the laws, by axis.
     held_out : tuple of dict
-        Of each axis: root mean square of the held-out error by law, over that of the law chosen.
+        By axis: root mean square of the held-out error by law, over that of the chosen law.
     weights : ndarray, shape (n_joints,)
-        Of the axes' rows.
+        Row weights of the axes.
     """
 
     slowest: int
@@ -81,36 +81,36 @@ class Choice:
     held_out: tuple[dict[str, float], ...]
     weights: Array
 
-    def of(self, blocks: Blocks) -> Regression:
-        """Regression over blocks with the unknowns that the laws leave."""
+    def regression(self, blocks: Blocks) -> Regression:
+        """Return the regression over blocks with the unknowns of the chosen laws."""
         return Regression(blocks, self.weights, kept_by(blocks.layout, self.laws))
 
     def fitted(self, products: Products) -> Regression:
-        """Regression over the pieces of time, of the samples that are fitted."""
-        return self.of(products.pieces[self.slowest])
+        """Return the regression over the pieces of time, for the fitted samples."""
+        return self.regression(products.pieces[self.slowest])
 
 
 def kept_by(layout: Layout, laws: Sequence[str]) -> Indices:
-    """Unknowns that laws of friction, one for each axis, leave.
+    """Return the unknowns of friction laws, given by axis.
 
-    With Coulomb's friction there is how it bends, whose column is 0 where it turns round at once.
+    Coulomb friction includes the bend term, whose column is 0 if friction reverses at once.
     """
     return layout.kept([law_terms(law) for law in laws])
 
 
 def law_terms(law: str) -> tuple[str, ...]:
-    """Terms of a law; with Coulomb's friction there is how it bends."""
+    """Return the terms of a law; Coulomb friction includes the bend term."""
     terms = LAWS[law]
     return (*terms, BENT) if "Coulomb" in terms else terms
 
 
 def usual(blocks: Blocks) -> Regression:
-    """Coulomb's and viscous friction, rows by residual variance."""
+    """Return the regression with Coulomb and viscous friction, weighted by residual variance."""
     return Regression.weighed(blocks, kept_by(blocks.layout, [USUAL] * blocks.n_channels))
 
 
-def without_choice(products: Products, *, weighted: bool) -> Choice:
-    """Coulomb's and viscous friction at all speeds; rows alike, or by residual variance."""
+def classical_choice(products: Products, *, weighted: bool) -> Choice:
+    """Return Coulomb and viscous friction at all speeds, optionally with weighted rows."""
     n = products.n_joints
     weights = usual(products.pieces[0]).weights if weighted else np.ones(n)
     return Choice(0, (USUAL,) * n, ({},) * n, weights)
@@ -119,19 +119,20 @@ def without_choice(products: Products, *, weighted: bool) -> Choice:
 def choose(
     products: Products, tried: Sequence[str] = TRIED, plain_left: Array | None = None
 ) -> Choice:
-    """Choose dead zone, then laws axis by axis, those of the others being the classical one first.
+    """Choose the dead zone, then the laws of the axes, starting from classical laws.
 
-    A dead zone is none that leaves more of all samples on some axis, by more than `MATERIAL`, than
-    weighted least squares does.
+    A dead zone is rejected if the residual of all samples on some axis exceeds that of weighted
+    least squares by more than `MATERIAL`.
 
     Parameters
     ----------
     tried : sequence of str
         Laws, the simplest first.
     plain_left : ndarray, shape (n_joints,), optional
-        Mean square of what weighted least squares leaves without presliding, where there is some.
-        Then there is a dead zone, unless it leaves more than that, by more than `MATERIAL` over all
-        axes: a model of friction after a reversal lacks something, which looks like inertia.
+        Mean squared residual of weighted least squares without presliding, if presliding was found.
+        Then a dead zone is used unless its residual exceeds this one by more than `MATERIAL` over
+        all axes: models of friction after a reversal are incomplete, and the error looks like
+        inertia.
     """
     whole, n = products.pieces[0], products.n_joints
     plain = usual(whole)
@@ -152,8 +153,8 @@ def choose(
             }
             kept = {law: kept_by(whole.layout, each) for law, each in others.items()}
             load = whole.layout.index("load", axis)
-            # a gear of which friction took more than the load would not move, and one of which it
-            # took less than nothing would push: such a solution makes up for something else
+            # load friction above the load would block a gear, and negative load friction would
+            # drive the gear: such a solution compensates for another model error
             found = held_out.errors({
                 law: each for law, each in kept.items()
                 if len(tried) == 1 or 0.0 <= total.solution(each)[load] < 1.0
@@ -170,7 +171,7 @@ def choose(
 
 
 def _different(tried: Sequence[str], products: Products, axis: int) -> list[str]:
-    """Laws that differ by terms that one axis shows: ripple of an unknown gear shows none."""
+    """Return laws with different visible terms on an axis (no ripple of an unknown gear)."""
     whole = products.pieces[0]
     squares = np.einsum("gii->i", whole.products[:, axis])
     of_terms: dict[frozenset[str], str] = {}
@@ -182,7 +183,7 @@ def _different(tried: Sequence[str], products: Products, axis: int) -> list[str]
 
 
 def dead_zone_of(products: Products, weights: Array) -> int:
-    """First class of speed that is fitted, by what all terms predict of the fastest samples."""
+    """Return the first fitted class of speed, by predictions of the fastest samples."""
     every = range(len(SPEEDS) + 1)
     *tried, scored = (products.pieces[slowest].normal(weights) for slowest in every)
     kept = kept_by(products.layout, ["all"] * products.n_joints)
@@ -191,13 +192,14 @@ def dead_zone_of(products: Products, weights: Array) -> int:
 
 
 def covariance_of_choices(products: Products, choice: Choice) -> Array:
-    """Covariance from one choice to another, of base parameters, coupled motors and offsets.
+    """Return the covariance of the unknowns between alternative laws and dead zones.
 
     Returns
     -------
     ndarray, shape (n, n)
-        Of all unknowns; 0 of the other terms of friction, which mean something else in each law,
-        and so does the offset of an axis that moves in one direction only.
+        Covariance of all unknowns, nonzero for base parameters, coupled motors and offsets. Other
+        friction terms differ in meaning between laws, as does the offset of an axis that moves in
+        one direction only.
     """
     layout, n = products.layout, products.n_joints
     one_way = only_directions(products.pieces[1])

@@ -1,13 +1,13 @@
 """Columns of the regression: base parameters, coupled motors, and friction of each axis.
 
-Every sample of an axis i says
+Every sample of an axis i gives the equation
 
     Q_i - Qm_i = A_i(q, qd, qdd) p + C_i c + F_i a_i + e
 
-with the torque Qm of rotors whose inertia the robot file states. Friction F of an axis is in
-`hil.friction.terms`. A motor that turns with two joints has friction in its own velocity, c_1
-(viscous) and c_2 (Coulomb), which both joints feel: the unknowns c are shared by all axes as p is.
-So are the compliances of gears that give way (`hil.estimation.nuisances`).
+with the torque Qm of rotors of known inertia (robot file). Friction F of an axis is in
+`hil.friction.terms`. A motor coupled to two joints has friction in its own velocity, c_1 (viscous)
+and c_2 (Coulomb), acting on both joints: the unknowns c are shared by all axes, as p is. So are the
+compliances of soft gears (`hil.estimation.nuisances`).
 """
 
 from __future__ import annotations
@@ -33,29 +33,29 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 SEEN = 0.4
-"""Cycles of the motor in a sample up to which ripple over its angle is seen as such."""
+"""Largest motor angle per sample [cycles] with resolved ripple."""
 
 
 def coupled_names(robot: Robot) -> tuple[tuple[str, str], ...]:
-    """Viscous and Coulomb friction of each coupled motor, by name."""
+    """Return the names of viscous and Coulomb friction of the coupled motors."""
     motors = [f"motor {motor + 1} with joint {joint + 1}" for motor, joint, _ in robot.couplings]
     return tuple((f"{name} viscous", f"{name} Coulomb") for name in motors)
 
 
 def shared_names(robot: Robot, soft: Sequence[int] = ()) -> tuple[str, ...]:
-    """Unknowns that all axes share: base parameters, two of each coupled motor, compliances."""
+    """Return the shared unknowns: base parameters, coupled motors' friction, compliances."""
     coupled, gears = coupled_names(robot), compliance_names(robot)
     rigid = base_parameters(robot).names + tuple(n for pair in coupled for n in pair)
     return rigid + tuple(gears[axis] for axis in soft)
 
 
 def soft_gears(robot: Robot, motion: Motion, p: Array, soft: Sequence[int]) -> Array:
-    """Torque of each axis by a compliance `STEP` of each soft gear, shape (n, n_joints, n_soft).
+    """Return torques of a compliance `STEP` of every soft gear, (n, n_joints, n_soft).
 
     Parameters
     ----------
     p : ndarray, shape (n_base,)
-        Base parameters, by which the torques are calculated that gears transmit.
+        Base parameters for the calculation of the transmitted torques.
     """
     state = motion.q, motion.qd, motion.qdd
     if not soft:
@@ -74,21 +74,21 @@ def axis_columns(
     terms: Sequence[str] = COLUMNS,
     gears: Array | None = None,
 ) -> Array:
-    """All columns of one axis, at the motion's samples, shape (n, n_shared + 1 + n_terms).
+    """Return the columns of an axis at the samples, shape (n, n_shared + 1 + n_terms).
 
-    The torque of the axis's rotor, whose inertia is known, stands behind the shared ones.
+    The torque of the axis's rotor, of known inertia, follows the shared columns.
 
     Parameters
     ----------
     rows : ndarray, shape (n, n_base)
-        Base parameters' columns.
+        Columns of the base parameters.
     first : ndarray, shape (n_base,)
-        First estimate of the base parameters, for the torque that is transmitted: it enters a small
-        term of friction, so it need not be good.
+        First estimate of the base parameters, for the transmitted torque; a rough one suffices,
+        since only a small term of friction depends on this torque.
     terms : sequence of str
-        Of friction; ripple that gravity and inertia cannot be told from is 0 throughout.
+        Terms of friction; ripple indistinguishable from gravity and inertia is 0 throughout.
     gears : ndarray, shape (n, n_joints, n_soft), optional
-        As of `soft_gears`.
+        Columns of `soft_gears`.
     """
     q, qd = motion.q, motion.qd
     offered = set(ripple_orders(robot, axis))
@@ -110,5 +110,5 @@ def axis_columns(
 
 
 def rotor_torque(robot: Robot, motion: Motion, axis: int) -> Array:
-    """Torque of one axis's rotor, whose inertia is known, shape (n,) [N m or N]."""
+    """Return the torque of the rotor of an axis, of known inertia, shape (n,) [N m or N]."""
     return motor_torque(robot, motion.q, motion.qd, motion.qdd)[:, axis]

@@ -1,4 +1,4 @@
-"""Friction, residuals and restrictions of a solution, in the words of `model.yaml`."""
+"""Describe a solution as in `model.yaml`: friction, residuals, restrictions."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 SHORT = 30.0
-"""Duration of all recordings below which a remark is made [s]."""
+"""Shortest total duration of the recordings without a remark [s]."""
 
 
 def axis_friction(
     fit: Fit, plain: Fit, gathered: Gathered, products: Products
 ) -> tuple[AxisLaw, ...]:
-    """Law and coefficients of each axis; `plain` is the solution with the classical law."""
+    """Return law and coefficients of every axis, with the classical solution `plain`."""
     choice, processing = gathered.choice, gathered.processing
     levels = gathered.drift.found(fit.x, fit.layout, products.n_pieces)
     one_way, base = _one_way(products, fit), slice(len(gathered.first))
@@ -76,7 +76,7 @@ def _value(fit: Fit, place: int) -> TermValue:
 
 
 def _one_way(products: Products, fit: Fit) -> dict[int, OneWay]:
-    """Axes, from 0, that move in one direction only."""
+    """Return the axes, from 0, moving in a single direction."""
     found = {}
     for axis, direction in only_directions(products.pieces[1]).items():
         places, both = _places(fit, axis, ("offset", "Coulomb")), np.array([1.0, direction])
@@ -87,13 +87,13 @@ def _one_way(products: Products, fit: Fit) -> dict[int, OneWay]:
 
 
 def torque_lags(gathered: Gathered) -> tuple[TermValue, ...]:
-    """Lag of each axis's torque."""
+    """Return the torque lag of every axis."""
     both = zip(gathered.processing.lag, gathered.lag_error, strict=True)
     return tuple(TermValue(value=float(lag), standard_error=float(error)) for lag, error in both)
 
 
 def compliances(robot: Robot, soft: Sequence[int], fit: Fit) -> dict[int, TermValue]:
-    """Compliances of the gears that give way, by axis from 1."""
+    """Return the compliances of the soft gears, by axis from 1."""
     places = {axis + 1: fit.layout.index(compliance_names(robot)[axis]) for axis in soft}
     return {
         axis: TermValue.estimated(STEP * fit.x[k], STEP**2 * fit.covariance[k, k])
@@ -102,7 +102,7 @@ def compliances(robot: Robot, soft: Sequence[int], fit: Fit) -> dict[int, TermVa
 
 
 def coupled_friction(robot: Robot, fit: Fit) -> tuple[CoupledFriction, ...]:
-    """Friction of the coupled motors."""
+    """Return the friction of the coupled motors."""
     return tuple(
         CoupledFriction(
             motor=motor + 1,
@@ -118,16 +118,16 @@ def coupled_friction(robot: Robot, fit: Fit) -> tuple[CoupledFriction, ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Residuals:
-    """What a solution leaves of all samples, at every speed.
+    """Residuals of a solution over samples of every speed.
 
     Attributes
     ----------
     rms : ndarray, shape (n_joints,)
         Root mean square [N m or N].
     torque : ndarray, shape (n_joints,)
-        The same of the torque as it was recorded, with that of the rotors.
+        Root mean square of the recorded torque, including that of the rotors.
     mean : ndarray, shape (n_joints,)
-        Of the torque [N m or N].
+        Mean torque [N m or N].
     """
 
     rms: Array
@@ -135,32 +135,32 @@ class Residuals:
     mean: Array
 
     @classmethod
-    def of(cls, gathered: Gathered, products: Products, fit: Fit) -> Residuals:
-        """Residuals of a fit."""
+    def compute(cls, gathered: Gathered, products: Products, fit: Fit) -> Residuals:
+        """Compute the residuals of a fit."""
         whole, recorded = products.pieces[0].total, gathered.recorded.pieces[0].squares
         counts = np.maximum(whole.counts[0], 1.0)
-        # by the column of the offset, which is 1 throughout
+        # from the offset column, which is 1 throughout
         mean = whole.products[0, :, 0, whole.place("offset")[0]] / counts
         rms, torque = whole.mean_squares(fit.x), gathered.scaling.gains**2 * recorded / counts
         return cls(np.sqrt(rms), np.sqrt(torque), mean)
 
     @property
     def relative(self) -> tuple[float | None, ...]:
-        """Over the torque; None for an axis without any."""
-        return self._over_torque(self.rms)
+        """Residuals relative to the torque; None for an axis without torque."""
+        return self._divide_by_torque(self.rms)
 
     @property
     def naive(self) -> tuple[float | None, ...]:
-        """What the mean torque leaves, likewise."""
-        return self._over_torque(np.sqrt(np.maximum(self.torque**2 - self.mean**2, 0.0)))
+        """Relative residuals of a constant torque."""
+        return self._divide_by_torque(np.sqrt(np.maximum(self.torque**2 - self.mean**2, 0.0)))
 
     @property
     def overall(self) -> float:
-        """Over the torque, of all axes."""
+        """Residual relative to the torque, for the axes together."""
         least = np.sqrt(np.finfo(float).tiny)
         return float(np.linalg.norm(self.rms) / max(float(np.linalg.norm(self.torque)), least))
 
-    def _over_torque(self, left: Array) -> tuple[float | None, ...]:
+    def _divide_by_torque(self, left: Array) -> tuple[float | None, ...]:
         both = zip(left.tolist(), self.torque.tolist(), strict=True)
         return tuple(each / torque if torque > 0 else None for each, torque in both)
 
@@ -173,10 +173,11 @@ def remarks(
     condition: float,
     torque: Array,
 ) -> tuple[str, ...]:
-    """What restricts the estimate: too little data, poor excitation, axes that stand still.
+    """Return remarks on short data, poor excitation and axes at rest.
 
-    `condition` is that with the classical law of friction: terms of richer ones resemble each
-    other, whatever the motion. `torque` is the root mean square of each axis's.
+    `condition` is the condition number with the classical friction law: terms of richer laws are
+    similar to each other for any motion. `torque` is the root mean square of the torque of each
+    axis.
     """
     said = []
     if found.duration < SHORT or products.n_pieces < FEW_BLOCKS:
@@ -218,7 +219,7 @@ def remarks(
 
 
 def loose_parameters(robot: Robot, blocks: Blocks, fit: Fit, torque: Array) -> list[str]:
-    """Names of base parameters whose standard error is a noticeable share of an axis's torque.
+    """Return the base parameters with a standard error above `LOOSE` of an axis's torque.
 
     Parameters
     ----------
@@ -237,22 +238,22 @@ def loose_parameters(robot: Robot, blocks: Blocks, fit: Fit, torque: Array) -> l
 
 
 def driving_axes(fit: Fit) -> tuple[int, ...]:
-    """Axes, from 1, whose law of friction gives power at some speed, by more than chance."""
+    """Return the axes, from 1, whose friction law significantly supplies power at some speed."""
     forth, found = np.array([0.25, 0.5, 0.75, 1.0]), []
     u, still = np.append(forth, -forth), np.zeros(2 * len(forth))
     columns = friction_columns(u, Direction(np.sign(u), still), still, still, still)
-    # what offsets and asymmetry add in one direction they take in the other
+    # offsets and asymmetry cancel between the two directions
     braking = (columns[: len(forth)] - columns[len(forth) :]) / 2
     for axis in range(fit.layout.n_channels):
         own = _places(fit, axis, fit.layout.own)
         V = fit.covariance[np.ix_(own, own)]
         error = np.sqrt(np.einsum("nk,kl,nl->n", braking, V, braking).clip(0.0))
-        # standard errors by which friction drives an axis before that counts
+        # friction drives an axis only if significant, by 2 standard errors
         if (braking @ fit.x[own] < -2.0 * error).any():
             found.append(axis + 1)
     return tuple(found)
 
 
 def dead_zone(choice: Choice) -> float:
-    """Share of the speed below which samples were not fitted."""
+    """Return the slowest fitted speed as a share of the axis's speed."""
     return SPEEDS[choice.slowest - 1] if choice.slowest else 0.0

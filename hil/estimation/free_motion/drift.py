@@ -1,18 +1,18 @@
-"""Level of friction that changes while one measures, axis by axis.
+"""Drift of the friction level during the recordings, axis by axis.
 
-Friction falls while gears warm and lubricant is stirred. In a recording of some minutes that shows:
-the level of an axis's friction is then
+Friction falls while gears warm up and lubricant is stirred. In recordings of some minutes the drift
+shows: the level of an axis's friction is then
 
     F(q, qd, t) = F(q, qd) (1 + sum d_k h_k(t)),
 
-linear between instants spread evenly over the time recorded, with the mean over all pieces 0. F is
-what a law finds of the whole recording, without offset and ripple, so that all else stays linear in
-d_k. How many instants there are, or none, is chosen as a law is: the fewest that predict held-out
-blocks no worse than the best, friction being interpolated over blocks that are left out. A level
-that does not change is never taken to change where this predicts worse. Instants are no closer than
-`APART`: over less time the level would follow the motion.
+linear between instants spread evenly over the recorded time, with mean 0 over all pieces. F is the
+friction law fitted to the whole recording, without offset and ripple, so that the problem is linear
+in d_k. The number of instants, possibly none, is chosen like a law: the fewest with predictions of
+held-out blocks as good as the best, friction being interpolated over the held-out blocks. A
+constant level is never replaced by a drifting one with worse predictions. Instants are no closer
+than `APART`: over shorter times the level would follow the motion.
 
-Cells of states have no time, and the level in them is the mean.
+Cells of states have no time; there the level is the mean.
 """
 
 from __future__ import annotations
@@ -36,23 +36,23 @@ if TYPE_CHECKING:
     from hil.least_squares.layout import Layout
 
 APART = 60.0
-"""Time between instants at which a level is found, at least [s]."""
+"""Shortest time between instants of the friction level [s]."""
 SPANS = (0, 1, 2, 4, 6)
-"""Spans between such instants that are tried; held-out blocks must be shorter."""
+"""Candidate numbers of spans between instants; held-out blocks must be shorter."""
 CHANGES = ("Coulomb", "viscous", "cube root", "arc tangent", "quadratic", "load", BENT)
-"""Terms whose level changes together."""
+"""Terms scaled by the friction level."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drift:
-    """Columns of levels that change.
+    """Columns of drifting friction levels.
 
     Attributes
     ----------
     spans : tuple of int
-        Of each axis; 0 where its friction keeps its level.
+        Number of spans of each axis; 0 for a constant level.
     friction : ndarray, shape (n_joints, n_columns)
-        Coefficients of what changes its level.
+        Coefficients of the drifting terms.
     """
 
     spans: tuple[int, ...]
@@ -60,17 +60,18 @@ class Drift:
 
     @classmethod
     def none(cls, n_joints: int) -> Drift:
-        """All levels stay."""
+        """Create constant levels."""
         return cls((0,) * n_joints, np.zeros((n_joints, len(COLUMNS))))
 
     def names(self, axis: int) -> list[str]:
-        """Unknown levels of one axis at each instant but the first."""
+        """Return the unknown levels of an axis at every instant but the first."""
         return [f"level {axis + 1} at {k}" for k in range(1, self.spans[axis] + 1)]
 
     def applied(self, products: Products) -> Products:
-        """Products with a shared column for each instant but the first of every axis that drifts.
+        """Return products with shared columns of the levels of the drifting axes.
 
-        The columns are the last of the shared ones, axis after axis.
+        Each instant but the first has a column. The columns are the last shared columns, axis after
+        axis.
         """
         if not any(self.spans):
             return products
@@ -83,7 +84,7 @@ class Drift:
         return products.recast(added=added)
 
     def found(self, x: Array, layout: Layout, n_pieces: int) -> tuple[Array, ...]:
-        """Level of each axis at its instants, over the mean; empty where it stays.
+        """Return the relative levels of every axis at the instants; empty for constant levels.
 
         Parameters
         ----------
@@ -100,9 +101,9 @@ class Drift:
 
 
 def levels(n_pieces: int, spans: int) -> Array:
-    """Change of the level in each piece for one at each instant but the first, mean 0.
+    """Return level changes by piece for a unit change at every instant but the first.
 
-    Shape (n_pieces, spans).
+    Shape (n_pieces, spans); the mean over the pieces is 0.
     """
     found = _hats(_middles(n_pieces), spans)
     return np.asarray(found - found.mean(axis=0))
@@ -113,18 +114,18 @@ def _middles(n_pieces: int) -> Array:
 
 
 def _hats(share: Array, spans: int) -> Array:
-    """Linear between instants, 1 at one of them; without that of the first."""
+    """Return hat functions of the instants but the first: 1 at an instant, linear between."""
     away = share[:, np.newaxis] * spans - np.arange(1, spans + 1)
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(away)))
 
 
 def find_drift(products: Products, choice: Choice, duration: float) -> Drift:
-    """Find which axes' friction changes its level, and over how many spans of time.
+    """Find the axes with drifting friction, and the numbers of spans.
 
     Parameters
     ----------
     duration : float
-        Of all recordings [s].
+        Total duration of the recordings [s].
     """
     folds = min(FOLDS, products.n_pieces)
     possible = [n for n in SPANS if n * APART <= duration and 2 * n <= folds]
@@ -144,12 +145,12 @@ def find_drift(products: Products, choice: Choice, duration: float) -> Drift:
 
 
 class _Search:
-    """Equations of the friction as it is, to which those of its changes are added.
+    """Normal equations of constant friction, extended by candidate drifts.
 
     Parameters
     ----------
     changing : ndarray, shape (n, n_joints)
-        What changes its level with each axis.
+        Coefficients of the drifting terms, by axis.
     """
 
     def __init__(self, system: Normal, changing: Array) -> None:
@@ -158,7 +159,7 @@ class _Search:
         self._squares = np.swapaxes(self._sides[0], 1, 2) @ changing
 
     def error(self, spans: Sequence[int]) -> Array:
-        """Squared errors on blocks that were held out, at the speeds that are fitted."""
+        """Return squared errors on held-out blocks at the fitted speeds."""
         system, axes = self._system, np.repeat(np.arange(len(spans)), spans)
         hats = np.hstack([levels(len(system.v), k) for k in spans])
         beside = self._sides[0][:, :, axes] * hats[:, np.newaxis]

@@ -1,6 +1,6 @@
-"""Recordings of free motions gathered for a fit: settings, inner products, gains, laws of friction.
+"""Gather recordings of free motions for a fit: settings, products, gains, friction laws.
 
-All solvers, and the fit of a load to two runs, start from here.
+All solvers, and the fit of a load to two runs, start here.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from hil.errors import NotEnoughData
 from hil.estimation.free_motion.accumulation import division, recorded_products, too_short
 from hil.estimation.free_motion.choice import (
     choose,
+    classical_choice,
     covariance_of_choices,
     usual,
-    without_choice,
 )
 from hil.estimation.free_motion.drift import Drift, find_drift
 from hil.estimation.free_motion.motion import filtered_motion
 from hil.estimation.free_motion.nuisances import find_nuisances
 from hil.estimation.free_motion.scaling import (
     Scaling,
-    around,
     effect_of_drives,
     first_scaling,
     gain_name,
+    linearise,
     open_gains,
     refined,
 )
@@ -61,12 +61,12 @@ if TYPE_CHECKING:
 
 
 class Selected:
-    """Some of all recordings, again and again, one at a time."""
+    """Repeatable iteration over selected recordings."""
 
     def __init__(
         self, recorded: Recorded, wanted: Callable[[RecordedMotion, Recording], bool]
     ) -> None:
-        # what can be read but once is kept; a run is read anew each time
+        # an iterator is read into memory; a run is read anew each time
         self._recorded = list(recorded) if isinstance(recorded, Iterator) else recorded
         self._wanted = wanted
 
@@ -75,7 +75,7 @@ class Selected:
 
 
 def free_motions(recorded: Recorded) -> Iterable[tuple[FreeMotion, Recording]]:
-    """Free motions among recordings.
+    """Return the free motions among recordings.
 
     Raises
     ------
@@ -93,27 +93,27 @@ def free_motions(recorded: Recorded) -> Iterable[tuple[FreeMotion, Recording]]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Gathered:
-    """Recordings as a solver takes them.
+    """Gathered recordings: input of a solver.
 
     Attributes
     ----------
     found : Survey
     stretches : list of Motion
-        Those of the survey, filtered.
+        Filtered stretches of the survey.
     processing : Processing
     lag_error : ndarray, shape (n_joints,)
         Standard errors of the lags of the torques [s].
     reasons : Reasons
     first : ndarray, shape (n_base,)
-        First estimate, which friction of the load goes by.
+        First estimate, for load-dependent friction.
     recorded : Products
-        The signals as they were recorded.
+        Products of the recorded signals.
     scaling : Scaling
     choice : Choice
     drift : Drift
-        Of friction's level; none where gains are unknown.
+        Drift of the friction level; none if gains are unknown.
     edges : tuple of Edge
-        Of lags and compliances.
+        Lags and compliances at the edge of the search range.
     """
 
     found: Survey
@@ -130,12 +130,12 @@ class Gathered:
 
     @property
     def products(self) -> Products:
-        """Inner products of torques in SI, with columns of levels that change."""
+        """Inner products of torques in SI, with columns of drifting levels."""
         return self.drift.applied(self.scaling.applied(self.recorded))
 
     @property
-    def beside(self) -> Array:
-        """Covariance of the base parameters from one law of friction to another."""
+    def choice_covariance(self) -> Array:
+        """Covariance of the base parameters between alternative friction laws."""
         n = len(self.first)
         return covariance_of_choices(self.products, self.choice)[:n, :n]
 
@@ -145,10 +145,10 @@ class Gathered:
         return effect_of_drives(self.recorded, self.scaling, self.choice)[: len(self.first)]
 
     def rescaled(self, fit: Fit) -> Gathered:
-        """The same with unknown gains as a fit has them, near which they are linearised anew."""
+        """Return a copy with the unknown gains of a fit and a new linearisation."""
         gains, unknown = self.scaling.gains.copy(), self.scaling.unknown
         gains[list(unknown)] *= np.exp([fit.x[fit.layout.index(gain_name(k))] for k in unknown])
-        scaling = around(self.recorded, replace(self.scaling, gains=gains), self.choice)
+        scaling = linearise(self.recorded, replace(self.scaling, gains=gains), self.choice)
         return replace(self, scaling=scaling)
 
 
@@ -161,24 +161,24 @@ def gather(
     open_scale: bool = False,
     p: Array | None = None,
 ) -> Gathered:
-    """Condense recordings and choose what the data choose.
+    """Condense recordings, and choose the settings from the data.
 
     Parameters
     ----------
     options : Options
-        Law of friction, and nuisances that are looked for.
+        Friction law, and nuisances to be estimated.
     open_scale : bool
-        Whether a scale that unknown gains leave open is let stand, one gain of it held at 1.
+        Fix an undetermined scale of unknown gains by setting one gain to 1.
     p : ndarray, shape (n_base,), optional
-        Base parameters that recordings of other kinds have found, which fix the scale of unknown
-        gains; by default the free motions must.
+        Base parameters from recordings of other kinds, which fix the scale of unknown gains; by
+        default the free motions must fix the scale.
 
     Raises
     ------
     NotEnoughData
         No free motions, or too short ones.
     NotIdentifiable
-        Base parameters that unknown gains leave open.
+        Unknown gains leave base parameters undetermined.
     Mismatch
         The gain of an axis is known in some motions and unknown in others.
     """
@@ -208,10 +208,10 @@ def gather(
     choice = (
         choose(products, laws, nuisances.plain)
         if chosen
-        else without_choice(products, weighted=variant.weighted)
+        else classical_choice(products, weighted=variant.weighted)
     )
-    # beside others a scale that these recordings leave open is found with all (`rescaled`)
-    scaling = (refined if beside is None else around)(condensed, scaling, choice)
+    # a scale not determined by these recordings is found in the joint fit (`rescaled`)
+    scaling = (refined if beside is None else linearise)(condensed, scaling, choice)
     drift = Drift.none(robot.n_joints)
     if chosen and not unknown and "drift" in options.nuisance:
         drift = find_drift(products, choice, found.duration)
@@ -239,19 +239,19 @@ def gather_rates(
     options: Options = DEFAULTS,
     p: Array | None = None,
 ) -> list[Gathered]:
-    """Condense recordings of each sampling rate by themselves, the fastest first.
+    """Condense recordings separately by sampling rate, fastest first.
 
-    A filter that suits one rate takes from another what it needs, or lets its noise pass.
-    Parameters and errors are those of `gather`.
+    A filter designed for one rate removes signal at another rate, or passes noise. Parameters and
+    errors are those of `gather`.
     """
-    rates = _by_rate(free_motions(recorded))
+    rates = _divide_by_rate(free_motions(recorded))
     return [gather(robot, each, variant, options, p=p) for each in rates]
 
 
-def _by_rate(motions: Iterable[tuple[FreeMotion, Recording]]) -> list[Recorded]:
-    """Recordings of about one rate each; all of them where the gain of an axis is unknown.
+def _divide_by_rate(motions: Iterable[tuple[FreeMotion, Recording]]) -> list[Recorded]:
+    """Divide recordings by sampling rate, unless gains are unknown.
 
-    One gain then holds for all.
+    An unknown gain is common to all recordings.
     """
     firsts: list[float] = []
     for motion, recording in motions:
@@ -259,8 +259,8 @@ def _by_rate(motions: Iterable[tuple[FreeMotion, Recording]]) -> list[Recorded]:
             return [motions]
         firsts.append(recording.period)
     firsts.sort()
-    # ratio of sampling periods up to which recordings count as of one rate: a filter is chosen by
-    # it, and clocks that ought to agree differ by less
+    # ratio of sampling periods up to which recordings share a rate: the filter depends on the
+    # rate, and equal clocks differ by less
     limits = [b for a, b in pairwise(firsts) if b > 1.5 * a]
     return [
         Selected(motions, lambda _, each, a=a, b=b: a <= each.period < b)  # type: ignore[misc]
@@ -268,22 +268,22 @@ def _by_rate(motions: Iterable[tuple[FreeMotion, Recording]]) -> list[Recorded]:
     ]
 
 
-def as_kinds(gathered: Sequence[Gathered]) -> list[Kind]:
-    """Regressions of recordings of each rate, with channels of their own, ready to be joined."""
+def rate_regressions(gathered: Sequence[Gathered]) -> list[Kind]:
+    """Return a regression for every rate, with separate channels, ready for a joint fit."""
     kinds = []
     for number, each in enumerate(gathered, start=1):
         fitted, cells = each.choice.fitted(each.products), each.products.cells[each.choice.slowest]
         names = tuple(f"{name} import {number}" for name in cells.channels)
         blocks = replace(fitted.blocks.grouped(BLOCKS), channels=names)
         cells = replace(cells, channels=names)
-        kinds.append(Kind(fitted.transfer(blocks), cells, each.beside, each.effect))
+        kinds.append(Kind(fitted.transfer(blocks), cells, each.choice_covariance, each.effect))
     return kinds
 
 
 def _unspoilt_stretches(
     found: Survey, motions: Iterable[tuple[FreeMotion, Recording]], processing: Processing
 ) -> list[Motion]:
-    """Filter the survey's stretches; take longer ones where the low-pass spoils all of each.
+    """Filter the survey's stretches, or longer stretches if the low-pass spoils all samples.
 
     Raises
     ------
@@ -294,7 +294,7 @@ def _unspoilt_stretches(
     if any(each.used.any() for each in stretches):
         return stretches
     spoilt = max(each.spoilt for each in stretches)
-    # twice what is spoilt, so that as much is left
+    # twice the spoilt duration, so that half remains
     longer = survey(motions, 2.0 * spoilt).stretches
     stretches = [filtered_motion(each, processing) for each in longer]
     if any(each.used.any() for each in stretches):
@@ -305,14 +305,14 @@ def _unspoilt_stretches(
 def _first_estimate(
     robot: Robot, found: Survey, stretches: Sequence[Motion], *, open_scale: bool
 ) -> tuple[Array, tuple[int, ...]]:
-    """Base parameters over the survey's stretches, and axes whose gain is found with them.
+    """Estimate base parameters over the survey's stretches, and select the unknown gains.
 
-    Friction needs to know the transmitted torque.
+    Load-dependent friction needs the transmitted torque.
     """
     n_base = len(base_parameters(robot))
     processing, first = stretches[0].processing, np.zeros(n_base)
     divided, unknown = division(processing, found.duration), found.unknown_gains
-    # what gears transmit comes from a solution that takes them for rigid
+    # the transmitted torque comes from a solution with rigid gears
     for soft in dict.fromkeys(((), processing.soft)):
         recorded = recorded_products(
             robot, stretches, divided, first, (*CLASSICAL, BENT), soft=soft

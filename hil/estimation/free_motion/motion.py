@@ -1,18 +1,19 @@
-"""One recording as a fit takes it: positions, velocities, accelerations and torque, filtered.
+"""Filter a recording: positions, velocities, accelerations and torque for a fit.
 
-There is one low-pass for everything, with decimation: a Butterworth filter of order four run forth
-and back, phase zero and the magnitude
+One type of low-pass with decimation is used throughout: a Butterworth filter of order four run
+forth and back, with zero phase and the magnitude
 
     |H(f)|^2 = 1 / (1 + (f / f_c)^8)
 
-at the cut-off frequency f_c. Applied to spectra it differentiates and decimates in the same step,
-for what remains above twice the cut-off is next to nothing. Positions pass it to be differentiated,
-at `FINE` samples a period of the cut-off; torque and columns of the regressor pass it again, since
-products of filtered signals have higher frequencies than these, and are kept at `COARSE` samples.
+at the cut-off frequency f_c. Applied to spectra, the filter differentiates and decimates in the
+same step, since the response above twice the cut-off is negligible. Positions are filtered for
+differentiation, with `FINE` samples in a period of the cut-off; torque and columns of the regressor
+are filtered again, since products of filtered signals have higher frequencies, and are kept at
+`COARSE` samples.
 
-Both ends of a recording are continued by point reflection, so that positions and velocities go on
-without a step. Whatever the filter mixes with that, `REACH` periods of the cut-off for each pass,
-is dropped afterwards: no fit sees a reflected sample.
+Both ends of a recording are continued by point reflection, so that positions and velocities have no
+step. Samples mixed with the reflection by the filter, `REACH` periods of the cut-off for each pass,
+are dropped afterwards: no fit sees a reflected sample.
 """
 
 from __future__ import annotations
@@ -32,25 +33,25 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 FINE = 8.0
-"""Samples of the motion in a period of its cut-off frequency, at least."""
+"""Fewest samples of the motion in a period of the cut-off frequency."""
 COARSE = 4.0
-"""Samples that are used in a period of the equation's cut-off frequency, at least."""
+"""Fewest used samples in a period of the equation's cut-off frequency."""
 REACH = 2.0
-"""Periods of the cut-off frequency after which the filter's response is below a hundredth."""
+"""Periods of the cut-off frequency until the filter response is below a hundredth."""
 ORDER = 4
-"""Of the filter that runs forth and back."""
+"""Order of the filter run forth and back."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rates:
-    """Periods of the samples of one recording, before and after decimation [s].
+    """Sampling periods of a recording, before and after decimation [s].
 
     Attributes
     ----------
     period : float
-        As recorded.
+        Recorded sampling period.
     fine, coarse : int
-        Every n-th sample of the recording is one of the motion; every n-th of these is used.
+        Decimation factors: from the recording to the motion, from the motion to the used samples.
     """
 
     period: float
@@ -58,8 +59,8 @@ class Rates:
     coarse: int
 
     @classmethod
-    def of(cls, period: float, cut_off: float, band: float) -> Rates:
-        """Rates for samples every `period` [s], cut-offs of the motion and of the equation [Hz]."""
+    def choose(cls, period: float, cut_off: float, band: float) -> Rates:
+        """Choose rates for a `period` [s] and cut-offs of motion and equation [Hz]."""
         fine = max(1, int(1.0 / (FINE * cut_off * period)))
         return cls(period, fine, max(1, int(1.0 / (COARSE * band * period * fine))))
 
@@ -72,7 +73,7 @@ def low_passed(
     derivatives: int = 0,
     ahead: Array | None = None,
 ) -> tuple[Array, ...]:
-    """Low-pass of columns of samples, and of their derivatives.
+    """Filter columns of samples by the low-pass, and differentiate.
 
     Parameters
     ----------
@@ -81,20 +82,20 @@ def low_passed(
     cut_off : float
         [Hz].
     every : int
-        Of the result every n-th sample is wanted.
+        Decimation factor of the result.
     derivatives : int
-        How many derivatives are wanted.
+        Number of derivatives.
     ahead : ndarray, shape (k,), optional
-        How much later than its instant each column is taken [s]; short against `reach`.
+        Time shift of each column, towards later samples [s]; short against `reach`.
 
     Returns
     -------
     tuple of ndarray, shape (ceil(n / every), k)
-        The columns filtered, then their derivatives, per second each time.
+        The filtered columns, then the derivatives, per second each time.
     """
     n, pad = len(x), _padding(len(x), period, cut_off, every)
     whole = every * fft.next_fast_len(-(-(n + 2 * pad) // every), real=True)
-    # what does not change passes as it is
+    # constant columns need no filter
     changes = np.flatnonzero(changing(x))
     kept, n_kept = whole // every, -(-n // every)
     frequencies, gain = _response(whole, kept, period, cut_off)
@@ -115,7 +116,7 @@ def low_passed(
 
 
 def changing(x: Array) -> Mask:
-    """Whether columns of samples, shape (n, k), are anything else than constant, shape (k,)."""
+    """Return True for every column of samples (n, k) that is not constant, shape (k,)."""
     columns = x.T
     found: Mask = (columns[:, ::50] != columns[:, :1]).any(axis=1)  # most show it at once
     others = np.flatnonzero(~found)
@@ -125,23 +126,23 @@ def changing(x: Array) -> Mask:
 
 @lru_cache(maxsize=16)
 def _response(whole: int, kept: int, period: float, cut_off: float) -> tuple[Array, Array]:
-    """Frequencies that are kept of a spectrum of `whole` samples [Hz], and their gain."""
+    """Return the kept frequencies of a spectrum of `whole` samples [Hz], and the gain."""
     frequencies = fft.rfftfreq(whole, period)[: kept // 2 + 1]
     return frequencies, 1.0 / (1.0 + (frequencies / cut_off) ** (2 * ORDER))
 
 
 def reach(period: float, cut_off: float) -> int:
-    """Samples every `period` [s] over which one pass of the filter spreads what is wrong."""
+    """Return the number of samples a disturbance is spread over by a filter pass."""
     return int(np.ceil(REACH / (cut_off * period)))
 
 
 def _padding(n: int, period: float, cut_off: float, every: int) -> int:
-    """Samples added at either end: a multiple of `every`."""
+    """Return the number of samples added at either end, a multiple of `every`."""
     return every * (min(2 * reach(period, cut_off), n - 1) // every)
 
 
 def _continued(x: Array, columns: Indices, pad: int, whole: int) -> Array:
-    """Point reflections at both ends, and a ramp from the last value to the first: (k, whole)."""
+    """Continue columns by point reflections and a ramp to the first value, (k, whole)."""
     n = len(x)
     body = np.empty((len(columns), whole))
     inner = body[:, pad : pad + n]
@@ -158,24 +159,25 @@ def _continued(x: Array, columns: Indices, pad: int, whole: int) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Processing:
-    """How recordings become signals; the same for all recordings of an estimate.
+    """Settings of signal processing, common to the recordings of an estimate.
 
     Attributes
     ----------
     cut_off : float
-        Of the low-pass of positions and velocities [Hz].
+        Cut-off frequency of the low-pass of positions and velocities [Hz].
     band : float
-        Of the low-pass of torque and columns [Hz].
+        Cut-off frequency of the low-pass of torque and columns [Hz].
     speed : ndarray, shape (n_joints,)
-        Speed that each axis hardly ever exceeds [rad/s or m/s]: the unit of friction's columns.
+        Reference speed of each axis, exceeded by few samples [rad/s or m/s]: the unit of friction's
+        columns.
     recorded_velocity : ndarray of bool, shape (n_joints,)
-        Axes whose velocity is taken as it was recorded, where it was, instead of from the position.
+        Axes with the recorded velocity, if present, in place of the derivative of the position.
     presliding : ndarray, shape (n_joints,)
-        Distance over which friction turns round after a reversal [rad or m]; 0 for at once.
+        Presliding distance after a reversal [rad or m]; 0 for immediate reversal of friction.
     lag : ndarray, shape (n_joints,)
-        By which the recorded torque comes after the position [s]; taken back.
+        Delay of the recorded torque after the position [s]; compensated.
     soft : tuple of int
-        Axes, from 0, whose gears give way.
+        Axes with soft gears, from 0.
     """
 
     cut_off: float
@@ -187,13 +189,13 @@ class Processing:
     soft: tuple[int, ...] = ()
 
     def spoilt(self, period: float) -> int:
-        """Samples every `period` [s] at either end that reflected ones have reached."""
+        """Return the number of samples at either end affected by reflected samples."""
         return reach(period, self.cut_off) + reach(period, self.band)
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Filtered motion of one recording.
+    """Filtered motion of a recording.
 
     Attributes
     ----------
@@ -202,13 +204,13 @@ class Motion:
     q, qd, qdd : ndarray, shape (n, n_joints)
         [rad or m], at `rates.fine`.
     tau : ndarray, shape (n_used, n_joints)
-        Torque, filtered and its lag taken back [N m or N], at `rates.coarse`.
+        Torque, filtered and with compensated lag [N m or N], at `rates.coarse`.
     used : ndarray of bool, shape (n_used,)
-        Samples that no reflected sample has reached.
+        Samples unaffected by reflected samples.
     recording : Recording
-        Where it comes from.
+        Source of the motion.
     offset : int
-        Half of its samples that the motion comes from, as of `filtered_motion`.
+        Half of the samples used, as of `filtered_motion`.
     """
 
     processing: Processing
@@ -223,43 +225,43 @@ class Motion:
 
     @cached_property
     def smooth(self) -> Array:
-        """Positions at the recording's own rate, filtered, shape (n_recorded, n_joints)."""
+        """Filtered positions at the recording's sampling rate, shape (n_recorded, n_joints)."""
         q = _every_other(self.recording.q, self.offset)
         return low_passed(q, self.rates.period, self.processing.cut_off)[0]
 
     def half(self, offset: int) -> Motion:
-        """The same from every other sample of the recording, as of `filtered_motion`."""
+        """Return the motion from half of the samples of the recording, as of `filtered_motion`."""
         return filtered_motion(self.recording, self.processing, offset)
 
     @property
     def period(self) -> float:
-        """Between samples of the motion [s]."""
+        """Sampling period of the motion [s]."""
         return self.rates.period * self.rates.fine
 
     @property
     def spoilt(self) -> float:
-        """Time at both ends together that reflected samples have reached [s]."""
+        """Total time at both ends affected by reflected samples [s]."""
         every = self.period * self.rates.coarse
         return 2 * self.processing.spoilt(every) * every
 
     @property
     def duration(self) -> float:
-        """Of the samples that are used [s]."""
+        """Duration of the used samples [s]."""
         return int(self.used.sum()) * self.period * self.rates.coarse
 
     @cached_property
     def directions(self) -> tuple[Direction, ...]:
-        """Direction of each axis's friction."""
+        """Friction direction of every axis."""
         return tuple(
             bent(partial(self.direction_after, axis), float(distance))
             for axis, distance in enumerate(self.processing.presliding)
         )
 
     def direction_after(self, axis: int, distance: float) -> Array:
-        """Direction of one axis's friction with some presliding distance, shape (n,).
+        """Return the friction direction of an axis for a presliding distance, shape (n,).
 
-        With none it is the sign of the velocity, 0 at rest. Else it comes from the way at the
-        recording's own rate, for reversals are quick.
+        Without presliding the direction is the sign of the velocity, 0 at rest. Otherwise it
+        follows from the path at the sampling rate of the recording, since reversals are quick.
         """
         if distance == 0:
             return sign_of_velocity(self.qd[:, axis], self.processing.speed[axis])
@@ -269,16 +271,16 @@ class Motion:
 
     @property
     def slowest(self) -> Array:
-        """Least speed nearby as a share of the axis's speed, shape (n_used, n_joints).
+        """Lowest nearby speed as a share of the axis's speed, shape (n_used, n_joints).
 
-        Nearby is as far as the filter carries what happens at a reversal.
+        Nearby means within the reach of the filter around a reversal.
         """
         width = 2 * int(1.0 / (self.processing.band * self.period)) + 1
         least = ndimage.minimum_filter1d(np.abs(self.qd), width, axis=0) / self.processing.speed
         return np.asarray(least[:: self.rates.coarse])
 
     def passed(self, x: Array) -> Array:
-        """Columns of the motion's samples, filtered, at the samples that are used."""
+        """Filter columns of the motion's samples, decimated to the used samples."""
         return low_passed(x, self.period, self.processing.band, self.rates.coarse)[0]
 
 
@@ -288,14 +290,14 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     Parameters
     ----------
     recording : Recording
-        Even in time, without a gap.
+        Evenly sampled in time, without a gap.
     offset : int
-        Where not 0 the motion comes from every other sample of the recording, from 0 on for 1 and
-        from 1 on for 2, brought to the same instants: two motions whose errors of measurement have
-        nothing to do with each other.
+        If not 0, the motion comes from every second sample of the recording, from 0 on for 1 and
+        from 1 on for 2, interpolated to the same instants: two motions with independent measurement
+        errors.
     """
     period, band = recording.period, processing.band
-    rates = Rates.of(period, processing.cut_off, band)
+    rates = Rates.choose(period, processing.cut_off, band)
     q, qd, qdd = _motion(recording, processing, rates, offset)
     every, lag = rates.fine * rates.coarse, processing.lag
     tau = low_passed(recording.tau, period, band, every, ahead=lag if lag.any() else None)[0]
@@ -322,7 +324,7 @@ def _motion(
 
 
 def _every_other(x: Array, offset: int) -> Array:
-    """Samples of one half, and between them what a parabola through their neighbours gives."""
+    """Replace every second sample by an interpolation through neighbouring samples."""
     if not offset:
         return x
     kept, made = x.copy(), np.arange(offset % 2, len(x), 2)

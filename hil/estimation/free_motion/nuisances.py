@@ -1,19 +1,19 @@
-"""Lags of torques, soft gears and presliding of free motions, found beside all terms of friction.
+"""Find lags of torques, soft gears and presliding of free motions.
 
-What they are, and how blocks follow them, is in `hil.estimation.nuisances`. What lies between two
-presliding distances is left to the column of how the direction bends with the distance, which the
-estimate itself has.
+The models of these nuisances, as columns of blocks, are in `hil.estimation.nuisances`. Values
+between two candidate presliding distances are left to the bend column, the change of the direction
+with the distance, which is part of the estimate.
 
-Beside a law of friction that is too poor, either makes up for what the law lacks: of 3 minutes of
-an arm without any lag, lags of -1.9 and -4.4 ms were found beside Coulomb's friction at all speeds,
-and torques of its bodies 1.1 % off; beside all terms and above the least dead zone, 0.4 ± 0.4 ms.
-So a lag is looked for on fast samples, where friction after a reversal cannot be taken for it, and
-then soft gears, after which lags are looked for anew, since either looks like the other, and then
-presliding, with lags taken back, on all samples, where it shows. All are admitted one axis after
-the other: that which predicts held-out blocks best, if it does so certainly better than without it
-(`hil.least_squares.choice`), all that was admitted being found anew with it. Once one gear is
-admitted, all may give way, and those stay that certainly do: one that is taken as rigid would make
-others seem softer than they are.
+With a friction law that is too poor, lag and compliance compensate for the missing terms: in 3
+minutes of an arm without any lag, lags of -1.9 and -4.4 ms were found with Coulomb friction at all
+speeds, and torques of its bodies 1.1 % off; with all terms and above the least dead zone, 0.4 ± 0.4
+ms. The search therefore starts with lags on fast samples, where friction after a reversal cannot be
+mistaken for a lag. Soft gears follow, then lags again, since the two are similar, and then
+presliding, with compensated lags, on all samples, where presliding shows. Nuisances are admitted
+one axis at a time: the one with the best prediction of held-out blocks, if the improvement is
+certain (`hil.least_squares.choice`); all admitted nuisances are then estimated anew. Once one gear
+is admitted as soft, all gears are freed, and those with a certain compliance stay soft: a soft gear
+modelled as rigid would make others seem softer than they are.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from hil.estimation.free_motion.columns import shared_names
 from hil.estimation.free_motion.motion import filtered_motion, low_passed
 from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.intervals import Edge
-from hil.estimation.nuisances import AROUND, Search, State, over_names, shift_names
+from hil.estimation.nuisances import AROUND, Search, State, direction_names, shift_names
 from hil.estimation.options import NUISANCES
 from hil.friction.terms import COLUMNS
 from hil.least_squares.choice import FOLDS
@@ -55,31 +55,32 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 SURE = 3.0
-"""Standard errors that a lag or a compliance is at least: every axis is tried, and each looks like
-the other."""
+"""Smallest ratio of a lag or a compliance to its standard error: every axis is tested, and lag and
+compliance are similar."""
 DISTANCES = 2.0 ** np.arange(-15.0, -9.75, 0.5)
-"""Presliding distances that are tried, as ways at the axis's speed [s]: gears and bearings turn
-round within 1e-5 to 1e-3 rad (twins of seven robots: 5e-5 to 3e-4 s). Over less, friction turns
-round between two samples, and what seems to follow is a better sign of a slow velocity."""
+"""Candidate presliding distances, as distances at the axis's speed [s]: the friction of gears and
+bearings reverses within 1e-5 to 1e-3 rad (twins of seven robots: 5e-5 to 3e-4 s). Over shorter
+distances friction reverses between two samples, and an apparent effect is a better sign of a slow
+velocity."""
 GROUPS = 4 * FOLDS
-"""Pieces of time, at most: some in each part that is held out."""
+"""Largest number of pieces of time, with several pieces in every held-out part."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Nuisances:
-    """What was found, as a fit takes it.
+    """Estimated nuisances: input of a fit.
 
     Attributes
     ----------
     processing : Processing
-        With lags, soft gears and presliding distances.
+        Settings with lags, soft gears and presliding distances.
     lag_error : ndarray, shape (n_joints,)
-        Standard errors of the lags [s]; 0 where there is none.
+        Standard errors of the lags [s]; 0 without a lag.
     plain : ndarray, shape (n_joints,), optional
-        Mean square of what weighted least squares leaves without presliding; None where friction
-        turns round at once.
+        Mean squared residual of weighted least squares without presliding; None if no presliding
+        was found.
     edges : tuple of Edge
-        Lags and compliances that end at the edge of their search range, and are not taken.
+        Rejected lags and compliances at the edge of the search range.
     """
 
     processing: Processing
@@ -91,9 +92,9 @@ class Nuisances:
 def find_nuisances(
     robot: Robot, found: Survey, processing: Processing, wanted: Collection[str] = NUISANCES
 ) -> Nuisances:
-    """Lags, soft gears and presliding distances of every axis that moves.
+    """Find lags, soft gears and presliding distances of the moving axes.
 
-    Where gains are unknown there are none.
+    With unknown gains, none are estimated.
     """
     none = Nuisances(processing, np.zeros(robot.n_joints))
     motions = [filtered_motion(each, processing) for each in found.stretches]
@@ -107,8 +108,8 @@ def find_nuisances(
     )
     plain = usual(products.pieces[0])
     slowest = max(dead_zone_of(products, plain.weights), 1)
-    # largest lag, either way: beyond 0.03 s a log's columns do not belong together, beyond half a
-    # period of the equation's cut-off frequency Gauss and Newton's method may end a period off
+    # largest lag, either way: beyond 0.03 s the columns of a log do not match, beyond half a
+    # period of the equation's cut-off frequency Gauss-Newton may converge a period off
     most = min(0.03, 0.5 / processing.band)
     first = plain.solution[: len(first)]
     times = _times(processing.band, most)
@@ -118,21 +119,21 @@ def find_nuisances(
         for each in _condensed(robot, motions, first, slowest, times, gears)
     )
     axes = [axis for axis in range(robot.n_joints) if axis not in found.still]
-    state, error, edges = State.of(robot.n_joints), none.lag_error, list[Edge]()
+    state, error, edges = State.start(robot.n_joints), none.lag_error, list[Edge]()
     if "lag" in wanted:
-        state, error = _sure(fast, fast.grown(state, axes, fast.with_lag), "late")
+        state, error = _sure(fast, fast.grown(state, axes, fast.add_lag), "late")
     if "compliance" in wanted:
-        state, edges = _with_soft_gears(robot, fast, state, axes)
+        state, edges = _find_soft_gears(robot, fast, state, axes)
     if state.soft.any() and "lag" in wanted:
-        in_time = replace(State.of(robot.n_joints), soft=state.soft)
-        state, error = _sure(fast, fast.grown(in_time, axes, fast.with_lag), "late")
+        in_time = replace(State.start(robot.n_joints), soft=state.soft)
+        state, error = _sure(fast, fast.grown(in_time, axes, fast.add_lag), "late")
     if "lag" in wanted:
         edges += [
             Edge(axis=axis + 1, what=LAG_OF_TORQUE, value=1e3 * lag, bound=1e3 * most, unit="ms")
             for axis, lag in fast.edges(state).items()
         ]
     if "presliding" in wanted:
-        state = whole.grown(state, axes, whole.with_distance)
+        state = whole.grown(state, axes, whole.add_presliding)
     distance = np.append(0.0, DISTANCES)[state.direction] * processing.speed
     return Nuisances(
         replace(
@@ -147,16 +148,16 @@ def find_nuisances(
     )
 
 
-def _with_soft_gears(
+def _find_soft_gears(
     robot: Robot, search: Search, state: State, axes: Sequence[int]
 ) -> tuple[State, list[Edge]]:
-    """State with the gears that certainly give way, if one does, and those that twist too far."""
-    if not search.grown(state, axes, search.with_soft).soft.any():
+    """Return the state with significant soft gears, and the gears that twist too far."""
+    if not search.grown(state, axes, search.add_soft_gear).soft.any():
         return state, []
     every = np.isin(np.arange(len(state.soft)), axes)
     found, _ = _sure(search, replace(state, soft=every), "soft")
     compliance, error = search.values("soft", found, "jackknife", FOLDS)
-    # what twists further is no gear, but makes up for something else, and so may the others
+    # a larger twist is no gear, but compensates for another model error, as others may then too
     twist = np.where(found.soft, compliance, 0.0) * robot.torque_limit
     edges = [
         twist_edge(robot, axis, twist[axis])
@@ -167,7 +168,7 @@ def _with_soft_gears(
 
 
 def _sure(search: Search, state: State, what: str) -> tuple[State, Array]:
-    """State with the `late` or `soft` axes that are sure, and the standard errors."""
+    """Return the state with significant `late` or `soft` axes, and the standard errors."""
     while (held := getattr(state, what)).any():
         value, error = search.values(what, state, "jackknife", FOLDS)
         # a torque may come early, but no gear is stiffer than rigid
@@ -176,7 +177,7 @@ def _sure(search: Search, state: State, what: str) -> tuple[State, Array]:
         least = int(np.argmin(size))
         if size[least] > SURE:
             return state, error
-        state = search.converged(state.with_one(what, least, 0))
+        state = search.converged(state.change_axis(what, least, 0))
     return state, np.zeros(len(state.lag))
 
 
@@ -188,9 +189,9 @@ def _condensed(
     times: Array,
     soft: tuple[int, ...],
 ) -> tuple[Blocks, Blocks]:
-    """Torques at all shifts, columns, directions over all distances: all samples, and fast ones."""
+    """Condense shifted torques, columns and directions: from all samples, and from fast ones."""
     shared = (*shared_names(robot, soft), ROTOR)
-    own = (*shift_names(times), *COLUMNS, *over_names(DISTANCES))
+    own = (*shift_names(times), *COLUMNS, *direction_names(DISTANCES))
     n, k = robot.n_joints, 1 + len(shared)
     duration = sum(motion.duration for motion in motions)
     found = []
@@ -207,13 +208,15 @@ def _condensed(
             z = side_by_side(*(motion.direction_after(axis, way) for way in ways))
             each = rows[:, :k], tau[:, axis, 1:], rows[:, k:], motion.passed(z)
             found[-1].add(axis, side_by_side(*(x[used] for x in each)), time, fast[:, axis])
-    of_all, of_fast = (each.grouped(GROUPS) for each in Groups.joined(found).by_speed(shared, own))
+    of_all, of_fast = (
+        each.grouped(GROUPS) for each in Groups.joined(found).speed_classes(shared, own)
+    )
     return of_all, of_fast
 
 
 def _times(band: float, most: float) -> Array:
-    """Instants by which the torque is condensed later [s]."""
-    # condensed shifts of the torque in a period of the cut-off frequency: six of them interpolate
-    # the torque at it within 1e-4
+    """Return the time shifts of the condensed torque [s]."""
+    # shifts per period of the cut-off frequency: six shifts interpolate the torque at that
+    # frequency within 1e-4
     n = int(np.ceil(most * 8.0 * band))
     return np.arange(-n - AROUND, n + AROUND + 1) * most / n

@@ -1,19 +1,18 @@
-"""Offsets of friction that pass for weight, or for Coulomb's friction.
+"""Friction offsets indistinguishable from gravity or Coulomb friction.
 
 On an axis that slides vertically, or turns through a small angle, weight is as constant as an
-offset of friction: only inertia distinguishes them, which a gentle motion hardly shows. But the
-offset is not just anything. It is what friction differs by between directions, and what a current
-sensor adds, some `ASYMMETRY` of friction itself.
+offset of friction: only inertia distinguishes the two, and a gentle motion hardly shows inertia.
+But the size of the offset is limited: the offset consists of the direction dependence of friction
+and the zero error of a current sensor, together some `ASYMMETRY` of friction itself.
 
-So where most of an offset's variance comes from what it shares with base parameters, and the offset
-is larger than its variance and that allow, either it is a real one, a sensor's zero or a spring, or
-the model lacks something that passes for acceleration. The torques do not show which, so the
-estimate stays and its covariance grows along the way that changes them least, until
-o^2 = s^2 + V_oo with s = `ASYMMETRY` times friction at half the speed: the value of the greatest
-likelihood.
+If most of the variance of an offset is shared with base parameters, and the offset exceeds its
+variance and that limit, then either the offset is real, a sensor's zero error or a spring, or the
+model lacks a term that resembles acceleration. The torques do not show which, so the estimate stays
+and its covariance grows in the direction of least change of the torques, until o^2 = s^2 + V_oo
+with s = `ASYMMETRY` times friction at half the speed: the value of the greatest likelihood.
 
-On an axis that moves in one direction only, offset and Coulomb's friction are one column. Either
-may be all of their sum, so each is uncertain by half of it.
+On an axis that moves in one direction only, offset and Coulomb friction share a column. Either may
+be the whole sum, so each is uncertain by half of the sum.
 """
 
 from __future__ import annotations
@@ -36,31 +35,34 @@ ASYMMETRY = 0.15
 TX40, 16 % on EMPS."""
 
 
-def with_doubt(x: Array, V: Array, metric: Array, layout: Layout) -> tuple[Array, list[int]]:
-    """Enlarge a covariance where unusual offsets pass for weight.
+def enlarge_covariance(
+    x: Array, V: Array, metric: Array, layout: Layout
+) -> tuple[Array, list[int]]:
+    """Enlarge the covariance of unusual offsets indistinguishable from gravity.
 
     Parameters
     ----------
     x : ndarray, shape (n,)
         All unknowns.
     V : ndarray, shape (n, n)
-        Covariance; 0 of terms that a law does not have.
+        Covariance; 0 for terms not in a law.
     metric : ndarray, shape (n, n)
-        Inverse of the normal equations, 0 likewise: its columns lead where torques change least.
+        Inverse of the normal equations, 0 likewise: its columns are the directions of least change
+        of the torques.
 
     Returns
     -------
     V : ndarray
     axes : list of int
-        From 0, whose offset is unusual.
+        Axes with an unusual offset, from 0.
     """
     unusual, n_shared = [], len(layout.shared)
     for axis in range(layout.n_channels):
         place = layout.index("offset", axis)
         s = ASYMMETRY * _friction(x[layout.place(axis)[n_shared:]])
         more = float(x[place] ** 2 - s**2 - V[place, place])
-        # share of an offset's variance that comes from base parameters, from which on it counts:
-        # without them it would be three times as certain, 1 / sqrt(1 - 0.9)
+        # smallest relevant share of base parameters in the variance of an offset: without this
+        # share the standard error would be a third, sqrt(1 - 0.9)
         if more > 0.0 and _shared(V, place, n_shared) >= 0.9:
             way = metric[:, place] / metric[place, place]
             V = V + more * np.outer(way, way)
@@ -69,7 +71,7 @@ def with_doubt(x: Array, V: Array, metric: Array, layout: Layout) -> tuple[Array
 
 
 def _shared(V: Array, place: int, n_shared: int) -> float:
-    """Share of the variance of an unknown that the shared ones' explains."""
+    """Return the share of an unknown's variance explained by the shared unknowns."""
     if V[place, place] <= 0:
         return 0.0
     across = V[:n_shared, place]
@@ -77,7 +79,7 @@ def _shared(V: Array, place: int, n_shared: int) -> float:
 
 
 def _friction(terms: Array) -> float:
-    """Friction of one axis at half its speed, without offset and load."""
+    """Return the friction of an axis at half its speed, without offset and load."""
     half, still = np.array([0.5, -0.5]), np.zeros(2)
     columns = friction_columns(half, Direction(np.sign(half), still), still, still, still)
     forward, back = columns @ terms
@@ -85,21 +87,22 @@ def _friction(terms: Array) -> float:
 
 
 def only_directions(moving: Blocks) -> dict[int, int]:
-    """Axes, from 0, that move in one direction alone, 1 or -1, by samples that are not slow.
+    """Return the axes, from 0, moving in a single direction, 1 or -1, outside the dead zone.
 
-    Friction of an axis at rest is any up to Coulomb's.
+    Samples at low speed are ignored: friction of an axis at rest takes any value up to Coulomb
+    friction.
     """
     offset, Coulomb = moving.place("offset", "Coulomb")
     excess, sizes = moving.products[:, :, (offset, Coulomb), Coulomb].sum(axis=0).T
-    # share w of the samples under way that go in the other direction, below which an axis moves in
-    # one direction only: there offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5
-    # times as uncertain as their sum
+    # largest share w of moving samples in the opposite direction for an axis that moves in one
+    # direction only: there offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5 times
+    # as uncertain as their sum
     one = np.abs(excess) > (1.0 - 2.0 * 0.01) * sizes
     return {int(axis): int(np.sign(excess[axis])) for axis in np.flatnonzero(one & (excess != 0))}
 
 
 def split_covariance(directions: dict[int, int], layout: Layout, x: Array) -> Array:
-    """Covariance of how offset and Coulomb friction share their sum, shape (n, n)."""
+    """Return the covariance of the split between offset and Coulomb friction, (n, n)."""
     found = np.zeros((len(x), len(x)))
     for axis, direction in directions.items():
         places = [layout.index(term, axis) for term in ("offset", "Coulomb")]

@@ -1,15 +1,15 @@
-"""The nearest parameters whose mass matrix is positive definite along the motion.
+"""Find the nearest parameters with a positive definite mass matrix along the motion.
 
-No set of bodies has a mass matrix that is not, and no simulator runs with one. Least squares knows
-nothing of that: parameters that hardly move the torque may come out impossible. For a direction u
-of velocities at a configuration q the kinetic energy u'M(q)u is linear in the parameters, so each
-(q, u) with a negative one is a half-space to be entered. These are added one after the other, the
-worst at each configuration (cutting planes), and the solution is moved by as little as possible in
-a metric V,
+Rigid bodies always have a positive definite mass matrix, and every simulator needs one. Least
+squares has no such constraint: parameters with little effect on the torque may come out impossible.
+For a direction u of velocities at a configuration q the kinetic energy u'M(q)u is linear in the
+parameters, so each (q, u) with a negative energy is a half-space constraint. Constraints are added
+successively, the worst at each configuration (cutting planes), and the solution is moved by as
+little as possible in a metric V,
 
     min (x - x_0)'V^-1 (x - x_0)  with  C x >= d,
 
-which by duality is a least-squares problem with non-negative unknowns (Lawson and Hanson 1974).
+which by duality is a non-negative least-squares problem (Lawson and Hanson 1974).
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ if TYPE_CHECKING:
 
 
 LEAST = 1e-3
-"""Least eigenvalue that is reached, in units of each joint's own inertia."""
+"""Smallest eigenvalue of the result, in units of each joint's own inertia."""
 ROUNDS = 40
-"""Of added half-spaces, at most."""
+"""Maximum number of rounds of added half-spaces."""
 
 
 def least_inertia(robot: Robot, p: Array, q: Array) -> float:
-    """Least eigenvalue of the mass matrix with its rotors, in units of the joints' own inertias.
+    """Return the smallest eigenvalue of the mass matrix with rotors, in joint inertias.
 
     Parameters
     ----------
     p : ndarray, shape (n_base,)
     q : ndarray, shape (n, n_joints)
-        Configurations; the least of all counts.
+        Configurations; the smallest eigenvalue over all counts.
     """
     scaled = _scaled(robot, p, q)[0]
     return float(np.linalg.eigvalsh(scaled)[:, 0].min())
@@ -55,7 +55,8 @@ def nearest_positive(robot: Robot, x: Array, V: Array, q: Array) -> Array:
     x : ndarray, shape (n,)
         Base parameters, then other unknowns.
     V : ndarray, shape (n, n)
-        Inverse of the metric; of the normal equations, for the least that torques lose by it.
+        Inverse of the metric; the inverse normal equations minimise the increase of the torque
+        residuals.
     q : ndarray, shape (n_configurations, n_joints)
 
     Returns
@@ -68,7 +69,7 @@ def nearest_positive(robot: Robot, x: Array, V: Array, q: Array) -> Array:
     for _ in range(ROUNDS):
         scaled, size = _scaled(robot, found[:n_base], q)
         values, vectors = np.linalg.eigh(scaled)
-        # a little further than is asked for, so that what rounding leaves is still positive
+        # target slightly above the bound, so that the result is positive after rounding
         worst = np.flatnonzero(values[:, 0] < LEAST)
         if not len(worst):
             break
@@ -82,7 +83,7 @@ def nearest_positive(robot: Robot, x: Array, V: Array, q: Array) -> Array:
 
 
 def _scaled(robot: Robot, p: Array, q: Array) -> tuple[Array, Array]:
-    """Mass matrices over the joints' own inertias, and roots of these."""
+    """Return mass matrices over the joint inertias, and the roots of these inertias."""
     M = mass_matrix(robot, p, q) + motor_inertia(robot, q)
     own = np.abs(np.einsum("njj->nj", M)).mean(axis=0)
     size = np.sqrt(np.maximum(own, 1e-300))
@@ -90,13 +91,13 @@ def _scaled(robot: Robot, p: Array, q: Array) -> tuple[Array, Array]:
 
 
 def _energy(robot: Robot, q: Array, u: Array) -> Array:
-    """u'M(q)u per unit of each base parameter, shape (n_base,)."""
+    """Return u'M(q)u per unit of the base parameters, shape (n_base,)."""
     still = np.zeros_like(q)
     return u @ (regressor(robot, q, still, u) - regressor(robot, q, still, still))
 
 
 def _multipliers(S: Array, short: Array) -> Array:
-    """Non-negative l that minimise l'S l / 2 - l'short."""
+    """Return the non-negative l minimising l'S l / 2 - l'short."""
     values, vectors = np.linalg.eigh(S)
     kept = values > 1e-12 * values.max()
     root = vectors[:, kept] * np.sqrt(values[kept])

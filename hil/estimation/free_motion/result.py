@@ -1,4 +1,4 @@
-"""What is found of free motions beside the base parameters, as `model.yaml` keeps it."""
+"""Define the `model.yaml` entries of estimates from free motions."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from hil.estimation.intervals import SIGNIFICANT
 from hil.friction.law import AxisLaw, CoupledFriction, FrictionLaw, TermValue
 
 FEW_BLOCKS = 8
-"""Pieces of time below which scatter between them is no measure of errors: of 7 degrees of freedom
-it is uncertain by a quarter, 1 / sqrt(2 * 7)."""
+"""Fewest pieces of time for an error estimate from their scatter: with 7 degrees of freedom it is
+uncertain by a quarter, 1 / sqrt(2 * 7)."""
 POOR = 1000.0
-"""Condition number from which on some combinations of parameters hardly show."""
+"""Largest condition number with well excited combinations of parameters."""
 LOOSE = 0.01
-"""Standard error of a parameter as a share of an axis's torque, from which on a remark is made."""
+"""Largest standard error of a parameter, as a share of an axis's torque, without a remark."""
 NOTICEABLE = 0.5
-"""Standard errors from which on a difference matters."""
+"""Smallest relevant difference, in standard errors."""
 
 
 class GainValue(FileModel):
-    """Gain that the map left unknown, as it was found.
+    """Estimated gain, left unknown by the map.
 
     Attributes
     ----------
     axis : int
         From 1.
     value, standard_error : float
-        For one unit of the signal, on the side on which the map reads it [`unit`].
+        Gain for one unit of the signal, on the side read by the map [`unit`].
     unit : str
         N m or N.
     """
@@ -41,15 +41,15 @@ class GainValue(FileModel):
 
 
 class BiasTest(FileModel):
-    """Durbin, Wu and Hausman's test whether instruments find the same as least squares.
+    """Durbin-Wu-Hausman test of least squares against instrumental variables.
 
     Attributes
     ----------
     statistic, p_value : float
-        Greatest difference of a parameter over its own standard error, and the chance of one as
-        great without any bias.
+        Largest difference of a parameter over its own standard error, and the probability of one as
+        large without bias.
     shift : float
-        Greatest difference of a parameter, over its standard error by least squares.
+        Largest difference of a parameter, over its standard error by least squares.
     """
 
     statistic: float
@@ -58,54 +58,54 @@ class BiasTest(FileModel):
 
     @property
     def biased(self) -> bool:
-        """Whether noise of the motion shifts least squares by more than chance, and noticeably."""
+        """True if noise of the motion biases least squares significantly and noticeably."""
         return self.p_value < SIGNIFICANT and self.shift > NOTICEABLE
 
 
 class FreeMotionFit(FileModel):
-    """Friction and the settings behind an estimate from free motions.
+    """Friction and settings of an estimate from free motions.
 
     Attributes
     ----------
     cut_off, band : float
-        Of the low-pass of the motion, and of that of torque and columns [Hz].
+        Cut-off frequencies of the low-pass of the motion, and of that of torque and columns [Hz].
     cut_off_reason : str
     dead_zone : float
-        Samples slower than this share of an axis's speed were not fitted, but count as residuals.
+        Slowest fitted speed as a share of an axis's speed; slower samples are included in
+        residuals.
     recorded_velocity : tuple of int
-        Axes, from 1, whose velocity was taken as recorded.
+        Axes with recorded velocity, from 1.
     velocity_reasons : tuple of str
-        Of each axis why; empty in models that were written without.
+        Reason for each axis; empty in models written without.
     axes : tuple of AxisLaw
     coupled : tuple of CoupledFriction
     relative_residual : tuple of float or None
-        Root mean square of the residual of all samples over that of the torque, axis by axis.
+        Root mean square residual of all samples over that of the torque, axis by axis.
     overall_residual : float
-        The same of all axes together.
+        Relative residual of all axes together.
     naive_residual : tuple of float or None
-        What the mean torque leaves, relative as `relative_residual`; empty in models that were
-        written without.
+        Relative residual of a constant torque; empty in models written without.
     blocks : int, optional
-        Pieces of time that the recordings were divided into; None in models written without.
+        Number of pieces of time of the recordings; None in models written without.
     still, driving, unusual : tuple of int
-        Axes, from 1, that stand still in all recordings, those whose law of friction gives power to
-        the motion, and those with a larger offset than friction has, which passes for weight.
+        Axes, from 1: at rest in all recordings; with a friction law that supplies power to the
+        motion; with an offset larger than usual for friction, which resembles weight.
     bias_test : BiasTest, optional
-        None where there are too few blocks or samples too far apart.
+        None for too few blocks or too low sampling rates.
     least_inertia : float
-        Least eigenvalue of the mass matrix with the rotors over the recorded motion, over the
-        greatest element of its diagonal there; negative where the estimate is no possible body.
+        Smallest eigenvalue of the mass matrix with the rotors over the recorded motion, in units of
+        each joint's own inertia; negative if the estimate is physically impossible.
     remarks : tuple of str
-        What restricts the estimate.
+        Restrictions of the estimate.
     gains : tuple of GainValue
-        Of axes whose gain the map left unknown.
+        Gains left unknown by the map.
     lag : tuple of TermValue
-        By how much the torque of each axis was recorded after its position [s], 0 where no lag was
-        found; taken back before anything was fitted and wherever the model predicts a recording;
-        empty in models that were written without.
+        Delay of each axis's recorded torque after the position [s], 0 if no lag was found;
+        compensated before the fit and in predictions of recordings; empty in models written
+        without.
     compliance : dict of str to TermValue
-        Of gears that give way, by axis from 1 [rad/(N m) or m/N], taken into account wherever the
-        model predicts a recording.
+        Compliances of the soft gears, by axis from 1 [rad/(N m) or m/N], included in predictions of
+        recordings.
     """
 
     cut_off: float
@@ -137,11 +137,11 @@ class FreeMotionFit(FileModel):
 
     @property
     def law(self) -> FrictionLaw:
-        """Law of friction that was found together with the base parameters."""
+        """Friction law estimated together with the base parameters."""
         return FrictionLaw(axes=self.axes, coupled=self.coupled)
 
     @field_serializer("axes")
     def _without_what_follows(self, axes: tuple[AxisLaw, ...]) -> list[dict[str, Any]]:
-        """Axes without what the level says already, and what only measurements have."""
+        """Serialise axes without redundant entries and entries of measurements only."""
         others = {"wander", "speeds", "unseen", "measurements", "warmth", "exposure"}
         return [axis.model_dump(mode="json", exclude=others) for axis in axes]

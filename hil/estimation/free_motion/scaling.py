@@ -1,7 +1,8 @@
-"""Inner products of torques in SI, from those of signals as they were recorded; unknown gains.
+"""Scale inner products of recorded signals to SI torques; estimate unknown gains.
 
-A recorded signal y_i of axis i is worth g_i y_i [N m or N]. Where the map leaves a gain g_i open it
-is an unknown beside the others. The signal is what has noise, so it stays on the left,
+A recorded signal y_i of axis i corresponds to the torque g_i y_i [N m or N]. If the map leaves a
+gain g_i open, the gain is a further unknown. The noise is in the signal, so the signal stays on the
+left,
 
     y_i = (A_i p + Qm_i + C_i c + F_i a_i) / g_i + e_i,
 
@@ -10,27 +11,27 @@ relative change d_i of the gain as unknown (Gauss-Newton):
 
     g_i y_i - Qm_i = A_i p + C_i c + F_i a_i - d_i (A_i p + Qm_i + C_i c + F_i a_i)_present + e_i.
 
-The column of d_i is what the model says, without the noise of the signal: with the signal itself as
-a column that noise would make every gain too small. All columns are combinations of those that are
-condensed already, and so are their inner products.
+The column of d_i is the torque by the model, without the noise of the signal: with the signal
+itself as a column that noise would bias every gain towards zero. All columns are combinations of
+condensed columns, and so are their inner products.
 
-What fixes the scale of an axis of unknown gain is a torque of known size that it feels: base
-parameters that it shares with an axis of known gain, or rotors whose inertia the robot file states.
-Where neither is there, parameters, gain and friction may all be multiplied alike and nothing in the
-torques changes: the column of such a gain is a combination of the others. Whether it is does not
-depend on the values of the parameters, almost all being alike in this; so they are drawn at random,
-and no signal enters. Such a scale is refused rather than made up.
+The scale of an axis of unknown gain is fixed by an acting torque of known size: base parameters
+shared with an axis of known gain, or rotors of known inertia (robot file). Without either,
+parameters, gain and friction may be multiplied by a common factor without changing the torques: the
+column of such a gain is a combination of the others. This does not depend on the values of the
+parameters, except for a null set; so the parameters are drawn at random, and no signal is used. An
+undetermined scale is refused rather than invented.
 
-The solution is found from two starts of which the better end counts: gains that make torques of
-usual size, and those of the linear problem in which the signals of unknown gain are columns,
+The solution is found from two starts, and the better result counts: gains with torques of usual
+size, and the gains of the linear problem with the signals of unknown gain as columns,
 
     -Qm_i = A_i p + C_i c + F_i a_i - g_i y_i,
 
-which noise and friction shift, at times far.
+biased by noise and friction, at times strongly.
 
-A torque constant, or the gain of a map, that is known but off by a share scales all torques of its
-axis by it, and the solution, which is linear in them, follows: an error that no recording shows by
-itself (`effect_of_drives`).
+An error of a known torque constant, or of a gain in a map, scales all torques of its axis, and the
+solution, linear in the torques, follows: an error invisible in any single recording
+(`effect_of_drives`).
 """
 
 from __future__ import annotations
@@ -64,15 +65,15 @@ if TYPE_CHECKING:
 Condensed = TypeVar("Condensed", Blocks, Products)
 
 ROUNDS = 50
-"""Rounds of Gauss and Newton's method, at most."""
+"""Maximum number of Gauss-Newton rounds."""
 CONVERGED = 1e-10
-"""Relative change of the gains at which it ends."""
+"""Relative change of the gains at convergence."""
 STRIDE = 0.7
-"""Largest change of a gain's logarithm in one round."""
+"""Largest change of a gain's logarithm in a round."""
 FARTHEST = 1e3
-"""Factor between a gain that makes torques of usual size and one that the linear problem gives."""
+"""Largest factor between a gain with torques of usual size and the gain of the linear problem."""
 LOOSE = 0.2
-"""Relative standard error of a gain from which on the recordings do not fix it."""
+"""Largest relative standard error of a determined gain."""
 REMEDY = (
     "state one gain in the map or a rotor_inertia in the robot file, or record the same motion with"
     " a load of known mass (hil payload --mass --gains)"
@@ -82,16 +83,16 @@ _TINY = np.finfo(float).tiny
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scaling:
-    """Gains of all axes, and the solution about which unknown ones are linearised.
+    """Gains of the axes, and the linearisation point of unknown gains.
 
     Attributes
     ----------
     gains : ndarray, shape (n_joints,)
-        [N m or N for one unit of the signal]; 1 where it is recorded in SI.
+        [N m or N for one unit of the signal]; 1 for signals in SI.
     unknown : tuple of int
-        Axes, from 0, whose gain is to be found.
+        Axes with an unknown gain, from 0.
     x : ndarray, shape (n,)
-        Base parameters, coupled motors' friction, then all terms of each axis's friction.
+        Base parameters, coupled motors' friction, then all friction terms of each axis.
     """
 
     gains: Array
@@ -100,39 +101,39 @@ class Scaling:
 
     @classmethod
     def known(cls, gains: Array) -> Scaling:
-        """No gain is to be found."""
+        """Create a scaling of known gains."""
         return cls(gains, (), np.zeros(0))
 
     def applied(self, recorded: Condensed) -> Condensed:
-        """Products of SI torque; unknown gains' changes are the last of the shared columns."""
+        """Return products of SI torque; gain changes are the last shared columns."""
         torque, rotor = self.signal(recorded.layout), recorded.layout.index(ROTOR)
         torque[:, 1 + rotor] = -1.0
         return recorded.recast(torque, self.columns(recorded.layout), (ROTOR,))
 
     def signal(self, layout: Layout) -> Array:
-        """The signal times its gain, as a combination of columns, shape (n_joints, m)."""
+        """Return the signal times its gain, as a combination of columns, shape (n_joints, m)."""
         found = np.zeros((layout.n_channels, 1 + len(layout.shared) + len(layout.own)))
         found[:, 0] = self.gains
         return found
 
     def columns(self, layout: Layout) -> dict[str, Array]:
-        """Columns of the unknown gains as combinations, shape (n_joints, m) each."""
+        """Return columns of the unknown gains as combinations, each of shape (n_joints, m)."""
         return _alone(layout, {axis: -modelled(layout, self.x, axis) for axis in self.unknown})
 
 
 def gain_name(axis: int) -> str:
-    """Name of the unknown change of an axis's gain."""
+    """Return the name of the unknown change of an axis's gain."""
     return f"gain {axis + 1}"
 
 
 def _alone(layout: Layout, rows: Mapping[int, Array]) -> dict[str, Array]:
-    """Columns of axes' gains from the one row that each has, shape (n_joints, m) each."""
+    """Return columns of the gains, shape (n_joints, m), from a row for every gain."""
     own = np.eye(layout.n_channels)[:, :, np.newaxis]
     return {gain_name(axis): own[axis] * row for axis, row in rows.items()}
 
 
 def modelled(layout: Layout, x: Array, axis: int) -> Array:
-    """Torque of one axis with its rotor, as a combination of the recorded columns, shape (m,)."""
+    """Return the torque of an axis with its rotor, as a combination of columns, shape (m,)."""
     without = np.delete(np.arange(layout.size), layout.index(ROTOR))
     whole = embedded(x, without, layout.size)
     whole[layout.index(ROTOR)] = 1.0
@@ -142,19 +143,19 @@ def modelled(layout: Layout, x: Array, axis: int) -> Array:
 def first_scaling(
     robot: Robot, recorded: Blocks, unknown: tuple[int, ...], p: Array | None = None
 ) -> Scaling:
-    """Gains by Coulomb's and viscous friction at all speeds.
+    """Estimate gains with Coulomb and viscous friction at all speeds.
 
     Parameters
     ----------
     recorded : Blocks
         All samples in one block.
     p : ndarray, shape (n_base,), optional
-        Base parameters found from other recordings, which fix the scale.
+        Base parameters from other recordings, which fix the scale.
 
     Raises
     ------
     NotIdentifiable
-        Parameters that the unknown gains leave open up to scale, or signals that are zero.
+        The unknown gains leave a scale undetermined, or a signal is zero.
     """
     if not unknown:
         return Scaling.known(np.ones(robot.n_joints))
@@ -165,17 +166,17 @@ def first_scaling(
             " of its torque or current in the map, or state the gain there"
         )
     if p is not None:
-        return _beside(recorded, unknown, p)
+        return _fit_gains(recorded, unknown, p)
     require_scale(robot, recorded, unknown)
-    of_usual_size = _of_usual_size(recorded, unknown)
-    starts = of_usual_size, _by_linear_problem(recorded, unknown, of_usual_size)
+    usual_gains = _usual_gains(recorded, unknown)
+    starts = usual_gains, _solve_linear_problem(recorded, unknown, usual_gains)
     found = [_converged(recorded, unknown, gains) for gains in starts]
-    # a difference of less is rounding: then the first start stands
+    # a smaller difference is rounding: then the first start counts
     return min(found, key=lambda each: round(each[1], 6))[0]
 
 
 def _converged(recorded: Blocks, unknown: tuple[int, ...], gains: Array) -> tuple[Scaling, float]:
-    """Gains from some to begin with, and the logarithm of what they leave of the signals."""
+    """Iterate gains from a start; return the logarithm of the misfit as well."""
     known = usual(Scaling.known(gains).applied(recorded))
     scaling = Scaling(gains, unknown, known.solution)
     for _ in range(ROUNDS):
@@ -187,11 +188,11 @@ def _converged(recorded: Blocks, unknown: tuple[int, ...], gains: Array) -> tupl
     return scaling, float(recorded.counts.sum(axis=0) @ misfit)
 
 
-def _beside(recorded: Blocks, unknown: tuple[int, ...], p: Array) -> Scaling:
-    """Gains of signals beside base parameters that others have found, which fix the scale.
+def _fit_gains(recorded: Blocks, unknown: tuple[int, ...], p: Array) -> Scaling:
+    """Estimate gains for known base parameters, which fix the scale.
 
-    What the model says of an axis is a column, whose coefficient is the reciprocal of the gain: the
-    noise is that of the signal.
+    The torque by the model is a column with the reciprocal of the gain as coefficient: the noise is
+    in the signal.
     """
     layout, base = recorded.layout, recorded.layout.shared[: len(p)]
     torque = Scaling.known(np.ones(recorded.n_channels)).signal(layout)
@@ -199,7 +200,7 @@ def _beside(recorded: Blocks, unknown: tuple[int, ...], p: Array) -> Scaling:
     model[:, recorded.place(*base)] = p
     model[:, 1 + layout.index(ROTOR)] = 1.0
     columns = _alone(layout, {axis: model[axis] for axis in unknown})
-    # axes of known gain say nothing of others
+    # axes of known gain carry no information on other gains
     torque[[axis for axis in range(len(torque)) if axis not in unknown]] = 0.0
     found = usual(recorded.recast(torque, columns, (*base, ROTOR)))
     reciprocal = np.array([found.solution[found.layout.index(gain_name(axis))] for axis in unknown])
@@ -214,30 +215,30 @@ def _beside(recorded: Blocks, unknown: tuple[int, ...], p: Array) -> Scaling:
     return Scaling(gains, unknown, usual(Scaling.known(gains).applied(recorded)).solution)
 
 
-def around(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
-    """The same gains, linearised about the solution with them by chosen laws of friction."""
+def linearise(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
+    """Linearise about the solution with chosen friction laws, for unchanged gains."""
     whole = recorded.pieces[choice.slowest].total
-    known = choice.of(Scaling.known(scaling.gains).applied(whole))
+    known = choice.regression(Scaling.known(scaling.gains).applied(whole))
     return Scaling(scaling.gains, scaling.unknown, known.solution)
 
 
 def refined(recorded: Products, scaling: Scaling, choice: Choice) -> Scaling:
-    """Gains by chosen laws of friction, with the choice's weights.
+    """Refine gains with chosen friction laws and the choice's weights.
 
-    Weights are of torques in SI; they are kept while the gains change.
+    Weights refer to torques in SI, and are constant while the gains change.
     """
     if not scaling.unknown:
         return scaling
     whole = recorded.pieces[choice.slowest].total
     for _ in range(ROUNDS):
-        scaling, change = _step(scaling, choice.of(scaling.applied(whole)))
+        scaling, change = _step(scaling, choice.regression(scaling.applied(whole)))
         if change < CONVERGED:
             break
     return scaling
 
 
 def _step(scaling: Scaling, linearised: Regression) -> tuple[Scaling, float]:
-    """One round, and the largest change of a gain's logarithm."""
+    """Compute a Gauss-Newton step, and the largest change of a gain's logarithm."""
     x, layout = linearised.solution, linearised.layout
     places = [layout.index(gain_name(axis)) for axis in scaling.unknown]
     change = np.clip(x[places], -STRIDE, STRIDE)
@@ -246,15 +247,15 @@ def _step(scaling: Scaling, linearised: Regression) -> tuple[Scaling, float]:
     return Scaling(gains, scaling.unknown, np.delete(x, places)), float(np.abs(change).max())
 
 
-def _of_usual_size(recorded: Blocks, unknown: tuple[int, ...]) -> Array:
-    """Gains that make the torques of all axes of usual size, shape (n_joints,)."""
+def _usual_gains(recorded: Blocks, unknown: tuple[int, ...]) -> Array:
+    """Return gains with torques of usual size, shape (n_joints,)."""
     axes, gains = list(unknown), np.ones(recorded.n_channels)
     gains[axes] = np.sqrt(_usual_torque(recorded, unknown) / _mean_squares(recorded)[axes, 0])
     return gains
 
 
-def _by_linear_problem(recorded: Blocks, unknown: tuple[int, ...], of_usual_size: Array) -> Array:
-    """Gains by the linear problem, not too far from usual ones, shape (n_joints,)."""
+def _solve_linear_problem(recorded: Blocks, unknown: tuple[int, ...], usual_gains: Array) -> Array:
+    """Solve the linear problem for the gains, bounded around usual ones, shape (n_joints,)."""
     axes, layout = list(unknown), recorded.layout
     torque = Scaling.known(np.ones(recorded.n_channels)).signal(layout)
     signals = _alone(layout, {axis: -torque[axis] for axis in axes})
@@ -262,16 +263,16 @@ def _by_linear_problem(recorded: Blocks, unknown: tuple[int, ...], of_usual_size
     torque[:, 1 + layout.index(ROTOR)] = -1.0
     linear = recorded.recast(torque, signals, (ROTOR,))
     square = _mean_squares(recorded)[:, 0]
-    weights = np.where(square > _TINY, 1.0 / np.maximum(of_usual_size**2 * square, _TINY), 0.0)
+    weights = np.where(square > _TINY, 1.0 / np.maximum(usual_gains**2 * square, _TINY), 0.0)
     kept = kept_by(linear.layout, [USUAL] * recorded.n_channels)
     x = Regression(linear, weights, kept).solution
-    gains = of_usual_size.copy()
+    gains = usual_gains.copy()
     gains[axes] = [x[linear.layout.index(gain_name(axis))] for axis in axes]
-    return np.clip(gains, of_usual_size / FARTHEST, of_usual_size * FARTHEST)
+    return np.clip(gains, usual_gains / FARTHEST, usual_gains * FARTHEST)
 
 
 def _mean_squares(recorded: Blocks) -> Array:
-    """Mean squares of the signals and of all columns, shape (n_joints, m)."""
+    """Return mean squares of signals and columns, shape (n_joints, m)."""
     counts = np.maximum(recorded.counts.sum(axis=0), 1.0)[:, np.newaxis]
     found = np.einsum("bjkk->jk", recorded.products) / counts
     found[:, 0] = np.maximum(found[:, 0], _TINY)
@@ -279,22 +280,22 @@ def _mean_squares(recorded: Blocks) -> Array:
 
 
 def _usual_torque(recorded: Blocks, unknown: tuple[int, ...]) -> float:
-    """Mean square of the torques of known gain, or else of the known rotors [N^2 m^2 or N^2]."""
+    """Return the mean squared torque of known gain or rotor [N^2 m^2 or N^2]."""
     squares = _mean_squares(recorded)
     known = np.delete(squares[:, 0], unknown)
-    known = known[known > _TINY]  # an axis without torque has no usual one
+    known = known[known > _TINY]  # no usual torque of an axis without torque
     if known.size:
         return float(known.mean())
     return float(np.mean(squares[:, 1 + recorded.layout.index(ROTOR)])) or 1.0
 
 
 def require_scale(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> None:
-    """Refuse motions whose torques leave a scale open.
+    """Raise an error if the torques do not determine the scale.
 
     Raises
     ------
     NotIdentifiable
-        It names the gains and the base parameters that are determined only up to scale.
+        Gains and base parameters are determined only up to scale; the message names them.
     """
     lost = _open(recorded, unknown)
     axes = [axis for axis in unknown if gain_name(axis) in lost]
@@ -309,15 +310,15 @@ def require_scale(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> N
 
 
 def open_gains(recorded: Blocks, unknown: tuple[int, ...]) -> list[int]:
-    """Axes, from 0, of unknown gains that are in a scale left open."""
+    """Return the axes, from 0, of unknown gains with an undetermined scale."""
     lost = _open(recorded, unknown) if unknown else set()
     return [axis for axis in unknown if gain_name(axis) in lost]
 
 
 def _open(recorded: Blocks, unknown: tuple[int, ...]) -> set[str]:
-    """Unknown gains, and shared unknowns, that are in a scale left open, by name.
+    """Return the names of gains and shared unknowns with an undetermined scale.
 
-    At one draw by chance a parameter may have no part in what is open, hardly at two.
+    In a single random draw an affected parameter may be missed, hardly in two.
     """
     return set().union(*(_open_at(recorded, unknown, seed) for seed in range(2)))
 
@@ -328,7 +329,7 @@ def _open_at(recorded: Blocks, unknown: tuple[int, ...], seed: int) -> set[str]:
     size = np.einsum("ja,bjac,jc->j", rows, recorded.products, rows)
     blocks = Scaling(np.ones(n), unknown, x).applied(recorded)
     kept = kept_by(blocks.layout, [USUAL] * n)
-    # axes without any torque say nothing, and beside others rounding does not either
+    # ignore axes without torque, or with a torque at the level of rounding
     heard = size > max(np.finfo(float).eps ** 2 * size.max(), _TINY)
     weights = np.where(heard, 1.0 / np.where(heard, size, 1.0), 0.0)
     N = Regression(blocks, weights, kept).normal.information
@@ -340,7 +341,7 @@ def _open_at(recorded: Blocks, unknown: tuple[int, ...], seed: int) -> set[str]:
 
 
 def _any_solution(recorded: Blocks, unknown: tuple[int, ...], seed: int) -> Array:
-    """Parameters and classical friction drawn at random, their torques of usual size."""
+    """Draw parameters and classical friction at random, with torques of usual size."""
     layout, squares = recorded.layout, _mean_squares(recorded)[:, 1:]
     n_shared = len(layout.shared)
     size = np.concatenate([squares[:, :n_shared].mean(axis=0), squares[:, n_shared:].ravel()])
@@ -354,19 +355,19 @@ def _any_solution(recorded: Blocks, unknown: tuple[int, ...], seed: int) -> Arra
 
 
 def _gains_of(axes: Sequence[int]) -> str:
-    """Unknown gains of axes, from 0, in words."""
+    """Return the unknown gains of axes, from 0, in words."""
     listed = ", ".join(str(axis + 1) for axis in axes)
     many = len(axes) > 1
     return f"the unknown gain{'s' * many} of ax{'es' if many else 'is'} {listed}"
 
 
 def found_gains(robot: Robot, scaling: Scaling, fit: Fit) -> tuple[GainValue, ...]:
-    """Unknown gains of a solution with their standard errors.
+    """Return the unknown gains of a solution with standard errors.
 
     Raises
     ------
     NotIdentifiable
-        Gains that the recordings hardly fix, and so all that depends on them.
+        The recordings do not determine the gains precisely enough.
     """
     places = [fit.layout.index(gain_name(axis)) for axis in scaling.unknown]
     change, error = fit.x[places], np.sqrt(np.diag(fit.covariance)[places])
@@ -390,9 +391,10 @@ def found_gains(robot: Robot, scaling: Scaling, fit: Fit) -> tuple[GainValue, ..
 
 
 def effect_of_drives(recorded: Products, scaling: Scaling, choice: Choice) -> Array:
-    """Change of the unknowns per relative change of torque constants, then rotor inertias.
+    """Return the change of the unknowns per relative change of drive values.
 
-    An unknown gain is found, whatever the constant.
+    The drive values are torque constants, then rotor inertias. An unknown gain is estimated, for
+    any constant.
 
     Parameters
     ----------
@@ -404,8 +406,8 @@ def effect_of_drives(recorded: Products, scaling: Scaling, choice: Choice) -> Ar
     ndarray, shape (n, 2 n_joints)
     """
     whole = recorded.pieces[choice.slowest].total
-    regression, columns = choice.of(scaling.applied(whole)), scaling.columns(whole.layout)
-    # what a torque constant scales is all that was recorded, rotors included
+    regression, columns = choice.regression(scaling.applied(whole)), scaling.columns(whole.layout)
+    # a torque constant scales the recorded signal, rotors included
     torques = scaling.signal(whole.layout), drive_torques(whole)[1]
     effects = [regression.moved(whole.recast(each, columns, (ROTOR,))) for each in torques]
     return np.hstack(effects)

@@ -1,25 +1,26 @@
-"""Settings that the recordings deserve: cut-off frequency and source of the velocities.
+"""Choose cut-off frequency and velocity source from the recordings.
 
-The spectrum of a position falls until it drowns in the noise of its measurement, which is about the
-same at all frequencies and alone near half the sampling rate. Up to where it stands `ABOVE` times
-above that floor there is motion that is worth differentiating twice; beyond, accelerations become
-noise. That is the cut-off frequency, the median over the axes, unless the map states one. It is so
-low that a period of it has `FINE` samples, and at most `HIGHEST`, where no arm is rigid any more.
+The spectrum of a position falls to the noise floor of the measurement, which is about constant over
+frequency and alone near half the sampling rate. Below the frequency where the spectrum is `ABOVE`
+times that floor, the motion can be differentiated twice; above, accelerations become noise. That
+frequency, the median over the axes, is the cut-off frequency unless the map states one. A period of
+the cut-off has at least `FINE` samples, and the cut-off is at most `HIGHEST`, where no arm is rigid
+any more.
 
-Torque and columns pass a low-pass with a third of that. Positions must keep what bends sharply,
-such as the start of a trapezoid, or columns are wrong; the equation holds in any band, and its
-noise is less in a narrow one.
+Torque and columns are filtered with a third of that cut-off. Positions must keep sharp bends, such
+as the start of a trapezoid, or columns are wrong; the equation holds in any band, with less noise
+in a narrow one.
 
-A recorded velocity is taken in place of the derivative of the position, joint by joint, if, over
-the stretches that were looked at,
+The recorded velocity replaces the derivative of the position, joint by joint, if, over the surveyed
+stretches,
 
-- it says the same as the derivative of the position: they differ by at most `SAME` of its size;
-- it lags by at most `LAG` periods, for one that lags, since a filter made it, shifts friction and
+- both velocities agree: they differ by at most `SAME` of their size;
+- the recorded one lags by at most `LAG` periods, since a lag caused by a filter shifts friction and
   inertia against the torque. With derivatives v and a of the position, v(t - lag) is v - lag a;
-- its noise below the cut-off frequency is less. Noise is what spectra show near half the sampling
-  rate, where nothing moves; a derivative raises that of a position by the square of the frequency.
+- its noise below the cut-off frequency is less. Noise is the spectrum near half the sampling rate,
+  where nothing moves; a derivative raises that of a position by the square of the frequency.
 
-Of each figure the median over the stretches counts.
+For each figure the median over the stretches counts.
 """
 
 from __future__ import annotations
@@ -40,28 +41,28 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 WINDOW = 4.0
-"""Length of the spectra's windows, at most [s]."""
+"""Longest window of the spectra [s]."""
 FLOOR = 0.3
-"""Share of the sampling rate from which on there is noise alone."""
+"""Lowest frequency of pure noise, as a share of the sampling rate."""
 ABOVE = 100.0
-"""Power of the motion over that of the noise, at the cut-off."""
+"""Ratio of motion power to noise power at the cut-off."""
 HIGHEST, LOWEST = 100.0, 1.0
-"""Cut-off frequencies that are chosen [Hz]."""
+"""Bounds of the chosen cut-off frequency [Hz]."""
 SAME = 0.1
-"""Difference of two velocities, over their size, up to which they are the same."""
+"""Largest relative difference of two equal velocities."""
 LAG = 0.5
-"""Lag that is accepted, in periods."""
+"""Largest accepted lag, in periods."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reasons:
-    """Why settings are what they are, in half sentences.
+    """Reasons for the settings, in half sentences.
 
     Attributes
     ----------
     cut_off : str
     velocities : tuple of str
-        Of each joint.
+        Reason for each joint.
     """
 
     cut_off: str
@@ -69,7 +70,7 @@ class Reasons:
 
 
 def processing_of(found: Survey) -> tuple[Processing, Reasons]:
-    """Settings for all recordings, and why they are what they are."""
+    """Choose the settings for the recordings, with reasons."""
     period = found.stretches[0].period
     moving = [axis for axis in range(len(found.speed)) if axis not in found.still]
     each = [bandwidth(part.q[:, axis], period) for part in _long(found) for axis in moving]
@@ -85,16 +86,16 @@ def processing_of(found: Survey) -> tuple[Processing, Reasons]:
 def cut_off_of(
     bandwidths: Sequence[float], period: float, stated: float | None
 ) -> tuple[float, str]:
-    """Cut-off frequency of the positions [Hz], and why it is that.
+    """Choose the cut-off frequency of the positions [Hz], with the reason.
 
     Parameters
     ----------
     bandwidths : sequence of float
-        Of positions, by `bandwidth` [Hz].
+        Bandwidths of the positions, by `bandwidth` [Hz].
     period : float
-        Between samples [s].
+        Sampling period [s].
     stated : float or None
-        In the map [Hz].
+        Value in the map [Hz].
     """
     cut_off, reason = (stated, "stated in the map") if stated else _chosen(bandwidths, period)
     # stated or not, a filter needs samples
@@ -115,22 +116,22 @@ def _chosen(bandwidths: Sequence[float], period: float) -> tuple[float, str]:
 
 
 def _long(found: Survey) -> list[Recording]:
-    """Longest stretches, which show most."""
+    """Return the longest stretches, with the most information."""
     return sorted(found.stretches, key=lambda part: -part.n_samples)[:10]
 
 
 def bandwidth(x: Array, period: float) -> float:
-    """Frequency up to which a signal stands out from its noise [Hz]."""
+    """Return the highest frequency at which a signal exceeds its noise floor [Hz]."""
     f, power = spectrum(x, period)
     low = np.flatnonzero(power[2:] < ABOVE * floor(f, power, period))
     return float(f[2 + low[0]]) if len(low) else float(f[-1])
 
 
 def spectrum(x: Array, period: float) -> tuple[Array, Array]:
-    """Frequencies [Hz] and power density of samples (n,) every `period` [s].
+    """Return frequencies [Hz] and power density of samples (n,) with a `period` [s].
 
-    By Welch's method (IEEE Trans. Audio Electroacoust. 15 (1967) 70-73): Hann windows that overlap
-    by half, without a straight line and without their means.
+    Welch's method (IEEE Trans. Audio Electroacoust. 15 (1967) 70-73) with Hann windows overlapping
+    by half, after removal of a straight line and of the means.
     """
     n = max(min(len(x) // 4, round(WINDOW / period)), 8)
     t = np.arange(len(x)) - (len(x) - 1) / 2
@@ -139,25 +140,25 @@ def spectrum(x: Array, period: float) -> tuple[Array, Array]:
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
     spectra = fft.rfft((parts - parts.mean(axis=1, keepdims=True)) * window)
     power = 2.0 * period * np.mean(np.abs(spectra) ** 2, axis=0) / (window @ window)
-    # frequencies that have no negative counterpart
+    # frequencies without a negative counterpart
     power[0] /= 2.0
     power[-1] /= 1.0 + (n % 2 == 0)
     return fft.rfftfreq(n, period), power
 
 
 def floor(f: Array, power: Array, period: float) -> float:
-    """Power density of the noise: its median where nothing moves."""
+    """Return the power density of the noise: the median at frequencies without motion."""
     return float(np.median(power[f > FLOOR / period]))
 
 
 @dataclass(frozen=True, slots=True)
 class VelocitySource:
-    """Where the velocity of an axis comes from, and why.
+    """Velocity source of an axis, with the reason.
 
     Attributes
     ----------
     recorded : bool
-        Whether it is taken as it was recorded.
+        True for the recorded velocity.
     reason : str
         Half a sentence.
     """
@@ -167,14 +168,14 @@ class VelocitySource:
 
 
 def velocity_sources(stretches: Sequence[Recording], cut_off: float) -> tuple[VelocitySource, ...]:
-    """Choose the velocity of each axis.
+    """Choose the velocity source of every axis.
 
     Parameters
     ----------
     stretches : sequence of Recording
         Parts of all recordings.
     cut_off : float
-        Of the low-pass that velocities pass [Hz].
+        Cut-off frequency of the low-pass of velocities [Hz].
     """
     n = stretches[0].n_joints
     present = np.all([_recorded(part) for part in stretches], axis=0)
@@ -196,9 +197,9 @@ def _recorded(part: Recording) -> Mask:
 
 
 def _figures(part: Recording, axes: Mask, cut_off: float) -> Array:
-    """Difference over size, lag [s], noise over the derivative's, of these axes: (3, n_axes).
+    """Return relative difference, lag [s] and relative noise of velocities, (3, n_axes).
 
-    NaN where an axis does not move.
+    NaN for an axis at rest.
     """
     if part.qd is None or not axes.any():
         return np.empty((3, 0))
@@ -217,13 +218,13 @@ def _figures(part: Recording, axes: Mask, cut_off: float) -> Array:
 
 
 def _lag(v: Array, a: Array, recorded: Array) -> float:
-    """How late a recorded velocity is [s], whatever its scale; 0 where that cannot be seen."""
+    """Return the lag of a recorded velocity [s] for any scale; 0 if undetermined."""
     scale, shift = np.linalg.lstsq(np.stack([v, a], axis=1), recorded, rcond=None)[0]
     return float(-shift / scale) if abs(scale) > SAME else 0.0
 
 
 def _noise(x: Array, period: float, cut_off: float, derivatives: int) -> Array:
-    """Mean square of each column's noise below the cut-off, after so many derivatives."""
+    """Return the mean squared noise of columns below the cut-off, after derivatives."""
     k = 2 * derivatives
     band = (2 * np.pi) ** k * cut_off ** (k + 1) / (k + 1)
     return np.array([floor(*spectrum(column, period), period) for column in x.T]) * band

@@ -1,20 +1,20 @@
-"""Solvers, each over rows weighted axis by axis.
+"""Solve the weighted regression of free motions by one of several solvers.
 
 least squares
-    as it stands;
+    without constraints;
 positive
-    the same, and if that makes the mass matrix negative anywhere on the motion, the nearest
-    solution that does not (`hil.estimation.free_motion.positive`), unless the torques contradict
-    it; its covariance counts what other laws of friction would have found
-    (`hil.estimation.free_motion.choice`), and offsets of friction that pass for weight
-    (`hil.estimation.free_motion.offsets`); friction follows all samples, slow ones too;
+    least squares, and if the mass matrix is then not positive anywhere on the motion, the nearest
+    solution with a positive one (`hil.estimation.free_motion.positive`), unless the torques
+    contradict it; the covariance includes the results of other friction laws
+    (`hil.estimation.free_motion.choice`), and friction offsets that resemble weight
+    (`hil.estimation.free_motion.offsets`); friction is fitted to all samples, including slow ones;
 instrumental
-    Z'W x = Z'y: Z from one half of the samples, every other one, and W from the other half. Errors
-    of measurement that differ from sample to sample are in one of them only, so they shift nothing;
+    Z'W x = Z'y: Z from every second sample, W from the other samples. Measurement errors that are
+    independent from sample to sample are in one of them only, so they cause no bias;
 a function of the equations of pieces of time
-    the equations as it weights them, and their solution.
+    the equations with the weights of this function, and their solution.
 
-Covariances add up what scatters over time and over states (`hil.least_squares.regression`).
+Covariances add the scatter over time and over states (`hil.least_squares.regression`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy as np
 
 from hil.errors import NotIdentifiable
 from hil.estimation.free_motion.choice import MATERIAL, covariance_of_choices
-from hil.estimation.free_motion.offsets import only_directions, split_covariance, with_doubt
+from hil.estimation.free_motion.offsets import enlarge_covariance, only_directions, split_covariance
 from hil.estimation.free_motion.positive import nearest_positive
 from hil.estimation.options import DEFAULTS
 from hil.least_squares.layout import embedded
@@ -48,24 +48,24 @@ if TYPE_CHECKING:
 
 FreeSolver = Literal["least squares", "positive", "instrumental"] | Solver
 BLOCKS = 30
-"""Blocks of time, at most: few, so that what lasts longer than a piece counts."""
+"""Maximum number of blocks of time, low enough to include disturbances longer than a piece."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """All unknowns with their uncertainty, and what was changed for the sake of the mass matrix.
+    """Estimated unknowns with covariance, and the correction for a positive mass matrix.
 
     Attributes
     ----------
     fit : Fit
     moved : float
-        Change of the unknowns that makes the mass matrix positive, over their standard errors.
+        Largest change of an unknown by the correction, over its standard error.
     possible : bool
-        Whether they were moved; else the torques contradict it.
+        True if the corrected unknowns are used; False if the torques contradict them.
     unusual : tuple of int
-        Axes, from 0, whose offset is larger than friction's usually is, and passes for weight.
+        Axes, from 0, whose offset exceeds usual offsets of friction, and resembles gravity.
     prior_share : ndarray, shape (n_base,), optional
-        As of `Estimate`.
+        See `Estimate`.
     """
 
     fit: Fit
@@ -83,19 +83,19 @@ def solve(
     configurations: Array,
     options: Options = DEFAULTS,
 ) -> Solution:
-    """Solve for all unknowns.
+    """Solve for the unknowns of base parameters and friction.
 
     Parameters
     ----------
     configurations : ndarray, shape (n, n_joints)
-        Some of the motion's, where the mass matrix must be positive.
+        Configurations of the motion where the mass matrix must be positive.
     options : Options
-        Rule of the covariance, and a prior of what the motion does not excite.
+        Covariance rule, and a prior for parameters not excited by the motion.
 
     Raises
     ------
     NotIdentifiable
-        Base parameters that the motion does not excite, and no prior knows.
+        Base parameters are neither excited by the motion nor known by a prior.
     """
     pieces = asked = choice.fitted(products)
     if options.prior is None:
@@ -104,7 +104,7 @@ def solve(
         asked = replace(pieces, solver=solver)
     elif solver == "instrumental" and products.instruments is not None:
         asked = pieces.transfer(products.instruments)
-    # the others' equations are not weighted, or not symmetric, as other rules need them
+    # other rules need weighted and symmetric equations, which the remaining solvers lack
     rule: Covariance = options.covariance if solver == "positive" else "jackknife"
     fit = asked.fit(rule, products.cells[choice.slowest], BLOCKS)
     covariance = fit.covariance
@@ -116,7 +116,7 @@ def solve(
     found = settled(robot, pieces, fit, configurations, options.prior)
     if not choice.slowest:
         return found
-    return replace(found, fit=over_all_speeds(products, found.fit, options.covariance))
+    return replace(found, fit=refit_friction(products, found.fit, options.covariance))
 
 
 def settled(
@@ -126,7 +126,7 @@ def settled(
     configurations: Array | None,
     prior: Prior | None,
 ) -> Solution:
-    """Complete a fit by a prior, then make it possible where there are configurations for that."""
+    """Complete a fit by a prior, then by a positive mass matrix at `configurations`."""
     share = None
     if prior is not None:
         fit, share = _completed(robot, pieces, fit, prior)
@@ -136,22 +136,22 @@ def settled(
     return replace(found, prior_share=share)
 
 
-def over_all_speeds(products: Products, fit: Fit, covariance: Covariance) -> Fit:
-    """Friction of all samples, of those in the dead zone too, beside what else was found.
+def refit_friction(products: Products, fit: Fit, covariance: Covariance) -> Fit:
+    """Refit friction to samples of every speed, including the dead zone.
 
-    What a law lacks at low speed looks like weight or inertia, so base parameters come from faster
-    samples. The law itself describes all of them the better the more it has seen. With the shared
-    unknowns x_s as they are and P = N_oo^-1 N_os the own ones are
+    Errors of a law at low speed resemble weight or inertia, so base parameters come from faster
+    samples. The law itself describes all samples the better, the more samples it is fitted to. With
+    fixed shared unknowns x_s and P = N_oo^-1 N_os the own unknowns are
 
         x_o = N_oo^-1 v_o - P x_s,    V_oo = V + P V_ss P',    V_os = -P V_ss,
 
-    V being what scatters of x_o where x_s is known. Axes that move in one direction only keep
-    theirs: offset and Coulomb's friction are one column, and what slow samples add is noise.
+    with V the scatter of x_o for known x_s. Axes that move in one direction only keep their values:
+    offset and Coulomb friction share a column, and slow samples add only noise.
 
     Parameters
     ----------
     covariance : str
-        As of `hil.least_squares.regression`.
+        Rule of `hil.least_squares.regression`.
     """
     layout, k = fit.layout, len(fit.layout.shared)
     axis = (fit.kept - k) // len(layout.own)
@@ -173,7 +173,7 @@ def over_all_speeds(products: Products, fit: Fit, covariance: Covariance) -> Fit
 
 
 def _completed(robot: Robot, pieces: Regression, fit: Fit, prior: Prior) -> tuple[Fit, Array]:
-    """What a prior says of the base parameters, and all else as it follows from these."""
+    """Complete base parameters by a prior, and update the dependent unknowns."""
     N, kept, n = pieces.normal.information, fit.kept, len(base_parameters(robot))
     p, covariance, share = prior.completed(robot, N, fit.x[:n], fit.covariance[:n, :n])
     T = np.zeros((len(fit.x), n))
@@ -185,14 +185,14 @@ def _completed(robot: Robot, pieces: Regression, fit: Fit, prior: Prior) -> tupl
 
 
 def _possible(robot: Robot, pieces: Regression, fit: Fit, configurations: Array) -> Solution:
-    """Doubt unusual offsets, and make the mass matrix positive unless the torques contradict that.
+    """Enlarge unusual offsets' errors, and make the mass matrix positive if possible.
 
-    The move costs the least in what it leaves of the torques: its metric is that of the normal
-    equations. A residual that grows by more than `MATERIAL` on any axis shows that something else
-    is wrong; then parameters stay as they are.
+    The move minimises the increase of the torque residuals: its metric is that of the normal
+    equations. If a residual grows by more than `MATERIAL` on any axis, there is another error, and
+    the parameters stay unchanged.
     """
     metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x))
-    covariance, unusual = with_doubt(fit.x, fit.covariance, metric, fit.layout)
+    covariance, unusual = enlarge_covariance(fit.x, fit.covariance, metric, fit.layout)
     nearest = nearest_positive(robot, fit.x, metric, configurations)
     error = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
     moved = float(np.abs((nearest - fit.x) / error)[fit.kept].max(initial=0.0))
@@ -204,7 +204,7 @@ def _possible(robot: Robot, pieces: Regression, fit: Fit, configurations: Array)
 
 
 def require_determined(robot: Robot, pieces: Regression) -> None:
-    """Refuse motions that leave base parameters open.
+    """Raise an error for base parameters not determined by the motions.
 
     Raises
     ------
@@ -217,7 +217,7 @@ def require_determined(robot: Robot, pieces: Regression) -> None:
     rotors = {column: axis for axis, column in _rotors(robot).items() if column in lost}
     rest = [k for k in range(len(N)) if k not in rotors]
     still = [rest[k] for k in _open(N[np.ix_(rest, rest)], len(base) - len(rotors))]
-    reasons = [_of_slide(base, lost, axis, column) for column, axis in rotors.items()]
+    reasons = [_explain_slide(base, lost, axis, column) for column, axis in rotors.items()]
     if len(still) == len(lost) - len(rotors):
         reasons, still = [], lost
     if still:
@@ -231,12 +231,12 @@ def require_determined(robot: Robot, pieces: Regression) -> None:
 
 
 def _open(N: Array, n: int) -> list[int]:
-    """Of the first `n` unknowns those that normal equations leave open."""
+    """Return those of the first `n` unknowns not determined by the normal equations."""
     return np.flatnonzero((undetermined(N) | (np.diag(N) == 0))[:n]).tolist()
 
 
 def _rotors(robot: Robot) -> dict[int, int]:
-    """Base parameters that are the unknown rotor inertia of a slide alone, by axis from 0."""
+    """Return base parameters equal to an unknown rotor inertia of a slide, by axis from 0."""
     expressions = base_parameters(robot).expressions
     stated = ((axis, f"Ia{axis + 1}") for axis in np.flatnonzero(~robot.revolute).tolist())
     return {axis: expressions.index(name) for axis, name in stated if name in expressions}
@@ -246,12 +246,11 @@ def _listed(base: BaseParameters, columns: Sequence[int]) -> str:
     return ", ".join(base.names[column] for column in columns)
 
 
-def _of_slide(base: BaseParameters, lost: Sequence[int], axis: int, column: int) -> str:
-    """Why the rotor inertia of a slide cannot be told from the mass that it moves.
+def _explain_slide(base: BaseParameters, lost: Sequence[int], axis: int, column: int) -> str:
+    """Explain why rotor inertia and moved mass of a slide cannot be separated.
 
-    With the part g of gravity along a slide of constant direction its force is
-    m (qdd + g) + Ia qdd + offset: Ia may be any value, m less by as much and the offset more by g
-    of it.
+    With the component g of gravity along a slide of constant direction, the force is m (qdd + g) +
+    Ia qdd + offset: Ia may have any value, with m smaller by Ia and the offset larger by g Ia.
     """
     others = [k for k in lost if k != column]
     return (

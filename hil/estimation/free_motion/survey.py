@@ -1,4 +1,4 @@
-"""A first look at all recordings: how long, how fast, and some stretches to choose settings by."""
+"""Survey the recordings: duration, speeds, and stretches to choose settings from."""
 
 from __future__ import annotations
 
@@ -19,42 +19,42 @@ if TYPE_CHECKING:
 
 
 STRETCHES = 150.0
-"""Time of all stretches together, at most [s]."""
+"""Maximum total duration of the stretches [s]."""
 LEAST_STRETCH = 5.0
-"""Of one recording, where it is as long and no filter needs more of it [s]."""
+"""Minimum stretch of a recording [s]; shorter recordings are used whole."""
 SLOWEST = 1e-5
-"""Least speed of an axis that moves, by which speeds are divided [rad/s or m/s]."""
+"""Smallest speed of a moving axis, as a divisor of speeds [rad/s or m/s]."""
 SPAN = 0.05
-"""Over which speeds are means [s]."""
+"""Averaging time of speeds [s]."""
 CONFIGURATIONS = 200
-"""Positions that stand for the range of the motion."""
+"""Number of positions representing the range of the motion."""
 FEWEST = 50
-"""Samples of a recording below which it is of no use."""
+"""Fewest samples of a usable recording."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Survey:
-    """What was found of a run's recordings.
+    """Summary of the recordings of a run.
 
     Attributes
     ----------
     stretches : tuple of Recording
-        Of all recordings alike, `STRETCHES` together.
+        Parts of recordings, `STRETCHES` together.
     speed : ndarray, shape (n_joints,)
-        Exceeded by few samples [rad/s or m/s].
+        Reference speed of each axis, exceeded by few samples [rad/s or m/s].
     still : tuple of int
-        Axes, from 0, that do not move.
+        Axes at rest, from 0.
     duration : float
-        Of all recordings [s].
+        Total duration [s].
     longest : float
-        Of the longest recording [s].
+        Duration of the longest recording [s].
     n_recordings, n_samples : int
     cut_off : float or None
-        Lowest that the recordings state [Hz].
+        Lowest cut-off stated by the recordings [Hz].
     too_short : tuple of str
         Ids of recordings without enough samples.
     unknown_gains : tuple of int
-        Axes, from 0, whose torques are in units of unknown worth.
+        Axes, from 0, with torques in units of unknown gain.
     """
 
     stretches: tuple[Recording, ...]
@@ -70,7 +70,7 @@ class Survey:
 
 
 class _Stretches:
-    """Middle parts of recordings, which become shorter and then fewer as more recordings come."""
+    """Middle parts of recordings, shortened and then thinned out as recordings are added."""
 
     def __init__(self, least: float) -> None:
         self.kept: list[Recording] = []
@@ -97,13 +97,13 @@ class _Stretches:
 def survey(
     recorded: Iterable[tuple[FreeMotion, Recording]], least_stretch: float = LEAST_STRETCH
 ) -> Survey:
-    """Look at all recordings, one after the other.
+    """Survey the recordings, reading a single recording at a time.
 
     Parameters
     ----------
     recorded : iterable of (FreeMotion, Recording)
     least_stretch : float
-        Length below which the stretch of a recording is not shortened [s].
+        Minimum length of a stretch [s].
 
     Raises
     ------
@@ -147,7 +147,7 @@ def survey(
 
 
 def _alike(unknown: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
-    """Axes of unknown gain, from 0, which all recordings must have in common."""
+    """Return the axes of unknown gain, from 0, common to the recordings."""
     name, axes = next(iter(unknown.items()))
     for other, its in unknown.items():
         if its != axes:
@@ -160,7 +160,7 @@ def _alike(unknown: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
 
 
 def configurations(found: Survey, n: int = CONFIGURATIONS) -> Array:
-    """Some positions of the stretches, shape (n, n_joints)."""
+    """Return some positions of the stretches, shape (n, n_joints)."""
     q = np.vstack([each.q for each in found.stretches])
     return np.asarray(q[np.linspace(0, len(q) - 1, min(n, len(q))).astype(int)])
 
@@ -170,10 +170,10 @@ def _duration(recording: Recording) -> float:
 
 
 def greatest_speed(recording: Recording) -> Array:
-    """Mean speed of each axis over `SPAN` that few such times exceed [rad/s or m/s]."""
+    """Return a high quantile of the speed of every axis, averaged over `SPAN`, in SI."""
     every = max(1, min(round(SPAN / recording.period), recording.n_samples // 10))
     moved = np.abs(np.diff(recording.q[::every], axis=0)) / (every * recording.period)
-    # share of the samples that are slower than the speed of an axis
+    # share of samples below the returned speed
     return np.asarray(np.quantile(moved, 0.99, axis=0))
 
 

@@ -1,4 +1,4 @@
-"""The methods for free motions by name; what they compute with is imported when one is called."""
+"""Define the methods for free motions by name; computing modules are imported on use."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ DEFAULT = "free motion"
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One method.
+    """Variant of the method for free motions.
 
     Attributes
     ----------
     solver : str
         See `hil.estimation.free_motion.solution`.
     terms : {"chosen", "classical"}
-        Whether law of friction and dead zone are chosen, or friction is Coulomb's and viscous at
-        all speeds.
+        Chosen friction law and dead zone, or Coulomb and viscous friction at all speeds.
     weighted : bool
-        Rows of an axis by its residual variance.
+        Weight the rows of an axis by its residual variance.
     """
 
     solver: FreeSolver = "least squares"
@@ -37,4 +36,4 @@ VARIANTS: dict[str, Variant] = {
     "weighted least squares": Variant(),
     "instrumental variables": Variant(solver="instrumental"),
 }
-"""All methods for free motions."""
+"""Methods for free motions by name."""

@@ -131,6 +131,6 @@ def free_motion_evidence(robot: Robot, runs: Sequence[Gathered]) -> list[Evidenc
             cells=cells.where(cells.counts.sum(axis=1) > 0),
             unknown=run.scaling.unknown,
             scale_open=run.scaling.unknown != run.found.unknown_gains,
-            beside=run.beside,
+            beside=run.choice_covariance,
         ))  # fmt: skip
     return found

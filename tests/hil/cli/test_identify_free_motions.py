@@ -62,7 +62,7 @@ def half_still(tmp_path: Path) -> tuple[Path, Path]:
     robot = robot_from_urdf(stated, None, None)
     bodies = bodies_of(given_urdf(stated, robot), robot)
     assert bodies is not None
-    truth = Prior(bodies, 0.3).of(robot)[0]
+    truth = Prior(bodies, 0.3).predict(robot)[0]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(free_run, "some_motion", lambda *given: _held(some_motion(*given)))
         data = recorded(robot, truth, n=2, noise=0.02)

@@ -71,7 +71,7 @@ COUPLING = Coupling(
 class TestLocalFits:
     def value(self, robot, measurement, friction):
         s = signals(record(robot, measurement, TABLE_3_A, friction))
-        return local_fit(robot, measurement, s).at(TABLE_3_A)
+        return local_fit(robot, measurement, s).evaluate(TABLE_3_A)
 
     def test_a_half_sum_is_the_gravity_torque(self, robot):
         local = self.value(robot, GRAVITY, Friction())
@@ -104,7 +104,7 @@ class TestLocalFits:
         still = Friction(coulomb=40, viscous=0, root=0)
         s = signals(record(robot, wide, TABLE_3_A, still))
         slow, fast = (inverse_dynamics(robot, TABLE_3_A, s.q, v, s.qdd) for v in (0 * s.qd, s.qd))
-        local = local_fit(robot, wide, replace(s, tau=s.tau + slow - fast)).at(TABLE_3_A)
+        local = local_fit(robot, wide, replace(s, tau=s.tau + slow - fast)).evaluate(TABLE_3_A)
         assert local.value == pytest.approx(local.model, rel=1e-4)
         mean = mass_matrix(robot, TABLE_3_A, local.q)[0, 1]
         assert abs(mean - local.model) > 0.03 * abs(local.model)
@@ -113,7 +113,7 @@ class TestLocalFits:
     def test_a_standard_error_is_what_noise_does_to_the_element(self, robot, measurement):
         clean = record(robot, measurement, TABLE_3_A, Friction())
         found = [
-            local_fit(robot, measurement, signals(recording)).at(TABLE_3_A)
+            local_fit(robot, measurement, signals(recording)).evaluate(TABLE_3_A)
             for _, recording in noisy(robot, [(measurement, clean)] * 100)
         ]
         scatter = np.std([local.value for local in found])

@@ -156,7 +156,7 @@ def test_what_is_left_out_shifts_the_sinusoid_that_gravity_is_over_an_angle(robo
     q[:, phase.over] = angle
     for p, sinusoid in zip(models(found), (phase.stated, phase.extended), strict=True):
         torque = gravity_torque(found.complete, p, q)[:, phase.axis]
-        assert sinusoid.at(angle) == pytest.approx(torque, abs=1e-9)
+        assert sinusoid.evaluate(angle) == pytest.approx(torque, abs=1e-9)
     assert abs(phase.shift) > SEEN
     own = [m for m, _ in run if m.kind == "gravity" and m.index == phase.axis]
     assert phase.angle == pytest.approx([m.q[phase.over] for m in own], abs=1e-6)

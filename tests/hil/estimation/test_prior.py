@@ -41,7 +41,7 @@ def robot() -> Robot:
 
 @pytest.fixture(scope="module")
 def truth(robot: Robot) -> Array:
-    return Prior(BODIES, 0.3).of(robot)[0]
+    return Prior(BODIES, 0.3).predict(robot)[0]
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_a_prior_moves_nothing_where_data_say_all(
 def test_what_is_not_excited_has_the_stated_values_and_sigmas(
     robot: Robot, one_still: FreeRecorded
 ) -> None:
-    p, root = Prior(BODIES, 0.3).of(robot)
+    p, root = Prior(BODIES, 0.3).predict(robot)
     made = found(robot, one_still, BODIES)
     for k in UNEXCITED:
         sigma = np.linalg.norm(root[k])
@@ -162,7 +162,7 @@ def test_methods_that_take_no_prior_say_so(robot: Robot, moving: FreeRecorded) -
 def test_intervals_hold_the_truth_where_cad_errs_as_stated(robot: Robot) -> None:
     """Torques show three combinations of six parameters; bodies are drawn about CAD's figures."""
     rng, of_cad = np.random.default_rng(7), Prior(BODIES, 0.3)
-    mean, root = of_cad.of(robot)
+    mean, root = of_cad.predict(robot)
     inside = []
     for _ in range(300):
         p = mean + root @ rng.standard_normal(root.shape[1])

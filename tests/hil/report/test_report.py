@@ -365,7 +365,7 @@ class TestPointsOfStep1:
         place_of_axis = place(folder.robot, 1)[best.joint.solver.n_base :]
         common = best.joint.solver.solution[place_of_axis]
         right, wrong = best.p, 1.01 * best.p
-        values = [believed_fit(folder.robot, m, s, p, common).at(p) for p in (right, wrong)]
+        values = [believed_fit(folder.robot, m, s, p, common).evaluate(p) for p in (right, wrong)]
         lower = [each.value - each.model for each in values]
         assert lower[0] - lower[1] == pytest.approx(0.01 * values[0].model, rel=0.2)
 

@@ -188,7 +188,7 @@ class TestDiagnosis:
 
     def test_measurements_lie_on_the_shifted_sinusoid(self, diagnosis):
         phase = diagnosis.phase
-        off = [phase.torque - s.at(phase.angle) for s in (phase.extended, phase.stated)]
+        off = [phase.torque - s.evaluate(phase.angle) for s in (phase.extended, phase.stated)]
         extended, stated = (np.sqrt(np.mean(each**2)) for each in off)
         assert extended < 0.6 * stated
 
@@ -228,4 +228,4 @@ def test_the_report_states_each_axiss_drive_train(bare_page):
 def test_a_sinusoid_that_leads_has_a_positive_phase():
     late, early = Sinusoid(1.0, 1.0, 0.0), Sinusoid(5.0, np.cos(0.1), -np.sin(0.1))
     assert early.phase_against(late) == pytest.approx(0.1)
-    assert early.at(np.array([-0.1]))[0] == pytest.approx(6.0)
+    assert early.evaluate(np.array([-0.1]))[0] == pytest.approx(6.0)

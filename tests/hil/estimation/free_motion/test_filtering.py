@@ -52,7 +52,7 @@ def test_what_is_wrong_beyond_an_end_reaches_no_further_than_is_stated() -> None
 
 
 def test_rates_leave_enough_samples_to_both_low_passes() -> None:
-    rates = Rates.of(0.0002, 50.0, 15.0)
+    rates = Rates.choose(0.0002, 50.0, 15.0)
     assert 1.0 / (rates.period * rates.fine) >= 8 * 50.0
     assert 1.0 / (rates.period * rates.fine * rates.coarse) >= 4 * 15.0
     assert rates.fine > 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.estimation.free_motion.offsets import ASYMMETRY, with_doubt
+from hil.estimation.free_motion.offsets import ASYMMETRY, enlarge_covariance
 from hil.friction.terms import COLUMNS
 from hil.least_squares.layout import Layout, axis_names
 
@@ -28,7 +28,7 @@ def unknowns(error: float, own: float) -> tuple[np.ndarray, np.ndarray]:
 
 def test_weight_is_as_uncertain_as_an_unusual_offset() -> None:
     x, V = unknowns(error=12.0, own=0.01)
-    covariance, axes = with_doubt(x, V, V, LAYOUT)
+    covariance, axes = enlarge_covariance(x, V, V, LAYOUT)
     assert axes == [0]
     unusual = np.sqrt(12.0**2 - (ASYMMETRY * FRICTION) ** 2)
     assert np.sqrt(covariance[0, 0]) == pytest.approx(unusual / G, rel=1e-3)
@@ -37,13 +37,13 @@ def test_weight_is_as_uncertain_as_an_unusual_offset() -> None:
 
 def test_a_usual_offset_is_no_reason_to_doubt() -> None:
     x, V = unknowns(error=0.5, own=0.01)
-    covariance, axes = with_doubt(x, V, V, LAYOUT)
+    covariance, axes = enlarge_covariance(x, V, V, LAYOUT)
     assert covariance == pytest.approx(V)
     assert axes == []
 
 
 def test_an_offset_that_the_motion_shows_by_itself_is_no_reason_to_doubt() -> None:
     x, V = unknowns(error=12.0, own=3.0)
-    covariance, axes = with_doubt(x, V, V, LAYOUT)
+    covariance, axes = enlarge_covariance(x, V, V, LAYOUT)
     assert covariance == pytest.approx(V)
     assert axes == []

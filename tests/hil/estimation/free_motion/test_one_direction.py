@@ -10,7 +10,7 @@ import pytest
 from free_run import PERIOD, write_free_run
 
 from hil.estimation.free_motion.gathering import gather
-from hil.estimation.free_motion.solution import over_all_speeds
+from hil.estimation.free_motion.solution import refit_friction
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.identify import estimate
 from hil.model.robot import Robot
@@ -73,7 +73,7 @@ def model_of(folder: Path, speeds: Array, rest: float = 0.0) -> Model:
 def test_friction_of_all_samples_leaves_such_an_axis_as_it_is() -> None:
     gathered = gather(ROBOT, [driven(SPEEDS)], VARIANTS[DEFAULT])
     fit = gathered.choice.fitted(gathered.products).fit("CR2")
-    assert over_all_speeds(gathered.products, fit, "CR2") is fit
+    assert refit_friction(gathered.products, fit, "CR2") is fit
 
 
 @pytest.mark.parametrize(
