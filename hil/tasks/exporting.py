@@ -12,7 +12,7 @@ from hil.estimation.consistent.nearest import SHAPES
 from hil.export.exported import origin, write_exported
 from hil.export.formats import RECORDINGS, SIMULATORS, export_recordings, refuse_unknown
 from hil.export.formats import export as formatted
-from hil.export.patch import patched_file, with_bodies_near, write_patched
+from hil.export.patch import find_near_bodies, patched_file, write_patched
 from hil.export.urdf_file import bodies_of, given_urdf, inertial_faults
 from hil.results.consistency import with_consistent_robot
 from hil.results.model import Model
@@ -120,7 +120,7 @@ def exported_model(
     if patch is not None:
         _refuse_patch(model, to, urdf, patch)
         file = patched_file(patch, model.robot)
-        model = with_bodies_near(model, file, bounds or BodyBounds())
+        model = find_near_bodies(model, file, bounds or BodyBounds())
         return model, write_patched(model, file)
     given = None if urdf is None else given_urdf(urdf, model.robot)
     about = origin(model, source)
