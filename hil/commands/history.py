@@ -253,7 +253,7 @@ def by_cause(
     if any(same_recordings(earlier, each) for each in after):
         return ()
     proof = changed(earlier.robot, Pooled([earlier]), Pooled(after), known)
-    return excluded.of_change(proof, earlier.robot.n_joints, str(before), known)
+    return excluded.change_by_cause(proof, earlier.robot.n_joints, str(before), known)
 
 
 def _refuse_others(loaded: Sequence[tuple[str, Model]]) -> None:
@@ -298,7 +298,7 @@ def outcome(found: History) -> Outcome:
         verdicts=tuple(changed) or (unchanged,),
         plots=tuple(_plots(found)),
         title=f"{found.robot.name}: condition over time",
-        simulated=any(run.model.provenance.of_virtual_plant for run in found.runs),
+        simulated=any(run.model.provenance.any_simulated for run in found.runs),
         note="Anything of a run of an unchanged machine is marked with a probability of"
         f" {SIGNIFICANT:.0%} at most.",
     )

@@ -60,7 +60,7 @@ def write_exported(exported: Exported, folder: Path) -> tuple[Path, ...]:
 
 def cautions(model: Model) -> tuple[str, ...]:
     """Return warnings for the head of an exported file: failed model, simulated data."""
-    simulated = (NO_REAL_MACHINE,) if model.provenance.of_virtual_plant else ()
+    simulated = (NO_REAL_MACHINE,) if model.provenance.any_simulated else ()
     if model.verdict is None or not model.failed:
         return simulated
     return (f"FAILED: {one_line(model.verdict.clause, 1000)}", *simulated)

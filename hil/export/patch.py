@@ -44,7 +44,7 @@ from hil.export.urdf_file import (
 from hil.model.base_parameters import base_parameters
 from hil.model.frames import body_parameters, inverse, parameter_map, pseudo_inertia
 from hil.model.readers.axes_to_frames import difference
-from hil.results.consistency import with_consistent_robot
+from hil.results.consistency import find_consistent_robot
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -160,7 +160,7 @@ def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
     shift = of_rotors @ rotors
     of = f"the inertials of {given.path}"
     shifted = replace(model, values=model.values - shift)
-    consistent = with_consistent_robot(shifted, (), bounds, stated, of).consistent
+    consistent = find_consistent_robot(shifted, (), bounds, stated, of).consistent
     assert consistent is not None  # noqa: S101 - just found
     bodies, added = consistent.bodies.copy(), dict(consistent.added)
     for name, axis in axes.items():

@@ -1,26 +1,26 @@
-"""Departures of a machine from its own past and from its fleet, with a stated rate of false alarms.
+"""Departures of a machine from its past and from the fleet, at a stated rate of false alarms.
 
-A fleet is many machines of one robot, each identified again and again. For a quantity y
+A fleet is many machines of one robot, each identified repeatedly. For a quantity y
 (`hil.results.quantities`) of machine k, let
 
-    T_k = mean of the newest `NEWEST` runs - mean of the first `FIRST` runs.
+T_k = mean of the newest `NEWEST` runs - mean of the first `FIRST` runs.
 
 Friction is first divided by the median over the axes of its relative change (temperature,
-`hil.results.changes.common_friction`). An unchanged machine has a T_k that its peers have too: the
-null hypothesis is T_k = median of T over the machines, with the standard error
+`hil.results.changes.common_friction`). The T_k of an unchanged machine is distributed like that of
+its peers: the null hypothesis is T_k = median of T over the machines, with the standard error
 
-    s = max(1.4826 median |T - median T|, r sqrt(1/NEWEST + 1/FIRST)),
+s = max(1.4826 median |T - median T|, r sqrt(1/NEWEST + 1/FIRST)),
 
 r^2 = median (y_(i+1) - y_i)^2 / (2 x 0.4549) over successive runs of all machines, since the median
-of a chi-squared variable with one degree of freedom is 0.4549. Medians, since a few machines of a
-fleet do change. Errors that are the same in every run (temperature of an axis, season, friction
-that wanders) are thus measured in place of assumed. Too few runs for r (`ENOUGH` differences) leave
-the stated errors and allowances of the models, as in `hil.results.changes`. The level of a machine
-is compared with the levels of its peers likewise, by their median absolute deviation.
+of a chi-squared variable with one degree of freedom is 0.4549. Medians are used, since a few
+machines of a fleet do change. Errors common to all runs (temperature of an axis, season, wandering
+friction) are thus measured instead of assumed. With too few runs for r (`ENOUGH` differences), the
+stated errors and allowances of the models are used, as in `hil.results.changes`. The level of a
+machine is compared with the levels of its peers likewise, by their median absolute deviation.
 
-Holm's procedure holds the probability of any false alarm in one run of a machine at
+Holm's procedure bounds the probability of any false alarm in one run of a machine by
 
-    alpha = rate / (runs of a machine in ten years),
+alpha = rate / (runs of a machine in ten years),
 
 so that a machine has at most `rate` false alarms in ten years.
 """
@@ -44,23 +44,23 @@ if TYPE_CHECKING:
     from hil.results.quantities import Quantity
 
 NEWEST, FIRST = 3, 12
-"""Runs of the newest and of the first mean: with monthly runs a quarter and a year."""
+"""Numbers of runs in the newest and in the first mean: with monthly runs a quarter and a year."""
 ENOUGH = 20
-"""Differences, or machines, from which on a median is known within a quarter (1.25 / sqrt(20))."""
+"""Number of differences, or machines, for a median accurate to a quarter (1.25 / sqrt(20))."""
 NORMAL = 1.4826
-"""Standard deviation over median absolute deviation, of a normal distribution."""
+"""Ratio of standard deviation to median absolute deviation of a normal distribution."""
 MEDIAN_SQUARE = 0.4549
 """Median of a chi-squared variable with one degree of freedom."""
 DECADE = 10 * 365.25 * 86400.0
 """Seconds in ten years."""
 ALONE = 4.0
-"""Degrees of freedom of stated errors of few runs."""
+"""Degrees of freedom of stated errors, for few runs."""
 FLEET = "the fleet"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fleet:
-    """Readings of all machines of one robot, ordered by machine and time.
+    """Readings of all machines of a robot, ordered by machine and time.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Departures(NamedTuple):
 
 
 def departures(fleet: Fleet, rate: float) -> Departures:
-    """Test the newest run of each machine, with `rate` false alarms a machine in ten years."""
+    """Test the newest run of each machine, with `rate` false alarms per machine in ten years."""
     starts = np.searchsorted(fleet.machine, np.arange(len(fleet.machines)))
     ends = np.append(starts[1:], len(fleet.machine))
     level = min(rate / runs_in_ten_years(fleet), 1.0)
@@ -114,7 +114,7 @@ def departures(fleet: Fleet, rate: float) -> Departures:
     left = ends[fleet.machine] - 1 - place - starts[fleet.machine]
     newest = left < NEWEST
     first = (place < FIRST) & ~newest
-    value, by_temperature = _without_temperature(fleet, first, newest)
+    value, by_temperature = _remove_temperature(fleet, first, newest)
     new, new_error, allowance, n_new = _means(fleet, value, newest)
     old, old_error, _, n_old = _means(fleet, value, first)
     run, n_runs = _repeatability(value, fleet.machine)
@@ -157,7 +157,7 @@ def runs_in_ten_years(fleet: Fleet) -> float:
     return DECADE / float(np.median(apart)) if len(apart) else 1.0
 
 
-def _without_temperature(fleet: Fleet, first: Mask, newest: Mask) -> tuple[Array, Array]:
+def _remove_temperature(fleet: Fleet, first: Mask, newest: Mask) -> tuple[Array, Array]:
     """Divide friction by its response to temperature.
 
     Returns
@@ -210,14 +210,14 @@ def _sums(x: Array, machine: Indices, n: int) -> Array:
 
 
 def _repeatability(value: Array, machine: Indices) -> tuple[Array, Array]:
-    """Return the standard deviation of one run for each quantity, and the number of differences."""
+    """Return the standard deviation of a run for each quantity, and the number of differences."""
     apart = np.diff(value, axis=0)[np.diff(machine) == 0]
     count = np.isfinite(apart).sum(axis=0)
     return np.sqrt(_median(apart**2) / (2.0 * MEDIAN_SQUARE)), count
 
 
 def _median(x: Array) -> Array:
-    """Return the median of each column of known values; NaN for none."""
+    """Return the median of known values, by column; NaN for an empty column."""
     known = np.isfinite(x).any(axis=0)
     found = np.full(x.shape[1], np.nan)
     found[known] = np.nanmedian(x[:, known], axis=0)

@@ -14,7 +14,7 @@ from hil.export.formats import RECORDINGS, SIMULATORS, export_recordings, refuse
 from hil.export.formats import export as formatted
 from hil.export.patch import find_near_bodies, patched_file, write_patched
 from hil.export.urdf_file import bodies_of, given_urdf, inertial_faults
-from hil.results.consistency import with_consistent_robot
+from hil.results.consistency import find_consistent_robot
 from hil.results.model import Model
 from hil.results.model_file import file_of
 from hil.runs.pooling import pooled
@@ -174,7 +174,7 @@ def _add_bodies(
     if model.consistent is not None and bounds is None and likely is None:
         return model
     of = SHAPES if given is None or likely is None else f"the inertials of {given.path}"
-    return with_consistent_robot(model, _recordings(source), bounds or BodyBounds(), likely, of)
+    return find_consistent_robot(model, _recordings(source), bounds or BodyBounds(), likely, of)
 
 
 def _recordings(source: Path) -> Iterable[tuple[RecordedMotion, Recording]]:

@@ -1,1 +1,1 @@
-"""Results as tables, one file a subject: commands, notebooks and reports show the same ones."""
+"""Results as tables, one module per subject, for commands, notebooks and reports."""
