@@ -342,7 +342,7 @@ def _advice(robot: Robot, pose: Pose) -> str:
 
 
 def _unsure_lines(found: Load, advice: Mapping[str, str]) -> Iterator[str]:
-    """Yield uncertain and unidentifiable parameters with remedies, one line for each remedy."""
+    """Yield uncertain and unidentifiable parameters with remedies, a line per remedy."""
     else_ = "" if found.stated_mass else ", or state the mass"
     by_help: dict[str, list[str]] = {}
     for q in _rough(found):
