@@ -34,7 +34,7 @@ def needed_for(what: Path | str, extra: str = "recordings") -> Iterator[None]:
     what : Path or str
         File or option that needs it, for the message.
     extra : str
-        That it comes with.
+        Extra that installs the package.
     """
     try:
         yield

@@ -131,7 +131,7 @@ class LoadFile(FileModel):
     chi_squared, degrees_of_freedom, p_value
         Test of the changes against a rigid load.
     imported : bool
-        Whether the loaded run was imported.
+        True for an imported loaded run.
     own : tuple of float
         Base parameters of the loaded run alone with the gains of its map; empty if equal to those
         in `changes`, or unknown.

@@ -78,7 +78,7 @@ def origin(model: Model, source: Path) -> tuple[str, ...]:
     ----------
     model : Model
     source : Path
-        Its file, or the folder of the run that gave it, as the user named it.
+        File of the model, or the folder of its run, as named by the user.
     """
     made = model.provenance
     also = f" with {', '.join(made.together_with)}" if made.together_with else ""

@@ -50,9 +50,9 @@ def export(
     Parameters
     ----------
     model : Model
-        With bodies for `SIMULATORS`; what they cost is stated with the origin.
+        Model, with bodies for `SIMULATORS`; the cost of the bodies is stated with the origin.
     name : str
-        Of `FORMATS` or `SIMULATORS`.
+        Name in `FORMATS` or `SIMULATORS`.
     origin : tuple of str
         Lines that the files state at their head.
     given : Given, optional

@@ -45,9 +45,9 @@ class SimpleFriction:
     Attributes
     ----------
     axis : int
-        From 0.
+        Index from 0.
     speeds : ndarray, shape (n,)
-        At which the law was read [rad/s or m/s].
+        Speeds at which the law is evaluated [rad/s or m/s].
     forward, backward : ndarray, shape (n,)
         The law at these speeds and at their negatives, at no load [N m or N].
     coulomb, viscous : float
@@ -84,7 +84,7 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
     ----------
     model : Model
     warmth : float, optional
-        Of the gears, from 0 cold to 1 warm; by default that at which the laws stand.
+        Warmth of the gears, from 0 cold to 1 warm; by default the reference of the laws.
 
     Raises
     ------

@@ -37,14 +37,14 @@ class SimulatedJoint:
     before : ndarray, shape (4, 4)
         The link's frame in that of the link before, at q = 0.
     axis : ndarray, shape (3,)
-        In the link's frame.
+        Axis in the link's frame.
     lower, upper, velocity, effort : float
         Limits; NaN where unknown [rad, rad/s, N m, or m, m/s, N].
     armature : float
         Rotor's inertia on the joint's side [kg m^2 or kg].
     friction : SimpleFriction, optional
     stiffness : float
-        Of a linear spring [N m/rad or N/m].
+        Stiffness of a linear spring [N m/rad or N/m].
     body : ndarray, shape (10,)
         Standard parameters in the link's frame.
     """
@@ -88,9 +88,9 @@ class SimulatedRobot:
     Attributes
     ----------
     name, base : str
-        Of the robot and of its first link, which rests.
+        Names of the robot and of its first link, which is at rest.
     gravity : ndarray, shape (3,)
-        In the base link [m/s^2].
+        Gravity in the base link [m/s^2].
     joints : tuple of SimulatedJoint
     rotors : ndarray, shape (n_joints, n_joints)
         Motors' share of the mass matrix; beside the diagonal where motors turn with two joints.
@@ -114,9 +114,9 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
     Parameters
     ----------
     model : Model
-        With bodies.
+        Model with bodies.
     chain : UrdfChain, optional
-        Of the same robot, whose frames and names are taken.
+        Chain of the same robot, for frames and names.
     """
     robot, consistent = model.robot, model.consistent
     if consistent is None:

@@ -34,9 +34,9 @@ class Syntax(NamedTuple):
     Attributes
     ----------
     number : callable
-        From a number to its text, which must hold together as an atom.
+        Function from a number to its text with the binding strength of an atom.
     function : callable
-        From the name of a function and the text of its argument to its call.
+        Function from the name of a function and the text of its argument to the call.
     """
 
     number: Callable[[float], str]

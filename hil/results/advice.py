@@ -137,12 +137,12 @@ class CampaignResult(NamedTuple):
     ----------
     estimate : Estimate
     effect : ndarray, shape (n_joints, n_base)
-        Of the parameters' errors on the torques of a free motion (`effect_of_errors`).
+        Effect of the parameters' errors on the torques of a free motion (`effect_of_errors`).
     budget : sequence of ErrorTerm
     robot : Robot
     plan : Plan
     measured : sequence of Measured
-        Those of the plan that are not among them miss.
+        Measurements made; the others of the plan are missing.
     """
 
     estimate: Estimate

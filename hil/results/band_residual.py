@@ -57,7 +57,7 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
     ----------
     model : Model
     recorded : iterable of (RecordedMotion, Recording)
-        Of the same robot.
+        Recordings of the same robot.
 
     Returns
     -------

@@ -74,11 +74,11 @@ class Change(NamedTuple):
     size : float
         Value of the run less that of the other.
     half_width : float
-        Of the interval of 95 % about `size`, the allowance included.
+        Half-width of the 95 % interval of `size`, with the allowance.
     p_value : float
-        Of a difference at least as great without any change.
+        Probability of a difference at least as great without a change.
     adjusted : float
-        The same for all that was tested of the run, by Holm.
+        P-value adjusted for all tests of the run (Holm).
     allowance, error, degrees : float
         By which the value may differ without any change; standard error of `size`, and its degrees
         of freedom.
@@ -205,7 +205,7 @@ class Rescaled(NamedTuple):
     ----------
     run, against : str
     axis : int
-        From 1.
+        Number from 1.
     share, half_width : float
         Change of all torques of the axis, and half of its interval of 95 %.
     explained : int
@@ -237,7 +237,7 @@ def rescaled(model: IdentifiedRobot, tests: Sequence[Change]) -> Rescaled | None
     Parameters
     ----------
     model : IdentifiedRobot
-        Of the other run.
+        Model of the other run.
     tests : sequence of Change
         All that was tested between both.
     """

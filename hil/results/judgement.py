@@ -82,11 +82,11 @@ class Reservation(FileModel):
     Attributes
     ----------
     word : {"good", "doubtful", "failed"}
-        What it makes of the result.
+        Consequence for the result.
     reason : str
         Why, a clause.
     remedy : str
-        What to do about it; empty where nothing is to be done.
+        Remedy; empty if nothing is to be done.
     subject : str
         Parameter, axis, measurement or check that it concerns, where the reason does not name it.
     """

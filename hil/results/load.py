@@ -207,7 +207,7 @@ class LoadProblem:
         Known mass of the load [kg], held in the fit. For runs measured by strokes the torque
         constants are identified by the mass too.
     gains : bool
-        Whether the gains of imported runs are identified by the mass too.
+        True to identify the gains of imported runs by the mass too.
     """
 
     bare: BareRun

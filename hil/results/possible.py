@@ -56,7 +56,7 @@ class Impossible(NamedTuple):
     unit : str
         Empty where the quantity has several.
     certain : bool
-        Whether it is negative beyond its uncertainty.
+        True for a value negative beyond the uncertainty.
     """
 
     what: str

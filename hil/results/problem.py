@@ -99,7 +99,7 @@ def regression(
     Parameters
     ----------
     *runs : Run
-        Of any kind: campaigns, trajectories, strokes of one axis, imports.
+        Runs of any kind: campaigns, trajectories, strokes of one axis, imports.
     friction : str
         ``auto``, or the name of a law for imports.
     nuisance : sequence of str, or one of these
@@ -112,11 +112,11 @@ def regression(
     method : str, optional
         Recipe, as of ``hil identify --method``; by default the one that the recordings call for.
     loaded : sequence of Run
-        Of any kind, with a load at the last link that is found beside the robot.
+        Runs of any kind with a load at the last link, identified with the robot.
     mass : float, optional
-        Of the load, if it is known [kg]: it is held.
+        Known mass of the load [kg], held in the fit.
     gains : bool
-        Whether the gains of all axes are found by the mass.
+        True to identify the gains of all axes by the mass.
     prior : Prior, optional
         Bodies of the links as CAD or a URDF states them, for what the runs do not excite
         (`hil.estimation.prior`).

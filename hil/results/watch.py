@@ -20,9 +20,9 @@ class Alarm(FileModel):
     Attributes
     ----------
     axis : int
-        From 1.
+        Number from 1.
     time : float
-        Of the sample that showed it, as in the recordings [s].
+        Time of the sample at detection, as in the recordings [s].
     torque, threshold : float
         Mean over the window, and what it exceeded [N m or N].
     window : float
@@ -48,7 +48,7 @@ class Sight(FileModel):
     Attributes
     ----------
     axis : int
-        From 1.
+        Number from 1.
     unit : {"N m", "N"}
     limit : float
         Torque limit [N m or N].

@@ -23,15 +23,15 @@ class Column(NamedTuple):
     Attributes
     ----------
     name : str
-        With the unit, such as ``q1_rad``: letters, digits and underscores.
+        Name with the unit, such as ``q1_rad``: letters, digits and underscores.
     unit : str
         Empty for flags and numbers.
     what : str
-        What it holds, in words.
+        Description in words.
     values : array (n,)
         NaN where a sample is missing.
     derived : bool
-        Whether it was computed afterwards; what was not is as recorded.
+        True for a column computed after the measurement.
     """
 
     name: str

@@ -30,12 +30,12 @@ class Diagnosis(NamedTuple):
     Attributes
     ----------
     name : str
-        What it is about.
+        Subject of the diagnosis.
     level : int
         One of the levels above.
     text : str
     values : mapping of str to str
-        With units in their keys.
+        Values by key; keys include units.
     """
 
     name: str
