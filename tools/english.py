@@ -49,7 +49,7 @@ BOUNDS = {
     "hil/ground_truth": Bounds(1.6, 1.0, 0.0),
     "hil/imports": Bounds(0.8, 2.1, 1.0),
     "hil/measuring": Bounds(1.0, 2.4, 1.0),
-    "hil/results/tables": Bounds(0.3, 3.7, 0.0),
+    "hil/results/tables": Bounds(0.3, 1.7, 0.0),
     "hil/runs": Bounds(0.5, 1.5, 1.0),
     "hil/tasks": Bounds(0.5, 1.1, 2.0),
     "hil/terminal": Bounds(0.8, 1.2, 2.5),

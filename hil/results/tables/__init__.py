@@ -1,1 +1,1 @@
-"""Results as tables, one module per subject, for commands, notebooks and reports."""
+"""Results as tables, a module per subject, for commands, notebooks and reports."""

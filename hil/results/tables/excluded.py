@@ -26,7 +26,7 @@ KEY = f"{NEVER} never shows; in brackets: larger than is usual"
 def excluded(
     proof: Excluded, n_joints: int, title: str = "What these recordings exclude", note: str = KEY
 ) -> Table:
-    """Return the smallest detectable size of each cause, axis by axis."""
+    """Return the smallest detectable sizes of causes, axis by axis."""
     axes = (f"axis {axis}" for axis in range(1, n_joints + 1))
     return table(
         title,
@@ -47,7 +47,7 @@ def foreseen(proof: Excluded, n_joints: int, source: str) -> Table:
 def change_by_cause(
     proof: Excluded | None, n_joints: int, before: str, known: Sequence[str] = ()
 ) -> tuple[Table | str, ...]:
-    """Return the causes that changed since a run, named by its folder, and detectable sizes."""
+    """Return the causes that changed since a run, named by folder, and detectable sizes."""
     if proof is None:
         return (f"too little was recorded to show by cause what changed since {before}",)
     besides = "".join(f", beside the {each}" for each in known)

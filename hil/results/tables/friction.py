@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def campaign_friction(model: IdentifiedRobot) -> Table:
-    """Return the friction law of each axis with friction at two speeds; empty without a law."""
+    """Return the friction laws of the axes with friction at two speeds; empty without a law."""
     law = None if model.friction else model.friction_law
     laws = enumerate(law.axes if law else ())
     speed, torque = f"{model.robot.position_units}/s", model.robot.torque_units
@@ -102,7 +102,7 @@ def _drift(found: Drift) -> Iterator[Row]:
 
 
 def _unidentifiable(drifts: Sequence[Drift]) -> Iterator[str]:
-    """Name unidentifiable time constants, one sentence per reason."""
+    """Name unidentifiable time constants, a sentence per reason."""
     reasons = dict.fromkeys(each.word for found in drifts for each in found.constants if each.word)
     for reason in reasons:
         which: dict[tuple[str, ...], list[int]] = {}

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def friction(model: IdentifiedRobot) -> Table:
-    """Return the friction law of each axis: coefficients, and held-out errors of alternatives."""
+    """Return the friction laws of the axes: coefficients, and held-out errors of alternatives."""
     fit = model.friction
     laws = () if fit is None else (_axis(model.robot, *each) for each in enumerate(fit.axes))
     return table(
@@ -176,7 +176,7 @@ def _bias(fit: FreeMotionFit) -> str:
 
 
 def curves(fit: BackAndForthFit) -> Table:
-    """Return the friction curve of each axis."""
+    """Return the friction curves of the axes."""
     return table(
         "Friction over the speed",
         ("axis", *figures("speed, rad/s or m/s", "friction, N m or N", "± 95 %", "pairs")),

@@ -131,7 +131,7 @@ def _method(model: IdentifiedRobot, check: IdentifiedRobot, k: int) -> Row:
 
 
 def residuals(model: IdentifiedRobot) -> Table:
-    """Return the residuals of each axis's torque, in the terms of the method."""
+    """Return the residuals of the axes' torques, in the terms of the method."""
     unit = model.robot.torque_units
     each = zip(model.residual.tolist(), model.robot.torque_limit.tolist(), strict=True)
     return table(
