@@ -30,7 +30,7 @@ from hil import Robot
 from hil.export.expressions import count
 from hil.export.functions import functions
 from hil.export.languages import write_c
-from hil.export.rigid_bodies import of_whole_links
+from hil.export.rigid_bodies import count_whole_links
 from hil.export.source_code import identifier
 
 ROBOTS = ("manutec-r15", str(Path(__file__).parents[1] / "tests" / "robots" / "ur10e.yaml"))
@@ -179,7 +179,7 @@ def main() -> None:
             for name, us in timed_c(robot, Path(folder)).items():
                 table.add_row(f"exported {name}", str(counted[name]), f"{us:.3f}")
                 kept[f"{robot.name}-{name}"] = Figure(us, "us")
-        table.add_row("recursion on whole links", str(of_whole_links(robot)), "")
+        table.add_row("recursion on whole links", str(count_whole_links(robot)), "")
         table.add_row("Pinocchio's rnea from Python", "", f"{pinocchio_from_python(robot):.3f}")
         table.add_row("Pinocchio's rnea in C++", "", f"{in_cpp:.3f}" if in_cpp else "no Eigen")
         Console().print(table)
@@ -187,7 +187,7 @@ def main() -> None:
             ratio = kept[f"{robot.name}-torque"].value / in_cpp
             table.add_row("exported torque over rnea in C++", "", f"{ratio:.2f}")
             kept[f"{robot.name}-torque-of-rnea"] = Figure(ratio, digits=2)
-        whole = of_whole_links(robot)
+        whole = count_whole_links(robot)
         for name, total in (("own", counted["rigid_bodies"]), ("whole-links", whole)):
             arithmetic = total.multiplications + total.additions
             kept[f"{robot.name}-operations-{name}"] = Figure(arithmetic, digits=3)

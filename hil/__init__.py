@@ -8,13 +8,12 @@
     fit = hil.regression(run, covariance="CR2").fit()
     fit.conf_int(), fit.torque_parts(recording)
 
-A `Robot` states what is known beforehand, a `Run` is what was measured, a `Model` what was
-identified. The functions beside them calculate with any base parameters p. All errors are of the
-family `hil.errors.HilError`.
+A `Robot` contains prior knowledge, a `Run` the measurements, a `Model` the identified values. The
+functions calculate with any base parameters p. All errors are subclasses of `hil.errors.HilError`.
 
-Everything is imported when it is first used, so that ``import hil`` is quick and the program `hil`
-has its signals in hand before anything heavy is loaded. The packages beside it have names that
-folders of a laboratory may have too, so whether they are ours is looked at first.
+Names are imported at first use, so that ``import hil`` is quick and the program `hil` installs its
+signal handlers before heavy modules load. The project's other packages have names that folders of a
+laboratory may have too, so their origin is checked first.
 """
 
 from __future__ import annotations
@@ -117,11 +116,11 @@ _LATER = {
     "validate": "hil.results.validation",
 }
 _MODULES = ("errors", "export", "report")
-"""Modules and packages among the names; the last two are called as functions, too."""
+"""Modules and packages among the public names; the last two are callable as functions, too."""
 
 
 def _refuse_strangers() -> None:
-    """Refuse packages of the same names that stand before ours on the path."""
+    """Refuse packages of other origin with the same names, earlier on the path."""
     ours = Path(__file__).parent.parent
     for name in ("checked_files", "drivers"):
         spec = find_spec(name)
@@ -145,7 +144,7 @@ def __getattr__(name: str) -> object:
 
 
 def public(name: str) -> Any:
-    """Import a public name from where it is."""
+    """Import a public name from its module."""
     return getattr(import_module(_LATER[name]), name)
 
 

@@ -1,8 +1,8 @@
-"""The program `hil`, which also leaves quietly on a Ctrl-C while it is still loading.
+"""The program `hil`, with a quiet exit on Ctrl-C during loading.
 
-Until a command powers axes or shows its progress there is nothing to leave in order: files are
-written whole or not at all. So an interrupt ends the process at once, also where libraries that are
-being loaded would turn it into an error of their own.
+Before a command powers axes or shows its progress, an exit needs no clean-up: files are written
+whole or not at all. Therefore an interrupt ends the process at once, even inside libraries that
+would convert the interrupt into an error during loading.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from types import FrameType
 
 STATUS = 130
-"""Exit status of a program that was interrupted."""
+"""Exit status of an interrupted program."""
 STREAMS = {1: "stdout", 2: "stderr"}
 CLEARED = b"\r\x1b[2K\x1b[?25h"
-"""What takes a line of progress away, and shows the cursor again that it had hidden."""
+"""Escape sequence that clears a progress line and shows the hidden cursor."""
 
 
 def main() -> None:
@@ -48,23 +48,23 @@ def main() -> None:
 
 
 class _Patient(io.FileIO):
-    """Drops what is written once nobody reads it: neither a run nor a result ends by that."""
+    """Output stream for completing runs and results without a reader."""
 
     def write(self, content: Any) -> int:
-        """Write what is taken."""
+        """Write content, or discard content without a reader."""
         try:
             return super().write(content) or 0
         except BrokenPipeError:
-            _to_nowhere(self.fileno())
+            _discard(self.fileno())
             return len(content)
 
 
 def _keep_streams() -> None:
-    """Let every text be written: where a stream is closed, unread or knows ASCII alone."""
+    """Make every text writable: to closed streams, without a reader, and in ASCII."""
     for number, name in STREAMS.items():
         stream = getattr(sys, name)
         if stream is None:  # closed by the caller; a file that is opened next would get its number
-            _to_nowhere(number)
+            _discard(number)
         kept = io.TextIOWrapper(
             io.BufferedWriter(_Patient(number, "w", closefd=False)),
             encoding="utf-8" if stream is None else stream.encoding,
@@ -74,8 +74,8 @@ def _keep_streams() -> None:
         setattr(sys, name, kept)
 
 
-def _to_nowhere(number: int) -> None:
-    """Drop what is written to a stream from now on."""
+def _discard(number: int) -> None:
+    """Discard all further output to a stream."""
     null = os.open(os.devnull, os.O_WRONLY)
     if null != number:
         os.dup2(null, number)
@@ -90,12 +90,12 @@ def _leave(number: int, frame: FrameType | None) -> None:
 
 
 def _flush() -> None:
-    """Write out what is left, or drop it where it cannot be written any more."""
+    """Write buffered output, or discard it if the stream is broken."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
-            _to_nowhere(stream.fileno())
+            _discard(stream.fileno())
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""Arrays of NumPy by what they hold, as annotations name them, and columns as they are filtered.
+"""Types of NumPy arrays for annotations, and arrays of contiguous columns for filters.
 
-Shapes stand in docstrings.
+Docstrings state the shapes.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 """Numbers."""
 Mask = NDArray[np.bool_]
-"""Whether something holds, element by element."""
+"""Boolean mask."""
 Indices = NDArray[np.intp]
-"""Places in another array, as NumPy finds them."""
+"""Indices into another array, of NumPy's type."""
 Integers = NDArray[np.int64]
-"""Whole numbers: rows of a file, or what compiled code counts by."""
+"""Whole numbers: rows of a file, or counts for compiled code."""
 Numbers = NDArray[np.int16]
-"""Numbers of strokes and groups, as recordings hold them."""
+"""Numbers of strokes and groups, in the type of recordings."""
 
 
 def side_by_side(*parts: Array) -> Array:
-    """Columns of several arrays, shape (n, k) or (n,), each column in one piece of memory.
+    """Stack columns of arrays, shape (n, k) or (n,), each column contiguous in memory.
 
-    What goes on in time goes fastest so: filters, and sums over samples.
+    Contiguous columns are fastest for operations along time: filters, and sums over samples.
     """
     return np.vstack([part.T for part in parts]).T

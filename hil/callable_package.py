@@ -1,4 +1,4 @@
-"""Packages whose name is a function's, too: ``hil.report`` is a package, and writes a report."""
+"""Callable packages: ``hil.report`` is a package, and a function for writing a report."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class CallablePackage(ModuleType):
-    """A package that is called as the function of its name in the public table of `hil`."""
+    """Package, callable as the function of the same name in the public table of `hil`."""
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         """Call the function."""
@@ -17,5 +17,5 @@ class CallablePackage(ModuleType):
 
 
 def make_callable(name: str) -> None:
-    """Make a package callable, from within it."""
+    """Make a package callable; called by the package itself."""
     sys.modules[name].__class__ = CallablePackage

@@ -1,7 +1,7 @@
-"""What the library refuses, as a family of errors: whoever catches `HilError` catches all of it.
+"""Errors of the library, derived from `HilError`.
 
-Those about an argument are `ValueError` too, as users of numpy expect. Errors of drives and of the
-bus, which are of the family as well, stand in `drivers.drive_bus`.
+Errors of arguments are subclasses of `ValueError` too, as users of numpy expect. Errors of drives
+and of the bus, derived from `HilError` as well, are in `drivers.drive_bus`.
 """
 
 from __future__ import annotations
@@ -26,35 +26,35 @@ __all__ = [
 
 
 class FrictionUnknown(UserWarning):
-    """Torques lack the friction of an axis of which too little was measured for a law."""
+    """Warning about torques without the friction of an axis, for lack of measurements for a law."""
 
 
 class InvalidArray(HilError, ValueError):
-    """An array of another shape than is wanted, or with values that are no finite numbers."""
+    """Array of a wrong shape, or with values that are not finite numbers."""
 
 
 class InvalidValue(HilError, ValueError):
-    """Values that a robot cannot have; one line a problem, each with its key."""
+    """Impossible values of a robot; a line per problem, with the key."""
 
 
 class UnknownName(HilError, ValueError):
-    """A name that nothing has: of a robot, a method or a measurement."""
+    """Unknown name of a robot, a method or a measurement."""
 
 
 class Mismatch(HilError, ValueError):
-    """Runs or models that cannot be used together, such as those of different robots."""
+    """Runs or models that cannot be combined, such as results of different robots."""
 
 
 class NotEnoughData(HilError):
-    """A recording without enough usable samples, or a run without the measurements asked for."""
+    """Recording without enough usable samples, or run without the requested measurements."""
 
 
 class NotIdentifiable(HilError):
-    """Measurements that do not determine the parameters asked for."""
+    """Measurements that do not determine the requested parameters."""
 
 
 class NotRealisable(HilError):
-    """Bounds that no bodies meet."""
+    """Bounds without any possible bodies."""
 
 
 class NoLoad(HilError):
@@ -62,4 +62,4 @@ class NoLoad(HilError):
 
 
 class AsymmetricFriction(HilError):
-    """Friction that differs by direction more than is accepted, or was never tested for it."""
+    """Direction-dependent friction beyond the accepted bound, or friction without a test."""

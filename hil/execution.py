@@ -1,12 +1,12 @@
-"""Many independent jobs at once: on the cores of this machine, or on a Dask cluster.
+"""Parallel execution of independent jobs on the cores of this machine or on a Dask cluster.
 
-A worker of this machine computes in one thread: linear algebra in several threads would have the
-workers wait for one another. It is in a process group of its own, so that Ctrl-C reaches the
+A worker of this machine computes in one thread: linear algebra in several threads would make the
+workers wait for one another. Each worker has its own process group, so that Ctrl-C reaches the
 command alone. An interrupted command ends its workers, and a worker ends the processes that it
-started; so does a worker whose command is gone.
+started. A worker without its command ends too.
 
-Jobs come back in the order in which they are done. On a cluster, workers need the same environment
-and must see the same folders under the same paths. Interrupted, they finish what they are at.
+Jobs return in the order of completion. On a cluster, workers need the same environment and the same
+folders under the same paths. After an interrupt they finish their current job.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def local(workers: int) -> Iterator[Execute[Any, Any]]:
-    """Processes of this machine; whatever goes wrong here, none of them is left behind."""
+    """Run jobs on processes of this machine; no process survives an error."""
     for library in ("OPENBLAS", "MKL", "OMP"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     others = set(active_children())
@@ -51,7 +51,7 @@ def local(workers: int) -> Iterator[Execute[Any, Any]]:
 
 @contextmanager
 def cluster(address: str) -> Iterator[Execute[Any, Any]]:
-    """A Dask cluster by its scheduler's address.
+    """Run jobs on a Dask cluster, given by its scheduler's address.
 
     Raises
     ------
@@ -82,14 +82,14 @@ def _executor(submit: Callable[..., Any], completed: Callable[..., Any]) -> Exec
 
 
 def _start() -> None:
-    """Make a worker of this process."""
+    """Initialise this process as a worker."""
     os.setpgrp()
     signal.signal(signal.SIGTERM, _leave)
     Thread(target=_leave_with_command, name="command", daemon=True).start()
 
 
 def _leave(*_signal: object) -> None:
-    """End this worker once the processes that it started have ended."""
+    """End this worker after the processes that it started."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     os.killpg(0, signal.SIGTERM)
     with suppress(ChildProcessError):

@@ -1,6 +1,6 @@
-"""Functions in C that installation compiles where it finds a compiler, called by `ctypes`.
+"""Functions in C, compiled at installation if a compiler is found, and called by `ctypes`.
 
-Each has a twin in Python that gives the same and serves elsewhere.
+Without a compiler, equivalent functions in Python give the same results.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def library(module: str, name: str) -> ctypes.CDLL:
-    """Load a library that stands beside a module's file.
+    """Load a library next to a module's file.
 
     Raises
     ------
@@ -30,5 +30,5 @@ def library(module: str, name: str) -> ctypes.CDLL:
 
 
 def pointer(array: NDArray[Any]) -> ctypes.c_void_p:
-    """Return the address of an array that lies in one piece."""
+    """Return the address of a contiguous array."""
     return ctypes.c_void_p(array.ctypes.data)

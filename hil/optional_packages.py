@@ -1,4 +1,4 @@
-"""Packages that come with an extra, and the message where one is not installed."""
+"""Optional packages by extra, with an error message if a package is missing."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ if TYPE_CHECKING:
 
 
 _PACKAGES = {"foxglove": "foxglove-sdk", "matio": "mat-io"}
-"""Packages by the name of their module, where the two differ."""
+"""Packages by the name of their module, if the names differ."""
 
 
 def remedy(extra: str, package: str) -> str:
-    """Return the commands that install a package, or all that comes with an extra.
+    """Return the commands for installing a package, or an extra.
 
-    The project itself need not be in a package index: the package alone is, and a checkout has the
-    extra.
+    The project itself need not be in a package index: the first command installs the package alone,
+    the second the extra of a checkout.
     """
     return f"pip install {package}; or, in a checkout, pip install '.[{extra}]'"
 
 
 @contextmanager
 def needed_for(what: Path | str, extra: str = "recordings") -> Iterator[None]:
-    """Raise a package that is not there as a `FileError` with its remedy.
+    """Raise a `FileError` with a remedy for a missing package.
 
     Parameters
     ----------
     what : Path or str
         File or option that needs it, for the message.
     extra : str
-        That it comes with.
+        Extra that installs the package.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""Version of the installed distribution, which `pyproject.toml` states."""
+"""Version of the installed distribution, as stated in `pyproject.toml`."""
 
 from importlib.metadata import version
 

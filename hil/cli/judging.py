@@ -260,7 +260,7 @@ def history(
 ) -> None:
     """Show how parameters and friction of one machine change over many runs."""
     with working(f"reading {len(folders)} runs") as now:
-        from hil.commands.history import as_data, outcome, read_history
+        from hil.commands.history import monitoring_data, outcome, read_history
         from hil.runs.run import Run
 
         if identify:
@@ -272,7 +272,7 @@ def history(
     newest = found.sentences(last)
     if newest and (Path(last.label) / "run.json").exists():
         show_causes(Path(found.reference), Run.open(last.label))
-    give(history=as_data(found))
+    give(history=monitoring_data(found))
     if page is not None:
         write_page(page, shown)
     if fail_on_change and newest:

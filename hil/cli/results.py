@@ -110,10 +110,10 @@ def identify(
         now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
         found = identify_and_keep(run, method, more, options=options).model
         if consistent or masses:
-            from hil.results.consistency import with_consistent_robot
+            from hil.results.consistency import find_consistent_robot
 
             now("finding the nearest robot that consists of bodies")
-            found = with_consistent_robot(found, pooled([run, *more]), bounds)
+            found = find_consistent_robot(found, pooled([run, *more]), bounds)
         found.save(path)
     say_verdicts(found.verdict.verdicts if found.verdict else ())
     say_simulated(run, *more)

@@ -305,7 +305,7 @@ def outcome(run: Run, limits: Limits, folder: Path, stated: Mapping[str, str]) -
 
 
 def write_junit(path: Path, robot: str, measured: str, found: Acceptance) -> None:
-    """Write the checks as JUnit XML, one test case each."""
+    """Write the checks as JUnit XML, a test case per check."""
     lost = sum(check.word == "failed" for check in found.checks)
     counts = {"tests": str(len(found.checks)), "failures": str(lost), "errors": "0"}
     suite = ET.Element("testsuite", name=robot, timestamp=measured, attrib=counts)

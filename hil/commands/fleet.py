@@ -292,13 +292,13 @@ def _plots(fleets: dict[str, Fleet], tested: dict[str, Departures]) -> Iterator[
         if shown := tested[name].changes[:DRAWN]:
             yield Plot(
                 f"departures-{name}",
-                partial(over_months, fleet, shown),
+                partial(month_chart, fleet, shown),
                 "Departed quantities over time, a panel each",
                 "Departed quantities over time with 95 % intervals, and the median of the fleet.",
             )
 
 
-def over_months(fleet: Fleet, changes: Sequence[Change]) -> Chart:
+def month_chart(fleet: Fleet, changes: Sequence[Change]) -> Chart:
     """Draw departed quantities of machines beside the median of the fleet."""
     return chart(
         Panel(

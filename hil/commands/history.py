@@ -1,9 +1,9 @@
-"""`hil history`: the condition of one machine over many runs, and what changed significantly.
+"""`hil history`: condition of a machine over many runs, with significant changes.
 
-Every run is compared with a reference, the first one by default, and with the one before; what is
-tested of a run counts together (`hil.results.changes`). Nothing but the models is read, so that
-hundreds of runs take seconds. What the recordings of two runs show of a change, cause by cause, is
-asked for by itself (`by_cause`). docs/how-to/history.md has the keys of the data for monitoring.
+Every run is compared with a reference, the first run by default, and with the previous run. All
+tests of a run are adjusted together (`hil.results.changes`). Only the models are read, so that
+hundreds of runs take seconds. Causes of a change are tested separately, on the recordings of two
+runs (`compare_causes`). docs/how-to/history.md lists the keys of the data for monitoring.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class KnownRun:
-    """A run and what its model says of each quantity, in their order; None of what it does not."""
+    """Run with readings in the order of the quantities; None for an unknown quantity."""
 
     label: str
     model: IdentifiedRobot
@@ -54,30 +54,30 @@ class KnownRun:
 
     @property
     def measured(self) -> str:
-        """When its last session began; of an imported run when it was imported."""
+        """Start of the last session; for imported runs the time of the import."""
         return self.model.provenance.measured
 
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Runs of one machine and the changes between them.
+    """Runs of a machine and the changes between runs.
 
     Attributes
     ----------
     quantities : tuple of Quantity
     runs : tuple of KnownRun
-        In the order in which they were measured.
+        Runs in the order of measurement.
     reference : str
-        Label of the run that all others are compared with.
+        Label of the run used as reference.
     changes : tuple of Change
-        All that was tested, run by run, of each run the least probable first.
+        All tests, run by run, the least probable of each run first.
     notes : tuple of str
-        What restricts the comparison, and which drives are others than before.
+        Restrictions of the comparison, and exchanged drives.
     common : dict of (str, str) to float
-        Share by which friction of all axes differs together, by the labels of a run and of the one
-        that it was compared with.
+        Common relative change of the friction of all axes, by the labels of a run and of the run
+        compared with.
     rescaled : tuple of Rescaled
-        Axes whose torques all changed by one factor, which explains what is marked.
+        Axes with a common factor of all torques that explains the marked changes.
     """
 
     quantities: tuple[Quantity, ...]
@@ -90,23 +90,23 @@ class History:
 
     @property
     def robot(self) -> Robot:
-        """Robot of all runs."""
+        """Robot of the runs."""
         return self.runs[0].model.robot
 
     @property
     def marked(self) -> tuple[Change, ...]:
-        """Changes that are no chance."""
+        """Significant changes."""
         return tuple(each for each in self.changes if each.marked)
 
-    def of(self, run: KnownRun) -> tuple[Change, ...]:
-        """What was tested of a run."""
+    def tests(self, run: KnownRun) -> tuple[Change, ...]:
+        """Return the tests of a run."""
         return tuple(each for each in self.changes if each.run == run.label)
 
     def sentences(self, run: KnownRun) -> tuple[str, ...]:
-        """What is marked of a run, in words: exchanged drives in place of what they explain."""
+        """Return sentences on significant changes, replaced by a rescaling that explains them."""
         exchanged = [each for each in self.rescaled if each.run == run.label]
         explained = {each.against for each in exchanged}
-        others = (e.sentence for e in self.of(run) if e.marked and e.against not in explained)
+        others = (e.sentence for e in self.tests(run) if e.marked and e.against not in explained)
         return (*(each.sentence for each in exchanged), *others)
 
 
@@ -119,22 +119,22 @@ _FREE_TO_DIFFER: dict[str, bool | dict[str, bool]] = {
     **dict.fromkeys(_OF_JOINT, True),
     "drive": dict.fromkeys(_OF_DRIVE, True),
 }
-"""Keys of a joint that no parameter depends on."""
+"""Keys of a joint without influence on the parameters."""
 
 
 def read_history(
     paths: Sequence[Path], reference: Path | None = None, least_wander: float = 0.0
 ) -> History:
-    """Read the models of runs of one machine and compare them.
+    """Read the models of a machine's runs and compare all runs.
 
     Parameters
     ----------
     paths : sequence of Path
         Folders of identified runs, or models' files.
     reference : Path, optional
-        Run that all others are compared with; it need not be among `paths`. By default the first.
+        Reference run, in `paths` or not; by default the first.
     least_wander : float
-        Share of friction's level that temperature may move it by, whatever a campaign showed.
+        Minimum relative change of friction attributed to temperature, whatever a campaign showed.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def history_of(
     reference: str | None = None,
     least_wander: float = 0.0,
 ) -> History:
-    """Compare models of one robot, each with its label; parameters as of `read_history`."""
+    """Compare labelled models of a robot; parameters as in `read_history`."""
     dated = all(model.provenance.measured for _, model in loaded)
     in_time = sorted(loaded, key=lambda each: each[1].provenance.measured) if dated else loaded
     found = quantities([model for _, model in in_time])
@@ -227,10 +227,10 @@ def history_of(
     )  # fmt: skip
 
 
-def by_cause(
+def compare_causes(
     before: Path, after: Sequence[Run], known: Sequence[str] = ()
 ) -> tuple[Table | str, ...]:
-    """What changed between recordings, cause by cause, and what would have shown; or why not.
+    """Test causes of a change between recordings; return findings and detectable sizes.
 
     Parameters
     ----------
@@ -255,11 +255,11 @@ def by_cause(
     if any(same_recordings(earlier, each) for each in after):
         return ()
     proof = changed(earlier.robot, Pooled([earlier]), Pooled(after), known)
-    return excluded.of_change(proof, earlier.robot.n_joints, str(before), known)
+    return excluded.change_by_cause(proof, earlier.robot.n_joints, str(before), known)
 
 
 def _refuse_others(loaded: Sequence[tuple[str, Model]]) -> None:
-    """Refuse runs of different robots, and one run twice."""
+    """Refuse runs of different robots, and repeated runs."""
     (label, first), seen = loaded[0], dict[bytes, str]()
     for other, model in loaded:
         if different := _difference(first.robot, model.robot):
@@ -274,7 +274,7 @@ def _refuse_others(loaded: Sequence[tuple[str, Model]]) -> None:
 
 
 def _difference(one: Robot, other: Robot) -> str:
-    """Keys of robot files that differ and that parameters depend on; empty if none does."""
+    """Return the keys of differences between robot files that affect parameters; empty for none."""
     if one.digest == other.digest:
         return ""
     first, second = _essence(one), _essence(other)
@@ -287,11 +287,11 @@ def _essence(robot: Robot) -> dict[str, object]:
 
 
 FIRST = 3
-"""Changes that a page states above its charts in full, the clearest ones."""
+"""Number of changes stated in full above the charts of a page, the clearest first."""
 
 
 def outcome(found: History) -> Outcome:
-    """Return a history as it is shown."""
+    """Return the outcome of a history, for display."""
     newest = found.runs[-1]
     changed = [Verdict("doubtful", "changed", each) for each in found.sentences(newest)]
     unchanged = Verdict("good", "unchanged", f"{newest.label}: nothing changed significantly")
@@ -300,15 +300,15 @@ def outcome(found: History) -> Outcome:
         verdicts=tuple(changed) or (unchanged,),
         plots=tuple(_plots(found)),
         title=f"{found.robot.name}: condition over time",
-        simulated=any(run.model.provenance.of_virtual_plant for run in found.runs),
+        simulated=any(run.model.provenance.any_simulated for run in found.runs),
         note="Anything of a run of an unchanged machine is marked with a probability of"
         f" {SIGNIFICANT:.0%} at most.",
     )
 
 
-def as_data(found: History) -> dict[str, Any]:
-    """Return a history as JSON holds it, for monitoring systems."""
-    newest = found.of(found.runs[-1])
+def monitoring_data(found: History) -> dict[str, Any]:
+    """Return a history as data for JSON, for monitoring systems."""
+    newest = found.tests(found.runs[-1])
     return {
         "format": 1,
         "written": now(),
@@ -350,7 +350,7 @@ def as_data(found: History) -> dict[str, Any]:
 
 
 def _run_content(found: History, run: KnownRun) -> dict[str, Any]:
-    tests = found.of(run)
+    tests = found.tests(run)
     return {
         "run": run.label,
         "measured": run.measured or None,
@@ -373,7 +373,7 @@ def _run_content(found: History, run: KnownRun) -> dict[str, Any]:
 
 
 def runs_table(found: History) -> Table:
-    """Runs in the order of time, and how much of each is marked."""
+    """Return the runs in the order of time, with the number of marked changes."""
     return table(
         f"Runs of {found.robot.name}",
         (
@@ -393,7 +393,7 @@ def runs_table(found: History) -> Table:
 
 
 def _run(found: History, run: KnownRun) -> Row:
-    tests = found.of(run)
+    tests = found.tests(run)
     marked = [each for each in tests if each.marked]
     count = Marked(len(marked)) if marked else "0"
     exchanged = [each.axis for each in found.rescaled if each.run == run.label]
@@ -408,10 +408,10 @@ def _run(found: History, run: KnownRun) -> Row:
 
 
 def condition(found: History) -> Table:
-    """Each quantity in the reference and in the newest run."""
+    """Return the quantities of the reference and of the newest run."""
     first = next(run for run in found.runs if run.label == found.reference)
     last = found.runs[-1]
-    marked = {each.quantity for each in found.of(last) if each.marked}
+    marked = {each.quantity for each in found.tests(last) if each.marked}
     each = zip(found.quantities, first.readings, last.readings, strict=True)
     return table(
         "Condition",
@@ -444,7 +444,7 @@ _CAPTION = "Values with intervals of 95 %, thin lines with what temperature may 
 
 
 def _plots(found: History) -> Iterator[Plot]:
-    """A plot of each kind of quantity that the runs know."""
+    """Yield a plot for each kind of known quantity."""
     names: dict[Kind, str] = {
         "gravity parameter": "Gravity parameters", "inertia parameter": "Inertia parameters",
         "friction level": "Friction", "offset": "Offsets",
@@ -454,14 +454,14 @@ def _plots(found: History) -> Iterator[Plot]:
         if places:
             yield Plot(
                 kind.replace(" ", "-"),
-                partial(over_time, found, places),
+                partial(time_chart, found, places),
                 f"{name} over time, a panel each",
                 f"{name} over time. {_CAPTION}",
             )
 
 
-def over_time(found: History, places: Sequence[int]) -> Chart:
-    """Draw the quantities at `places`, a panel each."""
+def time_chart(found: History, places: Sequence[int]) -> Chart:
+    """Draw the quantities at `places`, one panel per quantity."""
     # days or hours; numbers of the runs where one states no instant
     stamps = [run.measured for run in found.runs]
     at, label = np.arange(1.0, len(stamps) + 1), "run"

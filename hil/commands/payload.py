@@ -131,7 +131,7 @@ class LoadFile(FileModel):
     chi_squared, degrees_of_freedom, p_value
         Test of the changes against a rigid load.
     imported : bool
-        Whether the loaded run was imported.
+        True for an imported loaded run.
     own : tuple of float
         Base parameters of the loaded run alone with the gains of its map; empty if equal to those
         in `changes`, or unknown.
@@ -342,7 +342,7 @@ def _advice(robot: Robot, pose: Pose) -> str:
 
 
 def _unsure_lines(found: Load, advice: Mapping[str, str]) -> Iterator[str]:
-    """Yield uncertain and unidentifiable parameters with remedies, one line for each remedy."""
+    """Yield uncertain and unidentifiable parameters with remedies, a line per remedy."""
     else_ = "" if found.stated_mass else ", or state the mass"
     by_help: dict[str, list[str]] = {}
     for q in _rough(found):

@@ -1,4 +1,4 @@
-"""Identified models as files of other tools: a module a format, listed in `formats`."""
+"""Writers of identified models in file formats of other tools; `formats` lists the formats."""
 
 from hil.callable_package import make_callable
 

@@ -1,14 +1,15 @@
-"""A model as data: one JSON file, its friction as another, and parameters for ros2_control as YAML.
+"""Model as data files: JSON of the model, JSON of its friction, and YAML for ros2_control.
 
 Everything is in SI units on the joint side. The symbols are those of the documentation: torques are
-A(q, qd, qdd) p, with the base parameters p listed here, plus those of the motors' own inertia and
-of friction. Friction by itself has the law of each axis, its curve, and what simulators make of it.
+A(q, qd, qdd) p, with the base parameters p listed here, plus the torques of the rotor inertias and
+of friction. The friction file contains the law of each axis, its curve, and its approximations for
+simulators.
 
-Controllers and nodes load the parameters as they are. Of two nodes `joint_dynamics` is read by
-whoever compensates gravity and friction, with one list entry a joint under plain names, and
-`joint_limits` as joint_limits of ros2_control reads it. The gravity torque itself needs the bodies:
-those of the URDF that the same model gives, or the code that `--to c` writes. The forms:
-control.ros.org, docs.ros.org (parameter files).
+Controllers and nodes load the YAML parameters unchanged. Node `joint_dynamics` is for gravity and
+friction compensation, with one list entry per joint under plain names. `joint_limits` has the
+format that joint_limits of ros2_control reads. The gravity torque itself needs the bodies: those of
+the URDF of the same model, or the code from `--to c`. Format references: control.ros.org,
+docs.ros.org (parameter files).
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ def _json_parameters(model: Model) -> list[dict[str, object]]:
 
 
 FORMULAS = {name: term.formula for name, term in OF_SPEED.items()}
-"""What the coefficient of each term is multiplied by; u is the velocity over `speed`."""
+"""Factor of the coefficient of each term; u is the velocity divided by `speed`."""
 TAKEN = {
     "u": "v over the axis's speed, with |v| clipped to its speeds where these are not null",
     "sgn(v)": f"0 where |v| is below {STILL} of the axis's speed",
@@ -95,7 +96,7 @@ TAKEN = {
     " then clipped to its size at |v| in a constant direction",
     "directed": ", ".join(DIRECTED),
 }
-"""How the formulas are to be taken."""
+"""Rules for evaluating the formulas."""
 WARMTH = {
     "level": "the directed terms, all that change their sign with v, times 1 + slope (clip(w, seen)"
     " - reference); w is the warmth, from 0 cold to 1 warm, and reference that of the terms",
@@ -103,7 +104,7 @@ WARMTH = {
     " velocity limit; w = 0 for a rested axis",
     "directed": list(DIRECTED),
 }
-"""What `warmth` of an axis means."""
+"""Meaning of the keys of `warmth` of an axis."""
 
 
 def write_friction(model: Model, origin: tuple[str, ...]) -> Exported:
@@ -162,7 +163,7 @@ def _friction_axis(model: Model, law: AxisLaw, simple: SimpleFriction) -> dict[s
 
 
 def _warmth(law: AxisLaw, cold: SimpleFriction, warm: SimpleFriction) -> dict[str, object]:
-    """What warmth does to an axis's friction: null where it is not identified."""
+    """Return the effect of warmth on the friction of an axis; null if not identified."""
     own = law.warmth
     if own is None:
         return {"warmth": None}
@@ -174,7 +175,7 @@ def _warmth(law: AxisLaw, cold: SimpleFriction, warm: SimpleFriction) -> dict[st
 
 
 def _simplified(simple: SimpleFriction) -> dict[str, object]:
-    """Friction in the terms of simulators, with the misfit of each simplification."""
+    """Return the friction parameters of simulators, with the misfit of each approximation."""
     longer = {"velocity": "stribeck_velocity", "misfit": "misfit_rms"}
     stribeck = {longer.get(key, key): x for key, x in simple.stribeck._asdict().items()}
     return {"coulomb_and_viscous": _plain(simple), "stribeck": stribeck}
@@ -237,7 +238,7 @@ def _dynamics(model: Model, axis: int, friction: SimpleFriction | None) -> dict[
 
 
 def _limits(model: Model, axis: int) -> dict[str, object]:
-    """Limits of one joint under the names of ros2_control; unknown ones are said to be none."""
+    """Return the limits of a joint under the names of ros2_control, with flags for known limits."""
     robot = model.robot
     found: dict[str, object] = {
         "has_position_limits": True,

@@ -1,7 +1,7 @@
-"""What a format makes of a model, and how it gets into a folder.
+"""Result of an export, and its writing into a folder.
 
-A writer of a format is a function from the model and the lines that state its origin to the files
-it consists of. It touches no disk: what a format refuses is refused before anything is written.
+A writer of a format is a function from the model and its origin lines to the contents of the files.
+It does not touch the disk, so errors are raised before anything is written.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ class Exported(NamedTuple):
 
 
 Writer = Callable[[Model, tuple[str, ...]], Exported]
-"""From a model and the lines of its origin, which each file states, to the model in one format."""
+"""Function from a model and its origin lines, repeated in each file, to the exported model."""
 
 
 def write_exported(exported: Exported, folder: Path) -> tuple[Path, ...]:
-    """Write an exported model into a folder, which is made if need be; return the files' paths.
+    """Write an exported model into a folder, created if absent; return the paths of the files.
 
     Raises
     ------
@@ -59,26 +59,26 @@ def write_exported(exported: Exported, folder: Path) -> tuple[Path, ...]:
 
 
 def cautions(model: Model) -> tuple[str, ...]:
-    """What stands on top of whatever is made from the model: that it failed, or is simulated."""
-    simulated = (NO_REAL_MACHINE,) if model.provenance.of_virtual_plant else ()
+    """Return warnings for the head of an exported file: failed model, simulated data."""
+    simulated = (NO_REAL_MACHINE,) if model.provenance.any_simulated else ()
     if model.verdict is None or not model.failed:
         return simulated
     return (f"FAILED: {one_line(model.verdict.clause, 1000)}", *simulated)
 
 
 def passed(model: Model) -> bool:
-    """Whether the model passed a validation on another recording."""
+    """Return True if the model passed a validation on another recording."""
     return any(each.word == "good" for each in model.validations)
 
 
 def origin(model: Model, source: Path) -> tuple[str, ...]:
-    """Lines on robot, run, method, date and validation of a model, `cautions` before them.
+    """Return lines on robot, run, method, date and validation of a model, preceded by `cautions`.
 
     Parameters
     ----------
     model : Model
     source : Path
-        Its file, or the folder of the run that gave it, as the user named it.
+        File of the model, or the folder of its run, as named by the user.
     """
     made = model.provenance
     also = f" with {', '.join(made.together_with)}" if made.together_with else ""
@@ -92,7 +92,7 @@ def origin(model: Model, source: Path) -> tuple[str, ...]:
 
 
 def validations(model: Model, source: Path) -> tuple[str, ...]:
-    """Lines on what the model was worth on other recordings."""
+    """Return lines on the validations of the model on other recordings."""
     found = tuple(
         f"validation on {each.run} ({each.validated}): {each}" for each in model.validations
     )

@@ -1,8 +1,8 @@
-"""Expressions that remember how they were made, so that equations can be written out as code.
+"""Expression graphs, recorded from equations so that code can be generated.
 
-Equations are run once with expressions in place of numbers, and what they did is kept as a graph.
-Numbers are folded as soon as they meet: what is multiplied by zero is gone, and so is all that only
-it would have needed. Equal expressions are one node, whatever the order of their operands, so that
+The equations run once with expressions in place of numbers, and their operations are recorded as a
+graph. Constants are folded immediately: products with zero disappear, with all their unused
+operands. Equal expressions share a node, independent of the order of their operands, so that
 nothing is computed twice.
 """
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False, repr=False, slots=True)
 class Expression:
-    """A node of a `Graph`; made by arithmetic with others and with numbers.
+    """Node of a `Graph`, created by arithmetic with expressions and numbers.
 
     Attributes
     ----------
@@ -27,9 +27,9 @@ class Expression:
     number : float
         Value of a number.
     name : str
-        Of a symbol, as code reads it.
+        Name of a symbol in the generated code.
     index : int
-        In the order in which the graph was built: operands before what uses them.
+        Position in the order of creation: operands come before their users.
     """
 
     graph: Graph
@@ -40,7 +40,7 @@ class Expression:
     index: int
 
     def is_number(self, value: float) -> bool:
-        """Whether it is this number."""
+        """Return True for a constant of the given value."""
         return self.operation == "number" and self.number == value
 
     def __neg__(self) -> Expression:
@@ -50,32 +50,32 @@ class Expression:
             case "negative":
                 return self.operands[0]
             case "-":
-                return self.graph.made("-", self.operands[::-1])
+                return self.graph.combine("-", self.operands[::-1])
             case "*" if self.operands[0].operation == "number":
                 return -self.operands[0] * self.operands[1]
-        return self.graph.made("negative", (self,))
+        return self.graph.combine("negative", (self,))
 
     def __add__(self, other: Expression | float) -> Expression:
-        return _sum(self, self.graph.lifted(other))
+        return _sum(self, self.graph.lift(other))
 
     def __radd__(self, other: Expression | float) -> Expression:
         return self + other
 
     def __sub__(self, other: Expression | float) -> Expression:
-        return self + -self.graph.lifted(other)
+        return self + -self.graph.lift(other)
 
     def __rsub__(self, other: Expression | float) -> Expression:
         return -self + other
 
     def __mul__(self, other: Expression | float) -> Expression:
-        return _product(self, self.graph.lifted(other))
+        return _product(self, self.graph.lift(other))
 
     def __rmul__(self, other: Expression | float) -> Expression:
         return self * other
 
 
 class Graph:
-    """Expressions that share their parts."""
+    """Expressions with shared subexpressions."""
 
     def __init__(self) -> None:
         self._nodes: dict[object, Expression] = {}
@@ -84,23 +84,23 @@ class Graph:
         return len(self._nodes)
 
     def number(self, value: float) -> Expression:
-        """Return a number."""
+        """Return a constant."""
         return self._known(("number", value + 0.0), "number", (), value + 0.0, "")
 
     def symbol(self, name: str) -> Expression:
-        """Return a quantity by the name that code has for it."""
+        """Return a symbol by its name in the generated code."""
         return self._known(("symbol", name), "symbol", (), 0.0, name)
 
     def function(self, name: str, of: Expression) -> Expression:
-        """Return a function of an expression, which is not folded."""
-        return self.made(name, (of,))
+        """Return a function of an expression, without constant folding."""
+        return self.combine(name, (of,))
 
-    def lifted(self, value: Expression | float) -> Expression:
-        """Return an expression as it is, and a number as one."""
+    def lift(self, value: Expression | float) -> Expression:
+        """Return an expression unchanged, and a number as a constant."""
         return value if isinstance(value, Expression) else self.number(float(value))
 
-    def made(self, operation: str, operands: tuple[Expression, ...]) -> Expression:
-        """Return the result of an operation, which is not folded any further."""
+    def combine(self, operation: str, operands: tuple[Expression, ...]) -> Expression:
+        """Return the result of an operation, without further folding."""
         key = (operation, *(each.index for each in operands))
         return self._known(key, operation, operands, 0.0, "")
 
@@ -118,7 +118,7 @@ class Graph:
 
 
 class Count(NamedTuple):
-    """Operations that outputs take."""
+    """Numbers of operations for computing some outputs."""
 
     multiplications: int
     additions: int
@@ -132,7 +132,7 @@ class Count(NamedTuple):
 
 
 def needed(outputs: Iterable[Expression]) -> list[Expression]:
-    """All expressions that outputs are made of, operands before what uses them."""
+    """Return all subexpressions of outputs, operands first."""
     found: dict[int, Expression] = {}
     waiting = list(outputs)
     while waiting:
@@ -144,7 +144,7 @@ def needed(outputs: Iterable[Expression]) -> list[Expression]:
 
 
 def count(outputs: Iterable[Expression]) -> Count:
-    """Count the operations behind outputs; subtractions and changes of sign are additions."""
+    """Count the operations for some outputs; subtractions and sign changes count as additions."""
     operations = [each.operation for each in needed(outputs)]
     plain = [operations.count(kind) for kind in ("number", "symbol")]
     added = sum(operations.count(kind) for kind in ("+", "-", "negative"))
@@ -161,16 +161,16 @@ def _sum(left: Expression, right: Expression) -> Expression:
     (a, negative_a), (b, negative_b) = _unsigned(left), _unsigned(right)
     if a is b:
         return graph.number(0.0) if negative_a != negative_b else left * 2.0
-    return _of_signs(a, b, negative_a=negative_a, negative_b=negative_b)
+    return _signed_sum(a, b, negative_a=negative_a, negative_b=negative_b)
 
 
-def _of_signs(a: Expression, b: Expression, *, negative_a: bool, negative_b: bool) -> Expression:
-    """Sum of two expressions with signs of their own."""
+def _signed_sum(a: Expression, b: Expression, *, negative_a: bool, negative_b: bool) -> Expression:
+    """Return the sum of two expressions with separate signs."""
     if negative_a and negative_b:
         return -(a + b)
     if negative_a or negative_b:
-        return a.graph.made("-", (b, a) if negative_a else (a, b))
-    return a.graph.made("+", _ordered(a, b))
+        return a.graph.combine("-", (b, a) if negative_a else (a, b))
+    return a.graph.combine("+", _ordered(a, b))
 
 
 def _product(left: Expression, right: Expression) -> Expression:
@@ -180,7 +180,7 @@ def _product(left: Expression, right: Expression) -> Expression:
     if left.operation == "number":
         return _scaled(left.number, right)
     (a, negative_a), (b, negative_b) = _unsigned(left), _unsigned(right)
-    product = graph.made("*", _ordered(a, b))
+    product = graph.combine("*", _ordered(a, b))
     return -product if negative_a != negative_b else product
 
 
@@ -194,11 +194,11 @@ def _scaled(factor: float, of: Expression) -> Expression:
         return _scaled(-factor, of.operands[0])
     if of.operation == "*" and of.operands[0].operation == "number":
         return _scaled(factor * of.operands[0].number, of.operands[1])
-    return graph.made("*", (graph.number(factor), of))
+    return graph.combine("*", (graph.number(factor), of))
 
 
 def _unsigned(of: Expression) -> tuple[Expression, bool]:
-    """Return an expression without its change of sign, and whether it had one."""
+    """Return an expression without its sign change, and True if a sign change was removed."""
     return (of.operands[0], True) if of.operation == "negative" else (of, False)
 
 

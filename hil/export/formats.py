@@ -1,4 +1,4 @@
-"""The formats of models and of recordings, by the names that the command takes."""
+"""Formats of models and of recordings, by their names on the command line."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ SIMULATORS: dict[str, Callable[[Model, tuple[str, ...], Given | None], Exported]
     "urdf": write_urdf,
     "mjcf": write_mjcf,
 }
-"""Formats that need bodies, and take the names and frames of a URDF where one is given."""
+"""Formats with bodies; a given URDF supplies names and frames."""
 
 
 def export(
     model: Model, name: str, origin: tuple[str, ...], given: Given | None = None
 ) -> Exported:
-    """Return the model in a format by its name; nothing is written.
+    """Return the model in a named format, without writing files.
 
     Parameters
     ----------
     model : Model
-        With bodies for `SIMULATORS`; what they cost is stated with the origin.
+        Model, with bodies for `SIMULATORS`; the cost of the bodies is stated with the origin.
     name : str
-        Of `FORMATS` or `SIMULATORS`.
+        Name in `FORMATS` or `SIMULATORS`.
     origin : tuple of str
         Lines that the files state at their head.
     given : Given, optional
@@ -72,7 +72,7 @@ def export(
 
 
 def refuse_unknown(name: str) -> None:
-    """Refuse the name of no format, be it of models or of recordings.
+    """Raise an error for an unknown format of models or recordings.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def export_recordings(
     joints: Sequence[str] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> tuple[Path, ...]:
-    """Write the recordings of a run into a new folder, all of them or nothing.
+    """Write the recordings of a run into a new folder; on an error write nothing.
 
     Parameters
     ----------
@@ -139,6 +139,6 @@ def export_recordings(
 
 
 def _replaceable(folder: Path) -> bool:
-    """Whether a folder is empty, and not the one in which the user stands."""
+    """Return True if a folder is empty and is not the current working directory."""
     empty = folder.is_dir() and not any(folder.iterdir())
     return empty and not folder.samefile(Path.cwd())

@@ -1,6 +1,7 @@
-"""The functions that a model is exported as, in whatever language: names, arguments, results.
+"""Exported functions of a model, independent of the language: names, arguments, results.
 
-They are those of `hil.results.model.Model`, one sample at a time, and give the same numbers.
+The functions correspond to those of `hil.results.model.Model`, evaluate one sample at a time, and
+give the same numbers.
 """
 
 from __future__ import annotations
@@ -33,21 +34,21 @@ if TYPE_CHECKING:
 
 Vector = list[Expression]
 At = tuple[int, Expression, Expression, Expression]
-"""An axis, from 0, with its position, velocity and load."""
+"""Axis (from 0) with its position, velocity and load."""
 
 
 class Function(NamedTuple):
-    """One function.
+    """Exported function.
 
     Attributes
     ----------
     name : str
     purpose : str
-        A sentence.
+        Description, one sentence.
     arguments : dict of str to str
-        Their names and what they are; arrays of one value a joint.
+        Names and descriptions; arrays with one value per joint.
     results : tuple of Expression
-        One a joint, or the rows of a square matrix one after the other.
+        One per joint, or the rows of a square matrix one after the other.
     """
 
     name: str
@@ -69,14 +70,14 @@ ARGUMENTS = {
     "sooner": "directions of friction over a shorter distance",
 }
 MEMORY = ("before", "turned", "later", "sooner")
-"""Arguments of `with_memory` that are kept from call to call; 0 before the first motion."""
+"""Arguments of `stateful_dynamics` with values kept between calls; 0 before the first motion."""
 PARTS = ("gravity", "rigid_bodies", "friction", "torque")
-"""Results of `with_memory`, one a joint each; the new directions follow them."""
+"""Results of `stateful_dynamics`, one per joint; the new directions follow."""
 WEIGHTLESS = (0.0, 0.0, 0.0)
 
 
 def functions(model: Model) -> tuple[Function, ...]:
-    """All functions that the model has enough known of."""
+    """Return the functions with all required model parts identified."""
     has_friction = len(model.axes_without_friction) < model.robot.n_joints
     lack = ", ".join(map(str, model.axes_without_friction))
     known = f", which is unknown and left out of axis {lack}" if lack else ""
@@ -106,17 +107,17 @@ def functions(model: Model) -> tuple[Function, ...]:
 
 
 def rigid(model: Model) -> Function:
-    """Torques of the rigid bodies."""
+    """Return the function for the torques of the rigid bodies."""
     purpose = "Torques of the rigid bodies: M(q) qdd + c(q, qd) + g(q)."
     return _made(model, "rigid_bodies", purpose, "q", "qd", "qdd")
 
 
-def with_memory(model: Model) -> Function:
-    """Return all `PARTS` in one function that remembers the direction of friction.
+def stateful_dynamics(model: Model) -> Function:
+    """Return the function for the `PARTS`, with the direction of friction as a state.
 
-    Presliding is included: called at successive samples of a motion, the function gives what
-    `Model.predict` gives for the motion as a whole. Results: `PARTS`, then the `MEMORY` of the next
-    call without the positions.
+    Presliding is included: called at successive samples of a motion, the function gives the torques
+    of `Model.predict` for the whole motion. Results: `PARTS`, then the `MEMORY` of the next call
+    without the positions.
     """
     purpose = "Torques of the drives along a motion; friction reverses over its presliding distance"
     return _made(model, "dynamics", f"{purpose}.", "q", "qd", "qdd", *MEMORY)
@@ -128,14 +129,14 @@ def _made(model: Model, name: str, purpose: str, *arguments: str) -> Function:
     symbols = [[graph.symbol(f"{each}[{k}]") for k in joint_numbers] for each in arguments]
     results = getattr(_Equations(graph, model), name)(*symbols)
     stated = {each: ARGUMENTS[each] for each in arguments}
-    return Function(name, purpose, stated, tuple(graph.lifted(each) for each in results))
+    return Function(name, purpose, stated, tuple(graph.lift(each) for each in results))
 
 
 class _Equations:
-    """The equations of each function, by its name; arguments as in `ARGUMENTS`.
+    """Equations of the functions, one method per function; arguments as in `ARGUMENTS`.
 
-    The same as in `hil.model.motors`, `hil.model.added_parameters` and `hil.friction.law`, for one
-    sample.
+    The equations are those of `hil.model.motors`, `hil.model.added_parameters` and
+    `hil.friction.law`, for one sample.
     """
 
     def __init__(self, graph: Graph, model: Model) -> None:
@@ -152,7 +153,7 @@ class _Equations:
         return self.rigid_bodies(q, still, still)
 
     def rigid_bodies(self, q: Vector, qd: Sequence[Scalar], qdd: Sequence[Scalar]) -> list[Scalar]:
-        """With what was identified beside them."""
+        """Return the torques of the rigid bodies, with rotor inertias and springs."""
         chain = joints(self._graph, self._robot, q)
         found = rigid_bodies(chain, self._bodies, qd, qdd, self._robot.gravity.tolist())
         return [
@@ -161,7 +162,7 @@ class _Equations:
         ]
 
     def mass_matrix(self, q: Vector) -> list[Scalar]:
-        """Column by column."""
+        """Return the mass matrix, computed by columns."""
         n = len(q)
         still, chain = [0.0] * n, joints(self._graph, self._robot, q)
         columns = []
@@ -179,7 +180,7 @@ class _Equations:
         warmth: Vector | None = None,
         directions: Sequence[Vector] | None = None,
     ) -> list[Scalar]:
-        """Friction and ripple; `load`: torques of the rigid bodies; `directions`: of `_turned`."""
+        """Return friction and ripple; `load`: rigid-body torques; `directions`: of `_turned`."""
         law = known_friction(self._model)
         found: list[Scalar] = []
         for axis, own in enumerate(law.axes):
@@ -207,7 +208,7 @@ class _Equations:
     friction_at_warmth = friction
 
     def warmth_rate(self, qd: Vector, warmth: Vector) -> list[Scalar]:
-        """0 where it is not identified."""
+        """Return the rate of change of warmth; 0 for axes without identified warmth."""
         found: list[Scalar] = []
         for each, speed, w in zip(known_friction(self._model).axes, qd, warmth, strict=True):
             if each is None or each.warmth is None:
@@ -219,8 +220,8 @@ class _Equations:
         return found
 
     def torque(self, q: Vector, qd: Vector, qdd: Vector) -> list[Scalar]:
-        """All parts that the model has."""
-        load = [self._graph.lifted(each) for each in self.rigid_bodies(q, qd, qdd)]
+        """Return the sum of all torque parts of the model."""
+        load = [self._graph.lift(each) for each in self.rigid_bodies(q, qd, qdd)]
         reflected = self._robot.reflected_inertia.tolist()
         found = [tau + inertia * dv for tau, inertia, dv in zip(load, reflected, qdd, strict=True)]
         if len(self._model.axes_without_friction) == len(q):
@@ -233,7 +234,7 @@ class _Equations:
         return [sum(k * each for k, each in zip(row, tau, strict=True)) for row in rows]
 
     def _springs(self, q: Vector) -> list[Scalar]:
-        """Torques of springs and counterbalances, the last of what no link has."""
+        """Return the torques of springs and counterbalances, the last of the added parameters."""
         stated = self._robot.file.springs or ()
         found: list[Scalar] = [0.0] * self._robot.n_joints
         shapes = {"cosine": "cos", "sine": "sin"}
@@ -244,20 +245,20 @@ class _Equations:
         return found
 
     def dynamics(self, q: Vector, qd: Vector, qdd: Vector, *memory: Vector) -> list[Scalar]:
-        """All `PARTS`, then the directions after the step from the positions before."""
-        load = [self._graph.lifted(each) for each in self.rigid_bodies(q, qd, qdd)]
+        """Return all `PARTS`, then the directions after the step from the previous positions."""
+        load = [self._graph.lift(each) for each in self.rigid_bodies(q, qd, qdd)]
         directions = self._turned(q, *memory)
         rub = [self._graph.number(0.0)] * len(q)
         if len(self._model.axes_without_friction) < len(q):
             found = self.friction(q, qd, load, directions=directions)
-            rub = [self._graph.lifted(each) for each in found]
+            rub = [self._graph.lift(each) for each in found]
         reflected = self._robot.reflected_inertia.tolist()
         torque = [a + H * dv + b for a, H, dv, b in zip(load, reflected, qdd, rub, strict=True)]
         kept = [each for direction in directions for each in direction]
         return [*self.gravity(q), *load, *rub, *torque, *kept]
 
     def _turned(self, q: Vector, before: Vector, *directions: Vector) -> list[Vector]:
-        """Directions after a step, over the presliding distances, longer and shorter ones."""
+        """Return directions after a step, over the shorter and the longer presliding distances."""
         graph, law = self._graph, self._model.friction_law
         found: list[Vector] = []
         for factor, old in zip((1.0, STEP, 1.0 / STEP), directions, strict=True):
@@ -298,7 +299,7 @@ class _Equations:
     def _axis(
         self, law: AxisLaw, at: At, direction: Expression, sign: Expression
     ) -> tuple[Expression, Expression]:
-        """Level of an axis's friction, which changes its sign with the direction, and the rest."""
+        """Return the part of an axis's friction that reverses with the direction, and the rest."""
         (axis, q, qd, load), graph = at, self._graph
         u, level, other = qd * (1.0 / law.speed), graph.number(0.0), graph.number(0.0)
         if law.speeds is not None:
@@ -325,12 +326,12 @@ class _Equations:
         return level, other
 
     def _clipped(self, x: Expression, low: float, high: float) -> Expression:
-        """Return x within [low, high], of absolute values alone."""
+        """Return x clipped to [low, high], computed with absolute values alone."""
         above, below = (self._graph.function("abs", x - end) for end in (low, high))
         return (above - below + (low + high)) * 0.5
 
     def _ripple(self, axis: int, term: str, q: Expression) -> Expression:
-        """Ripple of one order over the motor's angle; none where that is unknown, as in the law."""
+        """Return ripple of a given order of the motor's angle; 0 for an unknown gear ratio."""
         ratio = float(np.nan_to_num(self._robot.gear_ratio[axis]))
         wave, order = re.fullmatch(r"(cosine|sine) (\d+)", term).groups()  # type: ignore[union-attr]
         if not ratio:
@@ -340,7 +341,7 @@ class _Equations:
 
 
 def shares_of_current(robot: Robot) -> list[list[float]] | None:
-    """What each joint's torque takes of each motor's current [A/(N m)]; None where unknown."""
+    """Return motor currents per unit of joint torque, as a matrix [A/(N m)]; None if unknown."""
     if not np.isfinite([robot.torque_constant, robot.gear_ratio]).all():
         return None
     shares = np.linalg.inv(robot.motor_matrix.T) / robot.torque_constant[:, np.newaxis]

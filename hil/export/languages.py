@@ -1,13 +1,13 @@
-"""A model as C99, as one Python module, or as structured text of IEC 61131-3.
+"""Model as source code: C99, a Python module, or structured text of IEC 61131-3.
 
-C: one header of static inline functions, an example, and a CMake file. No memory is allocated, no
-state is kept, and nothing is included but <math.h>, of which sin, cos and atan alone are called
-(fabs is an instruction). Numbers are double, or float where ``NAME_SINGLE`` is defined before the
-header is included. Python: a module that needs numpy alone; its functions take any number of
-samples. Structured text: one function block for each function, without pointers, methods or loops,
-so that compilers of the second edition of the standard take it; one block more remembers the
-direction of friction; and in a file of its own, for CODESYS alone, a block that CODESYS SoftMotion
-takes as the dynamic model of an axis group.
+C: one header of static inline functions, an example, and a CMake file. The code allocates no
+memory, keeps no state, and includes only <math.h>, from which it calls only sin, cos and atan (fabs
+is an instruction). Numbers are double, or float if ``NAME_SINGLE`` is defined before the header is
+included. Python: a module with numpy as its only dependency; its functions take any number of
+samples. Structured text: one function block per function, without pointers, methods or loops, so
+that compilers for the second edition of the standard accept the code. One more block remembers the
+direction of friction. A separate file, for CODESYS only, contains a block for use as the dynamic
+model of an axis group in CODESYS SoftMotion.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from hil.export.exported import Exported, cautions
 from hil.export.expressions import count, needed
-from hil.export.functions import MEMORY, PARTS, functions, with_memory
+from hil.export.functions import MEMORY, PARTS, functions, stateful_dynamics
 from hil.export.source_code import Syntax, assignments, description, identifier, remarks
 
 if TYPE_CHECKING:
@@ -72,11 +72,11 @@ _C_BODIES = {
     }}
     return (x < HIL_R(0.0)) ? -y * scale : ((a > HIL_R(0.0)) ? y * scale : x);""",
 }
-"""Functions that need no call of the library of mathematics; the root is found by Halley's rule."""
+"""Functions without calls of the mathematics library; cube roots use Halley's rule."""
 
 
 def _c(name: str) -> Syntax:
-    """Arithmetic of C; `name` of the robot, before functions of ours."""
+    """Return the arithmetic of C; `name` of the robot prefixes the helpers."""
     return Syntax(
         number=lambda value: f"HIL_R({value!r})",
         function=lambda function, of: (
@@ -159,7 +159,7 @@ def write_c(model: Model, origin: tuple[str, ...]) -> Exported:
 
 
 def _operations(functions: Iterable[Function]) -> set[str]:
-    """Operations that functions need."""
+    """Return the names of the operations in functions."""
     return {each.operation for function in functions for each in needed(function.results)}
 
 
@@ -188,13 +188,13 @@ def _c_function(name: str, upper: str, function: Function) -> str:
 
 
 def _unused(function: Function) -> list[str]:
-    """Arguments that the results do not depend on."""
+    """Return arguments without influence on the results."""
     used = {each.name.partition("[")[0] for each in needed(function.results)}
     return [argument for argument in function.arguments if argument not in used]
 
 
 def _c_comment(lines: tuple[str, ...]) -> str:
-    """Lines as a comment, whatever stands in them."""
+    """Return lines as a comment, with comment delimiters in the text broken up."""
     harmless = (line.replace("*/", "* /").replace("/*", "/ *").rstrip("\\") for line in lines)
     return "/* " + "\n * ".join(harmless) + "\n */\n"
 
@@ -261,7 +261,7 @@ def _python_function(function: Function) -> str:
 
 
 _ST_NAMES = {"cbrt": "root", "direction": "direction", "sign": "sign"}
-"""Functions that the standard does not have, by the names that the text gives them."""
+"""Functions missing in the standard, with their names in the generated text."""
 _ST_BODIES = {
     "root": "SEL(x < LREAL#0.0, EXPT(ABS(x), LREAL#1.0 / LREAL#3.0),"
     " -EXPT(ABS(x), LREAL#1.0 / LREAL#3.0))",
@@ -272,7 +272,7 @@ _ST_BODIES = {
 
 
 def _literal(value: float) -> str:
-    """Return a number as a typed literal, with the decimal point that the standard asks for."""
+    """Return a number as a typed literal with a decimal point, as required by the standard."""
     digits, _, exponent = repr(abs(value)).partition("e")
     whole = digits if "." in digits else f"{digits}.0"
     typed = f"LREAL#{whole}E{int(exponent)}" if exponent else f"LREAL#{whole}"
@@ -280,7 +280,7 @@ def _literal(value: float) -> str:
 
 
 def _structured_text(name: str) -> Syntax:
-    """Arithmetic of structured text; `name` of the robot, before functions of ours."""
+    """Return the arithmetic of structured text; `name` of the robot prefixes the helpers."""
     return Syntax(
         number=_literal,
         function=lambda function, of: (
@@ -319,7 +319,7 @@ END_METHOD
 END_FUNCTION_BLOCK
 """
 AXES_OF_SOFTMOTION = 6
-"""Members of AXISPOS_REF."""
+"""Number of members of AXISPOS_REF."""
 _SOFTMOTION = (
     "Dynamic model of an axis group, for SMC_GroupSetDynamics of CODESYS SoftMotion from 4.13 on.",
     "From the public documentation of CODESYS: interface ISMDynamics of library SM3_Dynamics"
@@ -337,7 +337,7 @@ _SOFTMOTION = (
 
 def write_st(model: Model, origin: tuple[str, ...]) -> Exported:
     """Return the model as function blocks of structured text."""
-    name, found = identifier(model.robot.name), (*functions(model), with_memory(model))
+    name, found = identifier(model.robot.name), (*functions(model), stateful_dynamics(model))
     joints = model.robot.n_joints
     used = _operations(found)
     array = "TYPE {}_{} : ARRAY[0..{}] OF LREAL; END_TYPE\n"
@@ -376,7 +376,7 @@ def _softmotion(model: Model, name: str) -> str:
 
 
 def _st_block(name: str, function: Function, joints: int) -> str:
-    """Return one function block; arguments of `MEMORY` are kept in it from call to call."""
+    """Return a function block; arguments in `MEMORY` become variables kept between calls."""
     syntax, kept = _structured_text(name), [each for each in MEMORY if each in function.arguments]
     named, values = assignments(function.results, syntax)
     results = [*PARTS, *kept[1:]] if kept else ["out"]
@@ -412,6 +412,6 @@ def _indented(lines: list[str]) -> str:
 
 
 def _st_comment(lines: tuple[str, ...]) -> str:
-    """Lines as a comment, whatever stands in them."""
+    """Return lines as a comment, with comment delimiters in the text broken up."""
     harmless = (line.replace("*)", "* )").replace("(*", "( *") for line in lines)
     return "(* " + "\n   ".join(harmless) + " *)\n"

@@ -1,19 +1,19 @@
-"""A model as an MJCF file of MuJoCo: bodies, rotors, damping, friction, limits and motors.
+"""Model as an MJCF file of MuJoCo: bodies, rotors, damping, friction, limits and motors.
 
-Rotor inertias are the joints' armature. Where a motor turns with two joints its share of the mass
-matrix is not diagonal; then fixed tendons with armature carry it, one for each column of its
-Cholesky factor. The file needs none of MuJoCo's repairs: inertias are positive definite and meet
-the triangle inequality.
+Rotor inertias become the armature of the joints. If a motor turns with two joints, its share of the
+mass matrix is not diagonal. Fixed tendons with armature then represent this share, one for each
+column of its Cholesky factor. The file needs none of MuJoCo's repairs: inertias are positive
+definite and meet the triangle inequality.
 
-Dry friction is a constraint of MuJoCo, which asks for the acceleration -B v and gives up to
-`frictionloss` for it: the torque -(a + B v) / R, clipped, with R = (1 - d) / d over the inertia. In
-`mj_inverse` friction therefore has the sign of a + B v, and is reversed where a joint that brakes
-is slower than |a| / B. By default B is 105 1/s. Here B is 1 / timestep, the greatest that a step of
-the simulation follows: friction stops a joint within a step and does not reverse it, and
-`mj_inverse` reverses friction in the last step before a reversal alone. The impedance d is
-0.999, so that the acceleration, and a slow joint's friction, is right but for 0.001 of it.
+Dry friction is a constraint of MuJoCo with the reference acceleration -B v and a force of at most
+`frictionloss`: the torque is -(a + B v) / R, clipped, with R = (1 - d) / d over the inertia. In
+`mj_inverse` friction therefore has the sign of a + B v, and is reversed for a braking joint slower
+than |a| / B. By default B is 105 1/s. Here B is 1 / timestep, the greatest value that a time step
+resolves: friction stops a joint within a step and does not reverse it, and `mj_inverse` reverses
+friction only in the last step before a reversal. The impedance d is 0.999, so that the
+acceleration, and the friction of a slow joint, has a relative error of 0.001.
 
-The format: mujoco.readthedocs.io, XML reference.
+Format reference: mujoco.readthedocs.io, XML reference.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ if TYPE_CHECKING:
 
 
 STEP = 0.001
-"""Time step that the file states [s]: of controllers at 1 kHz."""
+"""Time step in the file [s], that of controllers at 1 kHz."""
 IMPEDANCE = 0.999
-"""Share of the wanted acceleration that dry friction reaches before it slips; MuJoCo allows 0.9999,
-and 0.9 by default leaves a tenth: a joint that friction holds would creep."""
+"""Share of the reference acceleration reached by dry friction before slipping. MuJoCo allows
+0.9999. Its default of 0.9 leaves a tenth: a joint held by friction would creep."""
 FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 def write_mjcf(model: Model, origin: tuple[str, ...], given: Given | None = None) -> Exported:
-    """Return the model as `NAME.xml`; in frames and with names of a URDF where given."""
+    """Return the model as `NAME.xml`, with frames and names of a URDF if given."""
     robot = simulated_robot(model, None if given is None else given.chain)
     remarks = (*friction_remarks(model), *_left_out(model, robot))
     root = ET.Element("mujoco", model=robot.name)
@@ -94,16 +94,16 @@ def _body(parent: ET.Element, joint: SimulatedJoint, *, coupled: bool) -> ET.Ele
 
 
 def quaternion(rotation: Array) -> Array:
-    """Quaternion of a rotation as MuJoCo orders it, w x y z."""
+    """Return the quaternion of a rotation in MuJoCo's order, w x y z."""
     from scipy.spatial.transform import Rotation  # noqa: PLC0415 - takes long to load
 
     return np.roll(Rotation.from_matrix(rotation).as_quat(), 1)
 
 
 def _tendons(root: ET.Element, robot: SimulatedRobot) -> None:
-    """Motors' share of the mass matrix, H = L L': a tendon of unit armature for each column.
+    """Add the motors' share of the mass matrix, H = L L': a tendon of unit armature per column.
 
-    1e-12 kg m^2 more make the factor of joints without any rotor exist.
+    Adding 1e-12 kg m^2 makes the factor exist for joints without a rotor.
     """
     tendon = ET.SubElement(root, "tendon")
     columns = np.linalg.cholesky(robot.rotors + 1e-12 * np.eye(len(robot.rotors))).T

@@ -1,14 +1,14 @@
-"""A user's own URDF or MJCF with the values of a model: all else stays byte for byte.
+"""Update of a user's URDF or MJCF with the values of a model; everything else stays byte for byte.
 
-Changed are attributes of inertials and of joints: armature, damping and dry friction. A number that
-says the same as before keeps its text. What no torque depends on keeps its value:
+Attributes of inertials and of joints change: armature, damping and dry friction. Unchanged numbers
+keep their text. Quantities without influence on the torques keep their value:
 
 - Standard parameters with a column of zeros in the base parameters' matrix.
-- The rotor of an axis whose inertia acts as the link's own about the axis, or as its mass along it:
-  the link takes the difference (`with_bodies_near`).
+- The rotor of an axis with an inertia equivalent to the link's own about the axis, or to its mass
+  along it: the link takes the difference (`find_near_bodies`).
 
-Other links that are welded to one of the chain keep their inertials, and that link takes what is
-left, where this is a body. Else all of them change alike.
+Links welded to a link of the chain keep their inertials, and the link of the chain takes the rest,
+if the rest is a possible body. Otherwise all of them are transformed alike.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from hil.export.urdf_file import (
 from hil.model.base_parameters import base_parameters
 from hil.model.frames import body_parameters, inverse, parameter_map, pseudo_inertia
 from hil.model.readers.axes_to_frames import difference
-from hil.results.consistency import with_consistent_robot
+from hil.results.consistency import find_consistent_robot
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -62,10 +62,10 @@ if TYPE_CHECKING:
     from hil.results.model import Model
 
 SAME = 1e-7
-"""Difference, relative to the largest of numbers that stand together, up to which they are kept."""
+"""Difference, relative to the largest number of a group, below which numbers are kept."""
 _IZZ, _MASS = 5, 9
 ORIENTATIONS = ("axisangle", "xyaxes", "zaxis", "euler")
-"""Attributes of an MJCF that a quaternion takes the place of."""
+"""Attributes of an MJCF replaced by a quaternion."""
 
 
 class Body(NamedTuple):
@@ -76,8 +76,8 @@ class Body(NamedTuple):
     inertia: Array
 
     @classmethod
-    def of(cls, parameters: Array, rotation: Array) -> Body:
-        """From standard parameters, shape (10,); inertia along the columns of a rotation."""
+    def create(cls, parameters: Array, rotation: Array) -> Body:
+        """Create a body from standard parameters (10,); inertia along the rotation's columns."""
         J = pseudo_inertia(parameters)
         centre = J[:3, 3] / J[3, 3]
         spread = J[:3, :3] - J[3, 3] * np.outer(centre, centre)
@@ -86,7 +86,7 @@ class Body(NamedTuple):
 
 
 class Patched(Protocol):
-    """A file of a user and the chain of a robot in it."""
+    """User's file with the chain of a robot."""
 
     path: Path
 
@@ -95,23 +95,23 @@ class Patched(Protocol):
         """Joints of the robot."""
 
     def bodies(self) -> Array:
-        """Bodies stated for the links, shape (n_joints, 10), in the robot's frames."""
+        """Return the bodies in the file, shape (n_joints, 10), in the robot's frames."""
 
     def rotors(self) -> Array:
-        """Rotor inertias that the file states, shape (n_joints,)."""
+        """Return the rotor inertias in the file, shape (n_joints,)."""
 
     def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
-        """Write a joint and its link; yield the names of what keeps its value."""
+        """Write a joint and its link; yield the names of unchanged quantities."""
 
     def remarks(self, model: Model, robot: SimulatedRobot) -> Iterator[str]:
-        """Yield what the format has not, or what is to be stated beside it."""
+        """Yield remarks: quantities missing in the format, or to be set separately."""
 
     def files(self) -> dict[str, str]:
-        """Contents of what changes, by names relative to the folder of the main file."""
+        """Return the contents of changed files, by paths from the main file's folder."""
 
 
 def patched_file(path: Path, robot: Robot) -> Patched:
-    """Read the file to be patched, and find the chain of a robot in it.
+    """Read the user's file, and find the chain of a robot in it.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def patched_file(path: Path, robot: Robot) -> Patched:
 
 
 def write_patched(model: Model, given: Patched) -> Exported:
-    """Return the user's file with the values of a model that has bodies (`with_bodies_near`)."""
+    """Return the user's file with the values of a model with bodies (`find_near_bodies`)."""
     robot = simulated_robot(model, given.chain)
     remarks = []
     for k, joint in enumerate(robot.joints):
@@ -135,12 +135,13 @@ def write_patched(model: Model, given: Patched) -> Exported:
     return Exported(given.files(), (*remarks, *given.remarks(model, robot)))
 
 
-def with_bodies_near(model: Model, given: Patched, bounds: BodyBounds) -> Model:
-    """The model with the nearest bodies to those of a file, what no torque depends on as there.
+def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
+    """Return the model with the possible bodies nearest to those of a file.
 
-    A rotor that acts as its own link does is taken for what the file states before bodies are
-    sought. Otherwise the link would be sought with the rotor's inertia. Where that leaves the links
-    less than half of what the file states of them, these keep theirs and the rotor takes the rest.
+    Parameters without influence on the torques keep the values of the file. A rotor with the same
+    effect as its link takes the value of the file before bodies are fitted. Otherwise the link
+    would be fitted with the rotor's inertia included. If this leaves the links less than half of
+    their value in the file, the links keep the file's value and the rotor takes the rest.
     """
     robot, stated = model.robot, given.bodies()
     base, n, rotors = base_parameters(robot), robot.n_joints, np.zeros(len(robot.added_parameters))
@@ -159,7 +160,7 @@ def with_bodies_near(model: Model, given: Patched, bounds: BodyBounds) -> Model:
     shift = of_rotors @ rotors
     of = f"the inertials of {given.path}"
     shifted = replace(model, values=model.values - shift)
-    consistent = with_consistent_robot(shifted, (), bounds, stated, of).consistent
+    consistent = find_consistent_robot(shifted, (), bounds, stated, of).consistent
     assert consistent is not None  # noqa: S101 - just found
     bodies, added = consistent.bodies.copy(), dict(consistent.added)
     for name, axis in axes.items():
@@ -189,10 +190,10 @@ def _possible(body: Array) -> bool:
 
 
 def _shared_out(total: Array, parts: Sequence[Array]) -> list[Array]:
-    """Bodies of which a link consists, shape (10,) each, so that they add up to another total.
+    """Distribute a new total over the bodies of a link, shape (10,) each.
 
-    The first takes the difference where it stays a body. Else all change alike: their
-    pseudo-inertias J_i become A J_i A, with the symmetric A for which A J A is the new sum.
+    The first body takes the difference if it stays a possible body. Otherwise all change alike:
+    their pseudo-inertias J_i become A J_i A, with the symmetric A for which A J A is the new sum.
     """
     own = np.asarray(total - np.sum(parts[1:], axis=0))
     if _possible(own):
@@ -209,12 +210,12 @@ def _root(J: Array) -> Array:
 
 
 def _kept_or_new(new: Array, old: Array) -> bool:
-    """Whether numbers say the same as before."""
+    """Return True if new and old numbers agree within `SAME`."""
     return bool(np.abs(new - old).max() <= SAME * max(np.abs(old).max(), 1e-300))
 
 
 class _Urdf:
-    """A URDF; it has no rotor inertias."""
+    """URDF, a format without rotor inertias."""
 
     def __init__(self, given: Given, robot: Robot) -> None:
         self.path, self.chain, self._given = given.path, given.chain, given
@@ -244,12 +245,12 @@ class _Urdf:
         yield from self._dynamics(self._elements[joint.name], joint)
 
     def _inertial(self, name: str, body: Array) -> Iterator[str]:
-        """Write the inertial of a link, and yield what keeps its value."""
+        """Write the inertial of a link; yield the names of unchanged quantities."""
         reader = self._given.reader
         element, stated = reader.links[name].find("inertial"), stated_body(reader, name)
         assert element is not None and stated is not None  # noqa: S101, PT018 - looked at before
         turned = reader.origin(element)[:3, :3]
-        old, new = Body.of(stated, turned), Body.of(body, turned)
+        old, new = Body.create(stated, turned), Body.create(body, turned)
         mass, inertia, origin = (element.find(tag) for tag in ("mass", "inertia", "origin"))
         assert mass is not None and inertia is not None  # noqa: S101, PT018 - looked at before
         if _kept_or_new(np.array([new.mass]), np.array([old.mass])):
@@ -291,7 +292,7 @@ class _Urdf:
 
 
 class _Mjcf:
-    """An MJCF with the files that it includes."""
+    """MJCF with its included files."""
 
     def __init__(self, path: Path, robot: Robot) -> None:
         self.path, self.chain = path, _chain_of(path, robot)
@@ -318,14 +319,14 @@ class _Mjcf:
     def rotors(self) -> Array:
         return np.array([float(self._model.dof_armature[dof]) for dof in self.chain.dofs])
 
-    def _in_joint(self, body: int) -> Array:
-        """Pose of a body in the frame of its joint."""
+    def _joint_pose(self, body: int) -> Array:
+        """Return the pose of a body in the frame of its joint."""
         pose = np.eye(4)
         pose[:3, 3] = -self._model.jnt_pos[self._model.body_jntadr[body]]
         return pose
 
     def _stated(self, body: int) -> Array:
-        """Standard parameters of a body in its own frame."""
+        """Return the standard parameters of a body in its own frame."""
         model, pose = self._model, np.eye(4)
         pose[:3, :3] = _rotation(model.body_iquat[body])
         pose[:3, 3] = model.body_ipos[body]
@@ -334,7 +335,7 @@ class _Mjcf:
         return np.asarray(parameter_map(pose) @ about)
 
     def _parts(self, body: int) -> Iterator[tuple[int, Array, Array]]:
-        """Yield a body and those welded to it: number, pose in the joint's frame, parameters."""
+        """Yield a body and all welded bodies: number, pose in the joint's frame, parameters."""
         model = self._model
         welded = np.flatnonzero((model.body_weldid == body) & (model.body_mass > 0)).tolist()
         for each in sorted(welded, key=lambda other: other != body):
@@ -343,7 +344,7 @@ class _Mjcf:
                 step = np.eye(4)
                 step[:3, :3], step[:3, 3] = _rotation(model.body_quat[here]), model.body_pos[here]
                 pose, here = step @ pose, int(model.body_parentid[here])
-            pose = self._in_joint(body) @ pose
+            pose = self._joint_pose(body) @ pose
             yield each, pose, parameter_map(pose) @ self._stated(each)
 
     def _total(self, body: int) -> Array:
@@ -358,10 +359,10 @@ class _Mjcf:
         yield from self._joint(self._text.bodies[body][1][0], self.chain.dofs[k], joint)
 
     def _inertial(self, body: int, found: Array) -> Iterator[str]:
-        """Write the inertial of a body, and yield what keeps its value."""
+        """Write the inertial of a body; yield the names of unchanged quantities."""
         placed, name = self._text.bodies[body][0], str(self._model.body(body).name) or f"body{body}"
         turned = _rotation(self._model.body_iquat[body])
-        old, new = Body.of(self._stated(body), turned), Body.of(found, turned)
+        old, new = Body.create(self._stated(body), turned), Body.create(found, turned)
         values: dict[str, str | None] = {}
         xml, element = self._xml[placed.file.path], placed.element.find("inertial")
         if _kept_or_new(np.array([new.mass]), np.array([old.mass])):
@@ -379,7 +380,7 @@ class _Mjcf:
         if element is not None:
             xml.set(element, values)
         elif values:
-            along = Body.of(found, np.eye(3))
+            along = Body.create(found, np.eye(3))
             full = numbers(along.inertia[at] for at in FULL)
             xml.insert(
                 placed.element,
@@ -428,7 +429,7 @@ class _Mjcf:
 
 
 def _chain_of(path: Path, robot: Robot) -> MjcfChain:
-    """The chain of a robot in an MJCF."""
+    """Find the chain of a robot in an MJCF."""
     from hil.model.readers.mjcf import read_chains  # noqa: PLC0415 - MuJoCo is an extra
 
     why = "it has fewer joints in a row"
@@ -449,9 +450,9 @@ def _rotation(quaternion: Array) -> Array:
 
 
 def _inertia(body: Body, turned: Array, element: Element | None) -> dict[str, str | None]:
-    """Attributes of an inertia: full along the body's axes, or the principal moments and axes.
+    """Return the attributes of an inertia: full matrix, or principal moments and axes.
 
-    Principal axes are those nearest to the old ones, `turned`, along which the inertia is given.
+    The principal axes are those nearest to the old axes `turned`, in which the inertia is given.
     """
     if element is not None and element.get("fullinertia") is not None:
         along = turned @ body.inertia @ turned.T

@@ -1,7 +1,7 @@
-"""Frames of a robot as expressions, in which Newton and Euler's recursion makes its equations.
+"""Frames of a robot as expressions, for generating equations by the Newton-Euler recursion.
 
-Bodies are those that base parameters place (`hil.model.base_parameters`): torques are right for any
-estimate, however impossible as single links the bodies are.
+Bodies are those on which base parameters are placed (`hil.model.base_parameters`): torques are
+right for any estimate, even with physically impossible single links.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _RIGHT = {(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)}
 
 
 def joints(graph: Graph, robot: Robot, q: Sequence[Expression]) -> list[Joint]:
-    """Frames of a robot at positions q."""
+    """Return the frames of a robot at positions q."""
     return [_joint(graph, robot, j, position) for j, position in enumerate(q)]
 
 
@@ -38,7 +38,7 @@ def _joint(graph: Graph, robot: Robot, j: int, q: Expression) -> Joint:
 
 
 def _turned(graph: Graph, theta: float, q: Expression) -> tuple[Scalar, Scalar]:
-    """Cosine and sine of q + theta, by those of q alone at right angles."""
+    """Return cosine and sine of q + theta; at right angles they are those of q."""
     exact = cos_sin(theta)
     if exact not in _RIGHT:
         return graph.function("cos", q + theta), graph.function("sin", q + theta)
@@ -46,8 +46,8 @@ def _turned(graph: Graph, theta: float, q: Expression) -> tuple[Scalar, Scalar]:
     return exact[0] * cosine - exact[1] * sine, exact[0] * sine + exact[1] * cosine
 
 
-def of_whole_links(robot: Robot) -> Count:
-    """Operations for a robot with these kinds of joints; functions are sines and cosines."""
+def count_whole_links(robot: Robot) -> Count:
+    """Count the operations for a robot with general links; functions are sines and cosines."""
     graph, n = Graph(), robot.n_joints
 
     def symbols(name: str, size: int) -> list[Expression]:
@@ -60,5 +60,5 @@ def of_whole_links(robot: Robot) -> Count:
     bodies = [symbols(f"body{j}_", 10) for j in range(n)]
     earth = 0.3, 0.4, -9.8  # in no axis of the base
     found = rigid_bodies(chain, bodies, symbols("qd", n), symbols("qdd", n), earth)
-    operations = count([graph.lifted(each) for each in found])
+    operations = count([graph.lift(each) for each in found])
     return operations._replace(functions=2 * int(robot.revolute.sum()))

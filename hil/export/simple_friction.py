@@ -1,13 +1,13 @@
-"""Friction in the terms of simulators: Coulomb's and viscous friction, or Stribeck's curve.
+"""Friction models of simulators: Coulomb and viscous friction, or the Stribeck curve.
 
     Coulomb and viscous    F = c sgn v + b v
     Stribeck               F = (c + (s - c) exp(-(v / v_s)^2)) sgn v + b v
 
-with c, s, b >= 0, or no simulator takes them. Both are fitted to the law of friction that was
-identified, at no load and at 50 speeds, evenly over the range that it was found from (non-negative
-least squares; v_s is the best of 40 within that range, spaced by ratio). They are odd functions:
-offset, asymmetry and ripple of the law are left out. So every simplification comes with its misfit,
-which counts those too.
+with c, s, b >= 0, as simulators require. Both are fitted to the identified law of friction, at no
+load and at 50 speeds, evenly over the range of identification (non-negative least squares; v_s is
+the best of 40 within that range, spaced by ratio). Both models are odd functions: offset, asymmetry
+and ripple of the law are left out. Therefore every approximation comes with its misfit, which
+includes the omitted parts.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class Stribeck(NamedTuple):
-    """Stribeck's curve: c, s and b of the module, v_s, and the misfit as of `SimpleFriction`."""
+    """Stribeck curve: c, s and b of the module, v_s, and the misfit as in `SimpleFriction`."""
 
     coulomb: float
     static: float
@@ -40,14 +40,14 @@ class Stribeck(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimpleFriction:
-    """Friction of one axis as simulators have it; joint side.
+    """Friction of an axis in the models of simulators, on the joint side.
 
     Attributes
     ----------
     axis : int
-        From 0.
+        Index from 0.
     speeds : ndarray, shape (n,)
-        At which the law was read [rad/s or m/s].
+        Speeds at which the law is evaluated [rad/s or m/s].
     forward, backward : ndarray, shape (n,)
         The law at these speeds and at their negatives, at no load [N m or N].
     coulomb, viscous : float
@@ -68,23 +68,23 @@ class SimpleFriction:
 
     @property
     def offset(self) -> float:
-        """Mean of the law over both directions, which is no friction [N m or N]."""
+        """Mean of the law over both directions, not due to friction [N m or N]."""
         return float(np.mean([self.forward, self.backward]))
 
     @property
     def size(self) -> float:
-        """Root mean square of the law itself [N m or N]."""
+        """Root mean square of the law [N m or N]."""
         return float(np.sqrt(np.mean(np.square([self.forward, self.backward]))))
 
 
 def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFriction, ...]:
-    """Return the friction of all axes whose law is known in the terms of simulators.
+    """Return the friction of all axes with a known law in the models of simulators.
 
     Parameters
     ----------
     model : Model
     warmth : float, optional
-        Of the gears, from 0 cold to 1 warm; by default that at which the laws stand.
+        Warmth of the gears, from 0 cold to 1 warm; by default the reference of the laws.
 
     Raises
     ------
@@ -92,10 +92,10 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
         The model has no law of friction.
     """
     laws = enumerate(known_friction(model).axes)
-    return tuple(_of_axis(model, axis, law, warmth) for axis, law in laws if law is not None)
+    return tuple(_fit_axis(model, axis, law, warmth) for axis, law in laws if law is not None)
 
 
-def _of_axis(model: Model, axis: int, law: AxisLaw, warmth: float | None) -> SimpleFriction:
+def _fit_axis(model: Model, axis: int, law: AxisLaw, warmth: float | None) -> SimpleFriction:
     # from 5 % of the axis's speed on where the range that the law was found from is not stated
     v = np.linspace(*(law.speeds or (0.05 * law.speed, law.speed)), 50)
     forward, backward = (friction_alone(model, axis, side * v, warmth)[0] for side in (1.0, -1.0))
@@ -124,12 +124,12 @@ def _stribeck(v: Array, odd: Array, even: Array) -> Stribeck:
 
 
 def _misfit(left: float, even: Array) -> float:
-    """Root mean square over both directions; `left`: norm of what is left of the odd part."""
+    """Return the root mean square over both directions; `left`: norm of the odd part's residual."""
     return float(np.sqrt((left**2 + even @ even) / len(even)))
 
 
 def friction_of_joints(model: Model) -> tuple[SimpleFriction | None, ...]:
-    """Friction of each joint; None where the model has no law of it."""
+    """Return the friction of each joint; None if the model has no law of friction."""
     try:
         found = {each.axis: each for each in simple_friction(model)}
     except NotEnoughData:
@@ -138,7 +138,7 @@ def friction_of_joints(model: Model) -> tuple[SimpleFriction | None, ...]:
 
 
 def friction_remarks(model: Model) -> tuple[str, ...]:
-    """What Coulomb's and viscous friction are off by, or why there is none."""
+    """Return the misfits of Coulomb and viscous friction, or the reason for missing friction."""
     try:
         found = misfits(model, simple_friction(model))
     except NotEnoughData:
@@ -150,9 +150,9 @@ def friction_remarks(model: Model) -> tuple[str, ...]:
 
 
 def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -> list[str]:
-    """What the simplest simplification costs, axis by axis; `state`: of the gears, for the text.
+    """Return the misfits of Coulomb and viscous friction; `state`: of the gears, for the text.
 
-    The misfit is at no load and away from reversals; what the law states beside that is named.
+    The misfit is at no load and away from reversals; load-dependent friction is named separately.
     """
     lack = lacking(model)
     return [
@@ -162,7 +162,7 @@ def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -
             f" {significant(each.viscous, 3)} {model.robot.torque_unit(each.axis)}"
             f" s/{model.robot.position_unit(each.axis)} miss the law by"
             f" {significant(each.misfit, 2)} {model.robot.torque_unit(each.axis)} rms"
-            f" ({percent(each.misfit, each.size)} % of it){_of_load(model, each.axis)}"
+            f" ({percent(each.misfit, each.size)} % of it){_load_remark(model, each.axis)}"
             for each in simple
         ),
     ]
@@ -178,8 +178,8 @@ def presliding_left_out(model: Model, where: str = "") -> tuple[str, ...]:
     return (f"presliding is left out{where}: {', '.join(axes)}",) if axes else ()
 
 
-def _of_load(model: Model, axis: int) -> str:
-    """What of the law depends on the load, which no simplification has."""
+def _load_remark(model: Model, axis: int) -> str:
+    """Return a remark on the omitted friction due to load; empty without such friction."""
     law = known_friction(model).axes[axis]
     if law is None or "load" not in law.terms:
         return ""

@@ -1,7 +1,7 @@
-"""A robot as simulators take it: a tree of bodies, with limits, rotors and friction of each joint.
+"""Robot for simulators: tree of bodies, with limits, rotors and friction of each joint.
 
 Its bodies are those of `Model.consistent`. Frames are those of the robot file (z of frame j is the
-axis of joint j), or those of a URDF of the same chain, whose names are then taken too.
+axis of joint j), or those of a URDF of the same chain, with the names of the URDF.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulatedJoint:
-    """A joint and the link that it carries.
+    """Joint and its link.
 
     Attributes
     ----------
@@ -37,14 +37,14 @@ class SimulatedJoint:
     before : ndarray, shape (4, 4)
         The link's frame in that of the link before, at q = 0.
     axis : ndarray, shape (3,)
-        In the link's frame.
+        Axis in the link's frame.
     lower, upper, velocity, effort : float
         Limits; NaN where unknown [rad, rad/s, N m, or m, m/s, N].
     armature : float
         Rotor's inertia on the joint's side [kg m^2 or kg].
     friction : SimpleFriction, optional
     stiffness : float
-        Of a linear spring [N m/rad or N/m].
+        Stiffness of a linear spring [N m/rad or N/m].
     body : ndarray, shape (10,)
         Standard parameters in the link's frame.
     """
@@ -83,14 +83,14 @@ class SimulatedJoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulatedRobot:
-    """A chain of joints.
+    """Chain of joints.
 
     Attributes
     ----------
     name, base : str
-        Of the robot and of its first link, which rests.
+        Names of the robot and of its first link, which is at rest.
     gravity : ndarray, shape (3,)
-        In the base link [m/s^2].
+        Gravity in the base link [m/s^2].
     joints : tuple of SimulatedJoint
     rotors : ndarray, shape (n_joints, n_joints)
         Motors' share of the mass matrix; beside the diagonal where motors turn with two joints.
@@ -104,23 +104,23 @@ class SimulatedRobot:
 
     @property
     def coupled(self) -> bool:
-        """Whether a motor turns with two joints."""
+        """True if a motor turns with two joints."""
         return bool(np.any(self.rotors - np.diag(np.diag(self.rotors))))
 
 
 def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRobot:
-    """Return a model as simulators take it.
+    """Return a model in the form that simulators use.
 
     Parameters
     ----------
     model : Model
-        With bodies.
+        Model with bodies.
     chain : UrdfChain, optional
-        Of the same robot, whose frames and names are taken.
+        Chain of the same robot, for frames and names.
     """
     robot, consistent = model.robot, model.consistent
     if consistent is None:
-        raise ValueError("the model has no bodies; find them by with_consistent_robot first")
+        raise ValueError("the model has no bodies; find them by find_consistent_robot first")
     friction = friction_of_joints(model)
     added = np.array([consistent.added[name] for name in robot.added_parameters])
     rotors = np.diag(robot.reflected_inertia) + np.tensordot(added, added_inertias(robot), 1)
@@ -151,7 +151,7 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
 
 
 def moved_to_frames(chain: UrdfChain, robot: Robot, bodies: Sequence[Array]) -> Array:
-    """Return bodies of links, in their own frames, in those of the robot file: (n_joints, 10)."""
+    """Return bodies of links, transformed to the frames of the robot file: (n_joints, 10)."""
     placed = zip(_placed(robot, chain), bodies, strict=True)
     return np.array([parameter_map(inverse(each.mdh)) @ body for each, body in placed])
 
@@ -167,7 +167,7 @@ class _Placed(NamedTuple):
 
 
 def _placed(robot: Robot, chain: UrdfChain | None) -> list[_Placed]:
-    """Joints as the robot file or a URDF places them."""
+    """Return the joints as placed by the robot file or a URDF."""
     if chain is None:
         z, same = np.array([0.0, 0.0, 1.0]), np.eye(4)
         poses = (robot.zero_pose(j) for j in range(robot.n_joints))
@@ -181,19 +181,19 @@ def _placed(robot: Robot, chain: UrdfChain | None) -> list[_Placed]:
 
 
 def number(value: float) -> str:
-    """The shortest text that is read back as the same number."""
+    """Return the shortest text for a number that restores the same double."""
     return repr(float(value) + 0.0).removesuffix(".0")
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Numbers with spaces between them."""
+    """Return numbers separated by spaces."""
     return " ".join(number(float(value)) for value in values)
 
 
 def roll_pitch_yaw(rotation: Array) -> Array:
-    """Angles about the fixed x, y and z axes, shape (3,) [rad].
+    """Return the angles about the fixed x, y and z axes, shape (3,) [rad].
 
-    Yaw is zero where the x axis stands upright, so that roll and yaw are one.
+    Yaw is zero if the x axis is vertical, where only the sum of roll and yaw is defined.
     """
     across = float(np.hypot(rotation[0, 0], rotation[1, 0]))
     pitch = np.arctan2(-rotation[2, 0], across)
@@ -204,6 +204,6 @@ def roll_pitch_yaw(rotation: Array) -> Array:
 
 
 def comment(lines: Sequence[str]) -> str:
-    """Lines inside an XML comment, which two hyphens in a row would end."""
+    """Return lines for an XML comment, without two hyphens in a row."""
     safe = (line.replace("--", "- -") for line in lines)
     return "\n" + "".join(f"  {line}\n" for line in safe)

@@ -1,8 +1,8 @@
-"""Assignments that compute expressions, one after the other, in the arithmetic of C and Python.
+"""Assignments for computing expressions in sequence, in C, Python or structured text.
 
-What is used several times gets a name; what is used once is written where it is used, as long as
-the line stays readable. Brackets keep the order in which the expressions were made, so that the
-code gives the same bits as they do.
+Values used several times get a name. Values used once are written in place, as long as the line
+stays readable. Brackets keep the order of the operations, so that the code gives the same bits as
+the recorded equations.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections import Counter
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil.export.expressions import count, needed
-from hil.export.rigid_bodies import of_whole_links
+from hil.export.rigid_bodies import count_whole_links
 from hil.export.simple_friction import presliding_left_out
 from hil.model.base_parameters import base_parameters
 from hil.results.identified_robot import lacking
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     from hil.results.model import Model
 
 SUM, PRODUCT, ATOM = 1, 2, 3
-"""How strongly a text holds together."""
+"""Binding strength of a text."""
 
 
 class Syntax(NamedTuple):
-    """What differs between languages.
+    """Syntax of a language.
 
     Attributes
     ----------
     number : callable
-        From a number to its text, which must hold together as an atom.
+        Function from a number to its text with the binding strength of an atom.
     function : callable
-        From the name of a function and the text of its argument to its call.
+        Function from the name of a function and the text of its argument to the call.
     """
 
     number: Callable[[float], str]
@@ -70,7 +70,7 @@ def assignments(results: Sequence[Expression], syntax: Syntax) -> tuple[dict[str
 
 
 def _text(node: Expression, texts: dict[int, tuple[str, int]], syntax: Syntax) -> tuple[str, int]:
-    """Text of an expression, and how strongly it holds together."""
+    """Return the text of an expression, and its binding strength."""
     operands = [texts[each.index] for each in node.operands]
     match node.operation:
         case "number":
@@ -94,7 +94,7 @@ def _held(operand: tuple[str, int], least: int) -> str:
 def description(
     model: Model, origin: tuple[str, ...], functions: Sequence[Function]
 ) -> tuple[str, ...]:
-    """Lines for the head of a file of code."""
+    """Return lines for the head of a code file."""
     lines = [
         *(part for line in origin for part in line.splitlines()),
         "",
@@ -111,7 +111,7 @@ def description(
 
 
 def missing(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
-    """What the code has not, and why: functions, and friction that turns round by and by."""
+    """Return sentences on missing parts of the code: functions, presliding."""
     there = {each.name for each in functions}
     said = []
     if "friction" not in there:
@@ -133,9 +133,9 @@ def missing(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
 
 
 def remarks(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
-    """What the terminal states of exported code: operations, and what there is not."""
+    """Return remarks for the terminal: numbers of operations, missing parts."""
     counted = {each.name: f"{each.name}: {count(each.results)}" for each in functions}
-    counted["rigid_bodies"] += f"; {of_whole_links(model.robot)} for whole links"
+    counted["rigid_bodies"] += f"; {count_whole_links(model.robot)} for whole links"
     return (*counted.values(), *missing(model, functions))
 
 
@@ -146,10 +146,10 @@ def _parameters(model: Model) -> list[str]:
 
 
 def identifier(name: str) -> str:
-    """Return a robot's name in small letters, figures and underscores, a letter first.
+    """Return a robot's name in small letters, digits and underscores, a letter first.
 
-    A robot file admits letters, figures, dots, hyphens and underscores only. What is made of the
-    name always has something behind it, such as ``_gravity``, so that no keyword comes about.
+    A robot file admits letters, digits, dots, hyphens and underscores only. Generated names always
+    end with a suffix such as ``_gravity``, so that no keyword results.
     """
     plain = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
     return plain if plain[:1].isalpha() else f"robot_{plain}"

@@ -1,15 +1,15 @@
-"""A model as a URDF, or in one: inertials, limits, damping and friction of all joints.
+"""Model as a URDF, new or updated: inertials, limits, damping and friction of all joints.
 
-Without a URDF of the robot one is made, of links and joints alone. With one, the chain of it that
-has the model's frames is found, and everything in it stays as it is, shapes and meshes, limits and
-names, but the inertials and the dynamics of the chain. Identified is what moves with a joint,
-whatever it is bolted together from. So the body of a link of the chain is that of all links
-attached to it, and the others of them have none left.
+Without a URDF of the robot a new one is made, of links and joints alone. With a URDF, the chain
+with the model's frames is found. Everything in the file stays unchanged, shapes and meshes, limits
+and names, except the inertials and the dynamics of the chain. An identified body is everything that
+moves with a joint, whatever its parts. Therefore the link of the chain gets the body of all links
+attached to it, and the attached links lose their inertials.
 
-A URDF has no rotor inertia and no gravity: the file states both in comments, and where gravity of
-the robot file is not along -z, a fixed joint turns the base so that it is.
+A URDF has no rotor inertia and no gravity: the file states both in comments. If gravity of the
+robot file is not along -z, a fixed joint turns the base so that it is.
 
-The format: wiki.ros.org/urdf/XML.
+Format reference: wiki.ros.org/urdf/XML.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ if TYPE_CHECKING:
     from hil.results.model import Model
 
 INERTIA = {f"i{'xyz'[i]}{'xyz'[j]}": (i, j) for i, j in zip(*np.triu_indices(3), strict=True)}
-"""Attributes of an <inertia>, in the order of standard parameters, and their places."""
+"""Attributes of an <inertia>, in the order of standard parameters, with their indices."""
 _ROUNDED = 1e-5
-"""Part of the greatest moment by which the others may miss it: exporters write six digits."""
+"""Tolerance for rounding, relative to the greatest moment; exporters write six digits."""
 
 
 class Given(NamedTuple):
-    """A URDF as it is read, and the chain in it."""
+    """URDF reader with the robot's chain."""
 
     path: Path
     reader: UrdfReader
@@ -67,7 +67,7 @@ def given_urdf(path: Path | str, robot: Robot) -> Given:
     FileError
         No URDF.
     Mismatch
-        No chain of it has the frames of the robot.
+        No chain has the frames of the robot.
     """
     reader = UrdfReader(path := Path(path))
     whys = ["it has fewer joints that move in a row"]
@@ -84,9 +84,9 @@ def given_urdf(path: Path | str, robot: Robot) -> Given:
 
 
 def bodies_of(given: Given, robot: Robot) -> Array | None:
-    """Bodies that the URDF states for the links of a robot, shape (n_joints, 10), or None.
+    """Return the robot's bodies according to the URDF, shape (n_joints, 10), or None.
 
-    None where a link has none, or one that no body has (`inertial_faults`).
+    None if a link has no body or a physically impossible one (`inertial_faults`).
     """
     if any(inertial_faults(given, robot)):
         return None
@@ -95,11 +95,11 @@ def bodies_of(given: Given, robot: Robot) -> Array | None:
 
 
 def inertial_faults(given: Given, robot: Robot) -> Iterator[str]:
-    """Yield what is wrong with the inertials of a robot's links, each with file, line and link.
+    """Yield the faults of the inertials of a robot's links, each with file, line and link.
 
-    Bodies have a positive mass, and principal moments of inertia that are positive, the greatest
-    less than the other two together. Their size and mass are those that `BodyBounds` allow, so that
-    g mm^2 for kg m^2 and g for kg show.
+    Bodies have a positive mass, and positive principal moments of inertia, the greatest less than
+    the sum of the other two. Size and mass are within `BodyBounds`, so that g mm^2 for kg m^2 and g
+    for kg are detected.
     """
     radius = largest_radius(robot)
     for joint in given.chain.joints:
@@ -112,26 +112,26 @@ def inertial_faults(given: Given, robot: Robot) -> Iterator[str]:
         also = f" and {', '.join(links[1:])} (fixed to it)" if links[1:] else ""
         if body is None or not body[9]:
             none = f"{also} {'have' if also else 'has'} no <inertial> with a mass"
-            yield _at(given.reader, joint.link, f"{none}: add mass and inertia from CAD")
+            yield _fault(given.reader, joint.link, f"{none}: add mass and inertia from CAD")
             continue
         spread = pseudo_inertia(body)
         mass, wide = spread[3, 3], float(np.trace(spread[:3, :3]))
         if np.linalg.eigvalsh(spread)[0] <= 0:
-            yield _at(
+            yield _fault(
                 given.reader,
                 joint.link,
                 f"{also}: the greatest principal moment of inertia must be less than the sum of the"
                 " other two: the body has no thickness; correct ixx to izz",
             )
         elif (far := float(np.sqrt(wide / mass))) > radius:
-            yield _at(
+            yield _fault(
                 given.reader,
                 joint.link,
                 f"{also}: mass and inertia spread the mass by {far:.3g} m root mean square, of"
                 f" {radius:.3g} m at most; state kg and kg m2, not g mm2, and <origin> in m",
             )
         elif mass > MOST_MASS:
-            yield _at(
+            yield _fault(
                 given.reader,
                 joint.link,
                 f"{also}: mass {mass:g} kg must be at most {MOST_MASS:g} kg; state kg, not g",
@@ -139,14 +139,14 @@ def inertial_faults(given: Given, robot: Robot) -> Iterator[str]:
 
 
 def _link_faults(reader: UrdfReader, link: str) -> Iterator[str]:
-    """Yield what is wrong with a link's own inertial; none of its own is no fault."""
+    """Yield the faults of a link's own inertial; a missing inertial is no fault."""
     element = reader.links[link].find("inertial")
     if element is None:
         return
     mass, stated = element.find("mass"), element.find("inertia")
     if mass is None or stated is None:
         missing = [f"<{tag}>" for tag in ("mass", "inertia") if element.find(tag) is None]
-        yield _at(reader, link, f": its inertial has no {' and no '.join(missing)}; add it")
+        yield _fault(reader, link, f": its inertial has no {' and no '.join(missing)}; add it")
         return
     try:
         m, inertia = _mass_and_inertia(reader, mass, stated)
@@ -157,15 +157,15 @@ def _link_faults(reader: UrdfReader, link: str) -> Iterator[str]:
     rounded = _ROUNDED * np.abs(moments).max()
     shown = ", ".join(f"{moment:.3g}" for moment in moments)
     if m < 0 or (not m and moments.any()):
-        yield _at(reader, link, f": mass {m:g} kg must be positive")
+        yield _fault(reader, link, f": mass {m:g} kg must be positive")
     elif moments[0] < -rounded:
-        yield _at(
+        yield _fault(
             reader,
             link,
             f": principal moments of inertia {shown} kg m2 must be positive; correct ixx to izz",
         )
     elif moments[2] - moments[1] - moments[0] > rounded:
-        yield _at(
+        yield _fault(
             reader,
             link,
             f": the greatest of the principal moments of inertia {shown} kg m2 must be at most the"
@@ -173,14 +173,14 @@ def _link_faults(reader: UrdfReader, link: str) -> Iterator[str]:
         )
 
 
-def _at(reader: UrdfReader, link: str, what: str) -> str:
-    """A fault with file, line and name of a link."""
+def _fault(reader: UrdfReader, link: str, what: str) -> str:
+    """Return a fault with file, line and name of a link."""
     element, inertial = reader.links[link], reader.links[link].find("inertial")
     return str(reader.file.wrong(element if inertial is None else inertial, f"link {link!r}{what}"))
 
 
 def body_of(reader: UrdfReader, link: str) -> Array | None:
-    """Standard parameters of all attached links in a link's frame; None where none has any.
+    """Return the sum of the bodies of all attached links in a link's frame; None without any.
 
     Raises
     ------
@@ -195,7 +195,7 @@ def body_of(reader: UrdfReader, link: str) -> Array | None:
 
 
 def stated_body(reader: UrdfReader, link: str) -> Array | None:
-    """Standard parameters of a link alone, in its frame; None where it states none."""
+    """Return the standard parameters of a link alone, in its frame; None without inertial."""
     element = reader.links[link].find("inertial")
     if element is None:
         return None
@@ -210,7 +210,7 @@ def stated_body(reader: UrdfReader, link: str) -> Array | None:
 def _mass_and_inertia(
     reader: UrdfReader, mass: ET.Element, stated: ET.Element
 ) -> tuple[float, Array]:
-    """Mass [kg], and inertia about the centre of mass, shape (3, 3) [kg m^2], of an inertial."""
+    """Return an inertial's mass [kg] and inertia about its centre, shape (3, 3) [kg m^2]."""
     (m,) = reader.file.numbers(mass, "value", 1) or [0.0]
     inertia = np.zeros((3, 3))
     for key, (i, j) in INERTIA.items():
@@ -219,7 +219,7 @@ def _mass_and_inertia(
 
 
 def _chains(reader: UrdfReader, n_joints: int) -> Iterator[UrdfChain]:
-    """Every chain of so many joints that move, which begins and ends with one."""
+    """Yield all chains of `n_joints` moving joints that start and end with a moving joint."""
     for tip in reader.links:
         here, moving = tip, 0
         while moving < n_joints and here in reader.above:
@@ -233,14 +233,14 @@ def _chains(reader: UrdfReader, n_joints: int) -> Iterator[UrdfChain]:
 
 
 UNLIMITED = 1e6
-"""In place of an effort or a velocity that nobody has stated."""
+"""Value for an unknown effort or velocity limit."""
 _DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def write_urdf(model: Model, origin: tuple[str, ...], given: Given | None = None) -> Exported:
-    """Return the model as a URDF: one of its own, or the given one with its bodies."""
+    """Return the model as a new URDF, or as an update of the given one."""
     robot = simulated_robot(model, None if given is None else given.chain)
-    root, more = _own(robot) if given is None else _with_bodies(robot, given)
+    root, more = _own(robot) if given is None else _update(robot, given)
     remarks = (*urdf_remarks(model, robot), *more)
     root.insert(0, ET.Comment(comment((*origin, *remarks))))
     ET.indent(root)
@@ -249,7 +249,7 @@ def write_urdf(model: Model, origin: tuple[str, ...], given: Given | None = None
 
 
 def _own(robot: SimulatedRobot) -> tuple[ET.Element, list[str]]:
-    """A URDF of links and joints alone, and remarks on it."""
+    """Return a URDF of links and joints alone, and remarks on it."""
     root = ET.Element("robot", name=robot.name)
     ET.SubElement(root, "link", name=robot.base)
     turned = _upright(robot.gravity)
@@ -267,7 +267,7 @@ def _own(robot: SimulatedRobot) -> tuple[ET.Element, list[str]]:
         ET.SubElement(made, "limit", _limits(joint))
         _set_dynamics(made, joint)
         parent = joint.link
-    return root, list(_without_limits(robot))
+    return root, list(_missing_limits(robot))
 
 
 def _joint(
@@ -281,8 +281,8 @@ def _joint(
     return made
 
 
-def _with_bodies(robot: SimulatedRobot, given: Given) -> tuple[ET.Element, list[str]]:
-    """The given URDF with the robot's bodies and dynamics, and remarks on it."""
+def _update(robot: SimulatedRobot, given: Given) -> tuple[ET.Element, list[str]]:
+    """Return the given URDF with the robot's bodies and dynamics, and remarks on it."""
     builder = ET.TreeBuilder(insert_comments=True)
     parser = ET.XMLParser(target=builder)  # noqa: S314 - its reader has refused entities
     root = ET.parse(given.path, parser).getroot()  # noqa: S314 - as above
@@ -319,7 +319,7 @@ def _inertial(joint: SimulatedJoint) -> ET.Element:
 
 
 def _limits(joint: SimulatedJoint) -> dict[str, str]:
-    """Limits as attributes; a URDF must state all of them."""
+    """Return the limits as attributes; a URDF must state all of them."""
     found = {"lower": joint.lower, "upper": joint.upper}
     found |= {"effort": joint.effort, "velocity": joint.velocity}
     return {key: number(UNLIMITED if np.isnan(value) else value) for key, value in found.items()}
@@ -334,7 +334,7 @@ def _set_dynamics(element: ET.Element, joint: SimulatedJoint) -> None:
 
 
 def _upright(gravity: Array) -> Array | None:
-    """Rotation of the base after which gravity points along -z; None where it does."""
+    """Return the base rotation that turns gravity to -z; None if gravity is along -z already."""
     size = float(np.linalg.norm(gravity))
     if not size or np.allclose(gravity / size, _DOWN, atol=1e-12):
         return None
@@ -345,7 +345,7 @@ def _upright(gravity: Array) -> Array | None:
 
 
 def urdf_remarks(model: Model, robot: SimulatedRobot) -> Iterator[str]:
-    """Yield what a URDF has not, or what is to be stated beside it."""
+    """Yield remarks: quantities missing in a URDF, or to be set separately in the simulator."""
     if robot.rotors.any():
         each = ", ".join(f"{joint.name} {number(joint.armature)}" for joint in robot.joints)
         yield (
@@ -363,7 +363,7 @@ def urdf_remarks(model: Model, robot: SimulatedRobot) -> Iterator[str]:
     yield from friction_remarks(model)
 
 
-def _without_limits(robot: SimulatedRobot) -> Iterator[str]:
+def _missing_limits(robot: SimulatedRobot) -> Iterator[str]:
     unknown = [joint.name for joint in robot.joints if np.isnan(joint.effort + joint.velocity)]
     if unknown:
         names = ", ".join(unknown)

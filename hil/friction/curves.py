@@ -58,7 +58,7 @@ GRID = 60
 
 
 class FrictionModel(FileModel):
-    """Fitted friction model of one axis; an entry of `friction.yaml`.
+    """Fitted friction model of an axis; an entry of `friction.yaml`.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ class FrictionModel(FileModel):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AxisCurves:
-    """Friction models of one axis, fitted over speed.
+    """Friction models of an axis, fitted over speed.
 
     Attributes
     ----------
@@ -169,7 +169,7 @@ def torque(kind: Law, a: ArrayLike, v: ArrayLike) -> Array:
 def fit_model(
     kind: Law, v: Array, tau: Array, limit: float, *, turns: bool = True
 ) -> FrictionModel:
-    """Fit one friction model to points.
+    """Fit a friction model to points.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ class TimeConstant(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drift:
-    """Drift of one axis's friction over time.
+    """Drift of an axis's friction over time.
 
     Attributes
     ----------
@@ -115,7 +115,7 @@ class Drift:
 
 
 def drift(axis: int, levels: Sequence[Level], past: History) -> Drift | None:
-    """Estimate the time constants of one axis; None if the number of levels is too small."""
+    """Estimate the time constants of an axis; None if the number of levels is too small."""
     used = sorted(levels, key=lambda level: level.time)
     names = sorted({level.group for level in used})
     if len(used) < FEWEST + len(names) + 5:
@@ -154,7 +154,7 @@ def drift(axis: int, levels: Sequence[Level], past: History) -> Drift | None:
 
 
 class _Course:
-    """Columns of the regression of one axis's levels on the states of the axis."""
+    """Columns of the regression of an axis's levels on the states of the axis."""
 
     def __init__(
         self, axis: int, levels: Sequence[Level], names: Sequence[str], past: History

@@ -68,7 +68,7 @@ FEWEST = 50
 
 
 class Motion(Protocol):
-    """Samples of one measurement on an even grid of time."""
+    """Samples of a measurement on an even grid of time."""
 
     @property
     def period(self) -> float:
@@ -124,7 +124,7 @@ def term_columns(
 
 
 def own_friction(motion: Motion, v: Array) -> Array:
-    """Return F, the friction columns of one measurement, shape (n, 6).
+    """Return F, the friction columns of a measurement, shape (n, 6).
 
     Parameters
     ----------

@@ -269,7 +269,7 @@ def friction_torque(
     directions: Sequence[Direction] | None = None,
     warmth: Array | None = None,
 ) -> Array:
-    """Return the torque of friction and ripple of all axes, shape of `q` [N m or N].
+    """Return the torque of friction and ripple, shape of `q` [N m or N].
 
     Zero for an axis of unknown friction.
 

@@ -49,7 +49,7 @@ def axis_law(
     past: History | None,
     axis: int,
 ) -> AxisLaw:
-    """Select and fit the friction law of one axis.
+    """Select and fit the friction law of an axis.
 
     Parameters
     ----------

@@ -118,7 +118,7 @@ def friction_columns(
     gone: Array | None = None,
     terms: Sequence[str] = COLUMNS,
 ) -> Array:
-    """Return the columns of one axis's friction, shape (n, n_terms).
+    """Return the columns of an axis's friction, shape (n, n_terms).
 
     Parameters
     ----------
@@ -152,12 +152,12 @@ def friction_columns(
 
 
 def motor_angle(robot: Robot, q: Array, axis: int) -> Array:
-    """Return the motor angle of one axis [rad], or the motor speed from joint velocities."""
+    """Return the motor angle of an axis [rad], or the motor speed from joint velocities."""
     return np.asarray(np.nan_to_num(robot.gear_ratio[axis]) * q[:, axis])
 
 
 def coupled_friction(robot: Robot, qd: Array, axis: int) -> Array:
-    """Return the columns of coupled motors' friction on one axis, shape (n, 2 n_couplings)."""
+    """Return the columns of coupled motors' friction on an axis, shape (n, 2 n_couplings)."""
     columns = np.zeros((len(qd), 2 * len(robot.couplings)))
     for k, (motor, joint, ratio) in enumerate(robot.couplings):
         if axis not in (motor, joint):

@@ -1,1 +1,1 @@
-"""Comparison of models with each other, and of estimates with the truth of a virtual plant."""
+"""Comparison of models, and of estimates with the truth of a virtual plant."""

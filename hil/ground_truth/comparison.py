@@ -1,4 +1,4 @@
-"""Comparison of models with each other, and of an estimate with the truth of a virtual plant.
+"""Comparison of models, and of an estimate with the truth of a virtual plant.
 
 Parameters of size 0 have no relative error. Groups of parameters are therefore judged by the norm
 of the error, and the model by rigid-body torques on an independent motion (`trajectory`), relative
@@ -229,7 +229,7 @@ def truth_comparison(
 
 
 def _refuse_other_model(run: Run, others: Sequence[Run]) -> None:
-    """Refuse recordings other than those of the model in the folder of the run."""
+    """Refuse recordings that differ from those of the model in the run's folder."""
     path = run.path / NAME
     if not path.exists():
         return

@@ -1,1 +1,1 @@
-"""What becomes of an estimate: model file, report, comparison with a known truth."""
+"""Results of an estimate: model file, report, comparison with a known truth."""

@@ -1,18 +1,18 @@
-"""What limits a result: the causes of its error, and what to measure or to mend.
+"""Limits of a result: causes of its error, and remedies by measurement or repair.
 
-What a cause does to the base parameters (`hil.estimation.excluded.effects`) is carried to the
-torques of a free motion, which makes all of them comparable. Squares of torques add up: to what the
-scatter of the measurements leaves, that is noise and friction that wanders, come the causes that
-are not taken into account, and those that are, with what ignoring them would do. A cause is named
-if its share of that sum is worth it. Scatter itself is a cause where it is notable and nothing else
-explains most of it: then the motion hardly excites some parameters, or, if noise alone would not
-make them as uncertain, measurements disagree.
+The effect of a cause on the base parameters (`hil.estimation.excluded.effects`) is converted to the
+torques of a free motion, which makes all causes comparable. Squares of torques add up. The sum
+contains the scatter of the measurements, that is noise and wandering friction; the causes that are
+not taken into account; and the causes that are, with the effect of ignoring them. A cause is named
+if its share of that sum is large enough. Scatter itself is a cause if it is notable and nothing
+else explains most of it. Then the motion hardly excites some parameters, or, if noise alone does
+not explain the uncertainty, measurements disagree.
 
-Every piece of advice names a figure and a remedy that can be carried out: doubtful where to do it
-is advised, good where it is a note. Which measurement would help a weak parameter most is
-calculated: with W of eq. (17), rows weighted by eq. (16), one more row w lowers the parameter's
-variance G_kk, G = (W'W)^-1, by (G w)_k^2 / (1 + w' G w); the best row among those already measured
-is named, to be measured again or in its neighbourhood.
+Every piece of advice names a figure and a practicable remedy: doubtful if the remedy is advised,
+good if it is a note. The measurement that improves a weak parameter most is calculated: with W of
+eq. (17), rows weighted by eq. (16), one more row w lowers the parameter's variance G_kk, G =
+(W'W)^-1, by (G w)_k^2 / (1 + w' G w). The advice is to repeat the measurement with the best row, or
+to measure in its neighbourhood.
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ UNLIKE = "friction that differs by direction"
 
 
 def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
-    """Name the causes that matter, the largest first.
+    """Return the significant causes of error, the largest first.
 
-    None where all is noise, and for methods that look for no causes.
+    None if noise explains everything, and for methods that test no causes.
     """
     if estimate.joint is None:
         return ()
@@ -107,7 +107,7 @@ def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
 
 
 def budget_table(terms: Sequence[ErrorTerm]) -> Table:
-    """What spoils a result, or would; no rows where nothing but noise does."""
+    """Return the actual and possible causes of error; no rows if noise is the only cause."""
     return table(
         "Largest causes of error",
         ("cause", "axes", *figures("torque, %", "share, %"), "accounted for"),
@@ -127,22 +127,22 @@ def budget_table(terms: Sequence[ErrorTerm]) -> Table:
 
 
 TIMELY = 0.01
-"""Share of samples at uncertain instants from which on they are worth a note."""
+"""Share of samples at uncertain instants above which a note is given."""
 
 
 class CampaignResult(NamedTuple):
-    """A result and the measurements behind it.
+    """Result with its measurements.
 
     Attributes
     ----------
     estimate : Estimate
     effect : ndarray, shape (n_joints, n_base)
-        Of the parameters' errors on the torques of a free motion (`effect_of_errors`).
+        Effect of the parameters' errors on the torques of a free motion (`effect_of_errors`).
     budget : sequence of ErrorTerm
     robot : Robot
     plan : Plan
     measured : sequence of Measured
-        Those of the plan that are not among them miss.
+        Measurements made; the others of the plan are missing.
     """
 
     estimate: Estimate
@@ -154,7 +154,7 @@ class CampaignResult(NamedTuple):
 
 
 def advice(campaign: CampaignResult) -> tuple[Reservation, ...]:
-    """Judge a result and the measurements behind it."""
+    """Judge a result with its measurements."""
     return tuple(reservations(RULES, campaign))
 
 
@@ -177,7 +177,7 @@ def _measured(campaign: CampaignResult) -> Iterator[Reservation]:
 
 
 def _causes(campaign: CampaignResult) -> Iterator[Reservation]:
-    """Causes of error, the largest first; those taken into account are notes."""
+    """Yield causes of error, the largest first; causes taken into account are notes."""
     for term in campaign.budget:
         share = f"{100 * term.share:.0f} % of the error"
         what = f"{term.cause}: {term.found}; {'ignored, ' if term.accounted else ''}{share}"
@@ -191,7 +191,7 @@ def _axes(axes: Sequence[int]) -> str:
 
 
 def _timing(campaign: CampaignResult) -> Iterator[Reservation]:
-    """Instants that are uncertain, since this computer was late: many let others be wrong too."""
+    """Yield doubts about instants that are uncertain because the computer was late."""
     flags = [np.any(m.recording.flags & SampleFlag.UNTIMED, axis=1) for m in campaign.measured]
     share = float(np.concatenate(flags).mean()) if flags else 0.0
     if share > TIMELY:
@@ -204,7 +204,7 @@ def _timing(campaign: CampaignResult) -> Iterator[Reservation]:
 
 
 def _outliers(campaign: CampaignResult) -> Iterator[Reservation]:
-    """Measurements whose local model leaves far more than it does in others of their kind."""
+    """Yield outliers: measurements with an unusually large residual for the kind and axis."""
     local = campaign.estimate.local
     for kind, axis, partner in sorted({(v.kind, v.axis, v.partner) for v in local}):
         alike = [v for v in local if (v.kind, v.axis, v.partner) == (kind, axis, partner)]
@@ -224,7 +224,7 @@ def _outliers(campaign: CampaignResult) -> Iterator[Reservation]:
 
 
 def _misfit(campaign: CampaignResult) -> Reservation | None:
-    """Axes whose local models leave more than noise would."""
+    """Return a doubt about axes with residuals of local models beyond the noise."""
     share = np.nan_to_num(campaign.estimate.residual / campaign.robot.torque_limit)
     axes = np.flatnonzero(share > NOTABLE)
     if not axes.size:
@@ -271,7 +271,7 @@ def _parameters(campaign: CampaignResult) -> Iterator[Reservation]:
 
 
 def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
-    """Which of the plan's measurements would lower the variance of parameter k most, if doubled."""
+    """Find the measurement of the plan whose repetition lowers the variance of parameter k most."""
     sought = base_parameters(robot).dependencies.sought()
     # a parameter that is hidden from g(q) stands in two groups, of which the second shows it
     kind, group = [
@@ -320,7 +320,7 @@ def _drives(campaign: CampaignResult) -> Reservation | None:
 
 
 def _offsets(campaign: CampaignResult) -> Reservation | None:
-    """Friction that differs by direction, if that is no cause of error."""
+    """Return a note on direction-dependent friction, unless already in the error budget."""
     if any(term.cause == UNLIKE for term in campaign.budget):
         return None
     tests = judge_local_values(campaign.estimate.local).items()

@@ -1,4 +1,4 @@
-"""From recordings to the residual of a model over the fixed band (`hil.results.residual`)."""
+"""Computation of a model's residual over the fixed band (`hil.results.residual`) on recordings."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recorded, Recording
 
 EDGE = 0.4
-"""Dropped at either end of a motion [s]: the slowest pole of the filter, at 0.38 times its angular
-cut-off, has decayed to 1/2000."""
+"""Time dropped at either end of a motion [s]: the slowest pole of the filter, at 0.38 times its
+angular cut-off, has decayed to 1/2000."""
 SHORTEST = 2.0
-"""Shortest motion that counts [s]."""
+"""Shortest usable motion [s]."""
 GAP = 10.0
-"""Time between two samples from which on a motion ends, in sampling periods."""
+"""Gap between two samples that ends a motion, in sampling periods."""
 FINE = 32.0
-"""Samples in a period of the cut-off, at least, that are kept of faster recordings."""
+"""Minimum number of samples kept per period of the cut-off, for faster recordings."""
 
 
 class _Samples(NamedTuple):
-    """Torque of a motion, filtered and as recorded, its prediction, as it is and smoothed.
+    """Torque of a motion, filtered and recorded, with its prediction, raw and smoothed.
 
-    Each of shape (n, n_axes), like the masks of samples that count and of axes at rest.
+    Arrays have the shape (n, n_axes), like the masks of counted samples and of axes at rest.
     """
 
     filtered: Array
@@ -57,7 +57,7 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
     ----------
     model : Model
     recorded : iterable of (RecordedMotion, Recording)
-        Of the same robot.
+        Recordings of the same robot.
 
     Returns
     -------
@@ -104,9 +104,9 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
 def _motions(
     model: Model, recording: Recording, used: Mask, axes: Sequence[int]
 ) -> Iterator[_Samples]:
-    """Motions of some axes in a recording, without gaps, with what the model predicts.
+    """Yield the motions of some axes in a recording, without gaps, with the model's prediction.
 
-    Of its samples those count that are `used`, shape (n_recorded,).
+    Only the samples marked by `used`, shape (n_recorded,), count.
     """
     # friction of other axes would be predicted for nothing
     model = replace(model, friction_law=model.friction_law.restricted(axes))
@@ -146,7 +146,7 @@ def _predicted(model: Model, motion: tuple[Array, ...]) -> Array:
 
 
 def _resting(qd: Array, limit: Array, period: float) -> Mask:
-    """Samples of axes at rest, and those that the low-pass connects with these."""
+    """Return a mask of samples at rest, extended by the memory of the low-pass."""
     speed, reach = np.abs(qd), round(1.0 / (BAND * period))
     slow = speed < SLOW * np.where(np.isnan(limit), speed.max(axis=0), limit)
     still = ndimage.binary_opening(slow, np.ones((reach, 1), dtype=bool))

@@ -1,29 +1,30 @@
-"""Whether a quantity changed between two runs by more than chance and temperature explain.
+"""Test of changes of a quantity between two runs against chance and temperature.
 
 The difference d of two independent readings has the variance s^2 of both and their effective
-degrees of freedom (Welch, Satterthwaite). With an allowance a, by which the value may differ though
-nothing changed, the hypothesis is |d| <= a, and the p-value is that at its edge,
+degrees of freedom (Welch, Satterthwaite). With an allowance a, by which the value of an unchanged
+machine may differ, the hypothesis is |d| <= a, and the p-value is that at its edge,
 
-    p = P(T >= (|d| - a) / s) + P(T >= (|d| + a) / s),
+p = P(T >= (|d| - a) / s) + P(T >= (|d| + a) / s),
 
-with Student's T; for a = 0 it is the usual one of two sides. Many quantities are tested of a new
-run, against two others: Holm's step-down procedure (1979) holds the probability that any of them is
-marked by chance, whatever their correlations: in `SIGNIFICANT` of the runs of an unchanged machine
-anything is.
+with Student's T; for a = 0 it is the usual two-sided p-value. Many quantities of a new run are
+tested, against two other runs. Holm's step-down procedure (1979) bounds the probability that any of
+them is marked by chance, whatever their correlations: a false mark appears in at most `SIGNIFICANT`
+of the runs of an unchanged machine.
 
-A machine that was at work before a campaign has less friction on every axis than one that stood
-still over night, by a quarter and more, and no campaign of minutes shows that within itself. What
-is worn, loose or dragging shows on its axis alone. So the median over the axes of the relative
-change of their friction is put down to temperature, and an axis is judged by what is beyond. Gears
-differ in how they take temperature, which a share of the common change allows for.
+A machine that worked before a campaign has less friction on every axis than one that rested over
+night, by a quarter and more, and a campaign of minutes does not show this by its own data. Wear,
+looseness or dragging appear on a single axis. Therefore the median over the axes of the relative
+change of friction is attributed to temperature, and each axis is judged by its deviation from the
+median. Gears differ in their response to temperature, and the allowance contains a share of the
+common change.
 
-All torques of one axis may change by one factor: a drive or torque constant exchanged. A factor
-1 + d changes the base parameters by d times what the estimator makes of that (`torque_effect` of a
-model), and friction and offset of the axis by the share d. The factor that fits the differences of
-two runs best, least squares weighted by errors and allowances, is stated only if with it nothing of
-what was marked is left, and if what is left without the quantity that determines it most shows a
-factor too, of the same sign: a load, a screw or a bearing changes some of these quantities, and not
-all by one share.
+All torques of one axis may change by one factor, after an exchange of the drive or of its torque
+constant. A factor 1 + d changes the base parameters by d times their sensitivity (`torque_effect`
+of a model), and friction and offset of the axis by the share d. The factor is fitted to the
+differences of two runs by least squares weighted by errors and allowances. It is stated under two
+conditions: with it no quantity remains marked, and the fit without the most influential quantity
+shows a factor of the same sign too. A load, a screw or a bearing changes only some of these
+quantities, and by different shares.
 """
 
 from __future__ import annotations
@@ -45,18 +46,18 @@ if TYPE_CHECKING:
 
 
 FEWEST = 3
-"""Axes of which the median is that of the others where one has changed."""
+"""Minimum number of axes for a median that a single changed axis does not shift."""
 GREATEST = 0.5
-"""Share beyond which a common change is no matter of temperature."""
+"""Largest common change attributed to temperature."""
 UNLIKE = 0.5
-"""Share of the common change by which an axis may differ from the others."""
+"""Difference between axes in their response to temperature, as a share of the common change."""
 MEANINGS: dict[Kind, str] = {
     "gravity parameter": "a load, counterweight, spring or cable, or the torque constant",
     "inertia parameter": "something mounted, shifted or loose, or the torque constant",
     "friction level": "bearing, gear, seal, lubricant, a dragging brake or a loose screw",
     "offset": "the zero of the torque or current sensor, or a constant force such as a hose",
 }
-"""What a change of each kind may come from."""
+"""Possible reasons for a change, by the kind of quantity."""
 
 
 class Change(NamedTuple):
@@ -73,11 +74,11 @@ class Change(NamedTuple):
     size : float
         Value of the run less that of the other.
     half_width : float
-        Of the interval of 95 % about `size`, the allowance included.
+        Half-width of the 95 % interval of `size`, with the allowance.
     p_value : float
-        Of a difference at least as great without any change.
+        Probability of a difference at least as great without a change.
     adjusted : float
-        The same for all that was tested of the run, by Holm.
+        P-value adjusted for all tests of the run (Holm).
     allowance, error, degrees : float
         By which the value may differ without any change; standard error of `size`, and its degrees
         of freedom.
@@ -96,29 +97,29 @@ class Change(NamedTuple):
     degrees: float = 1.0
 
     def less(self, explained: float) -> Change:
-        """The change that is left when some of its size is explained; p-value of it alone."""
+        """Return the change after subtracting an explained part, with the p-value of the rest."""
         size = self.size - explained
         p = _p_value(abs(size), self.allowance, self.error, self.degrees)
         return self._replace(size=size, p_value=p, adjusted=1.0)
 
     @property
     def marked(self) -> bool:
-        """Whether it is no chance."""
+        """True if the change is significant."""
         return self.adjusted < SIGNIFICANT
 
     @property
     def relative(self) -> float | None:
-        """Size as a share of the value before; None where that was zero."""
+        """Size as a share of the previous value; None for a previous value of zero."""
         return self.size / abs(self.before) if self.before else None
 
     @property
     def meaning(self) -> str:
-        """What it may come from."""
+        """Possible reasons for the change."""
         return MEANINGS[self.quantity.kind]
 
     @property
     def sentence(self) -> str:
-        """Size, interval, p-value and what it may come from."""
+        """Size, interval, p-value and possible reasons."""
         size = rounded(self.size, self.half_width)
         half = rounded(self.half_width, self.half_width)
         share = f" ({signed(significant(100 * self.relative, 2))} %)" if self.relative else ""
@@ -132,13 +133,13 @@ class Change(NamedTuple):
 def change(
     quantity: Quantity, run: tuple[str, Reading], against: tuple[str, Reading], common: float = 0.0
 ) -> Change:
-    """Difference between two runs, each with its label; p-value of this quantity alone.
+    """Return the difference between two labelled runs, with the p-value of this quantity alone.
 
-    Of a level of friction it is that beyond the share `common`, by which all axes' changed.
+    For a level of friction, the common share `common` of all axes is subtracted first.
     """
     new, old = run[1], against[1]
     if quantity.kind == "friction level":
-        old = at_other_temperature(old, common)
+        old = adjust_temperature(old, common)
     variances = np.array([new.standard_error**2, old.standard_error**2])
     error = float(np.sqrt(variances.sum()))
     freedom = np.array([new.degrees, old.degrees])
@@ -157,7 +158,7 @@ def common_friction(
     new: Sequence[Reading | None],
     old: Sequence[Reading | None],
 ) -> float:
-    """Share by which friction of all axes differs together; 0 where too few axes know it."""
+    """Return the common relative change of friction; 0 if known for too few axes."""
     by_axis: dict[int, list[float]] = {}
     for quantity, now, then in zip(quantities, new, old, strict=True):
         if quantity.kind == "friction level" and quantity.axis and now and then and then.value:
@@ -168,8 +169,8 @@ def common_friction(
     return common if abs(common) <= GREATEST else 0.0
 
 
-def at_other_temperature(level: Reading, common: float) -> Reading:
-    """Level of friction as the common change would have made it."""
+def adjust_temperature(level: Reading, common: float) -> Reading:
+    """Scale a level of friction by the common change."""
     allowance = level.allowance + UNLIKE * abs(common * level.value)
     return level._replace(value=level.value * (1.0 + common), allowance=allowance)
 
@@ -186,7 +187,7 @@ def _p_value(size: float, allowance: float, error: float, degrees: float) -> flo
 
 
 def adjusted(tests: Sequence[Change]) -> tuple[Change, ...]:
-    """Put the p-values for all tests together into each (Holm); the least probable come first."""
+    """Return the tests with p-values adjusted by Holm's procedure, the least probable first."""
     ordered = sorted(tests, key=lambda test: test.p_value)
     weighted = [min((len(ordered) - k) * test.p_value, 1.0) for k, test in enumerate(ordered)]
     steps = np.maximum.accumulate(np.array(weighted)) if weighted else np.array([])
@@ -194,17 +195,17 @@ def adjusted(tests: Sequence[Change]) -> tuple[Change, ...]:
 
 
 SURE = 1.3
-"""Half-widths of intervals of 95 % by which the other quantities must show the factor."""
+"""Minimum factor from the other quantities, in half-widths of its 95 % interval."""
 
 
 class Rescaled(NamedTuple):
-    """Another factor of an axis's torques in a run than in the one before it or the reference.
+    """Common factor of an axis's torques, relative to the previous run or the reference.
 
     Attributes
     ----------
     run, against : str
     axis : int
-        From 1.
+        Number from 1.
     share, half_width : float
         Change of all torques of the axis, and half of its interval of 95 %.
     explained : int
@@ -220,7 +221,7 @@ class Rescaled(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """What changed, by how much, and what it comes from."""
+        """Sentence on the axis, the factor with its interval, and the explained changes."""
         half = 100 * self.half_width
         return (
             f"{self.run}: torque constant or drive of axis {self.axis} exchanged or rescaled: all"
@@ -231,12 +232,12 @@ class Rescaled(NamedTuple):
 
 
 def rescaled(model: IdentifiedRobot, tests: Sequence[Change]) -> Rescaled | None:
-    """Axis and factor that explain all that is marked of a run against another one.
+    """Return the axis and factor that explain all marked changes between two runs.
 
     Parameters
     ----------
     model : IdentifiedRobot
-        Of the other run.
+        Model of the other run.
     tests : sequence of Change
         All that was tested between both.
     """
@@ -244,17 +245,17 @@ def rescaled(model: IdentifiedRobot, tests: Sequence[Change]) -> Rescaled | None
     if model.torque_effect is None or not marked:
         return None
     found = (
-        _by_axis(axis, dict(zip(model.names, each.tolist(), strict=True)), tests, marked)
+        _axis_factor(axis, dict(zip(model.names, each.tolist(), strict=True)), tests, marked)
         for axis, each in enumerate(model.torque_effect.T)
     )
     best = [each for each in found if each is not None]
     return min(best, key=lambda each: each.half_width / abs(each.share), default=None)
 
 
-def _by_axis(
+def _axis_factor(
     axis: int, effects: Mapping[str, float], tests: Sequence[Change], marked: int
 ) -> Rescaled | None:
-    """Factor of the torque of an axis (from 0); `effects` on base parameters, by name."""
+    """Return the torque factor of an axis (from 0); `effects` on base parameters, by name."""
     # change of each quantity per relative change of the axis's torque
     effect = np.array([
         effects[each.quantity.name] if each.quantity.axis is None
@@ -276,7 +277,7 @@ def _by_axis(
 
 
 def _fitted(effect: Array, sizes: Array, shown: Array) -> tuple[float, float]:
-    """Share by weighted least squares, and half of its interval of 95 %; `shown`: over errors."""
+    """Fit a share by least squares, with half its 95 % interval; `shown`: effects over errors."""
     errors = np.divide(effect, shown, out=np.ones_like(effect), where=shown != 0)
     information = float(shown @ shown)
     return float(shown @ (sizes / errors)) / information, 1.0 / float(np.sqrt(information))

@@ -1,4 +1,4 @@
-"""From a model to the nearest robot that consists of bodies, what that costs, and its tables."""
+"""Nearest robot with possible bodies to a model, the resulting change of torques, and tables."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ if TYPE_CHECKING:
     from hil.show.table import Row
 
 
-def with_consistent_robot(
+def find_consistent_robot(
     model: Model,
     recorded: Recorded = (),
     bounds: BodyBounds | None = None,
     likely: Array | None = None,
     likely_from: str = SHAPES,
 ) -> Model:
-    """The model with the nearest robot that consists of bodies.
+    """Add the nearest robot with physically possible bodies to a model.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def _torque_costs(
 def _motions(
     model: Model, recorded: Recorded, most: int = 200
 ) -> Iterator[tuple[Array, Array, Array]]:
-    """Motion of about so many samples of a recording; root mean squares need no more."""
+    """Yield motions of recordings, thinned to about `most` samples, enough for an rms."""
     for motion, recording in recorded:
         try:
             q, qd, qdd = _state(model, motion, recording)
@@ -100,7 +100,7 @@ def _motions(
 
 
 def _state(model: Model, motion: RecordedMotion, recording: Recording) -> Iterator[Array]:
-    """Positions, velocities and accelerations at the samples that can be used."""
+    """Return positions, velocities and accelerations at the usable samples."""
     if isinstance(motion, FreeMotion):
         filtered = filtered_motion(recording, processing_of(model))
         return iter((filtered.q, filtered.qd, filtered.qdd))
@@ -113,12 +113,12 @@ def _root(square: float) -> float:
 
 
 def tables(robot: Robot, found: ConsistentRobot) -> tuple[Table, ...]:
-    """Bodies, parameters that they change, and what that costs in torques."""
+    """Return the tables of bodies, of changed parameters, and of changed torques."""
     return tuple(each(robot, found) for each in (bodies, changed_parameters, torque_costs))
 
 
 def bodies(robot: Robot, found: ConsistentRobot) -> Table:
-    """Mass, centre and spread of every link."""
+    """Return mass, centre and spread of every link."""
     binding = {each.name: each.distance_without for each in found.binding}
     return table(
         "Nearest robot that consists of bodies",
@@ -134,7 +134,7 @@ def bodies(robot: Robot, found: ConsistentRobot) -> Table:
 
 
 def changed_parameters(robot: Robot, found: ConsistentRobot, least: float = 0.01) -> Table:
-    """Base parameters that bodies change, by `least` standard errors and more."""
+    """Return the base parameters changed by at least `least` standard errors."""
     base = base_parameters(robot)
     each = zip(base.names, base.meanings, found.values, found.change, base.units, strict=True)
     return table(
@@ -149,7 +149,7 @@ def changed_parameters(robot: Robot, found: ConsistentRobot, least: float = 0.01
 
 
 def torque_costs(robot: Robot, found: ConsistentRobot) -> Table:
-    """What the change means in torques."""
+    """Return the change of torques caused by the change of parameters."""
     costs = enumerate(found.torque if found.binding else ())
     return table(
         "What bodies cost in torque",
@@ -184,7 +184,7 @@ def _link(number: int, body: LinkBody, binding: dict[str, float]) -> Row:
 
 
 def statements(robot: Robot, found: ConsistentRobot) -> Iterator[str]:
-    """Distance, what binds and what it costs, in sentences."""
+    """Yield sentences on distance, binding conditions and changed torques."""
     if not found.binding:
         yield (
             "the identified base parameters belong to bodies as they are: distance 0, no"

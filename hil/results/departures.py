@@ -1,14 +1,14 @@
 """Departures of a machine from its past and from its fleet, at a stated rate of false alarms.
 
-A fleet is many machines of one robot, each identified again and again. For a quantity y
+A fleet is many machines of one robot, each identified repeatedly. For a quantity y
 (`hil.results.quantities`) of machine k, let
 
-    T_k = mean of the newest `NEWEST` runs - mean of the first `FIRST` runs.
+T_k = mean of the newest `NEWEST` runs - mean of the first `FIRST` runs.
 
 An unchanged machine departs like its peers: the null hypothesis is T_k = median of T over the
 machines, with the standard error
 
-    s = max(1.4826 median |T - median T|, r sqrt(1/NEWEST + 1/FIRST)),
+s = max(1.4826 median |T - median T|, r sqrt(1/NEWEST + 1/FIRST)),
 
 r^2 = median (y_(i+1) - y_i)^2 / (2 x 0.4549) over successive runs of all machines, since the median
 of a chi-squared variable with one degree of freedom is 0.4549. Medians ignore the few machines of a
@@ -21,9 +21,9 @@ axes (`hil.results.changes.common_friction`), and the response b of an axis, fri
 1 + b c. Successive runs of the machine yield b by least squares of their differences, to which slow
 wear contributes little, beside the prior 1 +- `UNLIKE` / 2. The uncertainty of b widens s.
 
-Holm's procedure holds the probability of any false alarm in one run of a machine at
+Holm's procedure bounds the probability of any false alarm in one run of a machine by
 
-    alpha = rate / (runs of a machine in ten years),
+alpha = rate / (runs of a machine in ten years),
 
 so that a machine has at most `rate` false alarms in ten years.
 """
@@ -47,17 +47,17 @@ if TYPE_CHECKING:
     from hil.results.quantities import Quantity
 
 NEWEST, FIRST = 3, 12
-"""Runs of the newest and of the first mean: with monthly runs a quarter and a year."""
+"""Numbers of runs in the newest and in the first mean: with monthly runs a quarter and a year."""
 ENOUGH = 20
-"""Differences, or machines, from which on a median is known within a quarter (1.25 / sqrt(20))."""
+"""Number of differences, or machines, for a median accurate to a quarter (1.25 / sqrt(20))."""
 NORMAL = 1.4826
-"""Standard deviation over median absolute deviation, of a normal distribution."""
+"""Ratio of standard deviation to median absolute deviation of a normal distribution."""
 MEDIAN_SQUARE = 0.4549
 """Median of a chi-squared variable with one degree of freedom."""
 DECADE = 10 * 365.25 * 86400.0
 """Seconds in ten years."""
 ALONE = 4.0
-"""Degrees of freedom of stated errors of few runs."""
+"""Degrees of freedom of stated errors, for few runs."""
 FLEET = "the fleet"
 
 
@@ -109,7 +109,7 @@ class Departures(NamedTuple):
 
 
 def departures(fleet: Fleet, rate: float) -> Departures:
-    """Test the newest run of each machine, with `rate` false alarms a machine in ten years."""
+    """Test the newest run of each machine, with `rate` false alarms per machine in ten years."""
     starts = np.searchsorted(fleet.machine, np.arange(len(fleet.machines)))
     count = np.diff(np.append(starts, len(fleet.machine)))
     level = min(rate / runs_in_ten_years(fleet), 1.0)
@@ -117,7 +117,7 @@ def departures(fleet: Fleet, rate: float) -> Departures:
     # of few runs the newer half, so that something is left to compare with
     newest = place >= (count - np.clip(count // 2, 1, NEWEST))[fleet.machine]
     first = (place < FIRST) & ~newest
-    value, by_temperature = _without_temperature(fleet, first, newest)
+    value, by_temperature = _remove_temperature(fleet, first, newest)
     new, new_error, allowance, n_new = _means(fleet, value, newest)
     old, old_error, _, n_old = _means(fleet, value, first)
     run, n_runs = _repeatability(value, fleet.machine)
@@ -160,7 +160,7 @@ def runs_in_ten_years(fleet: Fleet) -> float:
     return DECADE / float(np.median(apart)) if len(apart) else 1.0
 
 
-def _without_temperature(fleet: Fleet, first: Mask, newest: Mask) -> tuple[Array, Array]:
+def _remove_temperature(fleet: Fleet, first: Mask, newest: Mask) -> tuple[Array, Array]:
     """Divide friction by its response to temperature.
 
     Returns
@@ -220,7 +220,7 @@ def _repeatability(value: Array, machine: Indices) -> tuple[Array, Array]:
 
 
 def _median(x: Array) -> Array:
-    """Return the median of each column of known values; NaN for none."""
+    """Return the median of known values, by column; NaN for an empty column."""
     known = np.isfinite(x).any(axis=0)
     found = np.full(x.shape[1], np.nan)
     found[known] = np.nanmedian(x[:, known], axis=0)

@@ -1,13 +1,13 @@
-"""`findings.json`: all that a run gives, kept beside it for as long as it would be found again.
+"""`findings.json`: results of a run, cached in the run's folder until an input changes.
 
-Estimating takes most of the time of a report, and of the same recordings the same program finds the
-same. So what `hil identify` or `hil report` found is kept with a digest of all that it follows
-from: the recordings byte by byte, robot file, plan, journal, measurements left out, further runs,
-the program and the libraries that it calculates with. Where one of them differs, or the file is
-damaged, a run is estimated anew; the file may be deleted at any time.
+Estimation takes most of the time of a report, and for the same recordings the same program finds
+the same results. Therefore the results of `hil identify` or `hil report` are kept with a digest of
+everything that determines them: the recordings byte by byte, robot file, plan, journal,
+measurements left out, further runs, the program and its numerical libraries. If any of these
+changes, or if the file is damaged, the run is estimated anew. The file may be deleted at any time.
 
-It is JSON: records by their names and fields, arrays with all their digits. The robot is not
-written, which has a file of its own.
+The format is JSON: records by their names and fields, arrays with all their digits. The robot is
+not included, since it has its own file.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ if TYPE_CHECKING:
 
 NAME = "findings.json"
 FOLLOWS_FROM = ("results", "estimation", "friction", "least_squares", "model", "planning", "runs")
-"""Packages of `hil` that findings are made by."""
+"""Packages of `hil` that determine the findings."""
 LIBRARIES = (DISTRIBUTION, "numpy", "scipy", "numba", "h5py")
 
 
 class Findings(NamedTuple):
-    """What was found in a run whose base parameters are identifiable.
+    """Findings of a run with identifiable base parameters.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Findings(NamedTuple):
 def found_in(
     run: Run, method: str, others: Sequence[Run] = (), campaign: Sequence[Measured] | None = None
 ) -> Findings:
-    """Take what is kept of a run, or identify and keep it; parameters as `identify_and_keep`."""
+    """Return the cached findings of a run, or identify it; parameters as `identify_and_keep`."""
     found = kept(run, others)
     if found is not None and found.model.method == method:
         return found
@@ -102,10 +102,10 @@ def identify_and_keep(
     campaign: Sequence[Measured] | None = None,
     options: Options = DEFAULTS,
 ) -> Findings:
-    """Identify a run, and keep that and what follows from it.
+    """Identify a run, and cache the findings.
 
-    Of several runs of one kind nothing is kept: a report of one of them is of it alone. Neither is
-    it with a prior: what follows is asked of recordings.
+    Findings of several runs are not cached, since a report covers a single run. Findings with a
+    prior are not cached either, since the report's conclusions are about recordings.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def follow_from(
     campaign: Sequence[Measured],
     recordings: Sequence[tuple[RecordedMotion, Recording]],
 ) -> Findings:
-    """Return what was identified in a run with all that follows from it."""
+    """Derive all findings from an estimate."""
     from hil.estimation.friction.history import history  # noqa: PLC0415 - as above
     from hil.estimation.two_step_methods import estimates  # noqa: PLC0415
     from hil.friction.drift import Level, drift  # noqa: PLC0415
@@ -175,7 +175,7 @@ def follow_from(
 
 
 def keep(run: Run, found: Findings, others: Sequence[Run] = ()) -> None:
-    """Write what was found in a run into its folder.
+    """Write the findings of a run into its folder.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def keep(run: Run, found: Findings, others: Sequence[Run] = ()) -> None:
 
 
 def kept(run: Run, others: Sequence[Run] = ()) -> Findings | None:
-    """Read what is kept; None where there is nothing, or it is not what would be found now."""
+    """Read the cached findings; None for missing or outdated findings."""
     try:
         whole = json.loads((run.path / NAME).read_bytes())
         content = whole["content"]
@@ -200,7 +200,7 @@ def kept(run: Run, others: Sequence[Run] = ()) -> Findings | None:
 
 
 def _state(run: Run, others: Sequence[Run]) -> str:
-    """Digest of all that findings follow from."""
+    """Return the digest of everything that determines the findings."""
     follows = [_program()]
     for each in (run, *others):
         stamp, journal = RunStamp.of(each), each.journal.model_dump_json()
@@ -211,7 +211,7 @@ def _state(run: Run, others: Sequence[Run]) -> str:
 
 @cache
 def _program() -> str:
-    """Digest of the program and of what it calculates with."""
+    """Return the digest of the program and of its numerical libraries."""
     digest = hashlib.sha256()
     place = Path(__file__).parents[1]
     for package in FOLLOWS_FROM:
@@ -228,7 +228,7 @@ def _digest(text: str) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return what JSON can hold of a record."""
+    """Convert a record to types of JSON."""
     found = value
     if isinstance(value, np.ndarray):
         found = {"array": value.tolist(), "kind": value.dtype.str}
@@ -254,7 +254,7 @@ def _name(value: object) -> str:
 
 
 def _restored(found: Any, robot: Robot) -> Any:
-    """Return what `_plain` has made JSON of; `robot` is that of models."""
+    """Restore a record converted by `_plain`; `robot` is that of models."""
     if isinstance(found, list):
         return tuple(_restored(each, robot) for each in found)
     if not isinstance(found, dict):

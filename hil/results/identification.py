@@ -1,4 +1,4 @@
-"""From runs to a model, by any of the methods, or to what they teach for the next plan.
+"""Identification of a model from runs, by any method, and experience for the next plan.
 
 Nothing is written.
 """
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ModelFit(ByName):
-    """What was found, by name.
+    """Identified values by name.
 
     Base parameters are named as the robot's, in kg m^2, kg m or kg; what belongs to an axis begins
     with it: ``axis 2 Coulomb`` [N m or N], ``axis 2 lag`` [s], ``axis 2 compliance`` [rad/(N m)].
@@ -95,11 +95,11 @@ class ModelFit(ByName):
         return dict(zip(self.model.names, self.estimate.half_width(level).tolist(), strict=True))
 
     def summary(self) -> Outcome:
-        """Tables of what was found, for a terminal or a notebook."""
+        """Return tables of the identified values, for a terminal or a notebook."""
         return self.model.summary()
 
     def torque_parts(self, recording: Recording) -> dict[str, Array]:
-        """Torque of a recording by its parts, each of shape (n, n_joints) [N m or N].
+        """Return the torque of a recording by parts, each of shape (n, n_joints) [N m or N].
 
         ``time`` has shape (n,) [s]. Parts of the model are ``gravity``, ``inertia``, ``velocity``
         (Coriolis and centrifugal), ``rotors`` and ``friction``; ``measured`` less their sum is
@@ -235,7 +235,7 @@ def identified(
 
 
 def _with_cause(error: HilError, proof: Excluded | None) -> HilError:
-    """State the cause first: more measurements of the same kind would not mend it."""
+    """Put the found cause before an error; more measurements would not remove the cause."""
     if proof is None or not proof.found:
         return error
     cause = proof.found[0]
@@ -243,7 +243,7 @@ def _with_cause(error: HilError, proof: Excluded | None) -> HilError:
 
 
 def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:
-    """Name of the method for what runs recorded, and why it is this one."""
+    """Return the name of the method for some runs, and the reason for the choice."""
     return default_method([motion for each in (run, *others) for motion in each.motions])
 
 
@@ -255,9 +255,9 @@ def model_of(
     options: Options = DEFAULTS,
     recorded: Recorded = (),
 ) -> Model:
-    """Return an estimate from a run, and others together with it, as a model, and judge it.
+    """Create a model from an estimate, and judge the model.
 
-    Without what was `recorded`, nothing is stated of what remains of it.
+    Without `recorded`, the model states no residual over the fixed band.
     """
     model = Model(
         robot=run.robot,
@@ -307,7 +307,7 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
 
 
 def experience(folders: Sequence[Run]) -> Levels:
-    """Noise that runs of one robot show, and what they show of its parameters.
+    """Return the noise and the parameters seen in the runs of a robot.
 
     Raises
     ------

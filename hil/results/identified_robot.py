@@ -1,7 +1,7 @@
-"""What was identified of a robot: base parameters with their errors, friction, and their worth.
+"""Identification result of a robot: base parameters with errors, friction, and judgement.
 
-Every method gives the same. It is data, with what follows from it by a formula; what calculates
-torques with it, writes it to a file or shows it as tables is given it (`hil.results.model`).
+All methods give the same kind of result. It consists of data and of values derived by a formula.
+Torque calculations, files and tables are in other modules (`hil.results.model`).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class IdentifiedRobot(ByName):
-    """A robot and what was identified of it.
+    """Robot with its identified values.
 
     Attributes
     ----------
@@ -115,11 +115,11 @@ class IdentifiedRobot(ByName):
 
     @property
     def failed(self) -> bool:
-        """Whether its identification failed: it should not be used."""
+        """True for a failed identification: the model should not be used."""
         return self.verdict is not None and self.verdict.word == "failed"
 
     def refuse_other_robot(self, robot: Robot, source: str) -> None:
-        """Refuse to be used for another robot; `source` names the file that is at odds.
+        """Refuse another robot; `source` names the conflicting file.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class IdentifiedRobot(ByName):
 
     @property
     def method(self) -> str:
-        """Method by which it was identified."""
+        """Name of the identification method."""
         return self.provenance.method
 
     @property
@@ -150,7 +150,7 @@ class IdentifiedRobot(ByName):
 
     @property
     def expressions(self) -> tuple[str, ...]:
-        """What each base parameter is made up of, in standard parameters and lengths."""
+        """Expressions of the base parameters in standard parameters and lengths."""
         return base_parameters(self.robot).expressions
 
     @property
@@ -170,7 +170,7 @@ class IdentifiedRobot(ByName):
 
     @property
     def standard_errors(self) -> Array:
-        """Standard errors of `values`, shape (n_base,); NaN for those that were not identified."""
+        """Standard errors of `values`, shape (n_base,); NaN for unidentified parameters."""
         errors: Array = np.where(self.identified, np.sqrt(np.diag(self.covariance)), np.nan)
         return errors
 
@@ -180,7 +180,7 @@ class IdentifiedRobot(ByName):
         return correlation_of(self.covariance)
 
     def cov_params(self) -> Array:
-        """Return `covariance`, as statsmodels calls it."""
+        """Return `covariance`, under the name used by statsmodels."""
         return self.covariance
 
     @property
@@ -193,7 +193,7 @@ class IdentifiedRobot(ByName):
         return dict(zip(self.names, half, strict=True))
 
     def dataframe(self, level: float = 0.95) -> pd.DataFrame:
-        """Parameters as a table, indexed by name; needs pandas.
+        """Return the parameters as a pandas table, indexed by name.
 
         Columns are ``value``, ``standard_error``, ``low``, ``high``, ``unit`` and ``expression``.
 
@@ -216,7 +216,7 @@ class IdentifiedRobot(ByName):
     """Name of `dataframe` by the convention of pandas."""
 
     def friction_over_time(self, axis: int) -> tuple[Array, Array]:
-        """Level of an axis's friction in each measurement of a campaign.
+        """Return the level of an axis's friction in each measurement of a campaign.
 
         Parameters
         ----------
@@ -243,9 +243,9 @@ class IdentifiedRobot(ByName):
         return time, level
 
     def interval(self, level: float = 0.95) -> Array:
-        """Confidence intervals of `values`, shape (n_base, 2): lower and upper ends.
+        """Return confidence intervals of `values`, shape (n_base, 2): lower and upper ends.
 
-        NaN for those that were not identified.
+        Unidentified parameters have NaN.
 
         Raises
         ------
@@ -259,7 +259,7 @@ class IdentifiedRobot(ByName):
 
 
 def checked_level(level: float) -> float:
-    """Return a level of confidence, or refuse one that is not between 0 and 1."""
+    """Return a confidence level after checking that the value is between 0 and 1."""
     if not 0 < level < 1:
         raise InvalidArray(f"level {level} must be between 0 and 1: 0.95 stands for 95 %")
     return level
@@ -275,7 +275,7 @@ Rigid bodies, motors, eq. (6) and (7), and friction (`hil.results.model.Model.pr
 
 
 def known_friction(model: IdentifiedRobot, *, of_all: bool = False) -> FrictionLaw:
-    """Law of friction of a model.
+    """Return the law of friction of a model.
 
     Raises
     ------
@@ -297,9 +297,10 @@ def known_friction(model: IdentifiedRobot, *, of_all: bool = False) -> FrictionL
 def friction_alone(
     model: IdentifiedRobot, axis: int, speed: Array, warmth: float | None = None
 ) -> tuple[Array, Array]:
-    """Friction of an axis (from 0) that moves alone at no load, and its standard error [N m or N].
+    """Return friction in single-axis motion at no load, with standard error; `axis` from 0.
 
-    Of each shape (n,) at speeds [rad/s or m/s], at a warmth of the gears or the mean one.
+    Both have shape (n,) [N m or N] at speeds [rad/s or m/s], at a warmth of the gears or the mean
+    one.
     """
     robot, law = model.robot, known_friction(model)
     qd = np.zeros((len(speed), robot.n_joints))
@@ -312,7 +313,7 @@ def friction_alone(
 
 
 def lacking(model: IdentifiedRobot) -> str:
-    """State which axes have no law of friction, why, and the remedy; empty where all have one."""
+    """Name axes without a law of friction, with reason and remedy; empty for no such axis."""
     axes = model.axes_without_friction
     if not axes:
         return ""

@@ -1,19 +1,19 @@
-"""What a result is worth, in one word and the reasons for it: one judgement for all that is judged.
+"""Judgement of a result: a word with reasons, by common rules for every kind of result.
 
 good
-    Nothing speaks against it.
+    No objection.
 doubtful
-    It may be of use, but something does not hold, or too little was measured.
+    Of possible use, but a condition does not hold, or too little was measured.
 failed
-    It should not be used: what is stated contradicts what was recorded, hardly anything was
-    excited, or limits are exceeded.
+    Not to be used: stated values contradict the recordings, hardly anything was excited, or
+    limits are exceeded.
 
-An identification, a model on another recording, a machine beside its limits and the findings of a
-report are judged alike: by a list of rules, each of which has a look and answers with what speaks
-against the result, if anything does. The worst of that is the judgement, the rest stands behind it.
-Where several are equally bad the rules' order decides: likely causes come before their effects.
+Identifications, models on other recordings, machines beside their limits and findings of a report
+are judged alike: by a list of rules, each of which checks the result and returns its objections.
+The worst objection is the judgement, followed by the rest. Among equally bad objections the order
+of the rules decides: likely causes come before their effects.
 
-The thresholds of all rules stand here, each once, or where the figure that they bound is defined.
+The thresholds of all rules are defined here, or at the definition of the bounded figure.
 """
 
 from __future__ import annotations
@@ -42,50 +42,51 @@ if TYPE_CHECKING:
 S = TypeVar("S")
 Word = Literal["good", "doubtful", "failed"]
 WORDS: tuple[Word, ...] = ("good", "doubtful", "failed")
-"""From the best."""
+"""Words of a judgement, from best to worst."""
 
 TOLERANCE = USUAL_BOUND
-"""Share of an axis's torque by which it may be off or uncertain.
+"""Tolerated error or uncertainty of an axis's torque, as a share of the torque.
 
-As much as its torque constant by itself leaves open, so that data sheets promise no more.
+The uncertainty of a torque constant alone is as large, so that data sheets promise no more.
 """
 NOTABLE = LOOSE
-"""Share of an axis's torque, or of its limit, from which on a finding is worth a remark."""
+"""Share of an axis's torque, or of its limit, above which a finding gets a remark."""
 HALF = 0.5
-"""Share of a sum of squares: what explains less than half of one explains next to nothing."""
+"""Share of a sum of squares: a cause below half of the sum explains next to nothing."""
 INSIDE = float(special.ndtr(TWICE * (2.0**0.5 - 1.0)))
-"""Share of samples inside predicted intervals of 95 % below which these are too narrow: 0.79.
+"""Share of samples inside predicted 95 % intervals below which these are too narrow: 0.79.
 
-Samples of one recording share errors of parameters and of friction's level. Where these are half of
-the variance and at the end of an interval of 95 % of their own, right intervals hold Phi(1.96
-(sqrt(2) - 1)) of the samples; errors `WORSE` times those stated, without any shared, as many.
+Samples of a recording share errors of parameters and of the level of friction. If shared errors are
+half of the variance and are at the end of their own 95 % interval, correct intervals contain
+Phi(1.96 (sqrt(2) - 1)) of the samples. Errors `WORSE` times those stated, without shared errors,
+give the same share.
 """
 WORSE = float(TWICE / special.ndtri((1.0 + INSIDE) / 2.0))
-"""Residual over that of the identification from which on a model does not generalise: 1.56."""
+"""Ratio of the residual to that of the identification above which a model fails: 1.56."""
 LARGE = 0.02
-"""Error of the torques on a free motion from which on a cause that is not accounted for is a doubt.
+"""Error of the torques on a free motion above which a cause not accounted for is a doubt.
 
-Gears too soft to be accounted for show with as much (20 Hz, docs, causes-of-error.md).
+Gears too soft to be accounted for have an effect of this size (20 Hz, docs, causes-of-error.md).
 """
 FEWEST = 2
-"""Measurements for each parameter below which errors are not known well enough to be stated: with
-fewer there are not as many degrees of freedom as parameters."""
+"""Minimum number of measurements per parameter for reliable standard errors: with fewer there are
+fewer degrees of freedom than parameters."""
 
 _EARLIER: dict[str, Word] = {"PASS": "good", "WARN": "doubtful", "REFUSE": "failed"}
 """Words of `hil validate` in files of earlier versions."""
 
 
 class Reservation(FileModel):
-    """What speaks against a result; where the word is good, a note beside it.
+    """Objection to a result; with the word good, a note.
 
     Attributes
     ----------
     word : {"good", "doubtful", "failed"}
-        What it makes of the result.
+        Consequence for the result.
     reason : str
         Why, a clause.
     remedy : str
-        What to do about it; empty where nothing is to be done.
+        Remedy; empty if nothing is to be done.
     subject : str
         Parameter, axis, measurement or check that it concerns, where the reason does not name it.
     """
@@ -96,7 +97,7 @@ class Reservation(FileModel):
     subject: str = ""
 
     @model_serializer(mode="wrap")
-    def _without_empty(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _drop_empty(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
         return {k: v for k, v in write(self).items() if v or k not in ("subject", "further")}
 
     @property
@@ -109,7 +110,7 @@ class Reservation(FileModel):
 
 
 class Judgement(Reservation):
-    """What a result is worth: the worst of what speaks against it, or why nothing does.
+    """Judgement of a result: its worst objection, or the reason for a good result.
 
     Attributes
     ----------
@@ -123,7 +124,7 @@ class Judgement(Reservation):
     def of(
         cls, found: Iterable[Reservation], good: Callable[[], Reservation], **more: object
     ) -> Self:
-        """Take the worst of what was found, the first of equally bad ones; `good` if nothing was.
+        """Create a judgement from the first of the worst objections; `good` without any.
 
         Parameters
         ----------
@@ -140,18 +141,18 @@ class Judgement(Reservation):
 
     @property
     def reasons(self) -> tuple[Reservation, ...]:
-        """All that speaks against the result, the worst first."""
+        """Objections to the result, the worst first."""
         own = reservation(self.word, self.reason, self.remedy, self.subject)
         return own, *self.further
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """The same as they are shown."""
+        """Objections to the result, as displayed."""
         return tuple(Verdict(each.word, each.word, each.clause) for each in self.reasons)
 
     @model_validator(mode="before")
     @classmethod
-    def _of_earlier_versions(cls, content: Any) -> Any:
+    def _read_earlier_versions(cls, content: Any) -> Any:
         if isinstance(content, dict) and "verdict" in content:
             content = dict(content)
             verdict = content.pop("verdict")
@@ -160,7 +161,7 @@ class Judgement(Reservation):
 
 
 class KeptJudgement(Judgement):
-    """What a model was worth on one recording, as its file keeps it.
+    """Judgement of a model on a recording, as kept in the model file.
 
     Attributes
     ----------
@@ -178,7 +179,7 @@ class KeptJudgement(Judgement):
 
 
 def reservation(word: Word, reason: str, remedy: str = "", subject: str = "") -> Reservation:
-    """Return what makes a result so good or bad."""
+    """Return an objection or a note."""
     return Reservation(word=word, reason=reason, remedy=remedy, subject=subject)
 
 
@@ -187,7 +188,7 @@ good, doubtful, failed = (partial(reservation, word) for word in WORDS)
 
 @dataclass(frozen=True)
 class When:
-    """A rule as data.
+    """Rule as data.
 
     Attributes
     ----------
@@ -204,13 +205,13 @@ class When:
     word: Word = "doubtful"
 
     def __call__(self, subject: Any) -> Reservation | None:
-        """Look at a subject."""
+        """Apply the rule to a subject."""
         found = self.look(subject)
         return reservation(self.word, self.reason.format(found), self.remedy) if found else None
 
 
 def reservations(rules: Iterable[Rule[S]], subject: S) -> Iterator[Reservation]:
-    """Have each rule look at a subject; all that they find, in their order."""
+    """Return the objections of all rules to a subject, in the order of the rules."""
     for rule in rules:
         found = rule(subject)
         yield from (found,) if isinstance(found, Reservation) else found or ()

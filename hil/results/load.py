@@ -1,4 +1,4 @@
-"""A load from runs without it and with it, of whatever kinds they are and in any mixture."""
+"""Identification of a load from runs without and with it, of any kinds and in any mixture."""
 
 from __future__ import annotations
 
@@ -55,12 +55,11 @@ if TYPE_CHECKING:
     Fit = Callable[..., Load]
 
 SURE = 4.0
-"""Standard errors from which on a mass is below zero, or contradicts a stated one: by chance of
-6e-5."""
+"""Standard errors for a mass to be below zero or to contradict a stated mass: by chance of 6e-5."""
 
 
 class BareRun:
-    """Runs without a load: what runs with one are compared with, found when it is asked for.
+    """Reference runs without a load, evaluated on demand.
 
     Attributes
     ----------
@@ -75,12 +74,12 @@ class BareRun:
 
     @cached_property
     def estimate(self) -> Estimate:
-        """What is identified of them together."""
+        """Estimate from all runs together."""
         return estimated(*self.runs, options=self.options)
 
     @cached_property
     def known(self) -> WithoutLoad:
-        """What measurements with a load are chosen by.
+        """Base parameters and friction, for choosing measurements with a load.
 
         Raises
         ------
@@ -108,9 +107,9 @@ class BareRun:
         return WithoutLoad(robot, run.planned, found.p, self._friction(), noise, weight)
 
     def _friction(self, unknown_share: float = 0.1) -> Array:
-        """Highest friction of each axis, slow or fast, shape (n_joints,) [N m or N].
+        """Return the highest friction of each axis, slow or fast, shape (n_joints,) [N m or N].
 
-        Of an axis without a law it is a share of the torque limit.
+        An axis without a friction law gets a share of its torque limit.
         """
         robot, law = self.run.robot, self.estimate.friction_law
         unknown: Array = unknown_share * robot.torque_limit
@@ -122,25 +121,25 @@ class BareRun:
 
 @dataclass(frozen=True, eq=False)
 class LoadFit(ByName):
-    """What runs give of a load, by name.
+    """Identified load, with values by name.
 
     Base parameters are those without the load; the load's own are named as in ``load.yaml``, such
-    as ``mass``, ``sx``, ``centre x``, ``Ixx``, in SI; gains that were found ``axis 2 gain``.
+    as ``mass``, ``sx``, ``centre x``, ``Ixx``, in SI; identified gains are ``axis 2 gain``.
 
     Attributes
     ----------
     robot : Robot
     load : Load
     before, after : Estimate or None
-        Of the runs without and of those with it, by themselves with the gains that were found; None
-        of runs that do not identify the robot, and of a load that was measured in minutes.
+        Separate estimates of the runs without and with the load, with the identified gains; None
+        for runs that do not identify the robot, and for a load that was measured in minutes.
     own : Estimate or None
-        Of the loaded runs by themselves as their maps state it; None where their scale is open.
+        Separate estimate of the loaded runs with the gains of the maps; None for an unknown scale.
     by_mass : Load or None
-        With the gains of all axes, found by a mass that was stated.
+        Load with the gains of all axes identified by a stated mass.
     assumed : ndarray, shape (n_joints,)
-        What gains are factors of: torque constants [N m/A], or of imported runs 1, NaN where the
-        map leaves the gain unknown.
+        Reference values of the gains: torque constants [N m/A], or 1 for imported runs, NaN for a
+        gain that the map leaves unknown.
     """
 
     robot: Robot
@@ -174,12 +173,12 @@ class LoadFit(ByName):
         return {name: float(half) for name, half in base} | of_load
 
     def summary(self) -> Outcome:
-        """The load as a table, for a terminal or a notebook."""
+        """Return the load as a table, for a terminal or a notebook."""
         return Outcome((quantities(self.load.quantities()),))
 
 
 def quantities(load: Iterable[Figure]) -> Table:
-    """Mass, first moments, centre of mass and inertia of a load, as a table."""
+    """Return mass, first moments, centre of mass and inertia of a load as a table."""
     return table(
         "The load, in the last link's frame",
         ("", *figures("value", "std. error", "95 %, ±"), "unit"),
@@ -196,17 +195,17 @@ def _row(q: Figure) -> Row:
 
 @dataclass(frozen=True, eq=False)
 class LoadProblem:
-    """Runs without and with a load, and what is asked of them.
+    """Load identification from runs without and with a load.
 
     Attributes
     ----------
     bare : BareRun
     loaded : tuple of Run
     mass : float, optional
-        Of the load, if it is known [kg]: it is held. Of runs measured by strokes the torque
-        constants are found by it too.
+        Known mass of the load [kg], held in the fit. For runs measured by strokes the torque
+        constants are identified by the mass too.
     gains : bool
-        Whether the gains of imported runs are found by the mass too.
+        True to identify the gains of imported runs by the mass too.
     """
 
     bare: BareRun
@@ -215,7 +214,7 @@ class LoadProblem:
     gains: bool = False
 
     def fit(self) -> LoadFit:
-        """Find the load, and estimate each side by itself.
+        """Identify the load, and estimate each side separately.
 
         Raises
         ------
@@ -248,7 +247,7 @@ class LoadProblem:
 
 
 def find_load(bare: BareRun, loaded: Sequence[Run], mass: float | None = None) -> Load:
-    """Find the load that `loaded` carry, with gains as they are stated.
+    """Identify the load of the runs `loaded`, with gains as stated.
 
     Errors are those of `LoadProblem.fit`.
     """
@@ -256,13 +255,13 @@ def find_load(bare: BareRun, loaded: Sequence[Run], mass: float | None = None) -
 
 
 def estimate_load(bare: BareRun, loaded: Sequence[Run]) -> Load:
-    """The same before there is enough to say whether there is a load."""
+    """Estimate the load without testing its significance."""
     with named(loaded[-1]):
         return _Runs(bare, loaded).fit()()
 
 
 def estimated(*runs: Run, options: Options = DEFAULTS) -> Estimate:
-    """Estimate of runs by themselves, as it is kept or as `hil identify` finds it."""
+    """Return the estimate of runs, saved or computed as by `hil identify`."""
     first, *others = runs
     if others or options != DEFAULTS:
         return identified(first, None, others, options=options).estimate
@@ -270,7 +269,7 @@ def estimated(*runs: Run, options: Options = DEFAULTS) -> Estimate:
 
 
 def require_load(found: Load, absent: float = 0.01) -> None:
-    """Refuse a load that does not stand out of its error, or whose mass is negative.
+    """Raise an error for an insignificant load or a negative mass.
 
     Parameters
     ----------
@@ -296,14 +295,14 @@ def require_load(found: Load, absent: float = 0.01) -> None:
 
 
 def _found(runs: _Runs, mass: float | None, *, gains: bool = False) -> tuple[Load, Fit]:
-    """The load, once there is one and its mass is not another one, and how it is fitted."""
+    """Identify the load, check significance and stated mass, and return the load with its fit."""
     if gains and mass is None:
         raise InvalidValue("gains are found by the load's mass; state it too")
     with named(runs.loaded[-1]):
         fit = runs.fit()
         if runs.is_open:
             return fit(mass, gains=gains), fit
-        fit, found = _beside_axis(runs, fit, fit())
+        fit, found = _free_moments(runs, fit, fit())
         require_load(found)
         if mass is None:
             return found, fit
@@ -312,15 +311,15 @@ def _found(runs: _Runs, mass: float | None, *, gains: bool = False) -> tuple[Loa
         return fit(mass, gains=gains), fit
 
 
-def _beside_axis(
+def _free_moments(
     runs: _Runs, fit: Fit, found: Load, chance_on_it: float = 0.001
 ) -> tuple[Fit, Load]:
-    """Take in what the robot file leaves out of the last link, where the load calls for it.
+    """Free the first moments of the last link missing in the robot file, if significant.
 
-    A load beside the last axis, taken for one on it, contradicts itself as a loose one does. So its
-    first moments across the axis are freed before that is said: it is taken for beside the axis if
-    one of them stands out of its error (by chance, were it on the axis, as rarely as stated), and
-    it is rigid then.
+    A load off the last axis, modelled as a load on the axis, contradicts itself like a loose load.
+    Therefore its first moments across the axis are freed before a contradiction is reported. They
+    stay free if a moment is significant (with the stated chance for a load on the axis) and the
+    load is rigid with them.
     """
     newly = [k for k in FIRST_MOMENTS if LINK_PARAMETERS[k] in found.unseen]
     if not newly or runs.unknown:
@@ -338,7 +337,7 @@ def _beside_axis(
 def _refuse_contradiction(
     runs: _Runs, fit: Fit, found: Load, mass: float, notable: float = 2.0
 ) -> None:
-    """Name gains that explain it by `notable` standard errors: 95 of 100 by chance are nearer."""
+    """Refuse a mass that contradicts the runs; name gains beyond `notable` standard errors."""
     m, error = found.mass.value, found.mass.standard_error
     if not error or abs(m - mass) <= SURE * error:
         return
@@ -358,7 +357,7 @@ def _refuse_contradiction(
 
 
 class _Runs:
-    """Evidence of runs without a load and of those with it."""
+    """Evidence of runs without and with a load."""
 
     def __init__(self, bare: BareRun, loaded: Sequence[Run], *, gains: bool = False) -> None:
         self.bare, self.loaded, self.robot = bare, loaded, bare.run.robot
@@ -383,7 +382,7 @@ class _Runs:
             )
 
     def fit(self, robot: Robot | None = None) -> Fit:
-        """Fit of the load for a robot with more parameters of the last link, or the same."""
+        """Return the fit of the load; `robot`: with more parameters of the last link."""
         gathered = self._gathered if robot is None else self._gather(robot)
         robot, strokes = robot or self.robot, None
         free = iter(free_motion_evidence(robot, [run for run in gathered if run]))
@@ -398,7 +397,7 @@ class _Runs:
         return partial(fit_load, robot, bare, with_load, covariance=self.bare.options.covariance)
 
     def _strokes(self, robot: Robot, bare: SimultaneousFit | None) -> Callable[[Array], Evidence]:
-        """Evidence of measurements with the load; gears are as the runs without it have them."""
+        """Return the evidence of measurements with the load; gears as in the runs without load."""
         raw, _ = prepare(pooled(_measured(self.loaded)))
         train = None if bare is None else self.bare.estimate.drive_train
         if bare is None:
@@ -417,7 +416,7 @@ class _Runs:
     def _doubt(
         self, robot: Robot, runs: Sequence[Run], fit: SimultaneousFit, train: DriveTrain | None
     ) -> Array:
-        """Covariance of base parameters by what is uncertain of drive trains and encoders."""
+        """Return the covariance of base parameters due to drive trains and encoders."""
         raw, _ = prepare(pooled(runs))
         if train is None or robot is not self.robot:
             train = as_asked(find_drive_train(robot, raw), self.bare.options.nuisance)
@@ -425,7 +424,7 @@ class _Runs:
         return covariance + np.outer(change, change)
 
     def _gather(self, robot: Robot) -> list[Gathered | None]:
-        """Free motions without and with the load, where they were imported."""
+        """Gather imported free motions without and with the load."""
         found: list[Gathered | None] = []
         for runs in (self.bare.runs, self.loaded):
             imported, how = [run for run in runs if run.imported], self.bare.options
@@ -438,7 +437,7 @@ class _Runs:
         return found
 
     def estimated(self, s: int, found: Load | None) -> Estimate | None:
-        """Estimate of one side by itself, with gains as stated or found; None if it has none."""
+        """Return the estimate of a side, with stated or found gains; None if unidentifiable."""
         gathered, options = self._gathered[s], self.bare.options
         try:
             if gathered is None or _measured((self.bare.runs, self.loaded)[s]):

@@ -1,8 +1,8 @@
-"""A model of a robot as it was identified: base parameters to calculate with, and to be judged.
+"""Identified model of a robot: base parameters for calculations, with their judgement.
 
-Every method gives the same kind of model. It is found from a run (`identify`), kept as
-`model.yaml` (`Model.save`) and read back (`Model.load`). Its torques are those that the drives have
-to give: of rigid bodies, motors and friction, together or by parts.
+Every method gives the same kind of model. A model is identified from a run (`identify`), saved as
+`model.yaml` (`Model.save`) and loaded (`Model.load`). Its torques are those to be produced by the
+drives: of rigid bodies, motors and friction, together or by parts.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ if TYPE_CHECKING:
 ROUNDS = 200
 """Maximum number of corrections by friction of load; each leaves its share of the load."""
 SETTLED = 1e-9
-"""Torque that accelerations may leave, as a share of what is given and 1 N m or N."""
+"""Tolerated torque error of accelerations, as a share of the given torque and 1 N m or N."""
 
 
 class Model(IdentifiedRobot):
-    """A robot's identified base parameters, to calculate with.
+    """Identified base parameters of a robot, with methods for calculations.
 
     Its data are those of `hil.results.identified_robot.IdentifiedRobot`.
     """
@@ -69,7 +69,7 @@ class Model(IdentifiedRobot):
         return cls(**read_model_file(path).identified(path))
 
     def save(self, path: Path | str) -> None:
-        """Write the model as a file, whole or not at all; see `hil.results.model_file`."""
+        """Write the model to a file, whole or not at all; see `hil.results.model_file`."""
         write_file(Path(path), ModelFile.of(self).text().encode())
 
     def predict(
@@ -81,7 +81,7 @@ class Model(IdentifiedRobot):
         *,
         warmth: ArrayLike | None = None,
     ) -> Array:
-        """Predict the torques that drives have to give at positions, velocities and accelerations.
+        """Predict the torques of the drives at positions, velocities and accelerations.
 
         Parameters
         ----------
@@ -201,12 +201,12 @@ class Model(IdentifiedRobot):
         return total + friction_torque(self.robot, law, q, qd, rigid, warmth=warmth)
 
     def drive_torque(self, q: Array, qd: Array, qdd: Array, reversal: float = 0.005) -> Array:
-        """Torques that drives are to be fed along a planned motion, shape of `q` [N m or N].
+        """Return feed-forward torques for a planned motion, shape of `q` [N m or N].
 
-        Those of `predict`, but friction does not jump at a reversal, for a drive that is fed a jump
-        does worse than one that is fed none: between a small speed in one direction and the same in
-        the other it goes over in a straight line, by the velocity that is planned and not by a
-        measured one, which would chatter.
+        The torques are those of `predict`, with continuous friction at reversals, since a drive
+        with a jump in the feed-forward performs worse than a drive without feed-forward. Friction
+        is linear in the velocity between a small speed in one direction and the same speed in the
+        other. The planned velocity is used, since a measured velocity would chatter.
 
         Parameters
         ----------
@@ -228,7 +228,7 @@ class Model(IdentifiedRobot):
         return self.predict(q, qd, qdd, ("rigid bodies", "motors")) + friction
 
     def warmth(self, time: ArrayLike, qd: ArrayLike, start: ArrayLike = 0.0) -> Array:
-        """Warmth of the gears along a motion, from 0 cold to 1 as warm as motion makes them.
+        """Return the warmth of the gears along a motion, from 0 (cold) to 1 (warmest by motion).
 
         Parameters
         ----------
@@ -252,12 +252,12 @@ class Model(IdentifiedRobot):
         return warmth_along(self, time, qd, start)
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Gravity torques g(q); shapes, units and errors as of `predict`."""
+        """Return gravity torques g(q); shapes, units and errors as in `predict`."""
         (q,) = samples(self.robot.n_joints, q=q)
         return dynamics.gravity_torque(self.robot, self.values, q)
 
     def mass_matrix(self, q: ArrayLike, parts: Collection[str] = PARTS) -> Array:
-        """Compute the mass matrix M(q) of rigid bodies and motors, or of one of both.
+        """Compute the mass matrix M(q) of rigid bodies and motors, or of a single part.
 
         Parameters
         ----------
@@ -283,7 +283,7 @@ class Model(IdentifiedRobot):
         return M + motor_inertia(self.robot, q) if "motors" in parts else M
 
     def coriolis(self, q: ArrayLike, qd: ArrayLike) -> Array:
-        """Compute the Coriolis matrix C(q, qd) of Christoffel's symbols.
+        """Compute the Coriolis matrix C(q, qd) by Christoffel symbols.
 
         C qd are the Coriolis and centrifugal torques, and dM/dt - 2 C is skew-symmetric.
 
@@ -314,7 +314,7 @@ class Model(IdentifiedRobot):
         *,
         warmth: ArrayLike | None = None,
     ) -> Array:
-        """Compute the accelerations under torques: those for which `predict` returns `tau`.
+        """Compute the accelerations under torques, the inverse of `predict`.
 
         Friction of an axis at rest is its offset alone, so any torque sets the axis in motion.
 
@@ -372,13 +372,13 @@ class Model(IdentifiedRobot):
         of_samples: bool = False,
         warmth: ArrayLike | None = None,
     ) -> Array:
-        """Intervals of `predict`.
+        """Return confidence intervals of `predict`.
 
-        They hold what is uncertain of the base parameters and of the law of friction. Where no
-        warmth is stated, an axis may be anywhere between cold and as warm as steady motion makes
-        it, which counts all the more the less the recordings of the model saw of that. At speeds
-        that these did not have, friction is uncertain besides. Base parameters and friction count
-        as independent.
+        The intervals contain the uncertainty of the base parameters and of the law of friction.
+        Without a stated warmth, an axis may be anywhere between cold and as warm as steady motion
+        makes it; this contribution grows with the part of the range missing in the recordings of
+        the model. At speeds outside the recordings, friction has an additional uncertainty. Errors
+        of base parameters and friction are taken as independent.
 
         Parameters
         ----------
@@ -427,7 +427,7 @@ class Model(IdentifiedRobot):
         return np.stack([tau - half, tau + half], axis=-1)
 
     def summary(self) -> Outcome:
-        """Parameters with their uncertainty, residuals and what could not be used, as tables."""
+        """Return tables of parameters with uncertainties, residuals and unused measurements."""
         return summary(self)
 
     def __repr__(self) -> str:
@@ -446,7 +446,7 @@ def _refuse_unknown(parts: Collection[str]) -> None:
 
 
 def loaded(model: Model | Path | str, robot: Robot | None = None) -> Model:
-    """Return a model, by its file or the folder of its run; one of another `robot` is refused."""
+    """Load a model from a file or a run's folder; refuse a model of another `robot`."""
     found = model if isinstance(model, Model) else Model.load(model)
     if robot is not None:
         found.refuse_other_robot(robot, str(model))

@@ -1,10 +1,9 @@
-"""`model.yaml`: what the file of a model holds.
+"""`model.yaml`: content of the file of a model.
 
-The file says all that is needed to use the model and to judge it: the robot, parameters with
-expression, unit and uncertainty, their covariance, and where they come from. Files of earlier
-versions lack the robot, the degrees of freedom and the drives' part of the covariance: the robot is
-then that of the run folder in which the file lies, and the intervals that the file states give the
-degrees of freedom that explain them.
+The file contains everything for using and judging the model: the robot, parameters with expression,
+unit and uncertainty, their covariance, and their origin. Files of earlier versions lack the robot,
+the degrees of freedom and the drives' part of the covariance. The robot is then that of the run
+folder that contains the file, and the degrees of freedom are derived from the stated intervals.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ NAME = "model.yaml"
 
 
 class Parameter(FileModel):
-    """One base parameter; without standard error and interval it was not identified and is zero."""
+    """Base parameter; an unidentified parameter is zero, without standard error and interval."""
 
     name: str
     expression: str
@@ -58,7 +57,7 @@ class Parameter(FileModel):
 
     @property
     def degrees_of_freedom(self) -> float:
-        """Degrees of freedom with which the interval follows from the standard error."""
+        """Degrees of freedom, derived from the interval and the standard error."""
         if self.interval_95 is None:
             return MANY
         half = (self.interval_95[1] - self.interval_95[0]) / 2
@@ -66,7 +65,7 @@ class Parameter(FileModel):
 
 
 class LocalRecord(FileModel):
-    """One measurement by itself (`hil.estimation.local_values.LocalValue`); axes from 1."""
+    """Single measurement (`hil.estimation.local_values.LocalValue`); axes from 1."""
 
     id: str
     kind: str
@@ -82,7 +81,7 @@ class LocalRecord(FileModel):
 
     @classmethod
     def of(cls, local: LocalValue) -> LocalRecord:
-        """Return what the file holds of a measurement."""
+        """Create the record of a measurement."""
         error = float(local.standard_error)
         return cls(
             id=local.id, kind=local.kind, axis=local.axis + 1, partner=local.partner + 1,
@@ -99,7 +98,7 @@ class LocalRecord(FileModel):
 
 
 class ModelFile(FileModel):
-    """Content of `model.yaml`; keys that are not listed are fields of `IdentifiedRobot`.
+    """Content of `model.yaml`; keys not listed here are fields of `IdentifiedRobot`.
 
     Attributes
     ----------
@@ -162,7 +161,7 @@ class ModelFile(FileModel):
 
     @classmethod
     def of(cls, model: IdentifiedRobot) -> ModelFile:
-        """Return what the file of a model holds."""
+        """Create the file content of a model."""
         base = base_parameters(model.robot)
         group_of = {index: group for group, members in base.groups.items() for index in members}
         errors, intervals = model.standard_errors.tolist(), model.interval().tolist()
@@ -198,7 +197,7 @@ class ModelFile(FileModel):
         return cls(**_common(model) | own)
 
     def identified(self, path: Path) -> dict[str, Any]:
-        """Fields of `IdentifiedRobot` by name, of the model in the file at `path`.
+        """Return the fields of `IdentifiedRobot` by name, for the model in the file at `path`.
 
         Raises
         ------
@@ -251,14 +250,14 @@ class ModelFile(FileModel):
 
 @lru_cache(maxsize=1)
 def _parsed(text: str, path: str) -> ModelFile:
-    """Parse a model's file once for all who ask for one and the same: that takes half a second."""
+    """Parse a model's file, with a cache, since parsing takes half a second."""
     return parse_yaml(text, ModelFile, path)
 
 
 def read_model_file(path: Path, same: float = 1e-6) -> ModelFile:
-    """Read a model's file and refuse one that was cut off or edited, by its first problem.
+    """Read a model's file; refuse an incomplete or edited file by its first problem.
 
-    What belongs together in it must do so by the share `same`.
+    Redundant values in the file must agree within the share `same`.
 
     Raises
     ------
@@ -290,16 +289,16 @@ def read_model_file(path: Path, same: float = 1e-6) -> ModelFile:
 
 
 def file_of(path: Path) -> Path:
-    """Path of a model's file, by its own or by that of the folder it lies in."""
+    """Return the path of a model's file, given the file or its folder."""
     return path if path.suffix and not path.is_dir() else path / NAME
 
 
 class _OneLine(dict[str, Any]):
-    """A record that is written in one line."""
+    """Record written in a single line."""
 
 
 class _Dumper(Dumper):
-    """Writes texts of several lines as they are, and some records in one line."""
+    """YAML dumper with block style for multi-line texts, and single-line records."""
 
 
 def _written(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:

@@ -1,16 +1,16 @@
-"""Parameters that no robot has: a mass matrix that is not positive definite, negative inertias.
+"""Detection of physically impossible parameters: indefinite mass matrix, negative inertias.
 
 The kinetic energy u'M(q)u / 2 of bodies and rotors is positive for all velocities u at all
-positions q, that of the links alone, without rotors, is not negative. So is a base parameter
-w'phi, where each link's part of w is the inner product of its pseudo-inertia with a positive
-semidefinite matrix (the cone of pseudo-inertias is its own dual) and no added inertia has a
-negative factor: the inertia of an axis is one, a difference of two inertias is none. All are linear
-in the parameters, a'p + c, with standard error (a'Va)^1/2. There are no more than n_base of them
-that are independent, so each is tested at the level `SIGNIFICANT` / n_base.
+positions q. The energy of the links alone, without rotors, is not negative. The same holds for a
+base parameter w'phi if each link's part of w is the inner product of its pseudo-inertia with a
+positive semidefinite matrix (the cone of pseudo-inertias is its own dual) and no added inertia has
+a negative factor: the inertia of an axis is an example, a difference of two inertias is not. All
+these quantities are linear in the parameters, a'p + c, with standard error (a'Va)^1/2. At most
+n_base of them are independent, so each is tested at the level `SIGNIFICANT` / n_base.
 
-Looked at are base parameters by themselves, and the velocities in which M(q), at positions all over
-the ranges, is least: over the mean of each joint's own inertia, and over its standard error, which
-finds what is small and certain beside what is large.
+Tested are single base parameters, and the velocities that minimise M(q) at positions throughout the
+ranges. The minimum is taken relative to the mean of each joint's own inertia, and relative to its
+standard error, which detects small certain values beside large ones.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ if TYPE_CHECKING:
     from hil.results.identified_robot import IdentifiedRobot
 
 POSITIONS = 1000
-"""Positions at which M(q) is looked at. Of nine robots, links taken as rods, the least eigenvalue
-at so many is within 12 % of that at 30000."""
+"""Number of positions for testing M(q). For nine robots, with rods as links, the least eigenvalue
+at this number is within 12 % of that at 30000."""
 FEW = 50
-"""Positions at which standard errors of the joints' own inertias are looked at, for a unit."""
+"""Number of positions for the standard errors of the joints' own inertias, used as a unit."""
 WORST = 20
-"""Positions with the least eigenvalues, whose velocities are looked at; they are much alike."""
+"""Number of positions with the least eigenvalues tested further; their velocities are similar."""
 _ROUNDING = 1e-9
-"""Share of the greatest eigenvalue below which a negative one is rounding."""
+"""Share of the greatest eigenvalue below which a negative eigenvalue is rounding."""
 
 
 class Impossible(NamedTuple):
-    """A quantity that must be positive, as it was identified.
+    """Identified quantity that should be positive.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Impossible(NamedTuple):
     unit : str
         Empty where the quantity has several.
     certain : bool
-        Whether it is negative beyond its uncertainty.
+        True for a value negative beyond the uncertainty.
     """
 
     what: str
@@ -88,7 +88,7 @@ def impossible_links(model: IdentifiedRobot) -> Iterator[Impossible]:
 
 
 def _positions(model: IdentifiedRobot) -> Array:
-    """Positions all over the ranges; half a turn either way where these are unknown."""
+    """Return positions throughout the ranges; half a turn either way for unknown ranges."""
     robot = model.robot
     low, high = np.nan_to_num(robot.q_min, nan=-np.pi), np.nan_to_num(robot.q_max, nan=np.pi)
     found: Array = low + (high - low) * halton(POSITIONS, robot.n_joints)
@@ -132,7 +132,7 @@ def _energy(model: IdentifiedRobot, q: Array, rotors: Array, what: str) -> Itera
 
 
 def energy_row(model: IdentifiedRobot, q: Array, u: Array) -> Array:
-    """u'M(q)u per unit of each base parameter, shape (n, n_base), of rows of q and u."""
+    """Return u'M(q)u per unit of each base parameter, shape (n, n_base), for rows of q and u."""
     still = np.zeros_like(q)
     A = regressor(model.robot, q, still, u) - regressor(model.robot, q, still, still)
     return np.asarray(np.einsum("nj,njk->nk", u, A))
@@ -143,7 +143,7 @@ def _variance(model: IdentifiedRobot, rows: Array) -> Array:
 
 
 def _certain(model: IdentifiedRobot, row: Array, value: float) -> bool:
-    """Whether a combination of the parameters is negative beyond its uncertainty."""
+    """Return True if a combination of the parameters is negative beyond its uncertainty."""
     V, D = model.scatter_covariance, model.drive_covariance
     scatter, stated = (np.array([max(float(row @ each @ row), 0.0)]) for each in (V, D))
     degrees = combined_degrees(row[np.newaxis], np.diag(V), model.degrees_of_freedom)
@@ -152,7 +152,7 @@ def _certain(model: IdentifiedRobot, row: Array, value: float) -> bool:
 
 
 def _not_negative(model: IdentifiedRobot, row: Array) -> bool:
-    """Whether a combination of standard parameters is negative of no robot."""
+    """Return True if a combination of standard parameters is non-negative for every robot."""
     robot = model.robot
     n = 10 * robot.n_joints
     inertial = added_inertias(robot).any(axis=(1, 2))

@@ -1,14 +1,13 @@
-"""What a model says of the torques of a recording, beside what was recorded.
+"""Predicted and recorded torques of a recording.
 
-The prediction is the model's own, its law of friction included: whoever feeds torques forward has
-no other.
+The prediction uses the model alone, including its law of friction, as torque feed-forward does.
 
-Methods for strokes and trajectories fit friction anew in every measurement. Of their models the
-rigid bodies are judged beside that: friction is fitted in the recording itself, motion by motion
-and period by period, by the terms that the methods use (`hil.friction.equation`). Where such a
-model states no friction of an axis, this is all that can be judged of it.
+Methods for strokes and trajectories fit friction anew in every measurement. For their models the
+rigid bodies are judged in addition: friction is fitted in the recording itself, motion by motion
+and period by period, by the terms of the methods (`hil.friction.equation`). For axes without a
+friction law this is the only possible judgement.
 
-A model from free motions was found with its law of friction. Then nothing is fitted
+A model from free motions was identified together with its law of friction. Then nothing is fitted
 (`hil.results.recorded_torque`).
 """
 
@@ -52,7 +51,7 @@ def predicted_torques(
     recorded: Iterable[tuple[RecordedMotion, Recording]],
     past: History | None = None,
 ) -> Iterator[PredictedTorque]:
-    """Predict all recordings, one after the other; what is of no use is passed over.
+    """Predict the torques of all recordings in sequence, skipping unusable recordings.
 
     Parameters
     ----------
@@ -78,10 +77,10 @@ def predicted_torques(
                 yield from _fitted(model, motion, recording, past)
 
 
-def _as_recorded(
+def _predict_recorded(
     model: Model, motion: ParameterMotion, recording: Recording
 ) -> Iterator[PredictedTorque]:
-    """Torques of all axes by a law of friction that was found with the parameters."""
+    """Return the torques of all axes by the friction law identified with the parameters."""
     found = predict_recording(model, recording, motion.id)
     return map(found.of_axis, found.axes)
 
@@ -89,12 +88,12 @@ def _as_recorded(
 def _fitted(
     model: Model, motion: ParameterMotion, recording: Recording, past: History | None
 ) -> Iterator[PredictedTorque]:
-    """Torques by motions or periods, with friction fitted in each beside the model's own."""
+    """Yield torques by motions or periods, with the model's friction and with fitted friction."""
     s = signals(recording)
     law = _law_along(model, s, past)
     for stretch in stack(model.robot, motion, s):
         for axis in stretch:
-            yield _of_axis(model, motion.id, axis, s, law)
+            yield _predict_axis(model, motion.id, axis, s, law)
 
 
 def _law_along(model: Model, s: Signals, past: History | None) -> tuple[Array, Array]:
@@ -109,7 +108,7 @@ def _law_along(model: Model, s: Signals, past: History | None) -> tuple[Array, A
 def _of_axis(
     model: Model, name: str, each: Stacked, s: Signals, law: tuple[Array, Array]
 ) -> PredictedTorque:
-    """The rigid bodies' torque, with the model's friction and with that which fits what is left."""
+    """Return an axis's torque: rigid bodies with the model's friction, and with fitted friction."""
     A, y = each.X[:, : each.n_base], each.torques[:, 0]
     common = each.X[:, [each.n_base + k for k in ASYMMETRIC]]
     rigid = A @ model.values

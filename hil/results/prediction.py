@@ -1,10 +1,11 @@
-"""What uncertain parameters mean in torques: how well the model predicts a motion it never saw.
+"""Uncertainty of parameters in terms of torques: accuracy of the model on an unseen motion.
 
-A parameter's standard error says little by itself: 0.01 kg m^2 is nothing at the first axis and
-much at the last. Carried through the regressor to a free motion of the robot, tau = A p with the
-covariance A C A', all errors become comparable. The motion is unlike any measurement: a finite
-Fourier series for each joint, with seeded coefficients, scaled until position, velocity and
-acceleration all stay within a share of the robot's limits. It is calculated with, never driven.
+A parameter's standard error says little without context: 0.01 kg m^2 is nothing at the first axis
+and much at the last. The regressor of a free motion of the robot, tau = A p, converts the
+covariance to A C A', which makes all errors comparable. The motion is unlike any measurement: a
+finite Fourier series for each joint, with seeded coefficients, scaled until position, velocity and
+acceleration stay within a share of the robot's limits. The motion is used for calculations only,
+never driven.
 """
 
 from __future__ import annotations
@@ -35,9 +36,9 @@ def free_motion(
     period: float = 10.0,
     samples: int = 2000,
 ) -> tuple[Array, Array, Array]:
-    """One period of a random motion within the limits of `robot`; the same seed, the same motion.
+    """Return one period of a random motion within the limits of `robot`, determined by the seed.
 
-    Joints are scaled one by one, so each of them is as fast as the tightest of its limits allows.
+    Joints are scaled separately, so each is as fast as the tightest of its limits allows.
 
     Parameters
     ----------
@@ -77,7 +78,7 @@ def free_motion(
 
 
 class FreeTorques:
-    """Rigid-body torques on a free motion by what they are linear in, as root mean squares.
+    """Rigid-body torques on a free motion as linear functions, by root mean squares.
 
     `speed` counts where the robot's limits are unknown (`free_motion`).
     """
@@ -86,30 +87,30 @@ class FreeTorques:
         self._A = regressor(robot, *free_motion(robot, speed=speed))
 
     def rms(self, p: Array) -> Array:
-        """Of base parameters or a change of them, shape (n_joints,) [N m]."""
+        """Return the torque of base parameters or of a change, shape (n_joints,) [N m]."""
         torques: Array = np.sqrt(np.mean((self._A @ p) ** 2, axis=0))
         return torques
 
     def of_each(self, p: Array) -> Array:
-        """Of each base parameter by itself, shape (n_joints, n_base) [N m]."""
+        """Return the torque of each base parameter alone, shape (n_joints, n_base) [N m]."""
         torques: Array = np.sqrt(np.mean(self._A**2, axis=0)) * p
         return torques
 
     def standard_error(self, covariance: Array) -> Array:
-        """From the covariance of base parameters, shape (n_joints,) [N m]."""
+        """Return the standard error by a covariance of base parameters, (n_joints,) [N m]."""
         variance = np.einsum("njk,kl,njl->j", self._A, covariance, self._A, optimize=True)
         torques: Array = np.sqrt(np.maximum(variance, 0.0) / len(self._A))
         return torques
 
     def relative(self, part: Array, p: Array) -> Array:
-        """Over the torques of base parameters, shape (..., n_joints); 0 where there is none."""
+        """Return a torque over that of base parameters, shape (..., n_joints); 0 without torque."""
         torque = self.rms(p)
         share: Array = np.where(torque > 0, part / np.where(torque > 0, torque, 1.0), 0.0)
         return share
 
 
 def effect_of_errors(estimate: Estimate, robot: Robot) -> Array:
-    """Torque that a standard error of each base parameter makes, over that of the rigid bodies.
+    """Return the torque of a standard error of each base parameter, over that of the rigid bodies.
 
     Shape (n_joints, n_base), as root mean squares on a free motion; 0 for an axis without torque.
     """
@@ -135,10 +136,9 @@ def uncertainty(model: IdentifiedRobot, more: Array | float = 0.0) -> Array | No
 
 
 def free_torques(model: IdentifiedRobot) -> FreeTorques | None:
-    """Torques on a free motion of a model's robot; None where nothing is known of speeds.
+    """Return the torques of a model's robot on a free motion; None if no speeds are known.
 
-    Where limits are unknown it is as fast as the recordings were, and as its period has it
-    accelerate.
+    Without limits, speeds are those of the recordings, and accelerations follow from the period.
     """
     fit = model.details
     speed = [law.speed for law in fit.axes] if isinstance(fit, FreeMotionFit) else None

@@ -1,4 +1,4 @@
-"""What recordings of one robot say, as one regression that can be asked and changed.
+"""Regression of the recordings of a robot, for notebooks.
 
 ::
 
@@ -10,8 +10,8 @@
     fit = hil.regression(bare, loaded=[with_load], mass=None).fit()
     fit.params["mass"], fit.conf_int()["centre x"]
 
-Runs may be of any kind, measured here or imported, in any mixture; which recipe they call for is
-`RegressionProblem.method`.
+Runs may be of any kind, measured here or imported, in any mixture; `RegressionProblem.method` is
+the recipe chosen for them.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class RegressionProblem:
-    """Recordings of one robot, and what is asked of them.
+    """Recordings of a robot with the options of their evaluation.
 
     Attributes
     ----------
     runs : tuple of Run
     options : Options
     recipe : str, optional
-        One of `hil.estimation.identify.METHODS`; by default the one that the recordings call for.
+        One of `hil.estimation.identify.METHODS`; by default chosen by the kind of the recordings.
     """
 
     runs: tuple[Run, ...]
@@ -58,7 +58,7 @@ class RegressionProblem:
         return self.recipe or method_for(self.runs[0], self.runs[1:])[0]
 
     def fit(self) -> ModelFit:
-        """Find everything together.
+        """Fit all unknowns together.
 
         Raises
         ------
@@ -94,12 +94,12 @@ def regression(
     gains: bool = False,
     prior: Prior | None = None,
 ) -> RegressionProblem | LoadProblem:
-    """State what is asked of runs of one robot.
+    """Create a regression problem from runs of a robot.
 
     Parameters
     ----------
     *runs : Run
-        Of any kind: campaigns, trajectories, strokes of one axis, imports.
+        Runs of any kind: campaigns, trajectories, strokes of one axis, imports.
     friction : str
         ``auto``, or the name of a law for imports.
     nuisance : sequence of str, or one of these
@@ -112,11 +112,11 @@ def regression(
     method : str, optional
         Recipe, as of ``hil identify --method``; by default the one that the recordings call for.
     loaded : sequence of Run
-        Of any kind, with a load at the last link that is found beside the robot.
+        Runs of any kind with a load at the last link, identified with the robot.
     mass : float, optional
-        Of the load, if it is known [kg]: it is held.
+        Known mass of the load [kg], held in the fit.
     gains : bool
-        Whether the gains of all axes are found by the mass.
+        True to identify the gains of all axes by the mass.
     prior : Prior, optional
         Bodies of the links as CAD or a URDF states them, for what the runs do not excite
         (`hil.estimation.prior`).

@@ -1,4 +1,4 @@
-"""Where a result comes from: of which run, in which state, so that a stale one is noticed."""
+"""Origin of a result: the run with its state, for detecting outdated results."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 class Provenance(FileModel):
-    """Where a model comes from.
+    """Origin of a model.
 
-    `together_with` names further runs that it was made from, `without` measurements that whoever
-    identified it left out, `drives` what each axis's drive said it is, in the last session; empty
-    where that was not recorded, `warnings` what imports doubt. `simulated` is whether any of the
-    runs was measured on the virtual plant, `recordings` a digest of each recording (`digests`);
-    None and empty in files of earlier versions.
+    `together_with` names further runs of the model, `without` measurements left out by the user,
+    `drives` the identity of each axis's drive in the last session (empty if not recorded), and
+    `warnings` doubts about imports. `simulated` states if any of the runs was measured on the
+    virtual plant. `recordings` is a digest of each recording (`digests`). Both are None and empty
+    in files of earlier versions.
     """
 
     robot: str
@@ -50,20 +50,20 @@ class Provenance(FileModel):
     recordings: tuple[str, ...] = ()
 
     @property
-    def of_virtual_plant(self) -> bool:
-        """Whether any of what the model was made from was measured on the virtual plant."""
+    def any_simulated(self) -> bool:
+        """True if any recording of the model was measured on the virtual plant."""
         return was_simulated(self.simulated, self.bus)
 
 
 class RunStamp(FileModel):
-    """A run as it was when a result was made of it.
+    """State of a run at the time of a result.
 
     Attributes
     ----------
     folder : str
-        Path, from the folder that holds the result.
+        Path relative to the folder of the result.
     measured : str
-        When its last session began.
+        Start of the last session.
     robot_digest, plan_digest : str
     recordings : str
         Digest of all recordings, byte by byte.
@@ -77,7 +77,7 @@ class RunStamp(FileModel):
 
     @classmethod
     def of(cls, folder: Run, holder: Path | None = None) -> RunStamp:
-        """Stamp of a run as it is now; `holder`: the folder of the result, if another."""
+        """Return the present state of a run; `holder`: the folder of the result, if another."""
         sessions = folder.journal.sessions
         return cls(
             folder=os.path.relpath(folder.path, holder or folder.path),
@@ -88,7 +88,7 @@ class RunStamp(FileModel):
         )
 
     def change(self, folder: Run) -> str:
-        """Return what of the run is no longer as it was; empty if all is."""
+        """Return the first difference of the run from the recorded state; empty for none."""
         now = RunStamp.of(folder)
         for name, then, is_now in (
             ("robot file", self.robot_digest, now.robot_digest),
@@ -100,7 +100,7 @@ class RunStamp(FileModel):
         return ""
 
     def change_beside(self, holder: Run) -> str:
-        """Return the same of another run than the one that holds the result; gone is no change."""
+        """Return the change of a run outside the result's folder; empty for a missing run."""
         path = holder.path / self.folder
         return self.change(Run.open(path)) if path.exists() else ""
 
@@ -114,7 +114,7 @@ def _recordings(folder: Run) -> str:
 
 
 def digests(folder: Run, length: int = 16) -> tuple[str, ...]:
-    """Digest of each recording that is not left out, byte by byte: the same of a copy.
+    """Return digests of all recordings in use, byte by byte; copies have the same digests.
 
     16 characters are 64 bits, by chance the same in 1 of 2e19.
     """
@@ -125,10 +125,10 @@ def digests(folder: Run, length: int = 16) -> tuple[str, ...]:
 
 
 def recordings_in_common(made: Provenance, run: Run) -> int:
-    """How many recordings of a run a model was made from.
+    """Return the number of recordings of a run used by a model.
 
-    Of a model of an earlier version, which holds no digests, all or none: by the run's plan and the
-    time at which it was measured.
+    Models of earlier versions contain no digests. Then the number is all or none, judged by the
+    run's plan and the time of measurement.
     """
     own = digests(run)
     if made.recordings:
@@ -139,12 +139,12 @@ def recordings_in_common(made: Provenance, run: Run) -> int:
 
 
 def same_recordings(one: Run, other: Run) -> bool:
-    """Whether two folders hold the same recordings, byte by byte."""
+    """Return True if two folders contain the same recordings, byte by byte."""
     return one.path.resolve() == other.path.resolve() or _recordings(one) == _recordings(other)
 
 
 def same_parameters(then: Sequence[float], now: Array, same: float = 1e-6) -> str:
-    """Return how a result stood beside another estimate than today's; empty if it did not.
+    """Return a remark if the parameters of a result differ from the present estimate, else "".
 
     Recordings may be the same and the program another; `same` is a share of the parameters.
     """
@@ -155,7 +155,7 @@ def same_parameters(then: Sequence[float], now: Array, same: float = 1e-6) -> st
 
 @contextmanager
 def named(run: Run) -> Iterator[None]:
-    """Put the run's path before the message of an error about its measurements."""
+    """Add the run's path to the messages of errors about its measurements."""
     try:
         yield
     except (NotEnoughData, NotIdentifiable, NoLoad) as error:

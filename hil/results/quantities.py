@@ -1,14 +1,14 @@
-"""What of a model can be followed over months: base parameters, levels of friction, offsets.
+"""Quantities of a model for comparison over months: base parameters, friction levels, offsets.
 
-A quantity is compared between models of one robot. Errors that all of them share (torque constants
-and rotor inertias, as uncertain as the robot file states) do not count: they are the same in every
-run and leave no difference. Friction is read from the model's law, at no load and at stated speeds:
-its level is what changes its sign with the direction,
+A quantity is compared between models of a robot. Common errors of all models (torque constants and
+rotor inertias, as uncertain as the robot file states) do not count, since they are equal in every
+run and leave no difference. Friction is read from the model's law, at no load and at stated speeds.
+Its level is the part that changes its sign with the direction,
 
-    F(v) = (f(v) - f(-v)) / 2,
+F(v) = (f(v) - f(-v)) / 2,
 
-so that the law may be another in each model. By how much temperature alone moved the level within
-a campaign, the law's wander, is its allowance.
+so that models may have different laws. The allowance is the change of the level by temperature
+within a campaign, the wander of the law.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
 Kind = Literal["gravity parameter", "inertia parameter", "friction level", "offset"]
 SHARES = (0.1, 0.7)
-"""Where in the range of speeds that all models know levels are stated."""
+"""Positions of the reference speeds in the range of speeds known to all models, as shares."""
 ASSUMED = (0.1, 0.8)
-"""Range of speeds of a law that states none, as shares of its speed."""
+"""Assumed range of speeds for a law without a stated range, as shares of its speed."""
 
 
 class Quantity(NamedTuple):
-    """Something that every model of a robot may know.
+    """Quantity in the models of a robot.
 
     Attributes
     ----------
@@ -65,12 +65,12 @@ class Quantity(NamedTuple):
 
     @property
     def title(self) -> str:
-        """What it is, with the name of a parameter: ``gravity of axis 2 (p5)``."""
+        """Meaning, with the name of a parameter: ``gravity of axis 2 (p5)``."""
         return f"{self.meaning} ({self.name})" if self.meaning else self.name
 
 
 class Reading(NamedTuple):
-    """Value of a quantity in one model.
+    """Value of a quantity in a model.
 
     Attributes
     ----------
@@ -92,12 +92,12 @@ class Reading(NamedTuple):
 
     @property
     def half_width(self) -> float:
-        """Of the interval of 95 %, without the allowance."""
+        """Half-width of the 95 % interval, without the allowance."""
         return float(special.stdtrit(self.degrees, 0.975)) * self.standard_error
 
 
 def quantities(models: Sequence[IdentifiedRobot]) -> tuple[Quantity, ...]:
-    """All that models of one robot can be compared by, parameters first."""
+    """Return the quantities common to models of a robot, parameters first."""
     return (*_parameters(models[0]), *_friction(models))
 
 
@@ -107,7 +107,7 @@ def reading(
     least_wander: float = 0.0,
     unknown_wander: float = 0.05,
 ) -> Reading | None:
-    """Value of a quantity in a model; None where the model does not know it.
+    """Return the value of a quantity in a model; None if unknown.
 
     Parameters
     ----------
@@ -166,7 +166,8 @@ def _friction(models: Sequence[IdentifiedRobot]) -> Iterator[Quantity]:
 def friction_quantities(robot: Robot, shares: Sequence[float]) -> Iterator[Quantity]:
     """Yield friction levels at shares of each joint's velocity limit, and offsets.
 
-    The same in every run of a robot, whatever its laws; offsets alone without a velocity limit.
+    They are the same in every run of a robot, whatever its laws; offsets alone without a velocity
+    limit.
     """
     for axis in range(robot.n_joints):
         limit, unit = float(robot.velocity_limit[axis]), robot.torque_unit(axis)
@@ -178,7 +179,7 @@ def friction_quantities(robot: Robot, shares: Sequence[float]) -> Iterator[Quant
 
 
 def _speeds(laws: Sequence[AxisLaw]) -> Iterator[float]:
-    """Speeds inside the range that all laws know, with two digits; none where there is no such."""
+    """Return speeds inside the common range of laws, with two digits; none without such a range."""
     ranges = [law.speeds or tuple(share * law.speed for share in ASSUMED) for law in laws]
     slowest = max((low for low, _ in ranges), default=0.0)
     fastest = min((high for _, high in ranges), default=0.0)
@@ -188,7 +189,7 @@ def _speeds(laws: Sequence[AxisLaw]) -> Iterator[float]:
 
 
 def _degrees(model: IdentifiedRobot, law: AxisLaw, fewest: float = 2.0) -> float:
-    """Degrees of freedom of a law: of its measurements, or of the parameters found with it.
+    """Return the degrees of freedom of a law, by measurements or by base parameters.
 
     The fewest are those of a law that states neither.
     """

@@ -1,8 +1,8 @@
-"""What a model says of a recording, beside what was measured: its parts, and their sum.
+"""Predicted torque of a recording and its parts, for comparison with the measured torque.
 
-Both sides pass the low-pass with which the model was identified, so that they can be compared. An
-interval holds the uncertainty of the base parameters and of the law of friction, with its wandering
-over the recordings, and what the model left of the recordings it was made from.
+Both sides pass the low-pass of the identification, which makes them comparable. An interval
+contains the uncertainty of the base parameters and of the law of friction, with its wandering over
+the recordings, and the residual of the identification.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ if TYPE_CHECKING:
 
 
 OF_SAMPLES = ("qd", "measured", "predicted", "standard_error", "parameter_error", "stated")
-"""What a `PredictedTorque` has of each sample, whether friction was fitted or not."""
+"""Attributes of a `PredictedTorque` with a value per sample, with or without fitted friction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictedTorque:
-    """Torque of a stretch of a recording, measured and predicted: of one axis, or of all.
+    """Measured and predicted torque of a stretch of a recording, of a single axis or of all.
 
     Arrays of one axis have shape (n,), of all axes (n, n_joints); samples that can be used.
 
@@ -100,20 +100,20 @@ class PredictedTorque:
 
     @property
     def axis(self) -> int:
-        """Index of the one axis that it is of."""
+        """Index of the single axis."""
         (axis,) = self.axes
         return axis
 
     def of_axis(self, axis: int) -> PredictedTorque:
-        """Return what all axes have of one of them, where nothing was fitted."""
+        """Return the torque of a single axis, for a prediction without fitted friction."""
         own = {name: getattr(self, name)[:, axis] for name in OF_SAMPLES}
         shown = None if self.information is None else self.information[axis]
         return replace(self, axes=(axis,), information=shown, **own)
 
     def part(self, begin: float, end: float, most: int) -> PredictedTorque:
-        """Samples from `begin` to `end` [s], where nothing was fitted.
+        """Return the samples from `begin` to `end` [s], for a prediction without fitted friction.
 
-        About `most`, and beside them the extremes of torque and residual.
+        About `most` samples are kept, with the extremes of torque and residual.
         """
         kept = np.flatnonzero((begin <= self.time) & (self.time <= end))
         drawn = np.column_stack([self.measured, np.nan_to_num(self.residual)])[kept]
@@ -122,12 +122,12 @@ class PredictedTorque:
 
     @property
     def residual(self) -> Array:
-        """Measured less predicted, shape of both."""
+        """Measured less predicted torque, shape of both."""
         return self.measured - self.predicted
 
     @property
     def half(self) -> Array:
-        """Half-widths of the intervals of 95 %, shape of `predicted` [N m or N]."""
+        """Half-widths of the 95 % intervals, shape of `predicted` [N m or N]."""
         return TWICE * self.standard_error
 
     @property
@@ -137,12 +137,12 @@ class PredictedTorque:
 
     @property
     def overall(self) -> float:
-        """The same of all axes together."""
+        """Root mean square of the residual over that of the torque, for all axes together."""
         total = max(float(np.linalg.norm(self.measured)), 1e-300)
         return float(np.linalg.norm(self.residual)) / total
 
     def interval(self, level: float = 0.95) -> Array:
-        """Intervals of the torque, shape (..., 2): lower and upper ends."""
+        """Return intervals of the torque, shape (..., 2): lower and upper ends."""
         half = special.ndtri(0.5 + level / 2) * self.standard_error
         return np.stack([self.predicted - half, self.predicted + half], axis=-1)
 
@@ -153,7 +153,7 @@ class PredictedTorque:
 
 
 class Along(NamedTuple):
-    """A recording as a model takes it: torque at n samples that can be used, motion at all m.
+    """Recording in the model's form: torque at n usable samples, motion at all m samples.
 
     `used` and `passed` bring columns from shape (m, ...) to (n, ...), as they are or after the
     low-pass; friction acts in `directions`, by default in that of each axis's velocity; gears that
@@ -200,7 +200,7 @@ def along(model: Model, recording: Recording) -> Along:
 
 
 def _thinned(recording: Recording) -> Along:
-    """A recording for a model from strokes: smoothed, in samples that this leaves different."""
+    """Return a recording for a model from strokes: smoothed, and thinned to the filter's band."""
     s = signals(recording)
     kept = np.flatnonzero(s.valid)[:: max(1, round(APART / s.period))]
     columns = smooth_at(kept, np.hstack([s.q, s.qd, s.qdd, s.tau]), s.period)
@@ -209,7 +209,7 @@ def _thinned(recording: Recording) -> Along:
 
 
 def with_extremes(x: Array, every: int) -> NDArray[np.intp]:
-    """Choose one row of `every`, and those with the extremes of each column in 8 times as many."""
+    """Choose a row in `every` rows, and each column's extremes in blocks of 8 `every` rows."""
     rows, every = np.arange(len(x)), max(every, 1)
     if every == 1 or not len(x):
         return rows
@@ -230,7 +230,7 @@ def _of_soft_gears(model: Model, compliance: dict[int, TermValue], motion: Motio
 
 
 def predict_recording(model: Model, recording: Recording, name: str = "") -> PredictedTorque:
-    """Predict the torques of all axes of a recording from its positions.
+    """Predict the torques of a recording from the recorded positions.
 
     Parameters
     ----------
@@ -254,11 +254,11 @@ def predict_recording(model: Model, recording: Recording, name: str = "") -> Pre
 def predict_whole(
     model: Model, recording: Recording, name: str = "", axes: Sequence[int] | None = None
 ) -> PredictedTorque:
-    """Predict as `predict_recording`, by a model of any method, the whole recording.
+    """Predict a whole recording as `predict_recording`, by a model of any method.
 
-    Of a model from strokes that is with the friction that it states, none where it states none; and
-    near reversals, where friction is no function of velocity, no more than a law says there.
-    Rigid bodies, friction, errors and information are of `axes` (by default all), 0 of others.
+    For a model from strokes the prediction includes the model's friction, if known. Near reversals,
+    where friction is no function of velocity, its accuracy is that of the law. Rigid bodies,
+    friction, errors and information are of `axes` (by default all), 0 for other axes.
     """
     free = isinstance(model.details, FreeMotionFit)
     axes = range(model.robot.n_joints) if axes is None or free else axes
@@ -285,7 +285,7 @@ def predict_whole(
 
 
 def _information(model: Model, motion: Along, axes: Sequence[int], A: Array) -> Array:
-    """See `PredictedTorque`; the scatter that the fit left counts as that of one second."""
+    """Return the information of `PredictedTorque`, with independent residuals every second."""
     A, qd = motion.used(A), motion.used(motion.qd)
     apart = np.ptp(motion.time) / len(qd) if len(qd) else 0.0
     noise = np.where(model.residual > 0, model.residual, 1.0)
@@ -299,7 +299,7 @@ def _information(model: Model, motion: Along, axes: Sequence[int], A: Array) -> 
 
 
 def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
-    """Torque of a recording by its parts; see `ModelFit.torque_parts`."""
+    """Return the torque of a recording by parts; see `ModelFit.torque_parts`."""
     robot, p = model.robot, model.values
     motion = along(model, recording)
     q, qd, qdd, still = motion.q, motion.qd, motion.qdd, np.zeros_like(motion.q)
@@ -342,7 +342,7 @@ def _parameter_error(model: Model, motion: Along, A: Array, axes: Sequence[int])
 
 
 def in_si(model: Model, motion: RecordedMotion, recording: Recording) -> Recording:
-    """Return a recording with torques in SI, where their gain is one that the model found.
+    """Return a recording with torques in SI, with unknown gains taken from the model.
 
     Raises
     ------
@@ -365,7 +365,7 @@ def in_si(model: Model, motion: RecordedMotion, recording: Recording) -> Recordi
 
 
 def processing_of(model: Model) -> Processing:
-    """How a model's recordings became signals.
+    """Return the signal processing of a model's recordings.
 
     Raises
     ------

@@ -1,29 +1,29 @@
-"""Residual of a model over one fixed band: the same for all methods, robots and recordings.
+"""Residual of a model over a fixed band, common to all methods, robots and recordings.
 
-Every method filters recordings in its own way, and the narrower the band, the less of a residual
-passes. What is stated and judged is therefore computed apart from all methods, as any user can:
-positions and torques pass a low-pass at `BAND`, the Butterworth filter of order 4 forth and back,
-positions are differentiated, and the residual is
+Every method filters recordings differently, and a narrower band passes less of a residual. The
+stated residual is therefore computed independently of the methods, in a way that any user can
+repeat. Positions and torques pass a low-pass at `BAND`, a Butterworth filter of order 4 applied
+forth and back. Positions are differentiated, and the residual is
 
-    e = tau - model.predict(q, qd, qdd),
+e = tau - model.predict(q, qd, qdd),
 
-as root mean squares over those of the torque. The unfiltered residual is that of the torque as it
-was recorded, with all its noise and vibration, from the same prediction.
+as root mean square relative to that of the torque. The unfiltered residual uses the same prediction
+with the torque as recorded, with all its noise and vibration.
 
-Friction jumps at a reversal. The low-pass rounds that jump off in the torque and not in the
-prediction, which leaves a residual however right the model is: up to 20 % of the torque of an axis
-that carries little but friction and reverses every second. So a model is judged by the smoothed
-residual, of which both sides have passed the low-pass,
+Friction jumps at a reversal. The low-pass smooths that jump in the torque and not in the
+prediction, which leaves a residual even for a correct model: up to 20 % of the torque of an axis
+with little but friction and a reversal every second. Therefore a model is judged by the smoothed
+residual, with both sides filtered,
 
-    e = LP tau - LP model.predict(q, qd, qdd),
+e = LP tau - LP model.predict(q, qd, qdd),
 
 with positions up to twice the band, so that the second pass changes accelerations like the torque.
-What holds an axis at rest is no function of the motion, so that samples about a rest are left out
-there: an axis rests that is slower than the share `SLOW` of its speed limit for a period of the
-band.
+The torque of an axis at rest is no function of the motion, so samples near a rest are left out
+there. An axis is at rest if it is slower than the share `SLOW` of its speed limit for a period of
+the band.
 
-Of each axis count the recordings in which the axis moves; of strokes and trajectories that were
-measured here, the samples under way. A gap ends a motion.
+For each axis the recordings with motion of the axis count; for strokes and trajectories measured
+here, the samples under way. A gap ends a motion.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from hil.results.judgement import Reservation
 
 BAND = 8.0
-"""Cut-off of the low-pass of positions and torques [Hz]: a convention. Industrial arms accelerate
-within less, and bend above some 10 Hz."""
+"""Cut-off of the low-pass of positions and torques [Hz], a convention. Industrial arms accelerate
+within a narrower band, and bend above some 10 Hz."""
 
 
 class BandResidual(FileModel):
@@ -77,34 +77,34 @@ class BandResidual(FileModel):
 
     @property
     def relative_smoothed(self) -> Array:
-        """Smoothed residual over the torque, away from rest; shape as of `relative`."""
+        """Smoothed residual over the torque, away from rest; shape as in `relative`."""
         return _ratio(self.smoothed, self.moving)
 
     @property
     def relative_unfiltered(self) -> Array:
-        """Residual of the torque as it was recorded over that torque; shape as of `relative`."""
+        """Unfiltered residual over the recorded torque; shape as in `relative`."""
         return _ratio(self.unfiltered, self.recorded)
 
     @property
     def overall(self) -> float:
-        """Residual of all axes together over their torque, up to `band`."""
+        """Residual up to `band` over the torque, for all axes together."""
         return _together(self.left, self.torque)
 
     @property
     def overall_unfiltered(self) -> float:
-        """Residual of all axes together over their torque, unfiltered."""
+        """Unfiltered residual over the torque, for all axes together."""
         return _together(self.unfiltered, self.recorded)
 
     def loaded(self, limit: Array) -> Mask:
-        """Axes that carry load, shape (n_joints,).
+        """Return a mask of axes with significant load, shape (n_joints,).
 
-        Those whose torque is more than the share `NOTABLE` of its limit or, where that is unknown,
-        of the greatest torque of all axes.
+        The torque of such an axis exceeds the share `NOTABLE` of its limit, or of the greatest
+        torque of all axes if the limit is unknown.
 
         Parameters
         ----------
         limit : ndarray, shape (n_joints,)
-            Of torques [N m or N]; NaN where unknown.
+            Torque limits [N m or N]; NaN if unknown.
         """
         torque = _array(self.torque)
         least = NOTABLE * np.where(np.isfinite(limit), limit, np.nanmax(torque))
@@ -121,15 +121,15 @@ class BandResidual(FileModel):
 
 
 def unexplained(found: BandResidual | None, limit: Array, accuracy: float) -> Iterator[Reservation]:
-    """Return a doubt for each axis that carries load and of which too much remains, worst first.
+    """Return a doubt for each loaded axis with a large residual, the worst first.
 
     Parameters
     ----------
     found : BandResidual or None
     limit : ndarray, shape (n_joints,)
-        Of torques [N m or N]; NaN where unknown.
+        Torque limits [N m or N]; NaN if unknown.
     accuracy : float
-        Smoothed residual over the torque that may remain.
+        Tolerated smoothed residual over the torque.
     """
     if found is None:
         return

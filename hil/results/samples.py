@@ -1,4 +1,4 @@
-"""Positions, velocities, accelerations and warmth of gears as a user gives them, in one shape."""
+"""Conversion of a user's positions, velocities, accelerations and warmth to a common shape."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def samples(n_joints: int, **given: ArrayLike) -> tuple[Array, ...]:
-    """Bring arrays to the one shape that all of them broadcast to.
+    """Check arrays and broadcast to a common shape.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def known_warmth(model: IdentifiedRobot) -> tuple[Warmth | None, ...]:
 
 
 def warmth_of(model: IdentifiedRobot, warmth: ArrayLike | None, q: Array) -> Array | None:
-    """Stated warmth in the shape of `q`; None where none is stated.
+    """Return the stated warmth in the shape of `q`; None if not stated.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def warmth_of(model: IdentifiedRobot, warmth: ArrayLike | None, q: Array) -> Arr
 
 
 def warmth_along(model: IdentifiedRobot, time: ArrayLike, qd: ArrayLike, start: ArrayLike) -> Array:
-    """Warmth along a motion; see `hil.results.model.Model.warmth`."""
+    """Return the warmth along a motion; see `hil.results.model.Model.warmth`."""
     (speed,) = samples(model.robot.n_joints, qd=qd)
     speed, t = np.atleast_2d(speed), np.asarray(time, dtype=np.float64)
     if t.shape != speed.shape[:1] or not (np.diff(t) > 0).all() or not np.isfinite(t).all():

@@ -1,9 +1,8 @@
-"""How well a model predicts another recording, axis by axis, and what that is worth.
+"""Validation of a model on another recording, axis by axis, with a judgement.
 
-The test that works on a real machine, where no truth is known: a motion that the model was not
-made from. Its scores are compared with the naive prediction, the axis's mean torque, which needs no
-model at all, and with the intervals that the model states. Each rule looks at the axis that is
-worst by it.
+This test works on a real machine, without known truth: the motion was not used for the model. The
+scores are compared with the naive prediction, the axis's mean torque, which needs no model, and
+with the intervals of the model. Each rule checks the worst axis by its own criterion.
 """
 
 from __future__ import annotations
@@ -59,13 +58,14 @@ if TYPE_CHECKING:
     Scores = Sequence["AxisScore"]
 
 OUTSIDE = 2.0 * special.ndtr(-TWICE)
-"""Share of samples outside right intervals of 95 %; an axis is scored where that is one sample."""
+"""Share of samples outside correct 95 % intervals; an axis needs samples for at least one
+outside."""
 SURE = special.ndtri(1.0 - SIGNIFICANT / 2.0)
-"""Standard errors that a gain must differ by."""
+"""Standard errors for a gain to differ significantly."""
 
 
 class AxisScore(FileModel):
-    """How well one axis was predicted.
+    """Score of the prediction for an axis.
 
     Attributes
     ----------
@@ -126,27 +126,27 @@ class AxisScore(FileModel):
 
     @property
     def of_bodies(self) -> float:
-        """Relative error for which friction is not to blame, as far as it was fitted."""
+        """Relative error without the error of friction, as far as friction was fitted."""
         return self.relative if self.refitted is None else self.refitted
 
     @property
     def shown(self) -> float:
-        """Relative error of the bodies beyond what the identification left of its own recordings.
+        """Relative error of the bodies beyond the residual of the identification.
 
-        Noise and what no model of this kind holds are in both; what is more comes from errors of
-        parameters.
+        Noise and effects missing in the kind of model are in both residuals; the excess comes from
+        errors of parameters.
         """
         left = (self.identified or 0.0) / self.torque if self.torque else 0.0
         return float(np.sqrt(max(self.of_bodies**2 - left**2, 0.0)))
 
     @property
     def worse(self) -> float:
-        """Residual of the bodies over that of the identification; 0 where that is unknown."""
+        """Ratio of the bodies' residual to that of the identification; 0 if unknown."""
         return self.of_bodies * self.torque / self.identified if self.identified else 0.0
 
 
 class Validation(Judgement):
-    """A model judged by another recording.
+    """Judgement of a model by another recording.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ class Validation(Judgement):
 
     @property
     def relative(self) -> float | None:
-        """Residual of all axes together over their torque, each as a share of its own."""
+        """Residual over the torque, as root mean square of the relative residuals of the axes."""
         squares = [each.relative**2 for each in self.axes]
         return float(np.sqrt(np.mean(squares))) if squares else None
 
@@ -170,7 +170,7 @@ class Validation(Judgement):
 def validate(
     model: Model | Path | str, run: Run | Path | str, accuracy: float = ACCURACY
 ) -> Validation:
-    """Validate a model on a run that it was not identified from; nothing is written.
+    """Validate a model on a run not used for the identification; nothing is written.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ def judged(
     last: Iterable[Reservation] = (),
     residual: BandResidual | None = None,
 ) -> Validation:
-    """Judge scores: the worst of what speaks against a model, or how well it predicts.
+    """Judge scores: return the worst objection to a model, or the quality of the prediction.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def _score(parts: Sequence[PredictedTorque], model: Model, past: History | None)
 def _uncovered(
     model: Model, axis: int, qd: Array, time: Array, left: Array, past: History | None
 ) -> str:
-    """State in what a motion is unlike the recordings that an axis's law of friction is from.
+    """State differences between a motion and the recordings of an axis's law of friction.
 
     Parameters
     ----------
@@ -357,7 +357,7 @@ def _rms(x: Array) -> float:
 
 
 def _worst(size: Callable[[AxisScore], float], most: float) -> Callable[[Scores], AxisScore | None]:
-    """Look for the axis with the greatest size, if that is more than it may be."""
+    """Find the axis with the greatest value of a criterion, if beyond the bound."""
 
     def look(scores: Scores) -> AxisScore | None:
         worst = max(scores, key=size)
@@ -367,7 +367,7 @@ def _worst(size: Callable[[AxisScore], float], most: float) -> Callable[[Scores]
 
 
 def _of_axes(scores: Scores, n_joints: int) -> Iterator[Reservation]:
-    """Everything that speaks against the model; by each rule the worst axis."""
+    """Yield the objections to the model; each rule names the worst axis."""
     if not scores:
         yield failed(
             "no axis has enough samples in motion that can be used: away from reversals, faster"
@@ -382,7 +382,7 @@ def _of_axes(scores: Scores, n_joints: int) -> Iterator[Reservation]:
 
 
 def _naive(scores: Scores) -> Reservation | None:
-    """A prediction that explains less than half of what the mean torque leaves."""
+    """Return an objection to predictions not clearly better than the mean torque."""
     most = HALF**0.5
     worst = max(scores, key=lambda s: s.relative / max(s.naive, 1e-12))
     if worst.relative <= max(most * worst.naive, TOLERANCE):
@@ -405,7 +405,7 @@ def _naive(scores: Scores) -> Reservation | None:
 
 
 def _narrow(scores: Scores) -> Reservation | None:
-    """Intervals that are too narrow, by what makes them so where that is more than a tolerance."""
+    """Return a doubt about narrow intervals, with the reason if this exceeds a tolerance."""
     # of axes whose motion the recordings cover something else is wrong, which comes first
     s = min(scores, key=lambda each: (each.inside >= INSIDE, bool(each.uncovered), each.inside))
     if s.inside >= INSIDE:
@@ -471,7 +471,7 @@ RULES: tuple[Rule[Scores], ...] = (
         " give; judged with friction fitted in this recording",
     ),
 )
-"""Before the parameters' errors comes what spoils a recording by itself."""
+"""Rules in order: faults of the recording come before errors of the parameters."""
 
 
 def _praise(scores: Scores, residual: BandResidual | None) -> str:
@@ -488,7 +488,7 @@ def _praise(scores: Scores, residual: BandResidual | None) -> str:
 
 
 def of_own_recordings(model: Model, run: Run) -> Validation | None:
-    """Judge a run that the model was made from: failed; None where it is another one."""
+    """Judge a run used for the model as failed; return None for another run."""
     common, every = recordings_in_common(model.provenance, run), len(run)
     if not common:
         return None

@@ -1,7 +1,7 @@
-"""What an identification is worth, by its model alone: the rules that judge it.
+"""Rules for judging an identification by its model alone.
 
-The first to look at comes first: a cause that was found (`hil.estimation.excluded`) before anything
-that the parameters' own uncertainty shows, since that holds for the right model alone.
+Rules are applied in order. Causes found in the recordings (`hil.estimation.excluded`) come before
+the parameters' uncertainty, since that is valid for the right model only.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 def verdict(
     model: Model, usual_effect: Array | None = None, accuracy: float = ACCURACY
 ) -> Judgement:
-    """Judge a model by itself: the worst of what speaks against it, causes that were found first.
+    """Judge a model alone: return the worst objection, found causes first.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def verdict(
 
 
 def _found(model: Model) -> Iterator[Reservation]:
-    """Causes that were found; one that hardly moves torques spoils nothing."""
+    """Yield objections due to found causes, except causes with a negligible effect on torques."""
     for cause in model.excluded.found if model.excluded else ():
         moved, harmless = _moved(model, cause)
         unknown = cause.change is None and cause.left < HALF
@@ -76,9 +76,9 @@ def _found(model: Model) -> Iterator[Reservation]:
 
 
 def _moved(model: Model, cause: Found) -> tuple[float, bool]:
-    """By which share its torque moves on the worst axis as a cause is corrected.
+    """Return the relative torque change of the worst axis by correction of a cause.
 
-    And whether that is less than the torque's standard error on all axes.
+    The second value is True if the change is less than the torque's standard error on all axes.
     """
     free, relative = free_torques(model), uncertainty(model)
     if free is None or cause.change is None or relative is None:
@@ -88,7 +88,7 @@ def _moved(model: Model, cause: Found) -> tuple[float, bool]:
 
 
 def _unexplained(fit: FreeMotionFit) -> Reservation | None:
-    """Torques of free motions of which the model leaves about as much as their mean does."""
+    """Return an objection if the residual of free motions is about as large as that of the mean."""
     pairs = zip(fit.relative_residual, fit.naive_residual, strict=False)
     ratios = {}
     for axis, (left, naive) in enumerate(pairs, start=1):
@@ -111,7 +111,7 @@ def _unexplained(fit: FreeMotionFit) -> Reservation | None:
 
 
 def _impossible(model: Model) -> Iterator[Reservation]:
-    """Inertias that no robot has: a model with these must not be used."""
+    """Return an objection to physically impossible inertias: such a model must not be used."""
     for each in impossible_inertias(model):
         if each.certain:
             yield failed(
@@ -141,14 +141,14 @@ def _stated(each: Impossible) -> str:
 
 
 def _doubted(model: Model) -> Iterator[Reservation]:
-    """Warnings of imports that nobody has resolved."""
+    """Yield unresolved warnings of imports."""
     for warning in model.provenance.warnings:
         reason, _, remedy = warning.partition("; ")
         yield doubtful(f"import warned: {reason}", remedy)
 
 
 def _at_edge(model: Model) -> Iterator[Reservation]:
-    """Estimates that end at the edge of their search range, beyond which the true value may be."""
+    """Yield estimates at the edge of the search range; the true value may be beyond the edge."""
     for each in model.edges:
         beyond = "" if abs(each.value) <= abs(each.bound) else " beyond"
         yield doubtful(
@@ -264,7 +264,7 @@ OF_DATA: tuple[Rule[Model], ...] = (
         "measure motions that vary more joints (hil plan)",
     ),
 )
-"""What the measurements behind a model say against it, whatever it is used for."""
+"""Rules on the measurements of a model, independent of its use."""
 RULES: tuple[Rule[Model], ...] = (
     _found, _doubted, _free_motions, _unexcited, _impossible, _at_edge, *OF_DATA, _causes,
 )  # fmt: skip
@@ -272,11 +272,11 @@ RULES: tuple[Rule[Model], ...] = (
 
 EVERY = "torques of all axes"
 TOLERANCES = ("torque constant", "rotor inertia")
-"""Causes whose effect on the parameters an estimate states, in the order of `usual_effect`."""
+"""Causes with a known effect on the parameters, in the order of `usual_effect`."""
 
 
 def _good(model: Model, usual_effect: Array | None) -> Iterator[Reservation]:
-    """State how well torques are known, and beside it how well if what is invisible is as usual."""
+    """Yield the accuracy of the torques, and the accuracy with invisible causes of usual size."""
     relative = uncertainty(model)
     if relative is None:
         yield good(f"nothing speaks against the parameters{_scale(model.robot)}")
@@ -301,10 +301,10 @@ def _good(model: Model, usual_effect: Array | None) -> Iterator[Reservation]:
 
 
 def _hidden(model: Model, relative: Array) -> tuple[Limit, ...]:
-    """Causes that do not show, and in their usual size make more torque than is stated.
+    """Return invisible causes whose usual size has more effect on torques than the stated error.
 
-    What a robot file states an uncertainty of is none of them: the standard error holds that. Nor
-    is what the parameters span, unless it is what their torques are measured in.
+    Causes with an uncertainty in the robot file are excluded, since the standard error includes
+    them. Excluded are also causes in the span of the parameters, unless they scale the torques.
     """
     constants, rotors = np.split(model.robot.usual_uncertainty > 0, 2)
     scale = not model.robot.torque_constant_uncertainty.any()
@@ -320,10 +320,10 @@ def _hidden(model: Model, relative: Array) -> tuple[Limit, ...]:
 def _with_hidden(
     model: Model, relative: Array, hidden: Sequence[Limit], usual_effect: Array | None
 ) -> Array:
-    """Standard error of torques with usual tolerances of what does not show, (n_joints,).
+    """Return the standard error of torques with usual tolerances of invisible causes, (n_joints,).
 
-    Those of torque constants and rotors count as far as they would not be found. A bound is the
-    square root of three standard deviations.
+    Tolerances of torque constants and rotors count up to the detectable size. A bound is the square
+    root of three standard deviations.
     """
     square = relative**2
     carried: tuple[str, ...] = ()
@@ -348,7 +348,7 @@ def _listed(axes: Sequence[int]) -> str:
 
 
 def _scale(robot: Robot) -> str:
-    """What torques are measured in, where no torque constant is stated without uncertainty."""
+    """Name the scale of the torques, if no torque constant is stated without uncertainty."""
     if robot.torque_constant_uncertainty.any():
         return ", stated uncertainties of the drives included"
     return "" if robot.usual_uncertainty.any() else " if recorded torques are to scale"

@@ -1,4 +1,4 @@
-"""What was found while axes were watched: alarms, thresholds, blindness; kept as a file."""
+"""Result of watching axes: alarms, thresholds and blindness, saved as a file."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ NAME = "watch.yaml"
 
 
 class Alarm(FileModel):
-    """Torque from outside on one axis, beyond what model and measurement can differ by.
+    """External torque on an axis, beyond the errors of model and measurement.
 
     Attributes
     ----------
     axis : int
-        From 1.
+        Number from 1.
     time : float
-        Of the sample that showed it, as in the recordings [s].
+        Time of the sample at detection, as in the recordings [s].
     torque, threshold : float
         Mean over the window, and what it exceeded [N m or N].
     window : float
@@ -43,12 +43,12 @@ class Alarm(FileModel):
 
 
 class Sight(FileModel):
-    """How well one axis is seen.
+    """Sensitivity to external torques on an axis.
 
     Attributes
     ----------
     axis : int
-        From 1.
+        Number from 1.
     unit : {"N m", "N"}
     limit : float
         Torque limit [N m or N].
@@ -77,17 +77,17 @@ class Sight(FileModel):
 
 
 SOON, LATE = 0.02, 0.1
-"""Times within which a strong and a weak push are to be seen [s]."""
+"""Detection times for strong and weak pushes [s]."""
 STRONG, WEAK = 0.1, 0.05
-"""Sizes of such pushes, as shares of the torque limit."""
+"""Sizes of strong and weak pushes, as shares of the torque limit."""
 
 
 def pushes(alarms: Sequence[Alarm], pause: float = 1.0) -> list[list[Alarm]]:
-    """Group the alarms of all axes by the push that raised them.
+    """Group the alarms of all axes by pushes.
 
-    A push at one link reaches several axes, and an axis that springs back raises a second alarm: an
-    alarm belongs to the push before if it begins within `pause` of its end [s], sooner than a hand
-    lets go and pulls again.
+    A push at a link reaches several axes, and an axis that springs back raises a second alarm. An
+    alarm belongs to the previous push if it begins within `pause` of its end [s], a shorter time
+    than between two pulls by hand.
     """
     found: list[list[Alarm]] = []
     for alarm in alarms:
@@ -99,16 +99,16 @@ def pushes(alarms: Sequence[Alarm], pause: float = 1.0) -> list[list[Alarm]]:
 
 
 class Watched(FileModel):
-    """What was found of all axes.
+    """Results of watching all axes.
 
     Attributes
     ----------
     robot_digest, plan_digest, model : str
-        Of what was watched, and the path of the model's file.
+        Digests of the watched robot and plan, and the path of the model's file.
     period : float
         Time between two samples [s].
     learned, watched : float
-        Time in which scatter was learned and no alarm raised, and time after that [s].
+        Time for learning the scatter, without alarms, and time of watching after that [s].
     axes : tuple of Sight
     alarms : tuple of Alarm
     """
@@ -124,12 +124,12 @@ class Watched(FileModel):
 
     @property
     def rate(self) -> float:
-        """Alarms an hour; NaN where nothing was watched."""
+        """Alarms per hour; NaN if nothing was watched."""
         return 3600 * len(self.alarms) / self.watched if self.watched else float("nan")
 
     @property
     def verdict(self) -> Verdict:
-        """How far it can be relied on, what was found, and in what time."""
+        """Judgement on reliability, alarms and response times."""
         if not self.watched:
             return Verdict("doubtful", "doubtful", "nothing was watched, watch for longer")
         count = f"{len(self.alarms) or 'no'} {'alarm' if len(self.alarms) == 1 else 'alarms'}"
@@ -138,7 +138,7 @@ class Watched(FileModel):
 
 
 def hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:
-    """Which axes were blind for most of the time, and what would watch them."""
+    """Return a remark on axes blind for most of the time, with a remedy."""
     blind = [axis for axis in found.axes if found.watched and axis.blind > mostly]
     if not blind:
         return ()

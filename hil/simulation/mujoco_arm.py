@@ -14,7 +14,7 @@ import numpy as np
 from hil.export.mjcf_file import IMPEDANCE, STEP, write_mjcf
 from hil.export.simple_friction import friction_of_joints
 from hil.optional_packages import needed_for
-from hil.results.consistency import with_consistent_robot
+from hil.results.consistency import find_consistent_robot
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -37,7 +37,7 @@ class MujocoArm:
         with needed_for("the simulator mujoco", "mujoco"):
             import mujoco  # noqa: PLC0415 - optional, and slow to load
         self._mujoco, self._step = mujoco, step
-        bodies = model if model.consistent is not None else with_consistent_robot(model)
+        bodies = model if model.consistent is not None else find_consistent_robot(model)
         (text,) = write_mjcf(bodies, ()).files.values()
         self._model = mujoco.MjModel.from_xml_string(text)
         self._model.jnt_limited[:] = 0

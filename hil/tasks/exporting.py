@@ -12,9 +12,9 @@ from hil.estimation.consistent.nearest import SHAPES
 from hil.export.exported import origin, write_exported
 from hil.export.formats import RECORDINGS, SIMULATORS, export_recordings, refuse_unknown
 from hil.export.formats import export as formatted
-from hil.export.patch import patched_file, with_bodies_near, write_patched
+from hil.export.patch import find_near_bodies, patched_file, write_patched
 from hil.export.urdf_file import bodies_of, given_urdf, inertial_faults
-from hil.results.consistency import with_consistent_robot
+from hil.results.consistency import find_consistent_robot
 from hil.results.model import Model
 from hil.results.model_file import file_of
 from hil.runs.pooling import pooled
@@ -120,7 +120,7 @@ def exported_model(
     if patch is not None:
         _refuse_patch(model, to, urdf, patch)
         file = patched_file(patch, model.robot)
-        model = with_bodies_near(model, file, bounds or BodyBounds())
+        model = find_near_bodies(model, file, bounds or BodyBounds())
         return model, write_patched(model, file)
     given = None if urdf is None else given_urdf(urdf, model.robot)
     about = origin(model, source)
@@ -174,7 +174,7 @@ def _add_bodies(
     if model.consistent is not None and bounds is None and likely is None:
         return model
     of = SHAPES if given is None or likely is None else f"the inertials of {given.path}"
-    return with_consistent_robot(model, _recordings(source), bounds or BodyBounds(), likely, of)
+    return find_consistent_robot(model, _recordings(source), bounds or BodyBounds(), likely, of)
 
 
 def _recordings(source: Path) -> Iterable[tuple[RecordedMotion, Recording]]:

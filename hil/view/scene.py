@@ -214,7 +214,7 @@ def run_scene(
 
 
 def _is_simulated(model: Model | None) -> bool:
-    return model is not None and model.provenance.of_virtual_plant
+    return model is not None and model.provenance.any_simulated
 
 
 def _instants(duration: float, most: int) -> Array:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from hil.export.functions import MEMORY, PARTS, functions, with_memory
+from hil.export.functions import MEMORY, PARTS, functions, stateful_dynamics
 from hil.export.languages import write_c, write_python, write_st
 from hil.export.source_code import identifier
 
@@ -73,7 +73,7 @@ def compiled_text(model: Model, folder: Path) -> ctypes.CDLL:
         write_st(model, ("origin *) of (* a",)).files[f"{name}_dynamics.st"]
     )
     lines = [SOURCE]
-    for each in (*functions(model), with_memory(model)):
+    for each in (*functions(model), stateful_dynamics(model)):
         block = f"{name}_{each.name}".upper()
         inputs = [a for a in each.arguments if a not in MEMORY]
         outputs = PARTS if each.name == "dynamics" else ("out",)

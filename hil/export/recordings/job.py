@@ -1,4 +1,4 @@
-"""What a writer of recordings is given, and what stands beside all that it writes."""
+"""Input of the writers of recordings, and the text file written with the recordings."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class Column(NamedTuple):
     Attributes
     ----------
     name : str
-        With the unit, such as ``q1_rad``: letters, digits and underscores.
+        Name with the unit, such as ``q1_rad``: letters, digits and underscores.
     unit : str
         Empty for flags and numbers.
     what : str
-        What it holds, in words.
+        Description in words.
     values : array (n,)
         NaN where a sample is missing.
     derived : bool
-        Whether it was computed afterwards; what was not is as recorded.
+        True for a column computed after the measurement.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
-    """A run and where it goes.
+    """Run with the destination of its recordings.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Job:
     progress: Callable[[str], None]
 
     def __iter__(self) -> Iterator[Measured]:
-        """Read the run's measurements, stating each."""
+        """Read the run's measurements, reporting progress."""
         for measured in self.run:
             self.progress(measured.measurement.id)
             yield measured
@@ -94,7 +94,7 @@ def facts(job: Job) -> dict[str, str]:
 
 
 def readme(job: Job, about: Sequence[str]) -> str:
-    """Return the text beside recordings: the run, and lines about what they hold."""
+    """Return the text of the readme file: description of the run, and lines on the data."""
     stated = [f"{key}: {text}" for key, text in facts(job).items()]
     head = "Recordings of a run, in SI units on the joint side."
     return "\n".join([head, "", *stated, "", *about, ""])

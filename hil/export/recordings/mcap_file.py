@@ -1,9 +1,9 @@
 """Recordings as one MCAP file with messages of ROS 2, for Foxglove, PlotJuggler and rosbag2.
 
-Its topics are those of `TOPICS`. A stamp is the computer's clock when the session began plus the
-bus's time: instants within a session are exact to 1 ns, those of sessions to seconds. In lock-step
-a session lasts longer in robot time than by that clock; what follows is put behind it. When
-imported recordings were made is not known: theirs begin at 0.
+`TOPICS` lists the topics. A time stamp is the computer's clock at the start of the session plus the
+time of the bus: it is exact to 1 ns within a session, and to seconds between sessions. In lock-step
+a session lasts longer in robot time than by that clock; the following session is then delayed. The
+date of imported recordings is unknown: their stamps begin at 0.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     Stamps = NDArray[np.int64]
 
 ROWS = 1 << 14
-"""Messages that are made at a time."""
+"""Number of messages created together."""
 TOPICS = {"/joint_states": JOINT_STATE, "/set_points": JOINT_STATE, "/events": LOG}
 """Topics and the types of their messages."""
 ABOUT = (
@@ -84,7 +84,7 @@ class _Content:
         self._noted: set[int] = set()
 
     def write(self) -> None:
-        """Write all that was measured."""
+        """Write all measurements."""
         for name, begin in _timeline(self._job.run):
             self._job.progress(name)
             measured = self._job.run[name]
@@ -113,14 +113,14 @@ class _Content:
                     self._add(topic, stamp, message)
 
     def _states(self, stamps: Stamps, parts: dict[str, Array]) -> Iterator[bytes]:
-        """States of joints, all at once: they differ in stamp and values alone."""
+        """Return joint states; only stamp and values differ between messages."""
         empty = {part: np.zeros(values.shape[1]) for part, values in parts.items()}
         like = self._messages.joint_state(0, self._job.joints, **empty)
         found = layout_of(like).messages(like, stamps // SECOND, stamps % SECOND, parts)
         return (each.tobytes() for each in found)
 
     def _before(self, measured: Measured) -> Iterator[tuple[int, str]]:
-        """What the log states where a measurement begins."""
+        """Yield the log messages at the start of a measurement."""
         session = self._job.run.journal.sessions[measured.session]
         if measured.session not in self._noted:
             self._noted.add(measured.session)
@@ -140,7 +140,7 @@ class _Content:
 
 
 def _timeline(run: Run) -> Iterator[tuple[str, int]]:
-    """Yield id and time 0 on the clock [ns] of all measurements, none before another has ended.
+    """Yield id and time 0 on the clock [ns] of all measurements, without overlap.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def _timeline(run: Run) -> Iterator[tuple[str, int]]:
 
 
 def _begun(run: Run, session: int) -> int:
-    """When a session began [ns since 1970]; 0 of imported recordings."""
+    """Return the start of a session [ns since 1970]; 0 for imported recordings."""
     if run.imported:
         return 0
     stated = run.journal.sessions[session].started

@@ -1,4 +1,4 @@
-"""Messages of ROS 2 as their definitions and CDR have them, without ROS."""
+"""Messages of ROS 2 by their definitions, serialised as CDR without ROS."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 LOG = "rcl_interfaces/msg/Log"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 INFO, WARN, ERROR = 20, 30, 40
-"""Levels of a line of the log."""
+"""Levels of a log message."""
 OK, WARNING, FAULT, STALE = range(4)
 """Levels of a diagnosis."""
 SECOND = 1_000_000_000
-"""In nanoseconds, in which all stamps are."""
+"""Second [ns], the unit of all stamps."""
 
 
 class Diagnosis(NamedTuple):
@@ -30,12 +30,12 @@ class Diagnosis(NamedTuple):
     Attributes
     ----------
     name : str
-        What it is about.
+        Subject of the diagnosis.
     level : int
         One of the levels above.
     text : str
     values : mapping of str to str
-        With units in their keys.
+        Values by key; keys include units.
     """
 
     name: str
@@ -45,19 +45,19 @@ class Diagnosis(NamedTuple):
 
 
 class RosMessages:
-    """Makes messages.
+    """Factory of ROS 2 messages.
 
     Parameters
     ----------
     what : str
-        Option that needs them, for the message where rosbags is not installed.
+        Option that needs the messages, for the error if rosbags is not installed.
     extra : str
-        That it comes with.
+        Extra of the package that installs rosbags.
 
     Raises
     ------
     FileError
-        It is not installed.
+        rosbags is not installed.
     """
 
     def __init__(self, what: str, extra: str) -> None:
@@ -66,7 +66,7 @@ class RosMessages:
         self._store = get_typestore(Stores.ROS2_HUMBLE)
 
     def definition(self, kind: str) -> bytes:
-        """Return the text that defines a type, with that of all types in it."""
+        """Return the text of a type's definition, including nested types."""
         text, _ = self._store.generate_msgdef(kind, ros_version=2)
         return str(text).encode()
 
@@ -78,7 +78,7 @@ class RosMessages:
         effort: ArrayLike = (),
         velocity: ArrayLike = (),
     ) -> bytes:
-        """Return a state of joints; what is left out is empty, which says that it is not known."""
+        """Return a joint state; omitted quantities are empty, meaning unknown."""
         return self._message(
             JOINT_STATE,
             header=self._header(stamp),
@@ -89,14 +89,14 @@ class RosMessages:
         )
 
     def log(self, stamp: int, level: int, name: str, text: str) -> bytes:
-        """Return a line of the log, about what `name` names."""
+        """Return a log message about `name`."""
         where = {"file": "", "function": "", "line": 0}
         return self._message(
             LOG, stamp=self._stamp(stamp), level=level, name=name, msg=text, **where
         )
 
     def diagnostics(self, stamp: int, diagnoses: Sequence[Diagnosis]) -> bytes:
-        """Return diagnoses of one instant."""
+        """Return the diagnoses at one instant."""
         types = self._store.types
         status = types["diagnostic_msgs/msg/DiagnosticStatus"]
         value = types["diagnostic_msgs/msg/KeyValue"]

@@ -1,13 +1,13 @@
-"""A run as a folder of tables, as CSV or Parquet: a file a measurement, and a list of them.
+"""Run as a folder of tables in CSV or Parquet: one file per measurement, and an index.
 
-Names of columns state their units. Times, positions, torques, flags and numbers of strokes are as
-recorded, to the last bit; velocities are there only where they were recorded. Set-points follow
-from the plan and are marked as derived.
+Names of columns state their units. Times, positions, torques, flags and stroke numbers are as
+recorded, to the last bit. Velocities are present only if they were recorded. Set-points follow from
+the plan and are marked as derived.
 
-CSV has one header line and numbers alone, as PlotJuggler and pandas expect them, with the digits
-that give the same double again. A missing sample is an empty cell: PlotJuggler takes a column that
-begins with the word nan for text. Parquet has the same tables, each column with its unit and where
-it is from, and what is known of the measurement.
+CSV has one header line and numbers only, as PlotJuggler and pandas expect, with enough digits to
+restore the same double. A missing sample is an empty cell, since PlotJuggler takes a column
+starting with the word nan for text. Parquet has the same tables, each column with its unit and
+source, and with metadata of the measurement.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     Values = Array | NDArray[np.uint8] | NDArray[np.int16]
 
 UNKNOWN = "unknown unit"
-"""Of torques whose gain is unknown."""
+"""Unit of torques with an unknown gain."""
 _IN_NAMES = {
     "rad": "rad",
     "m": "m",
@@ -54,14 +54,14 @@ _FLAGS = ", ".join(f"{flag.value} {str(flag.name).lower()}" for flag in SampleFl
 
 
 def unknown_gains(motion: RecordedMotion) -> tuple[int, ...]:
-    """Axes, from 1, whose torques are in units of unknown worth."""
+    """Return the axes, from 1, with torques of unknown gain."""
     return (motion.unknown_gains or ()) if isinstance(motion, FreeMotion) else ()
 
 
 def row(measured: Measured) -> dict[str, str | int | float]:
-    """Return what the list of measurements states of one, by the names of its columns.
+    """Return the row of a measurement in the index, by column names.
 
-    Axes are numbered from 1; ``axes`` are those that move, ``read`` those whose torque is read.
+    Axes are numbered from 1; ``axes`` are the moving axes, ``read`` those with recorded torque.
     """
     motion, recording = measured.measurement, measured.recording
     return {
@@ -117,7 +117,7 @@ def _joints(
 
 
 FOLDER = "recordings"
-"""Of the tables; the list of them lies beside it."""
+"""Folder of the tables; the index is in its parent folder."""
 
 
 def write_csv(job: Job) -> None:
@@ -137,7 +137,7 @@ def write_csv(job: Job) -> None:
 
 
 def _rows_of(table: Sequence[Column], at_a_time: int = 1 << 14) -> Iterator[Sequence[Any]]:
-    """Names of the columns and their values; few rows at a time are Python's own numbers."""
+    """Yield the column names, then the rows, converted to Python numbers in small blocks."""
     yield [column.name for column in table]
     for begin in range(0, len(table[0].values), at_a_time):
         some = [column.values[begin : begin + at_a_time] for column in table]
@@ -186,7 +186,7 @@ def _write_tables(
     write: Callable[[IO[bytes], Sequence[Column], Measured], None],
     write_index: Callable[[IO[bytes], Sequence[dict[str, Any]]], None],
 ) -> None:
-    """Write ``recordings/ID.ending``, ``index.ending`` that lists them, and what each column is."""
+    """Write the tables ``recordings/ID.ending``, ``index.ending``, and column descriptions."""
     rows: list[dict[str, Any]] = []
     seen: dict[str, Column] = {}
     own_folder(job.folder / FOLDER)

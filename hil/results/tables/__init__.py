@@ -1,1 +1,1 @@
-"""Results as tables, one file a subject: commands, notebooks and reports show the same ones."""
+"""Results as tables, a module per subject, for commands, notebooks and reports."""

@@ -1,4 +1,4 @@
-"""What recordings prove of all that may be wrong, as a table: found, excluded, invisible."""
+"""Table of causes of error: found, excluded by the recordings, or invisible."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hil.show.table import Row
 
 NEVER, FOUND = "-", "found"
-"""In place of a size: where none would show, and where the cause itself was found."""
+"""Cells in place of a size, for an invisible cause and for a found cause."""
 
 
 KEY = f"{NEVER} never shows; in brackets: larger than is usual"
@@ -26,7 +26,7 @@ KEY = f"{NEVER} never shows; in brackets: larger than is usual"
 def excluded(
     proof: Excluded, n_joints: int, title: str = "What these recordings exclude", note: str = KEY
 ) -> Table:
-    """Of each cause the smallest size that recordings would show, axis by axis."""
+    """Return the smallest detectable sizes of causes, axis by axis."""
     axes = (f"axis {axis}" for axis in range(1, n_joints + 1))
     return table(
         title,
@@ -39,15 +39,15 @@ def excluded(
 
 
 def foreseen(proof: Excluded, n_joints: int, source: str) -> Table:
-    """The same of what a plan will record; `source`: whence its base parameters are expected."""
+    """Return the detectable sizes for a plan; `source`: origin of the expected base parameters."""
     note = f"found with a probability of 80 %; {KEY}; noise as above, parameters {source}"
     return excluded(proof, n_joints, "What this plan will exclude", note)
 
 
-def of_change(
+def change_by_cause(
     proof: Excluded | None, n_joints: int, before: str, known: Sequence[str] = ()
 ) -> tuple[Table | str, ...]:
-    """What changed since a run, by its folder and cause, and what would have shown."""
+    """Return the causes that changed since a run, named by folder, and detectable sizes."""
     if proof is None:
         return (f"too little was recorded to show by cause what changed since {before}",)
     besides = "".join(f", beside the {each}" for each in known)
@@ -79,7 +79,7 @@ def _rows(proof: Excluded, n_joints: int) -> Iterator[Row]:
 
 
 def _cell(limits: Sequence[Limit]) -> str:
-    """Size of the one that is hardest to see; of a torque that repeats, over all orders."""
+    """Return the size of the least visible limit; for torque ripple, over all orders."""
     if not limits:
         return ""
     sizes = [each.size for each in limits if each.size is not None]
@@ -90,7 +90,7 @@ def _cell(limits: Sequence[Limit]) -> str:
 
 
 def sentences(proof: Excluded) -> Iterator[str]:
-    """What was found, and what is invisible."""
+    """Yield sentences on found and invisible causes."""
     for cause in proof.found:
         yield f"found: {cause}"
     if hidden := proof.invisible:
@@ -104,7 +104,7 @@ def sentences(proof: Excluded) -> Iterator[str]:
 
 
 def distinguished(found: Distinguished, source: str) -> Table:
-    """What a plan shows of causes that it is to distinguish, before it was added to and after."""
+    """Return the detectable and distinguishable sizes of a plan, before and after additions."""
     heads = ("usual", "found, before", "after", "apart, before", "after")
     rows = (
         (after.name, after.unit, significant(after.usual, 2) if after.usual else "",
@@ -126,7 +126,7 @@ def distinguished(found: Distinguished, source: str) -> Table:
 
 
 def distinguishing(found: Distinguished) -> Iterator[str]:
-    """What was added to a plan, and of which causes it does not show what is usual."""
+    """Yield sentences on added measurements, and on causes still not distinguished."""
     before, after = map(clock, found.durations)
     ids = f" ({', '.join(found.added)})" if found.added else ""
     yield f"{len(found.added)} measurements added{ids}: {after} in place of {before}"

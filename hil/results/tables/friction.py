@@ -50,7 +50,7 @@ def _law(model: IdentifiedRobot, axis: int, own: AxisLaw) -> Row:
 
 
 def symmetry(tests: Mapping[int, Symmetry]) -> Table:
-    """Whether friction is the same in both directions, by axis from 0."""
+    """Return the tests for direction-dependent friction, by axis from 0."""
     return table(
         "Is friction the same in both directions?",
         (
@@ -75,9 +75,9 @@ def symmetry(tests: Mapping[int, Symmetry]) -> Table:
 
 
 def drift(drifts: Iterable[Drift]) -> Table:
-    """Time constants of friction, axis by axis, with their effects on its level.
+    """Return the time constants of friction, axis by axis, with effects on the friction level.
 
-    Those that are not identifiable are named below, by the reason, which is mostly the same.
+    Notes below the table name the unidentifiable constants, grouped by reason.
     """
     found = list(drifts)
     parts = (Part(tuple(_drift(each))) for each in found)
@@ -103,7 +103,7 @@ def _drift(found: Drift) -> Iterator[Row]:
 
 
 def _unidentifiable(drifts: Sequence[Drift]) -> Iterator[str]:
-    """Name time constants that are not identifiable, a sentence a reason."""
+    """Name unidentifiable time constants, a sentence per reason."""
     reasons = dict.fromkeys(each.word for found in drifts for each in found.constants if each.word)
     for reason in reasons:
         which: dict[tuple[str, ...], list[int]] = {}

@@ -1,6 +1,6 @@
-"""Friction, residuals and what was chosen, of estimates from imports: motions, and strokes.
+"""Friction, residuals and choices of estimates from imported free motions and strokes.
 
-Of free motions friction is a law, of axes that move back and forth by themselves a curve.
+For free motions friction is a law; for single-axis strokes it is a curve.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def _coefficient(law: AxisLaw, unit: str, position: str, term: str, value: TermV
 
 
 def _others(law: AxisLaw, most: int = 3) -> str:
-    """The best alternatives to a law, with their errors."""
+    """Return the best alternatives to a law, with their errors."""
     others = sorted((error, name) for name, error in law.held_out.items() if name != law.law)
     return ", ".join(f"{name} {significant(error, 4)}" for error, name in others[:most])
 
@@ -106,7 +106,7 @@ def left_by_fit(model: IdentifiedRobot) -> Table:
 
 
 def statements(fit: FreeMotionFit) -> Iterator[str]:
-    """What was chosen, what was tested, and what restricts the estimate."""
+    """Yield sentences on choices, tests and restrictions of the estimate."""
     zone = (
         f"samples slower than {100 * fit.dead_zone:g} % of an axis's speed were not fitted"
         if fit.dead_zone
@@ -147,7 +147,7 @@ def statements(fit: FreeMotionFit) -> Iterator[str]:
 
 
 def _velocities(fit: FreeMotionFit) -> str:
-    """Which velocities were taken, and why; axes of the same reason together."""
+    """Return the velocity source of the axes with its reason, grouping axes by reason."""
     n = len(fit.axes)
     alike: dict[tuple[bool, str], list[str]] = {}
     for axis, reason in enumerate(fit.velocity_reasons or ("",) * n, start=1):
@@ -176,7 +176,7 @@ def _bias(fit: FreeMotionFit) -> str:
 
 
 def curves(fit: BackAndForthFit) -> Table:
-    """Friction of each axis over its speed."""
+    """Return the friction curves of the axes."""
     return table(
         "Friction over the speed",
         ("axis", *figures("speed, rad/s or m/s", "friction, N m or N", "± 95 %", "pairs")),
@@ -195,7 +195,7 @@ def _point(curve: FrictionCurve, point: CurvePoint) -> Row:
 
 
 def plain(fit: BackAndForthFit, robot: Robot) -> Table:
-    """What classical laws would be, and what differs by direction."""
+    """Return classical friction laws for comparison, and direction-dependent torques."""
     return table(
         "Friction in the usual terms, for comparison",
         (
@@ -227,7 +227,7 @@ def _value(term: TermValue) -> str:
 
 
 def statements_of_strokes(fit: BackAndForthFit) -> Iterator[str]:
-    """What was chosen, what was not identified, and what restricts the estimate."""
+    """Yield sentences on choices, unidentified parameters and restrictions of the estimate."""
     low, high = (f"{each:.3g}" for each in fit.cut_off)
     cut_off = low if low == high else f"{low} to {high}"
     yield (

@@ -1,4 +1,4 @@
-"""All tables of what was identified, and what restricts it, by the method that found it."""
+"""Tables of an identified model, with remarks on its restrictions, by identification method."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def summary(model: IdentifiedRobot) -> Outcome:
-    """Parameters with their uncertainty, residuals and what could not be used."""
+    """Return tables of parameters with uncertainties, of residuals and of unused measurements."""
     left = band_residual(model.band_residual, model.robot, "of these recordings")
     remarks = tuple(f"left out: {left}" for left in model.provenance.left_out)
     if model.prior is not None and model.prior.replaced:

@@ -1,4 +1,4 @@
-"""Base parameters, torques and drive trains with their uncertainty, and the same by two methods."""
+"""Tables of base parameters, torques and drive trains with uncertainty; comparison of methods."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 DISAGREEMENT = 3.0
-"""Standard errors between two methods from which on their difference is marked."""
+"""Difference between two methods, in standard errors, above which it is marked."""
 NAMED = Column("", symbols=True), Column("what it is", folds=True)
 """First columns of a table of base parameters."""
 NOT_IDENTIFIED = "not identified"
@@ -36,9 +36,9 @@ EXPLANATION = (
 
 
 def parameters(model: IdentifiedRobot, *, in_full: bool = False) -> Table:
-    """Table 3 with uncertainties, by group.
+    """Return the table of base parameters with uncertainties, by group.
 
-    In full, as a page has room for: intervals by their ends, and their degrees of freedom.
+    The full table, for pages, has the ends of the intervals, and their degrees of freedom.
     """
     base = base_parameters(model.robot)
     return table(
@@ -84,7 +84,7 @@ def _parameter(model: IdentifiedRobot, k: int, in_full: bool) -> Row:
     total = model.details.sum_of(base.names[k])
     ends = f"{rounded(low, error)} … {rounded(high, error)}", f"{model.degrees_of_freedom[k]:.1f}"
     return (
-        f"{base.names[k]} + …" if total else f"{base.names[k]}{_of_prior(model, base.names[k])}",
+        f"{base.names[k]} + …" if total else f"{base.names[k]}{_prior_mark(model, base.names[k])}",
         base.meanings[k],
         *uncertain(value, error),
         *(ends if in_full else (rounded((high - low) / 2, error),)),
@@ -94,13 +94,13 @@ def _parameter(model: IdentifiedRobot, k: int, in_full: bool) -> Row:
     )
 
 
-def _of_prior(model: IdentifiedRobot, name: str) -> str:
-    """Mark of what comes from a prior, not from recordings."""
+def _prior_mark(model: IdentifiedRobot, name: str) -> str:
+    """Return a mark for parameters from the prior instead of recordings."""
     return " (prior)" if model.prior and name in model.prior.replaced else ""
 
 
 def methods(model: IdentifiedRobot, check: IdentifiedRobot) -> Table:
-    """Two models of one run side by side; differences beyond `DISAGREEMENT` stand out."""
+    """Return two models of a run side by side, with differences beyond `DISAGREEMENT` marked."""
     heads = model.method, "std. error", check.method, "std. error", "difference", "in std. errors"
     return table(
         f"{model.robot.name}: {model.method} and {check.method} method",
@@ -130,7 +130,7 @@ def _method(model: IdentifiedRobot, check: IdentifiedRobot, k: int) -> Row:
 
 
 def residuals(model: IdentifiedRobot) -> Table:
-    """What the method's models leave of each axis's torque."""
+    """Return the residuals of the axes' torques, in the terms of the method."""
     unit = model.robot.torque_units
     each = zip(model.residual.tolist(), model.robot.torque_limit.tolist(), strict=True)
     return table(
@@ -148,7 +148,7 @@ def residuals(model: IdentifiedRobot) -> Table:
 
 
 def band_residual(found: BandResidual | None, robot: Robot, what: str) -> Table:
-    """Residual over the one band in which all models are compared; no rows where none is known.
+    """Return the residual over the fixed band of `hil.results.residual`; no rows if unknown.
 
     Parameters
     ----------
@@ -185,9 +185,9 @@ def band_residual(found: BandResidual | None, robot: Robot, what: str) -> Table:
 
 
 def drive_train(estimate: Estimate, robot: Robot) -> Table:
-    """Each axis's drive train as measured; no rows where nothing of it was estimated.
+    """Return the measured drive train of each axis; no rows without an estimate.
 
-    Marked are compliances and friction of the load that the estimate takes into account.
+    Compliances and friction of the load are marked if the estimate takes them into account.
     """
     compliance = f"compliance, {compliance_units(robot)}"
     heads = "lag, ms", "±", compliance, "±", "load friction, %", "±"

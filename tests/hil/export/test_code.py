@@ -17,7 +17,7 @@ from stated_model import stated_model
 from hil.export.expressions import count
 from hil.export.functions import rigid
 from hil.export.languages import write_c, write_python
-from hil.export.rigid_bodies import of_whole_links
+from hil.export.rigid_bodies import count_whole_links
 from hil.export.source_code import identifier
 from hil.model.robot import Robot, parse_robot
 from hil.results.samples import known_warmth
@@ -225,7 +225,7 @@ def test_cppcheck_finds_nothing_in_the_header_but_advice_of_misra(
 @pytest.mark.parametrize("kind", ROBOTS)
 def test_fewer_operations_than_the_recursion_on_whole_links(kind: str) -> None:
     robot = Robot.load(ROBOTS[kind])
-    own, general = count(rigid(stated_model(robot)).results), of_whole_links(robot)
+    own, general = count(rigid(stated_model(robot)).results), count_whole_links(robot)
     assert own.multiplications + own.additions < 0.7 * (general.multiplications + general.additions)
     stated = write_c(stated_model(robot), ()).remarks
     assert f"rigid_bodies: {own}; {general} for whole links" in stated

@@ -37,7 +37,7 @@ def calculated(tree: Any, leaf: Callable[[Any], Any]) -> Any:
 
 def traced(graph: Graph, tree: Any) -> Expression:
     made = calculated(tree, lambda x: graph.symbol(x) if isinstance(x, str) else graph.number(x))
-    return graph.lifted(made)
+    return graph.lift(made)
 
 
 def value(results: list[Expression]) -> list[float]:

@@ -22,7 +22,7 @@ from hil.friction.direction import are_successive
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue, friction_torque
 from hil.model.dynamics import inverse_dynamics
 from hil.model.robot import Robot
-from hil.results.consistency import with_consistent_robot
+from hil.results.consistency import find_consistent_robot
 
 pinocchio = pytest.importorskip("pinocchio", minversion="3.0")  # earlier ones leave rotors out
 
@@ -68,7 +68,7 @@ def model() -> Model:
         for speed, slowest, terms, distance in zip(SPEED, SLOWEST, TERMS, PRESLIDING, strict=True)
     ]
     bare = model_of(robot, *possible(robot), friction=False)
-    return with_consistent_robot(replace(bare, friction_law=FrictionLaw(axes=tuple(laws))))
+    return find_consistent_robot(replace(bare, friction_law=FrictionLaw(axes=tuple(laws))))
 
 
 def _value(value: float) -> TermValue:

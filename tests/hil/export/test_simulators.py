@@ -21,7 +21,7 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.motors import motor_torque
 from hil.model.readers.urdf import UrdfReader
 from hil.model.robot import Robot, robot_from_urdf
-from hil.results.consistency import with_consistent_robot
+from hil.results.consistency import find_consistent_robot
 from hil.tasks.exporting import exported_model
 
 pinocchio = pytest.importorskip("pinocchio", minversion="3.0")  # earlier ones leave rotors out
@@ -37,7 +37,7 @@ AGREE = 1e-9
 def consistent(robot, *, scatter=2.0, **options):
     p, error = possible(robot)
     p = p + scatter * error * np.random.default_rng(1).standard_normal(len(p))
-    return with_consistent_robot(model_of(robot, p, error, **options))
+    return find_consistent_robot(model_of(robot, p, error, **options))
 
 
 def motions(n):
@@ -232,9 +232,9 @@ def test_a_model_of_the_urdf_s_own_bodies_gets_them_back_though_torques_leave_mu
     rotors = np.zeros(len(robot.added_parameters))
     p = base_parameters(robot).matrix @ np.concatenate([likely.ravel(), rotors])
     again = model_of(robot, p, 0.01 * np.ones(len(p)))
-    found = with_consistent_robot(again, likely=likely, likely_from="arm.urdf").consistent
+    found = find_consistent_robot(again, likely=likely, likely_from="arm.urdf").consistent
     np.testing.assert_allclose(found.bodies, likely, rtol=0.02, atol=0.02)
-    by_shape = with_consistent_robot(again).consistent
+    by_shape = find_consistent_robot(again).consistent
     assert np.abs(by_shape.bodies - likely).max() > 0.1
     assert found.likely == "arm.urdf"
 
@@ -282,14 +282,14 @@ def test_bounds_of_masses_show_in_the_file():
     robot = Robot.load("tests/robots/pan-tilt.yaml")
     p, error = possible(robot)
     bounds = BodyBounds(masses={2: (3.0, 5.0)})
-    model = with_consistent_robot(model_of(robot, p, error), bounds=bounds)
+    model = find_consistent_robot(model_of(robot, p, error), bounds=bounds)
     loaded = mujoco.MjModel.from_xml_string(written(model, "mjcf"))
     assert 3.0 <= loaded.body_mass[-1] <= 5.0
 
 
 def test_dry_friction_keeps_its_sign_where_joints_brake_hard_through_zero() -> None:
     robot = Robot.load("manutec-r15")
-    model = with_consistent_robot(model_of(robot, *possible(robot)))
+    model = find_consistent_robot(model_of(robot, *possible(robot)))
     loaded = mujoco.MjModel.from_xml_string(export(model, "mjcf", ()).files["manutec-r15.xml"])
     data, braking = mujoco.MjData(loaded), 15.0
     for axis, unit in enumerate(np.eye(robot.n_joints)):
@@ -304,7 +304,7 @@ def test_dry_friction_keeps_its_sign_where_joints_brake_hard_through_zero() -> N
 
 def test_dry_friction_stops_a_joint_of_the_simulation_and_holds_it() -> None:
     robot = Robot.load("manutec-r15")
-    model = with_consistent_robot(model_of(robot, *possible(robot)))
+    model = find_consistent_robot(model_of(robot, *possible(robot)))
     loaded = mujoco.MjModel.from_xml_string(export(model, "mjcf", ()).files["manutec-r15.xml"])
     loaded.opt.gravity[:] = 0.0
     data = mujoco.MjData(loaded)

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stated_model import stated_model
 
-from hil.commands.history import as_data, history_of, read_history
+from hil.commands.history import history_of, monitoring_data, read_history
 from hil.errors import FileError, InvalidValue, Mismatch
 from hil.estimation.intervals import SIGNIFICANT
 from hil.friction.law import TermValue, level_at
@@ -218,7 +218,7 @@ def test_an_exchanged_drive_is_named_in_place_of_all_that_it_changed() -> None:
     assert exchanged.explained == len(found.marked) > 1
     (sentence,) = found.sentences(found.runs[1])
     assert "torque constant or drive of axis 5 exchanged or rescaled" in sentence
-    assert as_data(found)["rescaled_torques"][0]["axis"] == 5
+    assert monitoring_data(found)["rescaled_torques"][0]["axis"] == 5
 
 
 def test_a_parameter_beside_friction_that_do_not_change_alike_are_no_exchanged_drive() -> None:
@@ -277,7 +277,7 @@ def test_runs_stand_in_the_order_in_which_they_were_measured() -> None:
     found = history_of(runs)
     assert [run.label for run in found.runs] == ["1", "2", "3"]
     assert found.reference == "1"
-    assert {each.against for each in found.of(found.runs[2])} == {"1", "2"}
+    assert {each.against for each in found.tests(found.runs[2])} == {"1", "2"}
 
 
 def test_one_run_alone_is_stated_as_such() -> None:
@@ -345,7 +345,7 @@ def test_the_reference_need_not_be_among_the_runs(tmp_path: Path) -> None:
     runs = [saved(measured(model, day, seed=day), tmp_path / str(day)) for day in (1, 2, 3)]
     found = read_history(runs[::2], reference=runs[1])
     assert found.reference == str(runs[1])
-    assert {each.against for each in found.of(found.runs[0])} == {str(runs[1])}
+    assert {each.against for each in found.tests(found.runs[0])} == {str(runs[1])}
 
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=20))

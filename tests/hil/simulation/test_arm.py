@@ -12,7 +12,7 @@ from hil.errors import NotEnoughData
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.friction.terms import LAWS
 from hil.model.robot import Robot
-from hil.results.consistency import with_consistent_robot
+from hil.results.consistency import find_consistent_robot
 from hil.simulation.arm import Arm, Drive, State
 
 MASS, COULOMB = 2.0, 4.0
@@ -118,7 +118,7 @@ def test_axes_that_slide_accelerate_as_the_model_says(path):
 def ur10e(seed=0):
     robot = Robot.load(Path("tests/robots/ur10e.yaml"))
     p, error = possible(robot, seed)
-    return with_consistent_robot(model_of(robot, p, 1e-6 * error))
+    return find_consistent_robot(model_of(robot, p, 1e-6 * error))
 
 
 def swinging(model, time):
