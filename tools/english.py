@@ -42,27 +42,8 @@ class Bounds(NamedTuple):
 BOUNDS = {
     "checked_files": Bounds(1.0, 2.7, 0.0),
     "drivers": Bounds(1.1, 2.3, 0.5),
+    "hil": Bounds(0.6, 1.6, 1.0),
     "sim_plant": Bounds(0.4, 2.2, 0.5),
-    "hil/cli": Bounds(0.5, 1.7, 1.5),
-    "hil/friction": Bounds(0.8, 3.0, 0.5),
-    "hil/estimation/consistent": Bounds(1.6, 1.8, 1.0),
-    "hil/estimation/excluded": Bounds(0.6, 1.9, 0.5),
-    "hil/estimation/friction": Bounds(0.6, 2.3, 1.0),
-    "hil/estimation/loads": Bounds(0.9, 1.2, 1.0),
-    "hil/estimation/back_and_forth": Bounds(0.5, 0.8, 0.5),
-    "hil/imports": Bounds(0.8, 2.1, 1.0),
-    "hil/measuring": Bounds(1.0, 2.4, 1.0),
-    "hil/least_squares": Bounds(0.1, 0.8, 0.5),
-    "hil/live": Bounds(0.2, 0.3, 0.5),
-    "hil/model": Bounds(0.2, 0.8, 0.5),
-    "hil/planning": Bounds(0.6, 1.0, 0.5),
-    "hil/report": Bounds(0.1, 1.7, 0.5),
-    "hil/runs": Bounds(0.5, 1.5, 1.0),
-    "hil/tasks": Bounds(0.5, 1.1, 2.0),
-    "hil/show": Bounds(0.2, 0.2, 0.5),
-    "hil/terminal": Bounds(0.8, 1.2, 2.5),
-    "hil/view": Bounds(0.4, 0.6, 0.5),
-    "hil/watching": Bounds(0.3, 0.6, 0.5),
 }
 
 

@@ -147,7 +147,7 @@ def accept(run: Run | Path | str, limits: Limits | Path | str) -> Acceptance:
     many = "are outside their" if lost > 1 else "is outside its"
     found = [failed(f"{lost} of {len(checks)} checks {many} limits")] if lost else []
     within = f"all {len(checks)} checks are within their limits"
-    return Acceptance.of(found, lambda: good(within), checks=checks)
+    return Acceptance.judge(found, lambda: good(within), checks=checks)
 
 
 def draft_limits(run: Run | Path | str, factor: float = 3.0) -> Limits:

@@ -197,7 +197,7 @@ def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
     kept = DiagnosisFile(
         made=now(),
         version=__version__,
-        of=RunStamp.of(run),
+        of=RunStamp.create(run),
         p=tuple(found.estimate.p.tolist()),
         threshold=errors.threshold,
         candidates=tuple(

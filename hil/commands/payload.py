@@ -193,8 +193,8 @@ def write_load(
     kept = LoadFile(
         made=now(),
         version=__version__,
-        without=RunStamp.of(without, path),
-        loaded=tuple(RunStamp.of(run, path) for run in loaded),
+        without=RunStamp.create(without, path),
+        loaded=tuple(RunStamp.create(run, path) for run in loaded),
         mass=load.stated_mass,
         verdict=tuple(verdict),
         rigidity=load.misfit,

@@ -87,7 +87,7 @@ def write_validation(run: Run, model: Model, model_path: Path, found: Validation
     The judgement is added to the model file and replaces an earlier one by the same run.
     """
     record = ValidationRecord(
-        run=RunStamp.of(run),
+        run=RunStamp.create(run),
         model=os.path.relpath(model_path, run.path),
         method=model.method,
         identified=model.provenance.identified,
@@ -97,7 +97,7 @@ def write_validation(run: Run, model: Model, model_path: Path, found: Validation
     path = run.path / NAME
     write_file(path, record.encode_yaml())
     where = os.path.relpath(run.path, model_path.parent)
-    kept = KeptJudgement.of(
+    kept = KeptJudgement.judge(
         found.reasons, lambda: found, run=where, validated=record.validated, relative=found.relative
     )
     model = Model.load(model_path)

@@ -23,7 +23,7 @@ class MeasurementFit(FileModel):
     not_identified: ClassVar[tuple[str, ...]] = ()
 
     def sum_of(self, _name: str) -> str:
-        """Return an empty sum: each parameter stands for itself."""
+        """Return an empty sum, since no parameter stands for a sum."""
         return ""
 
 

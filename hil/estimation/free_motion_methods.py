@@ -78,10 +78,10 @@ def fit_free_motions(
         return estimate_from(robot, name, variant.solver, gathered, options)
     rates = gather_rates(robot, recorded, variant, options)
     fastest = estimate_from(robot, name, variant.solver, rates[0], options)
-    return fastest if len(rates) == 1 else _of_all(robot, fastest, rates, options)
+    return fastest if len(rates) == 1 else _combine_rates(robot, fastest, rates, options)
 
 
-def _of_all(
+def _combine_rates(
     robot: Robot, fastest: Estimate, rates: Sequence[Gathered], options: Options
 ) -> Estimate:
     """Estimate from recordings of several rates, with friction and settings of the fastest."""

@@ -23,7 +23,7 @@ from hil.estimation.free_motion.gathering import gather_rates, rate_regressions
 from hil.estimation.free_motion.scaling import found_gains
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.options import DEFAULTS
-from hil.estimation.two_step_methods import joint, measured, prepare, with_reached_limits
+from hil.estimation.two_step_methods import fill_reached_limits, joint, measured, prepare
 from hil.least_squares.balance import Kind, balance
 from hil.model.base_parameters import base_parameters
 from hil.planning.free_motion import FreeMotion
@@ -45,7 +45,7 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
     """
     own = (each for each in recorded if not isinstance(each[0], FreeMotion))
     raw, unusable = prepare(own)
-    robot = with_reached_limits(robot, raw)
+    robot = fill_reached_limits(robot, raw)
     found, names = joint(robot, raw, options.nuisance), base_parameters(robot).names
     p = found.solver.solve()
     imported = gather_rates(robot, recorded, VARIANTS[DEFAULT], options, p)

@@ -76,7 +76,7 @@ def estimates(
         Base parameters are not excited by the measurements.
     """
     raw, unusable = prepare(recorded)
-    robot = with_reached_limits(robot, raw)
+    robot = fill_reached_limits(robot, raw)
     found: dict[TwoStepMethod, Estimate] = {}
     for method in methods:
         if method == "improved":
@@ -108,7 +108,7 @@ def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) ->
     nuisance : collection of str
         Subset of `NUISANCES` to be estimated; the others are taken as zero.
     """
-    drive_train = as_asked(find_drive_train(robot, raw), nuisance)
+    drive_train = restrict_drive_train(find_drive_train(robot, raw), nuisance)
     prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
     solver = first = SimultaneousFit(robot, prepared)
     mu, error = solver.load_friction
@@ -118,14 +118,14 @@ def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) ->
         # measurements of inertia alone; doubtful load friction would bias the lag, since few
         # measurements of inertia distinguish the two
         known = replace(drive_train, p=solver.solve())
-        drive_train = as_asked(find_drive_train(robot, raw, loaded, known), nuisance)
+        drive_train = restrict_drive_train(find_drive_train(robot, raw, loaded, known), nuisance)
         drive_train = replace(drive_train, p=known.p)
         prepared = [(m, drive_train.applied(robot, s)) for m, s in raw]
         solver = SimultaneousFit(robot, prepared)
     return Joint(solver, drive_train, prepared, first.without_load_friction)
 
 
-def as_asked(train: DriveTrain, nuisance: Collection[str]) -> DriveTrain:
+def restrict_drive_train(train: DriveTrain, nuisance: Collection[str]) -> DriveTrain:
     """Return the drive trains restricted to the requested nuisances."""
     none = np.zeros_like(train.lag)
     if "lag" not in nuisance:
@@ -298,7 +298,7 @@ def prepare(
     return found, left_out
 
 
-def with_reached_limits(robot: Robot, prepared: Prepared) -> Robot:
+def fill_reached_limits(robot: Robot, prepared: Prepared) -> Robot:
     """Return the robot with unknown limits replaced by the values reached in measurements.
 
     Samples are selected by shares of the limits, and an import may lack limits.

@@ -241,7 +241,7 @@ class FrictionLaw(FileModel):
 
     @property
     def known(self) -> bool:
-        """Whether friction of any axis is known."""
+        """True if the friction of any axis is known."""
         return any(self.axes)
 
     @property

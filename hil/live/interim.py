@@ -137,7 +137,7 @@ def estimate_line(
     known: NDArray[np.bool_],
 ) -> Line:
     """Return the values of line ``estimate``; arrays have the shape (n_base,)."""
-    base, torque = base_parameters(robot), free.of_each(np.where(known, half, 0.0))
+    base, torque = base_parameters(robot), free.parameter_torques(np.where(known, half, 0.0))
     share = (torque / robot.torque_limit[:, np.newaxis]).max(axis=0)
     rows = [
         {

@@ -15,7 +15,7 @@ from hil.friction.equation import SLOW
 from hil.least_squares.standstill import extent, moving
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
-from hil.results.recorded_torque import in_si
+from hil.results.recorded_torque import convert_torques
 from hil.results.residual import BAND, BandResidual
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
         if not shows_parameters(motion):
             continue
         try:
-            recording = in_si(model, motion, as_recorded)
+            recording = convert_torques(model, motion, as_recorded)
         except Mismatch:  # gains of a mixture are no part of the model
             continue
         # an import is judged as a whole, whatever parts of it are strokes

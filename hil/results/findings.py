@@ -203,7 +203,7 @@ def _state(run: Run, others: Sequence[Run]) -> str:
     """Return the digest of everything that determines the findings."""
     follows = [_program()]
     for each in (run, *others):
-        stamp, journal = RunStamp.of(each), each.journal.model_dump_json()
+        stamp, journal = RunStamp.create(each), each.journal.model_dump_json()
         follows += stamp.robot_digest, stamp.plan_digest, stamp.recordings, journal
         follows += sorted(each.set_aside)
     return _digest("\n".join(follows))

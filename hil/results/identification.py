@@ -17,7 +17,7 @@ from hil.estimation.excluded.proof import proved
 from hil.estimation.friction.history import history
 from hil.estimation.identify import default_method, estimate
 from hil.estimation.options import DEFAULTS
-from hil.estimation.two_step_methods import prepare, prepared_for, with_reached_limits
+from hil.estimation.two_step_methods import fill_reached_limits, prepare, prepared_for
 from hil.least_squares.regression import ByName
 from hil.model.robot import Robot
 from hil.planning.measurement import shows_element
@@ -217,12 +217,12 @@ def identified(
         try:
             found = estimate(run.robot, campaign, method or method_for(run, others)[0], options)
         except (NotIdentifiable, NotEnoughData) as error:
-            raise _with_cause(error, proved(run.robot, campaign)) from error
+            raise _add_cause(error, proved(run.robot, campaign)) from error
     if found.drive_train is None and not found.friction_law.known:
         # neither free motions nor the improved method, which have looked for laws themselves
         prepared = prepared_for(run.robot, found, campaign)
         # limits, stated or reached, decide which samples a law of friction is chosen by
-        robot, past = with_reached_limits(run.robot, prepared), None
+        robot, past = fill_reached_limits(run.robot, prepared), None
         if run.robot.limits_known:
             past = history(robot, prepared)
         stacks = (axes for motion, s in prepared for axes in stack(robot, motion, s))
@@ -234,7 +234,7 @@ def identified(
     return ModelFit(replace(found, joint=None), model)  # all samples: nothing else is asked
 
 
-def _with_cause(error: HilError, proof: Excluded | None) -> HilError:
+def _add_cause(error: HilError, proof: Excluded | None) -> HilError:
     """Put the found cause before an error; more measurements would not remove the cause."""
     if proof is None or not proof.found:
         return error

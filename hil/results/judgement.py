@@ -121,7 +121,7 @@ class Judgement(Reservation):
     further: tuple[Reservation, ...] = ()
 
     @classmethod
-    def of(
+    def judge(
         cls, found: Iterable[Reservation], good: Callable[[], Reservation], **more: object
     ) -> Self:
         """Create a judgement from the first of the worst objections; `good` without any.

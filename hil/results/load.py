@@ -21,7 +21,7 @@ from hil.estimation.loads.fit import fit_load
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.options import DEFAULTS
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.estimation.two_step_methods import as_asked, doubt, prepare, prepared_for
+from hil.estimation.two_step_methods import doubt, prepare, prepared_for, restrict_drive_train
 from hil.friction.law import friction_torque
 from hil.least_squares.regression import ByName
 from hil.model.base_parameters import base_parameters
@@ -401,7 +401,7 @@ class _Runs:
         raw, _ = prepare(pooled(_measured(self.loaded)))
         train = None if bare is None else self.bare.estimate.drive_train
         if bare is None:
-            train = as_asked(find_drive_train(robot, raw), self.bare.options.nuisance)
+            train = restrict_drive_train(find_drive_train(robot, raw), self.bare.options.nuisance)
         applied = raw if train is None else [(m, train.applied(self.robot, s)) for m, s in raw]
         if bare is None:
             fit = SimultaneousFit(robot, applied)
@@ -419,7 +419,7 @@ class _Runs:
         """Return the covariance of base parameters due to drive trains and encoders."""
         raw, _ = prepare(pooled(runs))
         if train is None or robot is not self.robot:
-            train = as_asked(find_drive_train(robot, raw), self.bare.options.nuisance)
+            train = restrict_drive_train(find_drive_train(robot, raw), self.bare.options.nuisance)
         change, covariance = doubt(robot, raw, train, fit)
         return covariance + np.outer(change, change)
 

@@ -70,7 +70,7 @@ class Model(IdentifiedRobot):
 
     def save(self, path: Path | str) -> None:
         """Write the model to a file, whole or not at all; see `hil.results.model_file`."""
-        write_file(Path(path), ModelFile.of(self).text().encode())
+        write_file(Path(path), ModelFile.create(self).text().encode())
 
     def predict(
         self,

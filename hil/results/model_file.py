@@ -80,7 +80,7 @@ class LocalRecord(FileModel):
     residual: float
 
     @classmethod
-    def of(cls, local: LocalValue) -> LocalRecord:
+    def create(cls, local: LocalValue) -> LocalRecord:
         """Create the record of a measurement."""
         error = float(local.standard_error)
         return cls(
@@ -160,7 +160,7 @@ class ModelFile(FileModel):
         return self
 
     @classmethod
-    def of(cls, model: IdentifiedRobot) -> ModelFile:
+    def create(cls, model: IdentifiedRobot) -> ModelFile:
         """Create the file content of a model."""
         base = base_parameters(model.robot)
         group_of = {index: group for group, members in base.groups.items() for index in members}
@@ -191,7 +191,7 @@ class ModelFile(FileModel):
             "back_and_forth": details if isinstance(details, BackAndForthFit) else None,
             "friction_law": None if free else model.friction_law,
             "robot_file": model.robot.text,
-            "local": tuple(map(LocalRecord.of, model.local)),
+            "local": tuple(map(LocalRecord.create, model.local)),
             "torque_effect": None if model.torque_effect is None else _rows(model.torque_effect),
         }
         return cls(**_common(model) | own)
@@ -239,7 +239,7 @@ class ModelFile(FileModel):
         return robot
 
     def text(self) -> str:
-        """As YAML, the robot file as a block of its own."""
+        """Return the content as YAML, with the robot file as a separate block."""
         absent = {name for name, value in self if value is None}
         absent |= {name for name in ("validations", "local") if not getattr(self, name)}
         content = self.model_dump(mode="json", exclude=absent)

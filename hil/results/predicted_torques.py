@@ -32,7 +32,7 @@ from hil.friction.law import (
 from hil.least_squares.solving import orthonormal
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.measurement import shows_parameters
-from hil.results.recorded_torque import PredictedTorque, in_si, predict_recording
+from hil.results.recorded_torque import PredictedTorque, convert_torques, predict_recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -69,10 +69,10 @@ def predicted_torques(
     for motion, as_recorded in recorded:
         if not shows_parameters(motion):
             continue
-        recording = in_si(model, motion, as_recorded)
+        recording = convert_torques(model, motion, as_recorded)
         with suppress(NotEnoughData):
             if isinstance(model.details, FreeMotionFit):
-                yield from _as_recorded(model, motion, recording)
+                yield from _predict_recorded(model, motion, recording)
             else:
                 yield from _fitted(model, motion, recording, past)
 
@@ -82,7 +82,7 @@ def _predict_recorded(
 ) -> Iterator[PredictedTorque]:
     """Return the torques of all axes by the friction law identified with the parameters."""
     found = predict_recording(model, recording, motion.id)
-    return map(found.of_axis, found.axes)
+    return map(found.select_axis, found.axes)
 
 
 def _fitted(
@@ -97,7 +97,7 @@ def _fitted(
 
 
 def _law_along(model: Model, s: Signals, past: History | None) -> tuple[Array, Array]:
-    """Friction by a model's own law at all samples, and its variance; 0 of unknown friction."""
+    """Return friction by the model's law at all samples, with variance; 0 if unknown."""
     robot, law = model.robot, model.friction_law
     motion = s.q, s.qd, inverse_dynamics(robot, model.values, s.q, s.qd, s.qdd)
     level = level_anywhere(law) if past is None else level_along(law, past, s.time)
@@ -105,7 +105,7 @@ def _law_along(model: Model, s: Signals, past: History | None) -> tuple[Array, A
     return friction_torque(robot, law, *motion), variance
 
 
-def _of_axis(
+def _predict_axis(
     model: Model, name: str, each: Stacked, s: Signals, law: tuple[Array, Array]
 ) -> PredictedTorque:
     """Return an axis's torque: rigid bodies with the model's friction, and with fitted friction."""

@@ -91,7 +91,7 @@ class FreeTorques:
         torques: Array = np.sqrt(np.mean((self._A @ p) ** 2, axis=0))
         return torques
 
-    def of_each(self, p: Array) -> Array:
+    def parameter_torques(self, p: Array) -> Array:
         """Return the torque of each base parameter alone, shape (n_joints, n_base) [N m]."""
         torques: Array = np.sqrt(np.mean(self._A**2, axis=0)) * p
         return torques
@@ -115,7 +115,7 @@ def effect_of_errors(estimate: Estimate, robot: Robot) -> Array:
     Shape (n_joints, n_base), as root mean squares on a free motion; 0 for an axis without torque.
     """
     free = FreeTorques(robot)
-    effect: Array = free.relative(free.of_each(estimate.standard_error).T, estimate.p).T
+    effect: Array = free.relative(free.parameter_torques(estimate.standard_error).T, estimate.p).T
     return np.nan_to_num(effect)
 
 

@@ -76,7 +76,7 @@ class RunStamp(FileModel):
     recordings: str
 
     @classmethod
-    def of(cls, folder: Run, holder: Path | None = None) -> RunStamp:
+    def create(cls, folder: Run, holder: Path | None = None) -> RunStamp:
         """Return the present state of a run; `holder`: the folder of the result, if another."""
         sessions = folder.journal.sessions
         return cls(
@@ -89,7 +89,7 @@ class RunStamp(FileModel):
 
     def change(self, folder: Run) -> str:
         """Return the first difference of the run from the recorded state; empty for none."""
-        now = RunStamp.of(folder)
+        now = RunStamp.create(folder)
         for name, then, is_now in (
             ("robot file", self.robot_digest, now.robot_digest),
             ("plan", self.plan_digest, now.plan_digest),
@@ -133,7 +133,7 @@ def recordings_in_common(made: Provenance, run: Run) -> int:
     own = digests(run)
     if made.recordings:
         return len(set(own).intersection(made.recordings))
-    stamp = RunStamp.of(run)
+    stamp = RunStamp.create(run)
     same = made.measured == stamp.measured and made.plan_digest == stamp.plan_digest
     return len(own) if same and made.measured else 0
 

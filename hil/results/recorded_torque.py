@@ -104,7 +104,7 @@ class PredictedTorque:
         (axis,) = self.axes
         return axis
 
-    def of_axis(self, axis: int) -> PredictedTorque:
+    def select_axis(self, axis: int) -> PredictedTorque:
         """Return the torque of a single axis, for a prediction without fitted friction."""
         own = {name: getattr(self, name)[:, axis] for name in OF_SAMPLES}
         shown = None if self.information is None else self.information[axis]
@@ -117,7 +117,7 @@ class PredictedTorque:
         """
         kept = np.flatnonzero((begin <= self.time) & (self.time <= end))
         drawn = np.column_stack([self.measured, np.nan_to_num(self.residual)])[kept]
-        kept = kept[with_extremes(drawn, round(len(kept) / most))]
+        kept = kept[thin_rows(drawn, round(len(kept) / most))]
         return replace(self, **{name: getattr(self, name)[kept] for name in ("time", *OF_SAMPLES)})
 
     @property
@@ -171,7 +171,7 @@ class Along(NamedTuple):
     directions: tuple[Direction, ...] | None = None
 
 
-def along(model: Model, recording: Recording) -> Along:
+def filter_recording(model: Model, recording: Recording) -> Along:
     """Return a recording as a model takes it, by the low-pass that the model was found with."""
     if not isinstance(model.details, FreeMotionFit):
         s = signals(recording)
@@ -195,7 +195,7 @@ def along(model: Model, recording: Recording) -> Along:
     return Along(
         coarse(recording.time[:: rates.fine]), motion.q, motion.qd, motion.qdd, motion.tau[used],
         coarse, lambda x: motion.passed(x)[: len(used)][used],
-        _of_soft_gears(model, model.details.compliance, motion), motion.directions,
+        _soft_gear_torque(model, model.details.compliance, motion), motion.directions,
     )  # fmt: skip
 
 
@@ -208,7 +208,7 @@ def _thinned(recording: Recording) -> Along:
     return Along(s.time[kept], q, qd, qdd, tau, np.asarray, np.asarray, np.zeros_like(q))
 
 
-def with_extremes(x: Array, every: int) -> NDArray[np.intp]:
+def thin_rows(x: Array, every: int) -> NDArray[np.intp]:
     """Choose a row in `every` rows, and each column's extremes in blocks of 8 `every` rows."""
     rows, every = np.arange(len(x)), max(every, 1)
     if every == 1 or not len(x):
@@ -221,8 +221,8 @@ def with_extremes(x: Array, every: int) -> NDArray[np.intp]:
     return np.unique(np.concatenate([rows[::every], *extreme]))
 
 
-def _of_soft_gears(model: Model, compliance: dict[int, TermValue], motion: Motion) -> Array:
-    """Torque by which gears that give way change that of rigid ones, shape of positions."""
+def _soft_gear_torque(model: Model, compliance: dict[int, TermValue], motion: Motion) -> Array:
+    """Return the torque added by compliant gears, shape of the positions."""
     if not compliance:
         return np.zeros_like(motion.q)
     columns = soft_gears(model.robot, motion, model.values, motion.processing.soft)
@@ -262,7 +262,7 @@ def predict_whole(
     """
     free = isinstance(model.details, FreeMotionFit)
     axes = range(model.robot.n_joints) if axes is None or free else axes
-    motion = along(model, recording) if free else _thinned(recording)
+    motion = filter_recording(model, recording) if free else _thinned(recording)
     A = np.zeros((*motion.q.shape, len(model.values)))
     A[:, axes] = regressor(model.robot, motion.q, motion.qd, motion.qdd, axes)
     rigid = A @ model.values
@@ -301,7 +301,7 @@ def _information(model: Model, motion: Along, axes: Sequence[int], A: Array) -> 
 def torque_parts(model: Model, recording: Recording) -> dict[str, Array]:
     """Return the torque of a recording by parts; see `ModelFit.torque_parts`."""
     robot, p = model.robot, model.values
-    motion = along(model, recording)
+    motion = filter_recording(model, recording)
     q, qd, qdd, still = motion.q, motion.qd, motion.qdd, np.zeros_like(motion.q)
     rigid, gravity = inverse_dynamics(robot, p, q, qd, qdd), gravity_torque(robot, p, q)
     parts = {
@@ -341,7 +341,7 @@ def _parameter_error(model: Model, motion: Along, A: Array, axes: Sequence[int])
     return np.asarray(np.sqrt(variance.clip(0.0)))
 
 
-def in_si(model: Model, motion: RecordedMotion, recording: Recording) -> Recording:
+def convert_torques(model: Model, motion: RecordedMotion, recording: Recording) -> Recording:
     """Return a recording with torques in SI, with unknown gains taken from the model.
 
     Raises

@@ -67,7 +67,7 @@ def _wanted(n_joints: int) -> str:
 
 
 def known_warmth(model: IdentifiedRobot) -> tuple[Warmth | None, ...]:
-    """How friction of each axis depends on its warmth; None where that is not identified."""
+    """Return the dependence of friction on warmth by axis; None if not identified."""
     return tuple(None if law is None else law.warmth for law in model.friction_law.axes)
 
 

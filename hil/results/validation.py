@@ -125,7 +125,7 @@ class AxisScore(FileModel):
     uncovered: str = ""
 
     @property
-    def of_bodies(self) -> float:
+    def rigid_error(self) -> float:
         """Relative error without the error of friction, as far as friction was fitted."""
         return self.relative if self.refitted is None else self.refitted
 
@@ -137,12 +137,12 @@ class AxisScore(FileModel):
         errors of parameters.
         """
         left = (self.identified or 0.0) / self.torque if self.torque else 0.0
-        return float(np.sqrt(max(self.of_bodies**2 - left**2, 0.0)))
+        return float(np.sqrt(max(self.rigid_error**2 - left**2, 0.0)))
 
     @property
     def worse(self) -> float:
         """Ratio of the bodies' residual to that of the identification; 0 if unknown."""
-        return self.of_bodies * self.torque / self.identified if self.identified else 0.0
+        return self.rigid_error * self.torque / self.identified if self.identified else 0.0
 
 
 class Validation(Judgement):
@@ -195,7 +195,7 @@ def validate(
     """
     model, run = loaded(model), opened(run)
     model.refuse_other_robot(run.robot, str(run.path))
-    if own := of_own_recordings(model, run):
+    if own := score_own_recordings(model, run):
         return own
     recorded = Pooled([run])
     left = band_residual(model, recorded)
@@ -258,7 +258,7 @@ def judged(
     residual : BandResidual, optional
         Stated beside it.
     """
-    found = (*first, *_of_axes(scores, n_joints), *last)
+    found = (*first, *_judge_axes(scores, n_joints), *last)
     if not found:
         found = (good(_praise(scores, residual)),)
     notes = [] if residual is None else [good(str(residual))]
@@ -266,7 +266,7 @@ def judged(
     if unlike:
         text = "not covered by the model's recordings: "
         notes.append(good(text + ". ".join(unlike)))
-    return Validation.of((*found, *notes), lambda: found[0], axes=scores, residual=residual)
+    return Validation.judge((*found, *notes), lambda: found[0], axes=scores, residual=residual)
 
 
 def _score(parts: Sequence[PredictedTorque], model: Model, past: History | None) -> AxisScore:
@@ -366,7 +366,7 @@ def _worst(size: Callable[[AxisScore], float], most: float) -> Callable[[Scores]
     return look
 
 
-def _of_axes(scores: Scores, n_joints: int) -> Iterator[Reservation]:
+def _judge_axes(scores: Scores, n_joints: int) -> Iterator[Reservation]:
     """Yield the objections to the model; each rule names the worst axis."""
     if not scores:
         yield failed(
@@ -393,9 +393,9 @@ def _naive(scores: Scores) -> Reservation | None:
             "the recordings that the model was made from do not excite what this motion needs:"
             f" standard errors amount to {worst.uncertain:.0%} of its torque"
         )
-    if worst.of_bodies < min(most * worst.naive, worst.relative):
+    if worst.rigid_error < min(most * worst.naive, worst.relative):
         why = (
-            f"with friction fitted in this recording it is off by {worst.of_bodies:.0%}: the"
+            f"with friction fitted in this recording it is off by {worst.rigid_error:.0%}: the"
             " bodies hold, the friction that the model states does not; identify it anew"
         )
     return failed(
@@ -421,7 +421,7 @@ def _narrow(scores: Scores) -> Reservation | None:
             f"{held}, {INSIDE:.0%} are needed at least; these are too narrow for this motion, whose"
             f" torque is predicted within {s.relative:.1%}"
         )
-    elif s.own_friction and s.relative > WORSE * s.of_bodies:
+    elif s.own_friction and s.relative > WORSE * s.rigid_error:
         why = (
             "the rigid bodies hold, the friction that the model states does not; with it the torque"
             f" is off by {s.relative:.0%}, and {held}: warmer, differently loaded, or other speeds"
@@ -487,7 +487,7 @@ def _praise(scores: Scores, residual: BandResidual | None) -> str:
     return f"torque predicted within {100 * shares[worst]:.2g} % (rms{band}), worst axis {worst}"
 
 
-def of_own_recordings(model: Model, run: Run) -> Validation | None:
+def score_own_recordings(model: Model, run: Run) -> Validation | None:
     """Judge a run used for the model as failed; return None for another run."""
     common, every = recordings_in_common(model.provenance, run), len(run)
     if not common:

@@ -60,7 +60,7 @@ def verdict(
     doubts = *reservations(RULES, model), *unexplained(left, limit, accuracy)
     found = doubts or tuple(_good(model, usual_effect))
     remains = () if left is None else (good(str(left)),)
-    return Judgement.of((*found, *remains), lambda: found[0])
+    return Judgement.judge((*found, *remains), lambda: found[0])
 
 
 def _found(model: Model) -> Iterator[Reservation]:
@@ -147,7 +147,7 @@ def _doubted(model: Model) -> Iterator[Reservation]:
         yield doubtful(f"import warned: {reason}", remedy)
 
 
-def _at_edge(model: Model) -> Iterator[Reservation]:
+def _judge_edges(model: Model) -> Iterator[Reservation]:
     """Yield estimates at the edge of the search range; the true value may be beyond the edge."""
     for each in model.edges:
         beyond = "" if abs(each.value) <= abs(each.bound) else " beyond"
@@ -266,7 +266,7 @@ OF_DATA: tuple[Rule[Model], ...] = (
 )
 """Rules on the measurements of a model, independent of its use."""
 RULES: tuple[Rule[Model], ...] = (
-    _found, _doubted, _free_motions, _unexcited, _impossible, _at_edge, *OF_DATA, _causes,
+    _found, _doubted, _free_motions, _unexcited, _impossible, _judge_edges, *OF_DATA, _causes,
 )  # fmt: skip
 
 
@@ -294,7 +294,7 @@ def _good(model: Model, usual_effect: Array | None) -> Iterator[Reservation]:
     )
     yield good(
         f"not shown by recordings: {conditions}; with these usual tolerances the torque is"
-        f" predicted within {_within(_with_hidden(model, relative, hidden, usual_effect))}",
+        f" predicted within {_within(_add_hidden(model, relative, hidden, usual_effect))}",
         "state the uncertainty of torque constants and rotor inertias in the robot file, where it"
         " is known better",
     )
@@ -317,7 +317,7 @@ def _hidden(model: Model, relative: Array) -> tuple[Limit, ...]:
     )
 
 
-def _with_hidden(
+def _add_hidden(
     model: Model, relative: Array, hidden: Sequence[Limit], usual_effect: Array | None
 ) -> Array:
     """Return the standard error of torques with usual tolerances of invisible causes, (n_joints,).

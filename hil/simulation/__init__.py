@@ -1,1 +1,1 @@
-"""Simulated arms that are driven as a recorded one was: how far a model's motion is from it."""
+"""Simulation of recordings by a model, and the error of the simulated motion."""

@@ -76,7 +76,7 @@ AT_BOUND = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """What drives an arm: torques, and a PD controller of the positions beside them.
+    """Drive of an arm: torques, and a PD controller of positions.
 
         tau = torque + kp (q_wanted - q) + kd (qd_wanted - qd)
 
@@ -123,7 +123,7 @@ class State(NamedTuple):
 
 
 class _Laws:
-    """Friction of all axes at one instant, as columns of terms times coefficients.
+    """Friction of all axes at an instant, as columns of terms times coefficients.
 
     The same sum as `hil.friction.law.friction_torque`, axes in place of samples along the rows.
     """
@@ -156,7 +156,7 @@ class _Laws:
         self.loaded = "load" in self.names
         self._gear = np.nan_to_num(model.robot.gear_ratio)
 
-    def at(self, q: Array, qd: Array, side: Array, load: Array) -> tuple[Array, Array]:
+    def evaluate(self, q: Array, qd: Array, side: Array, load: Array) -> tuple[Array, Array]:
         """Torque without direction, and level against the direction `side`, shape (n,) each."""
         speed = np.abs(qd)
         known = np.minimum(np.maximum(speed, self._slowest), self._fastest)
@@ -169,13 +169,13 @@ class _Laws:
         """Greatest slope of friction over the speed of each axis, shape (n,) [N m s/rad, N s/m]."""
         none, forward = np.zeros(len(self.speed)), np.ones(len(self.speed))
         speeds = np.linspace(SLOWEST, 1.0, SOME)[:, None] * self.speed
-        torques = [np.add(*self.at(none, each, forward, none)) for each in speeds]
+        torques = [np.add(*self.evaluate(none, each, forward, none)) for each in speeds]
         slopes = np.diff(torques, axis=0) / np.diff(speeds, axis=0)
         return np.asarray(np.abs(slopes).max(axis=0))
 
 
 class Arm:
-    """Rigid arm of a model, with friction by its law, by plain terms, or as it is exported.
+    """Rigid arm of a model, with friction by its law, by plain terms, or as exported.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ class Arm:
         mass, bias = self.mass_and_bias(q, qd)
         n = len(q)
         side = np.where(mode[:n] < 0, -1.0, 1.0)
-        other, level = self._laws.at(q, qd, side, load)
+        other, level = self._laws.evaluate(q, qd, side, load)
         most = np.concatenate([level, self._coulomb])
         left = tau - bias - other - self._viscous @ qd - (mode * most) @ self.elements
         return mass, left, most, bias
@@ -374,7 +374,7 @@ def steps_in(period: float, rate: float) -> int:
 
 
 def _accelerations(mass: Array, left: Array, elements: Array, held: Mask) -> tuple[Array, Array]:
-    """Accelerations that keep elements at rest, and the friction that they need."""
+    """Return accelerations with elements kept at rest, and the required friction."""
     friction = np.zeros(len(elements))
     if not held.any():
         return np.asarray(np.linalg.solve(mass, left)), friction

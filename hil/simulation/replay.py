@@ -18,7 +18,7 @@ import numpy as np
 
 from hil.errors import InvalidValue, NotEnoughData
 from hil.results.model import loaded
-from hil.results.recorded_torque import in_si
+from hil.results.recorded_torque import convert_torques
 from hil.runs.run import opened
 from hil.runs.set_points import set_points
 from hil.show.outcome import Verdict
@@ -271,7 +271,7 @@ def _replayed(
     restart: float | None,
 ) -> Iterator[Replayed]:
     """Yield a recording simulated, nothing of one that is too short."""
-    recording = in_si(model, each.measurement, each.recording)
+    recording = convert_torques(model, each.measurement, each.recording)
     drive = _drive(model, each.measurement, recording, controller)
     parts = [
         _simulated(arm, model, recording.time[stretch], recording.q[stretch], drive)
@@ -284,7 +284,7 @@ def _replayed(
 
 
 def _stretches(recording: Recording, restart: float | None) -> Iterator[Indices]:
-    """Yield the samples of each stretch, with those that it starts from."""
+    """Yield the samples of stretches, with the samples before each start."""
     kept = np.flatnonzero(recording.fresh)
     steps = np.diff(recording.time[kept])
     gaps = np.flatnonzero(steps > INITIAL * np.median(steps)) + 1
@@ -313,7 +313,7 @@ def _simulated(
 def _drive(
     model: Model, motion: RecordedMotion, recording: Recording, controller: Controller | None
 ) -> Drive:
-    """What drives the arm through a recording; torques with their lag taken back."""
+    """Return the drive of the arm for a recording, torques with the lag removed."""
     fresh, none = recording.fresh, np.zeros(model.robot.n_joints)
     time, q, tau = recording.time[fresh], recording.q[fresh], recording.tau[fresh]
     if controller is not None:

@@ -15,7 +15,7 @@ import numpy as np
 from hil.errors import Mismatch, NotEnoughData
 from hil.friction.equation import SLOW
 from hil.least_squares.solving import inverse
-from hil.results.recorded_torque import in_si, predict_whole
+from hil.results.recorded_torque import convert_torques, predict_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -44,10 +44,12 @@ def stretches(
     found = {}
     for motion, recording in recorded:
         with suppress(NotEnoughData, Mismatch):
-            whole = predict_whole(model, in_si(model, motion, recording), motion.id, motion.moved)
+            whole = predict_whole(
+                model, convert_torques(model, motion, recording), motion.id, motion.moved
+            )
             whole = replace(whole, time=whole.time - recording.time[0])
             for axis in motion.moved:
-                found[motion.id, axis] = _select_moving(model, whole.of_axis(axis))
+                found[motion.id, axis] = _select_moving(model, whole.select_axis(axis))
     return found
 
 

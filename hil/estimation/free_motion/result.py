@@ -132,7 +132,7 @@ class FreeMotionFit(FileModel):
     not_identified: ClassVar[tuple[str, ...]] = ()
 
     def sum_of(self, _name: str) -> str:
-        """Return an empty sum: each parameter stands for itself."""
+        """Return an empty sum, since no parameter stands for a sum."""
         return ""
 
     @property
@@ -141,7 +141,7 @@ class FreeMotionFit(FileModel):
         return FrictionLaw(axes=self.axes, coupled=self.coupled)
 
     @field_serializer("axes")
-    def _without_what_follows(self, axes: tuple[AxisLaw, ...]) -> list[dict[str, Any]]:
+    def _drop_derived(self, axes: tuple[AxisLaw, ...]) -> list[dict[str, Any]]:
         """Serialise axes without redundant entries and entries of measurements only."""
         others = {"wander", "speeds", "unseen", "measurements", "warmth", "exposure"}
         return [axis.model_dump(mode="json", exclude=others) for axis in axes]

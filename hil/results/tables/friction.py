@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def campaign_friction(model: IdentifiedRobot) -> Table:
-    """Law of each axis and its friction at two speeds; empty where none was found."""
+    """Return the table of friction laws, with friction at two speeds; empty without laws."""
     found_here = isinstance(model.details, FreeMotionFit)  # shown as a table of its own
     laws = enumerate(() if found_here else model.friction_law.axes)
     speed, torque = f"{model.robot.position_units}/s", model.robot.torque_units

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def friction(fit: FreeMotionFit, robot: Robot) -> Table:
-    """Law of friction of each axis, its coefficients, and what other laws predict."""
+    """Return the table of friction laws: coefficients and prediction errors of other laws."""
     return table(
         "Friction",
         (

@@ -77,8 +77,8 @@ def test_the_bodies_have_the_torques_of_the_base_parameters_and_are_thick_enough
     robot, p, error = possible(name)
     far = p + 3.0 * error * np.random.default_rng(5).standard_normal(len(p))
     found = nearest_robot(robot, far, np.diag(error**2))
-    of_bodies, of_base = seen(robot, found)
-    np.testing.assert_allclose(of_bodies, of_base, rtol=1e-11, atol=1e-11 * np.abs(of_base).max())
+    rigid_error, of_base = seen(robot, found)
+    np.testing.assert_allclose(rigid_error, of_base, rtol=1e-11, atol=1e-11 * np.abs(of_base).max())
     assert all(link.thickness > 1e-3 for link in found.links)
     assert (found.bodies[:, 9] > 1e-3).all()
 

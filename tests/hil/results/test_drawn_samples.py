@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.results.recorded_torque import PredictedTorque, with_extremes
+from hil.results.recorded_torque import PredictedTorque, thin_rows
 
 
 @pytest.mark.parametrize("n", [1, 7, 55, 56, 57, 4001])
 def test_the_extremes_of_each_stretch_are_drawn(n: int) -> None:
     torque = np.random.default_rng(n).normal(size=(n, 2))
-    kept = with_extremes(torque, 7)
+    kept = thin_rows(torque, 7)
     assert (np.diff(kept) > 0).all()
     for begin in range(0, n, 56):
         of = torque[begin : begin + 56]
@@ -23,14 +23,14 @@ def test_the_extremes_of_each_stretch_are_drawn(n: int) -> None:
 def test_a_spike_of_one_sample_is_drawn_and_few_others() -> None:
     torque = np.zeros(5000)
     torque[[1237, 3001]] = 40.0, -25.0
-    kept = with_extremes(torque, 10)
+    kept = thin_rows(torque, 10)
     assert {1237, 3001} <= set(kept.tolist())
     assert len(kept) <= 500 + 2
 
 
 def test_no_more_samples_than_there_are_and_none_of_none() -> None:
-    assert with_extremes(np.zeros((4, 1)), 0).tolist() == [0, 1, 2, 3]
-    assert with_extremes(np.empty((0, 6)), 7).tolist() == []
+    assert thin_rows(np.zeros((4, 1)), 0).tolist() == [0, 1, 2, 3]
+    assert thin_rows(np.empty((0, 6)), 7).tolist() == []
 
 
 def test_a_part_shows_peaks_of_the_torque_and_of_what_the_model_leaves() -> None:
