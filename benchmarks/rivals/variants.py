@@ -22,6 +22,7 @@ import numpy as np
 from hil.errors import NotEnoughData
 from hil.estimation.drive_train import LoadFriction
 from hil.estimation.estimate import Estimate
+from hil.friction.law import FrictionLaw
 from hil.planning.measurement import recorded_as
 from hil.planning.trajectory import Trajectory
 

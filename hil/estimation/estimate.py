@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.estimation.fit_details import FitDetails, MeasurementFit
+from hil.estimation.fit_details import NO_DETAILS, FitDetails
 from hil.estimation.intervals import half_width
 from hil.least_squares.uncertainty import correlation_of
 
@@ -106,7 +106,7 @@ class Estimate:
     friction_law: FrictionLaw
     drive_train: DriveTrain | None = None
     load_friction: LoadFriction | None = None
-    details: FitDetails = MeasurementFit()
+    details: FitDetails = NO_DETAILS
     half_sums: tuple[HalfSums, ...] = ()
     combination: Array | None = None
     gains: tuple[GainValue, ...] = ()

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.free_motion.result import FreeMotionFit
-
-if TYPE_CHECKING:
-    from hil.estimation.free_motion.result import GainValue
-    from hil.friction.law import TermValue
+from hil.friction.law import TermValue
 
 
 class MeasurementFit(FileModel):
@@ -20,8 +17,8 @@ class MeasurementFit(FileModel):
     part of the model.
     """
 
-    gains: ClassVar[tuple[GainValue, ...]] = ()
-    lag: ClassVar[tuple[TermValue, ...]] = ()
+    gains: ClassVar[tuple[()]] = ()
+    lag: ClassVar[tuple[()]] = ()
     compliance: ClassVar[dict[int, TermValue]] = {}
     not_identified: ClassVar[tuple[str, ...]] = ()
 
@@ -30,4 +27,5 @@ class MeasurementFit(FileModel):
         return ""
 
 
+NO_DETAILS = MeasurementFit()
 FitDetails = FreeMotionFit | BackAndForthFit | MeasurementFit

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.errors import InvalidArray, Mismatch, NotEnoughData
-from hil.estimation.fit_details import FitDetails, MeasurementFit
+from hil.estimation.fit_details import NO_DETAILS, FitDetails
 from hil.estimation.intervals import half_width
 from hil.friction.law import friction_torque, friction_variance
 from hil.least_squares.regression import ByName
@@ -103,7 +103,7 @@ class IdentifiedRobot(ByName):
     friction_law: FrictionLaw
     local: tuple[LocalValue, ...] = ()
     error_budget: tuple[ErrorTerm, ...] = ()
-    details: FitDetails = MeasurementFit()
+    details: FitDetails = NO_DETAILS
     verdict: Judgement | None = None
     validations: tuple[KeptJudgement, ...] = ()
     consistent: ConsistentRobot | None = None
@@ -315,6 +315,6 @@ def lacking(model: IdentifiedRobot) -> str:
         return ""
     return (
         f"no law of friction of axis {', '.join(map(str, axes))}, which fewer than {FOR_A_LAW}"
-        " measurements moved, or an earlier version identified: measure it more often (hil plan --refine RUN) and identify both runs"
-        " together (hil identify RUN --with MORE)"
+        " measurements moved, or an earlier version identified: measure it more often"
+        " (hil plan --refine RUN) and identify both runs together (hil identify RUN --with MORE)"
     )

@@ -21,6 +21,7 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.condensed import stack
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.signals import signals
 from hil.friction.equation import ASYMMETRIC
 from hil.friction.law import (

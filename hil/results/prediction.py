@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.model.dynamics import regressor
 
 if TYPE_CHECKING:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from scipy import special
 
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.friction.law import level_at
 from hil.model.base_parameters import base_parameters
 

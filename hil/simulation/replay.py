@@ -18,7 +18,7 @@ import numpy as np
 
 from hil.errors import InvalidValue, NotEnoughData
 from hil.results.model import loaded
-from hil.results.recorded_torque import in_si, processing_of
+from hil.results.recorded_torque import in_si
 from hil.runs.run import opened
 from hil.runs.set_points import set_points
 from hil.show.outcome import Verdict

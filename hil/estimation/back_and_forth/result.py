@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from checked_files.yaml_file import FileModel
 from hil.friction.law import TermValue
-
-if TYPE_CHECKING:
-    from hil.estimation.free_motion.result import GainValue
 
 
 class CurvePoint(FileModel):
@@ -97,8 +94,8 @@ class BackAndForthFit(FileModel):
     not_identified: tuple[str, ...]
     combinations: tuple[Combination, ...]
     remarks: tuple[str, ...]
-    gains: ClassVar[tuple[GainValue, ...]] = ()
-    lag: ClassVar[tuple[TermValue, ...]] = ()
+    gains: ClassVar[tuple[()]] = ()
+    lag: ClassVar[tuple[()]] = ()
     compliance: ClassVar[dict[int, TermValue]] = {}
 
     def sum_of(self, name: str) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.commands.torques import over_time
+from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.friction.equation import SLOW
 from hil.least_squares.uncertainty import TWICE
 from hil.report.sections.friction import models_plot
