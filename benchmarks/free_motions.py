@@ -25,6 +25,7 @@ from figures import Figure, keep
 from foreign_recordings import CASES, NAMES, record
 
 from hil.errors import HilError
+from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.identify import estimate
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
@@ -71,8 +72,8 @@ def judge(recorded: Path) -> Judged:
         for name in ("seen", "unseen")
     )
     found = estimate(run.robot, Pooled([run]), "free motion")
-    model, fit = model_of(run, found), found.free
-    assert fit is not None
+    model, fit = model_of(run, found), found.details
+    assert isinstance(fit, FreeMotionFit)
     judged = comparison(found, run.robot, true_parameters(run.robot, recorded / "plant.yaml"))
     left = [predict_recording(model, measured.recording) for measured in other]
     laws = ", ".join(axis.law for axis in fit.axes)

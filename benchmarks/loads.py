@@ -83,8 +83,7 @@ def of_seed(twin: TwinRecorder, load: Load, seed: int) -> list[np.ndarray]:
         recording.tau[:] /= gains
     by_mass = fitted(twin, runs, mass, gains=True)
     alone = estimate(twin.robot, unknown, DEFAULT)
-    assert alone.free is not None
-    (gain,) = alone.free.gains
+    (gain,) = alone.details.gains
     return [
         *(held(fit.phi - truth, np.sqrt(np.diag(fit.covariance)), fit.degrees)
           for fit in (free, by_mass)),

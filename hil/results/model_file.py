@@ -22,7 +22,7 @@ from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, r
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.consistent.result import ConsistentRobot
 from hil.estimation.excluded.result import ErrorTerm, Excluded
-from hil.estimation.fit_details import MeasurementFit
+from hil.estimation.fit_details import NO_DETAILS
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.intervals import MANY, Edge, degrees_behind
 from hil.estimation.local_values import LocalValue
@@ -222,7 +222,7 @@ class ModelFile(FileModel):
             "residual": np.array([np.nan if r is None else r for r in self.residual]),
             "local": tuple(each.local() for each in self.local),
             "friction_law": law or FrictionLaw.absent(robot.n_joints),
-            "details": self.friction or self.back_and_forth or MeasurementFit(),
+            "details": self.friction or self.back_and_forth or NO_DETAILS,
             "torque_effect": None if self.torque_effect is None else np.array(self.torque_effect),
         }
 

@@ -1,7 +1,5 @@
 """Models of robots whose base parameters belong to clouds of masses, or nearly."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue
@@ -41,11 +39,11 @@ def model_of(robot, p, error, *, friction=True):
         measurements=1, left_out=(), identified="2026-01-02T03:04:05Z", method="improved",
         version="0",
     )  # fmt: skip
-    model = Model(
+    return Model(
         robot, p, np.diag(error**2), np.zeros((n, n)), np.full(n, 50.0),
         np.full(robot.n_joints, 0.1), {"all": 1.0}, provenance,
+        _law(robot) if friction else FrictionLaw.absent(robot.n_joints),
     )  # fmt: skip
-    return replace(model, friction_law=_law(robot)) if friction else model
 
 
 def _law(robot):

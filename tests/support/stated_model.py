@@ -48,7 +48,9 @@ def stated_model(
             method="improved",
             version="0",
         ),
-        friction_law=_law(robot, rng, friction, warm=warm) if friction else None,
+        friction_law=_law(robot, rng, friction, warm=warm)
+        if friction
+        else FrictionLaw.absent(robot.n_joints),
     )
 
 

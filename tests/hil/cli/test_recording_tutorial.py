@@ -82,8 +82,7 @@ def test_real_machines_take_two_commands_after_their_map(
     assert status == 0
     assert "the mass matrix is positive definite along the motion" in " ".join(out.split())
     model = Model.load(run)
-    assert model.friction is not None
-    assert model.friction.overall_residual < {"emps": 0.037, "tx40": 0.082}[name]
+    assert model.details.overall_residual < {"emps": 0.037, "tx40": 0.082}[name]
     if name == "emps":
         (mass,) = model.values
         assert mass == pytest.approx(95.11, rel=0.01)

@@ -220,7 +220,6 @@ def by_pinocchio(model: Model, text: str) -> Array:
 
 
 def test_friction_of_the_load_is_stated_as_left_out(model: Model) -> None:
-    assert model.friction_law is not None
     first, *others = model.friction_law.axes
     assert first is not None
     loaded = first.model_copy(update={"terms": first.terms | {"load": _value(0.034)}})

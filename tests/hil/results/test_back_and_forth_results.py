@@ -49,9 +49,8 @@ def test_it_states_the_same_after_it_was_kept(run: Run, tmp_path: Path) -> None:
     model.save(tmp_path / "model.yaml")
     loaded = Model.load(tmp_path / "model.yaml")
     assert loaded.method == NAME
-    assert loaded.back_and_forth == model.back_and_forth
+    assert loaded.details == model.details
     assert str(loaded.summary()) == str(model.summary())
-    assert loaded.friction is None
 
 
 def test_what_was_not_identified_has_no_error_and_no_interval(partial: Run, tmp_path: Path) -> None:
@@ -71,8 +70,7 @@ def test_what_was_not_identified_has_no_error_and_no_interval(partial: Run, tmp_
 
 def test_a_sum_of_parameters_is_no_plain_row(partial: Run) -> None:
     model = identify(partial)
-    assert model.back_and_forth is not None
-    sums = {each.name: each.stands_for for each in model.back_and_forth.combinations}
+    sums = {each.name: each.stands_for for each in model.details.combinations}
     assert sums
     rows = {str(row[0]): str(row[-1]) for part in parameters(model).parts for row in part.rows}
     for name, total in sums.items():

@@ -103,7 +103,7 @@ def test_friction_that_jumps_at_a_reversal_is_no_residual_of_a_model_that_is_rig
 
 
 def test_a_model_without_friction_states_none(model: Model, data: FreeRecorded) -> None:
-    assert band_residual(replace(model, friction_law=None), data) is None
+    assert band_residual(replace(model, friction_law=FrictionLaw.absent(2)), data) is None
 
 
 def residual(*shares: float, torque: float = 20.0) -> BandResidual:

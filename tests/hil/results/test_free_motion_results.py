@@ -11,6 +11,8 @@ from free_run import TRUTH, arm, recorded, write_free_run
 
 import hil
 from hil.errors import NotEnoughData
+from hil.estimation.fit_details import NO_DETAILS
+from hil.friction.law import FrictionLaw
 from hil.results.model import Model
 from hil.results.predicted_torques import predicted_torques
 from hil.results.recorded_torque import predict_recording
@@ -40,7 +42,7 @@ def test_an_imported_run_is_identified_by_the_method_for_it(model: Model) -> Non
 def test_a_model_comes_back_from_its_file_with_its_friction(model: Model, tmp_path: Path) -> None:
     model.save(tmp_path / "model.yaml")
     again = Model.load(tmp_path / "model.yaml")
-    assert again.friction == model.friction
+    assert again.details == model.details
     q, qd, qdd = np.random.default_rng(0).standard_normal((3, 10, 2))
     ours, theirs = (each.predict(q, qd, qdd) for each in (model, again))
     assert theirs == pytest.approx(ours, rel=1e-12)
@@ -91,7 +93,7 @@ def test_validation_takes_the_law_of_friction_instead_of_fitting_one(model: Mode
 
 
 def test_a_model_without_friction_says_so(model: Model) -> None:
-    bare = replace(model, friction=None, friction_law=None)
+    bare = replace(model, details=NO_DETAILS, friction_law=FrictionLaw.absent(2))
     with pytest.raises(NotEnoughData, match="no law of friction"):
         bare.predict(0.0, 0.0, 0.0)
     with pytest.raises(NotEnoughData, match=r"no settings of free motions .* take model\.torque"):

@@ -49,7 +49,6 @@ def machine() -> Model:
 
 def with_coulomb(model: Model, axis: int, factor: float) -> Model:
     """The model with another Coulomb friction of an axis, from 1."""
-    assert model.friction_law is not None
     laws = list(model.friction_law.axes)
     own = laws[axis - 1]
     assert own is not None
@@ -114,7 +113,6 @@ def test_friction_is_marked_beyond_what_it_wandered_within_a_campaign(
 
 def test_an_offset_is_compared_whatever_law_was_chosen() -> None:
     before = with_coulomb(machine(), 2, 1.0)
-    assert before.friction_law is not None
     own = before.friction_law.axes[1]
     assert own is not None
     # as much friction forward and back at half the speed, of another law
@@ -134,7 +132,6 @@ def with_friction(
     model: Model, factors: Sequence[float], measurements: int = 30, *, offsets: bool = False
 ) -> Model:
     """The model with each axis's friction times a factor, its offset too if asked for."""
-    assert model.friction_law is not None
 
     def scaled(terms: dict[str, TermValue], factor: float) -> dict[str, TermValue]:
         return {

@@ -207,7 +207,7 @@ def test_what_is_not_looked_for_is_not_found(strokes: Run) -> None:
 def test_a_law_may_be_stated(imported: Run) -> None:
     fit = hil.regression(imported, friction="arc tangent", nuisance=()).fit()
     assert {law.law for law in fit.model.friction_law.axes} == {"arc tangent"}
-    assert not any(lag.value for lag in fit.estimate.free.lag)
+    assert not any(lag.value for lag in fit.estimate.details.lag)
 
 
 @pytest.mark.parametrize("covariance", ["jackknife", "clusters", "white"])

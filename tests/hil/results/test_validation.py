@@ -12,6 +12,7 @@ from small_run import identified_model, write_run
 
 from hil.commands.validate import ValidationRecord
 from hil.estimation.signals import signals
+from hil.friction.law import FrictionLaw
 from hil.results.identification import identify
 from hil.results.judgement import INSIDE, Judgement
 from hil.results.predicted_torques import predicted_torques
@@ -97,7 +98,7 @@ def test_friction_that_changed_is_named_though_the_bodies_hold(model: Model, oth
 
 
 def test_a_model_without_a_law_is_judged_by_its_bodies_alone(model: Model, other: Run) -> None:
-    bare = replace(model, friction_law=None)
+    bare = replace(model, friction_law=FrictionLaw.absent(6))
     found = scored(bare, predicted_torques(bare, pooled([other])))
     assert found.word == "doubtful"
     assert "axis 1, 2, 3, 4, 5, 6: the model states no friction" in found.reason

@@ -62,15 +62,13 @@ def test_right_columns_are_good_and_how_good_is_stated(tmp_path: Path) -> None:
 
 def test_friction_that_gives_power_is_doubted_by_its_axis(tmp_path: Path) -> None:
     data = recorded(arm(), TRUTH, lambda qd: classical(qd) * np.array([1.0, -1.0]))
-    found = identify(write_free_run(tmp_path / "run", arm(), data)).friction
-    assert found is not None
+    found = identify(write_free_run(tmp_path / "run", arm(), data)).details
     assert found.driving == (2,)
 
 
 def test_an_unusual_offset_that_passes_for_weight_is_doubted_by_its_axis(tmp_path: Path) -> None:
     model = identified(tmp_path, lambda tau: tau)
-    assert model.friction is not None
-    unusual = model.friction.model_copy(update={"unusual": (2,)})
-    found = judged(replace(model, friction=unusual))
+    unusual = model.details.model_copy(update={"unusual": (2,)})
+    found = judged(replace(model, details=unusual))
     assert found.word == "doubtful"
     assert found.reason.startswith("axis 2: an offset of more than 15% of friction")

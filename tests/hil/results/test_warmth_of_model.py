@@ -10,6 +10,7 @@ import pytest
 from stated_model import WARMTH, stated_model
 
 from hil.errors import InvalidArray, NotEnoughData
+from hil.friction.law import FrictionLaw
 from hil.model.robot import Robot
 from hil.results.model import Model
 
@@ -89,4 +90,4 @@ def test_a_model_that_knows_of_no_warmth_says_so() -> None:
     with pytest.raises(NotEnoughData, match="leave warmth out"):
         friction(cold, 0.5)
     with pytest.raises(NotEnoughData):
-        friction(replace(cold, friction_law=None), 0.5)
+        friction(replace(cold, friction_law=FrictionLaw.absent(6)), 0.5)

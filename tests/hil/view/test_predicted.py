@@ -61,7 +61,7 @@ def turning(model: Model) -> Predicted:
 )
 def test_it_says_whose_friction_it_lacks(manutec: Robot, known: int, words: str) -> None:
     model = stated_model(manutec)
-    assert model.friction_law is not None
     axes = (*model.friction_law.axes[:known], *[None] * (6 - known))
     assert turning(replace(model, friction_law=FrictionLaw(axes=axes))).words == words
-    assert turning(replace(model, friction_law=None)).words == "predicted, without friction"
+    bare = replace(model, friction_law=FrictionLaw.absent(6))
+    assert turning(bare).words == "predicted, without friction"

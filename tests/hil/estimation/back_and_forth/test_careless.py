@@ -117,10 +117,9 @@ def test_another_axis_that_moves_too_is_accounted_for_and_stated() -> None:
     )
     moved = replace(recording, q=q, tau=recording.tau + now - before)
     found = estimate(ROBOT, [*data[:-1], (motion, moved)], NAME)
-    assert found.back_and_forth is not None
     assert any(
         "beside the axis that is to move alone, axis 1 moved in s2-5" in remark
-        for remark in found.back_and_forth.remarks
+        for remark in found.details.remarks
     )
     np.testing.assert_allclose(found.p, TRUTH, atol=0.03)
 
@@ -139,8 +138,7 @@ def _rates(q: Array, added: list[Array] | None) -> list[Array]:
 
 def test_one_pair_alone_says_what_it_cannot_show() -> None:
     found = estimate(ROBOT, campaign(ROBOT, TRUTH, pairs=1), NAME)
-    assert found.back_and_forth is not None
-    assert any("have one pair of strokes" in each for each in found.back_and_forth.remarks)
+    assert any("have one pair of strokes" in each for each in found.details.remarks)
     np.testing.assert_allclose(found.p, TRUTH, atol=0.1)
 
 

@@ -46,8 +46,7 @@ def test_parameters_are_found_under_friction_that_drifts_and_grows_with_the_load
 @pytest.mark.parametrize("axis", [0, 1])
 def test_half_differences_are_the_friction_over_the_speed(axis: int) -> None:
     found = estimate(ROBOT, campaign(ROBOT, TRUTH, steady), NAME)
-    assert found.back_and_forth is not None
-    curve = found.back_and_forth.curves[axis]
+    curve = found.details.curves[axis]
     for point in curve.points:
         expected = float(steady(np.array([[point.speed]]), np.zeros(1), np.zeros((1, 1)))[0, 0])
         assert point.friction == pytest.approx(expected, rel=0.01)
@@ -98,7 +97,7 @@ def test_what_strokes_do_not_show_is_kept_out_and_the_rest_stands_for_sums() -> 
         for name, period in (("fast", 1.6), ("slow", 4.0))
     ]
     found = estimate(ROBOT, data, NAME)
-    fit = found.back_and_forth
+    fit = found.details
     assert fit is not None
     assert found.combination is not None
     assert fit.not_identified

@@ -22,7 +22,7 @@ def test_mass_and_friction_are_the_published_ones(tmp_path: Path) -> None:
     run = import_recordings([tmp_path / "map.yaml"], tmp_path / "run", files=[DATA])
     assert method_for(run)[0] == NAME
     model = identify(run)
-    fit = model.back_and_forth
+    fit = model.details
     assert fit is not None
     assert model.values[0] == pytest.approx(95.11, rel=0.01)
     low, high = model.interval()[0]

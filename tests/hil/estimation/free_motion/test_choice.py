@@ -84,7 +84,7 @@ def test_fewer_than_six_blocks_show_nothing(n_blocks: int) -> None:
 
 def test_no_friction_at_all_is_no_alternative_to_the_classical_law() -> None:
     # a bad block would make any difference chance
-    found = estimate(arm(), recorded(arm(), TRUTH, np.zeros_like, n=1), "free motion").free
+    found = estimate(arm(), recorded(arm(), TRUTH, np.zeros_like, n=1), "free motion").details
     assert found is not None
     assert {axis.law for axis in found.axes} == {"Coulomb and viscous"}
     assert all(abs(axis.terms["Coulomb"].value) < 0.1 for axis in found.axes)
@@ -105,7 +105,7 @@ def test_an_axis_is_judged_by_its_own_residual_however_many_there_are() -> None:
 @pytest.mark.parametrize("seed", range(60, 66))
 def test_textbook_friction_gets_the_textbook_law(seed: int) -> None:
     data = recorded(arm(), TRUTH, n=1, duration=60.0, noise=0.5, seed=seed)
-    found = estimate(arm(), data, "free motion").free
+    found = estimate(arm(), data, "free motion").details
     assert found is not None
     assert [axis.law for axis in found.axes] == ["Coulomb and viscous"] * 2
 
@@ -117,7 +117,7 @@ def test_friction_of_the_load_takes_a_share_of_it_or_is_none() -> None:
         for _, recording in data:
             load = inverse_dynamics(arm(), TRUTH, *motion_of(recording))
             recording.tau[:] += share * np.abs(load) * np.sign(motion_of(recording)[1])
-        found = estimate(arm(), data, "free motion").free
+        found = estimate(arm(), data, "free motion").details
         assert found is not None
         return [axis.law for axis in found.axes]
 
@@ -139,7 +139,7 @@ def test_laws_come_from_the_simplest_and_their_terms_exist() -> None:
 
 
 def test_friction_as_simple_as_it_is_keeps_the_simple_law() -> None:
-    found = estimate(arm(), recorded(arm(), TRUTH), "free motion").free
+    found = estimate(arm(), recorded(arm(), TRUTH), "free motion").details
     assert found is not None
     assert {axis.law for axis in found.axes} == {"Coulomb and viscous"}
     for k, axis in enumerate(found.axes):
@@ -152,7 +152,7 @@ def test_a_law_whose_terms_an_axis_does_not_show_is_not_tried() -> None:
     """Behind an unknown gear there is no ripple, so laws with it are those without."""
     robot = arm(geared=False)
     p = np.ones(len(base_parameters(robot)))
-    found = estimate(robot, recorded(robot, p), "free motion").free
+    found = estimate(robot, recorded(robot, p), "free motion").details
     assert found is not None
     for axis in found.axes:
         assert not {"Coulomb, viscous and ripple", "all"} & set(axis.held_out)
@@ -162,7 +162,7 @@ def test_a_degressive_friction_gets_a_law_that_is() -> None:
     def friction(qd: np.ndarray) -> np.ndarray:
         return COULOMB * np.sign(qd) + 4.0 * np.cbrt(qd)
 
-    found = estimate(arm(), recorded(arm(), TRUTH, friction), "free motion").free
+    found = estimate(arm(), recorded(arm(), TRUTH, friction), "free motion").details
     assert found is not None
     for axis in found.axes:
         assert axis.law in ("cube root", "asymmetric cube root", "cube root and load")
@@ -191,8 +191,7 @@ def test_friction_follows_slow_samples_that_base_parameters_do_not_see() -> None
 def test_a_presliding_that_no_law_holds_gets_a_dead_zone_and_counts_as_residual() -> None:
     with_zone = estimate(arm(), recorded(arm(), TRUTH, presliding), "free motion")
     without = estimate(arm(), recorded(arm(), TRUTH, presliding), "weighted least squares")
-    assert with_zone.free is not None
-    assert with_zone.free.dead_zone > 0
+    assert with_zone.details.dead_zone > 0
     # scored at all speeds, what was left out of the fit counts
     assert (with_zone.residual > 0.9 * without.residual).all()
     error, of_all = (np.linalg.norm(found.p - TRUTH) for found in (with_zone, without))

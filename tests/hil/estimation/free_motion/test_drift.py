@@ -42,8 +42,7 @@ def warmed() -> Estimate:
 
 
 def test_a_level_that_falls_is_found_and_no_longer_left_in_the_torque(warmed: Estimate) -> None:
-    assert warmed.free is not None
-    first, second = warmed.free.axes
+    first, second = warmed.details.axes
     assert first.level[0] == pytest.approx(1.3, abs=0.02)
     assert first.level[-1] == pytest.approx(0.7, abs=0.02)
     assert second.level == ()
@@ -51,27 +50,25 @@ def test_a_level_that_falls_is_found_and_no_longer_left_in_the_torque(warmed: Es
 
 
 def test_the_law_is_that_of_the_mean_level(warmed: Estimate) -> None:
-    assert warmed.free is not None
-    plain = warmed.free.axes[0].plain
+    plain = warmed.details.axes[0].plain
     assert plain["Coulomb"].value == pytest.approx(COULOMB[0], rel=0.02)
     assert np.abs(warmed.p - TRUTH).max() < 0.02
 
 
 def test_how_far_the_level_went_counts_in_intervals_of_predicted_torques(warmed: Estimate) -> None:
-    assert warmed.free is not None
-    law = warmed.free.law
+    law = warmed.details.law
     assert [axis and axis.wander for axis in law.axes] == [pytest.approx(0.3, abs=0.02), 0.0]
 
 
 def test_a_level_that_stays_is_not_found_to_change() -> None:
-    found = estimate(arm(), drifting(np.ones_like), "free motion").free
+    found = estimate(arm(), drifting(np.ones_like), "free motion").details
     assert found is not None
     assert [axis.level for axis in found.axes] == [(), ()]
 
 
 def test_short_recordings_and_methods_of_the_literature_know_one_level() -> None:
-    short = estimate(arm(), drifting(falling, 50.0), "free motion").free
-    usual = estimate(arm(), drifting(falling), "weighted least squares").free
+    short = estimate(arm(), drifting(falling, 50.0), "free motion").details
+    usual = estimate(arm(), drifting(falling), "weighted least squares").details
     for found in (short, usual):
         assert found is not None
         assert found.axes[0].level == ()

@@ -27,12 +27,11 @@ def lagging(seed: int, lags: np.ndarray = LAGS) -> list:
 def test_lags_are_found_and_bias_no_parameter(seed: int) -> None:
     data = lagging(seed)
     found, plain = (estimate(arm(), data, name) for name in ("free motion", "least squares"))
-    assert found.free is not None
-    assert found.free.lag
-    for each, lag in zip(found.free.lag, LAGS, strict=True):
+    assert found.details.lag
+    for each, lag in zip(found.details.lag, LAGS, strict=True):
         assert each.value == pytest.approx(lag, abs=3e-4)
         assert abs(each.value - lag) < 3 * each.standard_error
-    assert sum("ms after the position" in text for text in statements(found.free)) == 2
+    assert sum("ms after the position" in text for text in statements(found.details)) == 2
     z = np.abs(found.p - TRUTH) / found.standard_error
     assert z.max() < 3.0
     assert np.linalg.norm(found.p - TRUTH) < 0.5 * np.linalg.norm(plain.p - TRUTH)
@@ -41,5 +40,4 @@ def test_lags_are_found_and_bias_no_parameter(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_none_is_found_where_there_is_none(seed: int) -> None:
     found = estimate(arm(), recorded(arm(), TRUTH, seed=seed), "free motion")
-    assert found.free is not None
-    assert [each.value for each in found.free.lag] == [0.0, 0.0]
+    assert [each.value for each in found.details.lag] == [0.0, 0.0]

@@ -94,14 +94,13 @@ def test_noise_of_the_positions_is_found_and_instruments_are_not_shifted_by_it(
     plain, crossed = (
         estimate(robot, data, name) for name in ("weighted least squares", "instrumental variables")
     )
-    assert plain.free is not None
-    assert plain.free.bias_test is not None
-    assert plain.free.bias_test.biased
+    assert plain.details.bias_test is not None
+    assert plain.details.bias_test.biased
     assert distance(crossed) < 0.2 * distance(plain)
 
 
 def test_without_such_noise_no_bias_is_stated(robot: Robot) -> None:
-    found = estimate(robot, recorded(robot, TRUTH), "weighted least squares").free
+    found = estimate(robot, recorded(robot, TRUTH), "weighted least squares").details
     assert found is not None
     assert found.bias_test is not None
     assert not found.bias_test.biased
@@ -110,14 +109,14 @@ def test_without_such_noise_no_bias_is_stated(robot: Robot) -> None:
 def test_residuals_are_those_of_all_samples_over_the_torque(robot: Robot) -> None:
     noisy = estimate(robot, recorded(robot, TRUTH, noise=3.0), "least squares")
     clean = estimate(robot, recorded(robot, TRUTH, noise=0.3), "least squares")
-    assert noisy.free is not None
-    assert clean.free is not None
-    assert noisy.free.overall_residual == pytest.approx(10 * clean.free.overall_residual, rel=0.3)
+    assert noisy.details.overall_residual == pytest.approx(
+        10 * clean.details.overall_residual, rel=0.3
+    )
     assert noisy.residual.shape == (2,)
 
 
 def test_a_short_recording_carries_a_warning(robot: Robot) -> None:
-    found = estimate(robot, recorded(robot, TRUTH, n=1, duration=12.0), "free motion").free
+    found = estimate(robot, recorded(robot, TRUTH, n=1, duration=12.0), "free motion").details
     assert found is not None
     assert any("little" in remark for remark in found.remarks)
 
@@ -199,9 +198,7 @@ def test_recordings_of_two_rates_are_kinds_of_their_own(robot: Robot) -> None:
     together = estimate(robot, [*whole[:2], *slow], "free motion")
     alone = estimate(robot, whole[:2], "free motion")
     assert together.n_measurements == 4
-    assert together.free is not None
-    assert alone.free is not None
-    assert together.free.cut_off == alone.free.cut_off
+    assert together.details.cut_off == alone.details.cut_off
     assert (together.p != alone.p).any()
     assert distance(together) < 2e-3
 

@@ -83,8 +83,7 @@ def test_offset_and_coulomb_friction_are_stated_together(
     tmp_path: Path, direction: int, rest: float
 ) -> None:
     model = model_of(tmp_path, direction * SPEEDS, rest)
-    assert model.friction is not None
-    (axis,) = model.friction.axes
+    (axis,) = model.details.axes
     assert axis.one_way is not None
     assert axis.one_way.direction == direction
     together = axis.one_way.together
@@ -96,7 +95,7 @@ def test_offset_and_coulomb_friction_are_stated_together(
     assert axis.terms["viscous"].value == pytest.approx(VISCOUS, rel=0.02)
     assert any(
         "Coulomb friction and an offset cannot be separated" in each
-        for each in model.friction.remarks
+        for each in model.details.remarks
     )
 
 
@@ -105,8 +104,7 @@ def test_their_sum_is_certain_however_wide_the_band_is(cut_off: float) -> None:
     """What other laws call an offset is no error of the sum, which all of them share."""
     motion, recording = driven(SPEEDS, rest=3.0)
     found = estimate(ROBOT, [(motion.model_copy(update={"cut_off": cut_off}), recording)], DEFAULT)
-    assert found.free is not None
-    one_way = found.free.axes[0].one_way
+    one_way = found.details.axes[0].one_way
     assert one_way is not None
     assert one_way.together.standard_error < 0.1
 
@@ -124,8 +122,7 @@ def test_a_drive_that_moves_in_both_directions_is_good_and_both_are_found(tmp_pa
     model = model_of(tmp_path, np.concatenate([SPEEDS, -SPEEDS]))
     assert model.verdict is not None
     assert model.verdict.word == "good"
-    assert model.friction is not None
-    (axis,) = model.friction.axes
+    (axis,) = model.details.axes
     assert axis.one_way is None
     assert axis.terms["offset"].value == pytest.approx(OFFSET, abs=0.01)
     assert axis.terms["Coulomb"].value == pytest.approx(COULOMB, abs=0.01)

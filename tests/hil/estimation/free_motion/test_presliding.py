@@ -78,17 +78,15 @@ def test_the_distance_is_found_and_inertia_no_longer_takes_its_place() -> None:
     found, plain = (
         estimate(arm(), data, name) for name in ("free motion", "weighted least squares")
     )
-    assert found.free is not None
-    assert plain.free is not None
-    for axis in found.free.axes:
+    for axis in found.details.axes:
         assert axis.presliding == pytest.approx(DISTANCE, rel=0.25)
-    assert found.free.overall_residual < 0.7 * plain.free.overall_residual
+    assert found.details.overall_residual < 0.7 * plain.details.overall_residual
     error, of_plain = (np.linalg.norm(each.p - TRUTH) for each in (found, plain))
     assert error < 0.5 * of_plain
 
 
 def test_friction_that_turns_round_at_once_keeps_the_sign() -> None:
-    found = estimate(arm(), recorded(arm(), TRUTH), "free motion").free
+    found = estimate(arm(), recorded(arm(), TRUTH), "free motion").details
     assert found is not None
     for axis in found.axes:
         assert axis.presliding < 1e-3 * axis.speed
@@ -97,7 +95,7 @@ def test_friction_that_turns_round_at_once_keeps_the_sign() -> None:
 
 @pytest.mark.long
 def test_torques_follow_the_way_where_rows_are_samples_of_a_motion() -> None:
-    found = estimate(arm(), with_presliding(), "free motion").free
+    found = estimate(arm(), with_presliding(), "free motion").details
     assert found is not None
     law = found.law
     q, qd, _ = some_motion(PERIOD * np.arange(500))

@@ -66,30 +66,28 @@ def model(robot: str, found: Estimate) -> Model:
     )  # fmt: skip
     return Model(
         Robot.load(robot), found.p, found.covariance, found.drive_covariance,
-        found.degrees_of_freedom, found.residual, found.condition, where, friction=found.free,
-        friction_law=found.free.law if found.free else None,
+        found.degrees_of_freedom, found.residual, found.condition, where, found.friction_law,
+        details=found.details,
     )  # fmt: skip
 
 
 def test_emps_mass_and_friction_are_the_published_ones_and_the_other_record_is_predicted() -> None:
     found = estimate(Robot.load("emps"), [emps("estimation")], "free motion")
-    assert found.free is not None
-    (axis,) = found.free.axes
+    (axis,) = found.details.axes
     assert found.p[0] == pytest.approx(95.11, rel=0.01)
     assert axis.plain["viscous"].value / axis.speed == pytest.approx(203.5, rel=0.03)
     assert axis.plain["Coulomb"].value == pytest.approx(20.39, rel=0.03)
     assert axis.plain["offset"].value == pytest.approx(-3.165, rel=0.03)
-    assert found.free.overall_residual < 0.037
+    assert found.details.overall_residual < 0.037
     assert predict_recording(model("emps", found), emps("pulses")[1]).overall < 0.046
 
 
 def test_tx40_leaves_little_of_the_torque_and_its_mass_matrix_is_positive() -> None:
     found = estimate(Robot.load("staubli-tx40"), [tx40()], "free motion")
-    assert found.free is not None
-    assert found.free.overall_residual < 0.082
-    assert found.free.least_inertia > 0
+    assert found.details.overall_residual < 0.082
+    assert found.details.least_inertia > 0
     # 40 base parameters and the coupled motor's inertia; its friction and that of six joints
-    assert len(found.p) + 2 * len(found.free.coupled) + 18 == 61
+    assert len(found.p) + 2 * len(found.details.coupled) + 18 == 61
 
 
 def test_tx40_is_predicted_below_100_hz_at_every_tenth_sample_of_all_speeds() -> None:
@@ -115,7 +113,7 @@ def test_tx40_by_plain_least_squares_leaves_no_more_than_others_found() -> None:
 def test_a_gain_of_the_tx40_that_is_taken_as_unknown_comes_out_as_it_was() -> None:
     (motion, recording) = tx40()
     unknown = motion.model_copy(update={"unknown_gains": (3,)})
-    found = estimate(Robot.load("staubli-tx40"), [(unknown, recording)], "free motion").free
+    found = estimate(Robot.load("staubli-tx40"), [(unknown, recording)], "free motion").details
     assert found is not None
     (gain,) = found.gains
     assert gain.standard_error < 0.1

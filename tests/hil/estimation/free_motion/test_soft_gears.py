@@ -44,20 +44,18 @@ def test_compliances_are_found_and_bias_no_parameter(seed: int) -> None:
     data = soft(seed)
     found = estimate(arm(), data, "free motion")
     stiff = estimate(arm(), data, "free motion", options=Options(nuisance=("lag", "drift")))
-    assert found.free is not None
-    assert list(found.free.compliance) == [1, 2]
-    for each, c in zip(found.free.compliance.values(), COMPLIANCE, strict=True):
+    assert list(found.details.compliance) == [1, 2]
+    for each, c in zip(found.details.compliance.values(), COMPLIANCE, strict=True):
         assert abs(each.value - c) < 3 * each.standard_error
     assert np.abs((found.p - TRUTH) / found.standard_error).max() < 3.0
-    assert sum("gives way by" in text for text in statements(found.free)) == 2
+    assert sum("gives way by" in text for text in statements(found.details)) == 2
     assert np.linalg.norm(found.p - TRUTH) < 0.1 * np.linalg.norm(stiff.p - TRUTH)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_none_is_found_where_there_is_none(seed: int) -> None:
     found = estimate(arm(), recorded(arm(), TRUTH, seed=seed), "free motion")
-    assert found.free is not None
-    assert found.free.compliance == {}
+    assert found.details.compliance == {}
 
 
 def test_a_model_predicts_recordings_with_soft_gears(tmp_path: Path) -> None:
@@ -65,10 +63,9 @@ def test_a_model_predicts_recordings_with_soft_gears(tmp_path: Path) -> None:
     found = hil.regression(write_free_run(tmp_path / "run", arm(), data)).fit()
     model, (_, recording) = found.model, data[0]
     assert found.params["axis 1 compliance"] == pytest.approx(COMPLIANCE[0], rel=0.1)
-    assert model.friction is not None
-    rigid = replace(model, friction=model.friction.model_copy(update={"compliance": {}}))
+    rigid = replace(model, details=model.details.model_copy(update={"compliance": {}}))
     with_gears, without = (predict_recording(each, recording) for each in (model, rigid))
-    assert with_gears.overall == pytest.approx(model.friction.overall_residual, rel=0.2)
+    assert with_gears.overall == pytest.approx(model.details.overall_residual, rel=0.2)
     assert with_gears.overall < 0.9 * without.overall
     parts = torque_parts(model, recording)
     np.testing.assert_allclose(parts["left"], with_gears.residual, atol=1e-9)

@@ -21,8 +21,8 @@ NO_ROTORS = {"rotor_inertia": 0.0}
 
 def fit_of(robot: Robot, data, method: str = "free motion"):
     found = estimate(robot, data, method)
-    assert isinstance(found.free, FreeMotionFit)
-    return found, {each.axis: each for each in found.free.gains}
+    assert isinstance(found.details, FreeMotionFit)
+    return found, {each.axis: each for each in found.details.gains}
 
 
 @pytest.mark.parametrize("method", VARIANTS)

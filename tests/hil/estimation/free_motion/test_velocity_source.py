@@ -105,7 +105,7 @@ def test_identification_states_which_velocities_it_took_and_why() -> None:
             [late(0.0)(time, seed)[:, 0], late(0.02)(time, seed)[:, 1]]
         )
     )
-    fit = fit_free_motions(arm(), data).free
+    fit = fit_free_motions(arm(), data).details
     assert fit is not None
     assert fit.recorded_velocity == (1,)
     (stated,) = (text for text in statements(fit) if text.startswith("velocity of"))
