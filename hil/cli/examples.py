@@ -98,9 +98,14 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "hil history runs/january runs/june",
         "hil history runs/january runs/june --html history.html --fail-on-change",
     ),
-    "fleet": (
+    "fleet index": (
         "hil fleet index plant-a plant-b -o fleet.parquet",
+        "hil fleet index s3://bucket/plant-a -o fleet.parquet --workers 4",
+    ),
+    "fleet query": ("hil fleet query fleet.parquet", "hil fleet query fleet.parquet --rate 0.1"),
+    "fleet page": (
         "hil fleet page fleet.parquet -o fleet.html",
+        "hil fleet page fleet.parquet -o fleet.html --rate 0.1",
     ),
     "doctor": ("hil doctor", "hil doctor --folder runs --json"),
 }

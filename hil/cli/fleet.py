@@ -7,7 +7,14 @@ from typing import Annotated
 
 import typer
 
-from hil.cli.outputs import Status, file_to_write, show, write_page
+from hil.cli.outputs import (
+    Status,
+    file_to_write,
+    folder_to_write,
+    output_option,
+    show,
+    write_page,
+)
 from hil.terminal.console import give, out, say, working
 
 commands = typer.Typer()
@@ -34,7 +41,7 @@ def index(
         ),
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="Index to write, or to add to; a folder.")
+        Path, output_option(folder_to_write, "Index to write, or to add to; a folder.")
     ] = Path("fleet.parquet"),
     workers: Annotated[int, typer.Option(min=1, help="Processes that read models.")] = 1,
 ) -> None:

@@ -57,9 +57,7 @@ def test_an_unknown_gain_is_stated_identified_kept_and_shown(tmp_path: Path) -> 
     assert "gain of joint 1 unknown: torques stay in A" in "\n".join(stated[0].lines())
     model = identify(run)
     model.save(run.path / "model.yaml")
-    read = Model.load(run.path).friction
-    assert read is not None
-    (gain,) = read.gains
+    (gain,) = Model.load(run.path).details.gains
     assert gain.axis == 1
     assert gain.value == pytest.approx(GAIN, rel=0.02)
     assert "gain of axis 1, unknown in the map: 0.2" in str(model.summary())
