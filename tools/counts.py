@@ -89,8 +89,8 @@ LISTED = 1e-3
 """Least share of a function in a command's own calls for its calls to be kept."""
 TURNS = 25
 """Of a kernel and its NumPy operation; the least time of each counts."""
-ATTEMPTS = 3
-"""Before a kernel is too slow: other processes disturb one of them."""
+ATTEMPTS = 8
+"""Before a kernel is too slow: other processes disturb some of them."""
 SHOWN = 5
 """Functions that a failure names."""
 LIBRARIES = {
@@ -138,13 +138,14 @@ class Work:
         """Wrap the functions that calculate, filter and read."""
         from h5py._hl.dataset import Dataset  # noqa: PLC0415 - traced as what commands import
 
-        from hil.least_squares import window  # noqa: PLC0415
+        from hil.least_squares import thinned, window  # noqa: PLC0415
         from hil.model import dynamics  # noqa: PLC0415
 
         self._count(dynamics, "regressors", "regressor rows", lambda made: sum(
             A[..., 0].size for A in made))  # fmt: skip
         self._count(dynamics, "_torques", "torque samples", lambda made: made[..., 0].size)
-        self._count(window, "correlated", "filtered samples", lambda made: made.size)
+        self._count(window, "correlate", "filtered samples", lambda made: made.size)
+        self._count(thinned, "smooth_at", "filtered samples", lambda made: made.size)
         self._count(Dataset, "__getitem__", "bytes read", lambda made: getattr(made, "nbytes", 0))
         sys.addaudithook(self._opened)
 
@@ -253,7 +254,7 @@ def timed() -> dict[str, float]:
     from sim_plant.plant import load_plant  # noqa: PLC0415
 
     robot, random = Robot.load("manutec-r15"), np.random.default_rng(0)
-    q, qd, qdd = random.uniform(-2.0, 2.0, (3, 4096, robot.n_joints))
+    q, qd, qdd = random.uniform(-2.0, 2.0, (3, 1024, robot.n_joints))  # in a core's own cache
     rows = regressor(robot, q, qd, qdd).reshape(-1, 14)
     groups, n = Groups.empty(8, 1, 14), len(rows)
     of, speed = random.integers(8, size=n), random.integers(len(groups.counts), size=n)
