@@ -33,7 +33,7 @@ PANELS = {
         "plan": "Plan measurements: strokes, friction sweeps, an exciting trajectory, or a load.",
         "dry-run": "Check a plan and predict its duration and precision; nothing moves.",
         "view": "Write a 3-D page of a plan, a run or a robot; one HTML file.",
-        "twin": "Write a virtual plant of a robot and its drives file, to rehearse without it.",
+        "twin": "Write a virtual plant of a robot and a drives file, for rehearsals.",
     },
     "Measure": {
         "drives": "Commission drives: scan, check, jog, home, monitor, write files, restore.",

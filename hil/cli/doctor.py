@@ -19,6 +19,7 @@ commands = typer.Typer()
 STYLES = {"OK": "green", "WARN": "yellow", "FAIL": "bold red"}
 EXTRAS = {
     "dask": "distributed",
+    "fleet": "duckdb",
     "mujoco": "mujoco",
     "pandas": "pandas",
     "recordings": "pyarrow",

@@ -118,7 +118,7 @@ def twin(
     name: RobotName,
     output: Annotated[Path, output_option(folder_to_write, "Folder to write both files into.")],
 ) -> None:
-    """Write a virtual plant of a robot and its drives file, to rehearse without it."""
+    """Write a virtual plant of a robot and a drives file, for rehearsals."""
     # the plant runs as a separate program: its arm model must stay independent of the model tested
     # with it
     with working("scaling a plant to the limits of the robot"):

@@ -48,8 +48,6 @@ FIELDS = {
     "allowance": "double", "warmth": "double", "indexed": "double",
 }  # fmt: skip
 """Columns of the index. `key` is the state of the file, `time` in seconds since 1970."""
-SHARES = (0.1, 0.3, 0.7)
-"""Speeds of friction levels as shares of the joint's velocity limit: the same in all runs."""
 DRAWN = 12
 """Departures with a panel on the page."""
 
@@ -149,18 +147,26 @@ def read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
         text = file.read()
     place = model.address.removeprefix("file://")
     found = Model(**parse_yaml(text, ModelFile, place).identified(Path(place)))
-    about, law = found.provenance, found.friction_law
+    content = hashlib.sha256(text.encode()).hexdigest()
+    run = str(PurePosixPath(place).parent)
+    return found.provenance.robot_digest, model_rows(found, model.machine, run, model.key, content)
+
+
+def model_rows(
+    found: Model, machine: str, run: str, key: str, digest: str
+) -> list[tuple[Any, ...]]:
+    """Return the rows of a model, one for each identified quantity, in the order of `FIELDS`."""
+    about, causes = found.provenance, found.excluded
     time = datetime.fromisoformat(about.measured or about.identified).timestamp()
-    verdict = found.verdict
     head = (
-        about.robot, model.machine, str(PurePosixPath(place).parent), model.key,
-        hashlib.sha256(text.encode()).hexdigest(), time, found.method,
-        "" if verdict is None else verdict.word, "" if verdict is None else verdict.reason,
+        about.robot, machine, run, key, digest, time, found.method,
+        "" if found.verdict is None else found.verdict.word,
+        "" if causes is None else "; ".join(map(str, causes.found)),
     )  # fmt: skip
     rows, indexed = [], datetime.now(UTC).timestamp()
     parameters = [each for each in quantities([found]) if each.axis is None]
-    for each in (*parameters, *friction_quantities(found.robot, SHARES)):
-        axis = None if law is None or each.axis is None else law.axes[each.axis - 1]
+    for each in (*parameters, *friction_quantities(found.robot)):
+        axis = None if each.axis is None else found.friction_law.axes[each.axis - 1]
         slow, fast = (0.0, np.inf) if axis is None or axis.speeds is None else axis.speeds
         if each.speed is not None and not slow <= each.speed <= fast:
             continue
@@ -171,7 +177,7 @@ def read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
             *head, each.name, each.kind, each.axis, each.speed, each.unit, each.meaning,
             read.value, read.standard_error, read.degrees, read.allowance, warmth, indexed,
         ))  # fmt: skip
-    return about.robot_digest, rows
+    return rows
 
 
 def write_part(path: Path, digest: str, name: str, columns: dict[str, Any]) -> None:
@@ -226,11 +232,11 @@ def _fleet(part: Path) -> Fleet:
         part,
         "dense_rank() OVER (ORDER BY machine, time, run) - 1 AS r,"
         " dense_rank() OVER (ORDER BY quantity) - 1 AS q,"
-        " value, standard_error, allowance FROM rows ORDER BY indexed",
+        " value, standard_error, degrees, allowance FROM rows ORDER BY indexed",
     ).fetchnumpy()
     machines, machine = np.unique(np.asarray(runs["machine"], dtype=str), return_inverse=True)
     arrays = []
-    for column in ("value", "standard_error", "allowance"):
+    for column in ("value", "standard_error", "degrees", "allowance"):
         filled = np.full((len(machine), len(found)), np.nan)
         filled[cells["r"], cells["q"]] = cells[column]
         arrays.append(filled)

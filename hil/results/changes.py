@@ -29,6 +29,7 @@ quantities, and by different shares.
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -40,7 +41,9 @@ from hil.show.rounding import rounded, signed, significant, unit
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from hil.arrays import Array
+    from numpy.typing import ArrayLike
+
+    from hil.arrays import Array, Indices
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.quantities import Kind, Quantity, Reading
 
@@ -99,7 +102,7 @@ class Change(NamedTuple):
     def less(self, explained: float) -> Change:
         """Return the change after subtracting an explained part, with the p-value of the rest."""
         size = self.size - explained
-        p = _p_value(abs(size), self.allowance, self.error, self.degrees)
+        p = float(p_values(abs(size), self.allowance, self.error, self.degrees))
         return self._replace(size=size, p_value=p, adjusted=1.0)
 
     @property
@@ -146,7 +149,7 @@ def change(
     degrees = float(combined_degrees(np.ones(2), variances, freedom))
     allowance, size = max(new.allowance, old.allowance), new.value - old.value
     half = allowance + float(special.stdtrit(degrees, 0.975)) * error
-    p = _p_value(abs(size), allowance, error, degrees)
+    p = float(p_values(abs(size), allowance, error, degrees))
     return Change(
         run[0], against[0], quantity, old.value, size, half, p,
         allowance=allowance, error=error, degrees=degrees,
@@ -159,14 +162,39 @@ def common_friction(
     old: Sequence[Reading | None],
 ) -> float:
     """Return the common relative change of friction; 0 if known for too few axes."""
-    by_axis: dict[int, list[float]] = {}
-    for quantity, now, then in zip(quantities, new, old, strict=True):
-        if quantity.kind == "friction level" and quantity.axis and now and then and then.value:
-            by_axis.setdefault(quantity.axis, []).append(now.value / then.value - 1.0)
-    if len(by_axis) < FEWEST:
-        return 0.0
-    common = float(np.median([np.mean(shares) for shares in by_axis.values()]))
-    return common if abs(common) <= GREATEST else 0.0
+    shares = {
+        (quantity.axis, quantity.name): now.value / then.value - 1.0
+        for quantity, now, then in zip(quantities, new, old, strict=True)
+        if quantity.kind == "friction level" and quantity.axis and now and then and then.value
+    }
+    axes = np.array([axis for axis, _ in shares], dtype=int)
+    (common,) = common_shares(np.array([list(shares.values())], dtype=float), axes)
+    return float(np.nan_to_num(common))
+
+
+def common_shares(shares: Array, axes: Indices) -> Array:
+    """Return the common relative change of friction in each run, shape (n,).
+
+    Parameters
+    ----------
+    shares : ndarray, shape (n, n_levels)
+        Relative changes of friction levels; NaN if unknown.
+    axes : ndarray of int, shape (n_levels,)
+        Axes of the levels.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Median over the axes; 0 beyond `GREATEST`, NaN for fewer than `FEWEST` axes.
+    """
+    if not axes.size:
+        return np.full(len(shares), np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # means and medians of nothing are NaN
+        each = np.array([np.nanmean(shares[:, axes == k], axis=1) for k in np.unique(axes)])
+        common = np.nanmedian(each, axis=0)
+    common = np.where(np.isfinite(each).sum(axis=0) < FEWEST, np.nan, common)
+    return np.where(np.abs(common) > GREATEST, 0.0, common)
 
 
 def adjust_temperature(level: Reading, common: float) -> Reading:
@@ -179,11 +207,15 @@ def _stated(p: float) -> str:
     return "< 0.0001" if p < 1e-4 else f"= {p:.2g}"
 
 
-def _p_value(size: float, allowance: float, error: float, degrees: float) -> float:
-    if error == 0:  # nothing is uncertain: any difference beyond the allowance is one
-        return 0.0 if size > allowance else 1.0
-    beyond = np.array([size - allowance, size + allowance]) / error
-    return float(special.stdtr(degrees, -beyond).sum())
+def p_values(size: ArrayLike, allowance: ArrayLike, error: ArrayLike, degrees: ArrayLike) -> Array:
+    """Return the p-values of absolute sizes, broadcast; NaN for unknown sizes or errors."""
+    size, allowance = np.asarray(size, dtype=float), np.asarray(allowance, dtype=float)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        beyond = np.stack([size - allowance, size + allowance]) / error
+        p = special.stdtr(degrees, -beyond).sum(axis=0)
+    # without uncertainty any difference beyond the allowance is a change
+    certain = np.where(np.isnan(size), np.nan, np.where(size > allowance, 0.0, 1.0))
+    return np.asarray(np.where(np.equal(error, 0.0), certain, p))
 
 
 def adjusted(tests: Sequence[Change]) -> tuple[Change, ...]:

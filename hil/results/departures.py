@@ -3,12 +3,12 @@
 A fleet is many machines of one robot, each identified repeatedly. For a quantity y
 (`hil.results.quantities`) of machine k, let
 
-T_k = mean of the newest `NEWEST` runs - mean of the first `FIRST` runs.
+    T_k = mean of the newest `NEWEST` runs - mean of the first `FIRST` runs.
 
 An unchanged machine departs like its peers: the null hypothesis is T_k = median of T over the
 machines, with the standard error
 
-s = max(1.4826 median |T - median T|, r sqrt(1/NEWEST + 1/FIRST)),
+    s = max(1.4826 median |T - median T|, r sqrt(1/NEWEST + 1/FIRST)),
 
 r^2 = median (y_(i+1) - y_i)^2 / (2 x 0.4549) over successive runs of all machines, since the median
 of a chi-squared variable with one degree of freedom is 0.4549. Medians ignore the few machines of a
@@ -23,21 +23,28 @@ wear contributes little, beside the prior 1 +- `UNLIKE` / 2. The uncertainty of 
 
 Holm's procedure bounds the probability of any false alarm in one run of a machine by
 
-alpha = rate / (runs of a machine in ten years),
+    alpha = rate / (runs of a machine in ten years),
 
 so that a machine has at most `rate` false alarms in ten years.
 """
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy import special
 
-from hil.results.changes import FEWEST, GREATEST, UNLIKE, Change, adjusted, change
+from hil.results.changes import (
+    FEWEST,
+    UNLIKE,
+    Change,
+    adjusted,
+    change,
+    common_shares,
+    p_values,
+)
 from hil.results.quantities import Reading
 
 if TYPE_CHECKING:
@@ -50,14 +57,15 @@ NEWEST, FIRST = 3, 12
 """Numbers of runs in the newest and in the first mean: with monthly runs a quarter and a year."""
 ENOUGH = 20
 """Number of differences, or machines, for a median accurate to a quarter (1.25 / sqrt(20))."""
-NORMAL = 1.4826
+NORMAL = 1.0 / float(special.ndtri(0.75))
 """Ratio of standard deviation to median absolute deviation of a normal distribution."""
-MEDIAN_SQUARE = 0.4549
+MEDIAN_SQUARE = float(special.chdtri(1, 0.5))
 """Median of a chi-squared variable with one degree of freedom."""
+EFFICIENCY = 0.37
+"""Of a median absolute deviation relative to a standard deviation (Huber and Ronchetti 2009,
+1.1)."""
 DECADE = 10 * 365.25 * 86400.0
 """Seconds in ten years."""
-ALONE = 4.0
-"""Degrees of freedom of stated errors, for few runs."""
 FLEET = "the fleet"
 
 
@@ -75,8 +83,8 @@ class Fleet:
         Since 1970 [s], ascending within a machine.
     runs : ndarray, shape (n_runs,)
         Labels.
-    value, error, allowance : ndarray, shape (n_runs, n_quantities)
-        As of `Reading`; NaN where a run does not know the quantity.
+    value, error, degrees, allowance : ndarray, shape (n_runs, n_quantities)
+        As of `Reading`; NaN for quantities unknown to a run.
     """
 
     machines: tuple[str, ...]
@@ -86,6 +94,7 @@ class Fleet:
     runs: Array
     value: Array
     error: Array
+    degrees: Array
     allowance: Array
 
 
@@ -118,15 +127,16 @@ def departures(fleet: Fleet, rate: float) -> Departures:
     newest = place >= (count - np.clip(count // 2, 1, NEWEST))[fleet.machine]
     first = (place < FIRST) & ~newest
     value, by_temperature = _remove_temperature(fleet, first, newest)
-    new, new_error, allowance, n_new = _means(fleet, value, newest)
-    old, old_error, _, n_old = _means(fleet, value, first)
+    new, new_error, n_new = _means(fleet, value, newest)
+    old, old_error, n_old = _means(fleet, value, first)
     run, n_runs = _repeatability(value, fleet.machine)
     with np.errstate(divide="ignore", invalid="ignore"):
         of_runs = np.hypot(run * np.sqrt(1.0 / n_new + 1.0 / n_old), by_temperature)
     stated = np.hypot(np.hypot(new_error, old_error), by_temperature)
-    own = _test(new - old, of_runs, n_runs, stated, allowance)
+    allowance, degrees = (_smallest(x, fleet.machine) for x in (-fleet.allowance, fleet.degrees))
+    own = _test(new - old, of_runs, n_runs, stated, degrees, -allowance)
     unknown = np.full(new.shape, np.nan)
-    peers = _test(new, unknown, np.zeros_like(n_runs), unknown, allowance)
+    peers = _test(new, unknown, np.zeros_like(n_runs), unknown, unknown, 0.0 * unknown)
     rows = ((old, *own), (new - peers[0], *peers))
     p = np.stack([row[-1] for row in rows])
     known = np.isfinite(p)
@@ -174,18 +184,11 @@ def _remove_temperature(fleet: Fleet, first: Mask, newest: Mask) -> tuple[Array,
     friction = np.array([each.kind == "friction level" for each in fleet.quantities], dtype=bool)
     axes = np.array([each.axis or 0 for each in fleet.quantities])
     base = _means(fleet, value, first)[0][:, friction]
-    with np.errstate(invalid="ignore", divide="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of axes that no run knows
+    with np.errstate(invalid="ignore", divide="ignore"):
         share = value[:, friction] / base[fleet.machine] - 1.0
-        by_axis = [
-            np.nanmean(share[:, axes[friction] == axis], axis=1)
-            for axis in np.unique(axes[friction]).tolist()
-        ]
-        if len(by_axis) < FEWEST:
-            return value, error
-        known = np.isfinite(by_axis).sum(axis=0) >= FEWEST
-        common = np.where(known, np.nanmedian(by_axis, axis=0), np.nan)
-    common = np.where(np.abs(common) > GREATEST, 0.0, common)[:, np.newaxis]
+    if len(np.unique(axes[friction])) < FEWEST:
+        return value, error
+    common = common_shares(share, axes[friction])[:, np.newaxis]
     # b by successive runs of a machine, which slow wear leaves alone, and 1 +- UNLIKE / 2 before
     same = np.diff(fleet.machine, append=-1) == 0
     steps = np.diff(share, axis=0, append=np.nan)
@@ -227,31 +230,34 @@ def _median(x: Array) -> Array:
     return found
 
 
-def _means(fleet: Fleet, value: Array, which: Mask) -> tuple[Array, Array, Array, Array]:
-    """Return mean, error, allowance and number of some runs, shape (n_machines, n_quantities)."""
+def _means(fleet: Fleet, value: Array, which: Mask) -> tuple[Array, Array, Array]:
+    """Return mean, error of the mean and number of some runs, shape (n_machines, n_quantities)."""
     used = which[:, np.newaxis] & np.isfinite(value)
-    columns = np.ones_like(value), value, fleet.error**2, fleet.allowance
-    sums = [_sums(np.where(used, x, 0.0), fleet.machine, len(fleet.machines)) for x in columns]
-    count, total, squares, allowances = sums
+    columns = np.ones_like(value), value, fleet.error**2
+    count, total, squares = (
+        _sums(np.where(used, x, 0.0), fleet.machine, len(fleet.machines)) for x in columns
+    )
     with np.errstate(invalid="ignore", divide="ignore"):
-        return total / count, np.sqrt(squares) / count, allowances / count, count
+        return total / count, np.sqrt(squares) / count, count
+
+
+def _smallest(x: Array, machine: Indices) -> Array:
+    """Return the smallest known value by machine, shape (n_machines, n_columns)."""
+    starts = np.flatnonzero(np.diff(machine, prepend=-1))
+    return np.asarray(np.fmin.reduceat(x, starts, axis=0))
 
 
 def _test(
-    T: Array, of_runs: Array, n_runs: Array, stated: Array, allowance: Array
+    T: Array, of_runs: Array, n_runs: Array, stated: Array, degrees: Array, allowance: Array
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Return size, standard error, degrees of freedom, allowance and p-value of departures T."""
     machines = np.isfinite(T).sum(axis=0)
     many, repeated = machines >= ENOUGH, n_runs >= ENOUGH
+    known = many | repeated
     size = T - np.where(many, _median(T), 0.0)
     spread = np.where(many, NORMAL * _median(np.abs(size)), 0.0)
-    known = np.fmax(np.where(repeated, of_runs, 0.0), spread)
-    error = np.where(many | repeated, known, stated)
-    # of a median absolute deviation, which is 0.37 times as efficient as a standard deviation
-    draws = 0.37 * np.where(many, machines, n_runs)
-    degrees = np.where(many | repeated, draws, ALONE) + np.zeros_like(T)
-    allowed = np.where(many | repeated, 0.0, allowance)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        beyond = np.stack([np.abs(size) - allowed, np.abs(size) + allowed]) / error
-    p = special.stdtr(degrees, -beyond).sum(axis=0)
-    return size, error, degrees, allowed, np.where(error > 0.0, p, np.nan)
+    error = np.where(known, np.fmax(np.where(repeated, of_runs, 0.0), spread), stated)
+    degrees = np.where(known, EFFICIENCY * np.where(many, machines, n_runs), degrees)
+    allowed = np.where(known, 0.0, allowance)
+    p = p_values(np.abs(size), allowed, np.where(error > 0.0, error, np.nan), degrees)
+    return size, error, degrees, allowed, p

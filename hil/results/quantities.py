@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 Kind = Literal["gravity parameter", "inertia parameter", "friction level", "offset"]
 SHARES = (0.1, 0.7)
 """Positions of the reference speeds in the range of speeds known to all models, as shares."""
+OF_LIMIT = (0.1, 0.3, 0.7)
+"""Speeds of levels for comparisons of many machines, as shares of the joint's velocity limit.
+Three, since a law of a campaign may leave out the slowest or the fastest."""
 ASSUMED = (0.1, 0.8)
 """Assumed range of speeds for a law without a stated range, as shares of its speed."""
 
@@ -163,7 +166,7 @@ def _friction(models: Sequence[IdentifiedRobot]) -> Iterator[Quantity]:
             yield Quantity(f"offset of axis {axis + 1}", "offset", unit, axis=axis + 1)
 
 
-def friction_quantities(robot: Robot, shares: Sequence[float]) -> Iterator[Quantity]:
+def friction_quantities(robot: Robot) -> Iterator[Quantity]:
     """Yield friction levels at shares of each joint's velocity limit, and offsets.
 
     They are the same in every run of a robot, whatever its laws; offsets alone without a velocity
@@ -171,7 +174,7 @@ def friction_quantities(robot: Robot, shares: Sequence[float]) -> Iterator[Quant
     """
     for axis in range(robot.n_joints):
         limit, unit = float(robot.velocity_limit[axis]), robot.torque_unit(axis)
-        for share in shares if np.isfinite(limit) else ():
+        for share in OF_LIMIT if np.isfinite(limit) else ():
             speed = float(f"{share * limit:.2g}")
             name = f"friction of axis {axis + 1} at {speed:g} {robot.position_unit(axis)}/s"
             yield Quantity(name, "friction level", unit, axis=axis + 1, speed=speed)

@@ -34,6 +34,7 @@ def fleet(n: int = 40, months: int = 24, seed: int = 0) -> Fleet:
         runs=np.array([f"m{k}/{m}" for k, m in zip(machine, month, strict=True)]),
         value=value,
         error=0.005 * np.abs(value),
+        degrees=np.full(value.shape, 10.0),
         allowance=np.zeros_like(value),
     )
 
