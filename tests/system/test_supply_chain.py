@@ -11,7 +11,8 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[2]
 LOCKS = ("run", "dev", "uv", "audit")
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PROJECT = PYPROJECT["project"]
 
 
 def locked(name: str) -> dict[str, list[str]]:
@@ -32,10 +33,10 @@ def test_every_package_has_a_hash_and_no_address(name: str) -> None:
         assert re.search(r"==.*\\\n\s+--hash=sha256:[0-9a-f]{64}", package), package
 
 
-@pytest.mark.parametrize(("name", "extras"), [("run", ()), ("dev", ("dev",))])
-def test_the_lock_has_what_the_project_needs(name: str, extras: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(("name", "groups"), [("run", ()), ("dev", ("dev",))])
+def test_the_lock_has_what_the_project_needs(name: str, groups: tuple[str, ...]) -> None:
     needed = [*PROJECT["dependencies"]]
-    needed += [each for extra in extras for each in PROJECT["optional-dependencies"][extra]]
+    needed += [each for group in groups for each in PYPROJECT["dependency-groups"][group]]
     versions = locked(name)
     for each in map(Requirement, needed):
         found = versions.get(each.name.lower().replace("_", "-"), [])
