@@ -14,6 +14,10 @@ the motor lacks the link's torque, and the impact brings back the momentum. Both
 same derivative: the torque of all axes changes by that of a motion changed by :math:`\delta`,
 :math:`\dot\delta` and :math:`\ddot\delta`. In contact :math:`\delta = -b \operatorname{sign} T_k`.
 
+A soft gear adds :math:`-c T_k`. Fitted without the gap, a compliance takes part of the gap: least
+squares adds :math:`b \overline{|T_k|} / \overline{T_k^2}` to :math:`c`. So the column of a fitted
+compliance stays free (`columns`), and gap and compliance are estimated together.
+
 The column per unit of :math:`b` depends on :math:`b`, so there is a column for each of `HALF_GAPS`.
 It is valid for gaps from half to twice its own. The inertia of the rotor must be known separately
 from that of the link, since the rotor does not cross the gap.

@@ -236,7 +236,7 @@ CAUSES = {
 """All causes by name, in the order of likely harm: of several causes that data do not distinguish,
 the first is named first. A load precedes a zero: homing an axis that only carries a load would
 spoil a correct zero."""
-FITTED = ("late torque",)
+FITTED = ("late torque", "soft gears")
 """Causes that every estimate fits and accounts for: they stay free beside the others."""
 SHOWN_BY = {
     "load": "two runs would show it, without and with it (hil payload)",

@@ -12,6 +12,7 @@ estimate, and e_k the axis k, the column of axis i is, per unit of
     rotor inertia of k     H qdd_i where i = k
     late torque of k       (tau_i(t - T) - tau_i(t + T)) / 2T where i = k: all motion shifted
     late position of k     (tau_i(t + T) - tau_i(t - T)) / 2T with the motion of k alone shifted
+    compliance of k        d tau_i by the twist of a gear that is fitted as soft, per unit of it
     backlash of k          d tau_i by the displacement of the link within the gap (`backlash`)
     slip of k              d tau_i / d q_k from an instant on
     direction of gravity   d tau_i by a rotation about either axis across gravity
@@ -33,6 +34,7 @@ import numpy as np
 
 from hil.estimation.excluded.backlash import FINER, HALF_GAPS, Driven, displacements
 from hil.estimation.excluded.causes import CAUSES, FITTED
+from hil.estimation.signals import derivatives
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics, regressor
 from hil.model.motors import motor_torque
@@ -171,6 +173,16 @@ class _Rows:
         by_motion = self.partials(axis)
         return [(by_motion * each).sum(axis=0) for each in moved]
 
+    def twist(self, axis: int) -> Array:
+        """Twist of the gear of an axis and two derivatives, smoothed, shape (3, n)."""
+        e, found = self.evidence, np.zeros((3, len(self.evidence.axis)))
+        for k, s in enumerate(e.signals):
+            if s.twist is not None:
+                own = s.twist[:, axis]
+                each = np.column_stack([own, *derivatives(own[:, None], s.period)])
+                found[:, e.source == k] = s.smoothed(each)[e.sample[e.source == k]].T
+        return found
+
     @cached_property
     def time_derivative(self) -> Array:
         """Time derivative of the torque along the motion."""
@@ -218,7 +230,9 @@ def columns(robot: Robot, p: Array, evidence: Evidence, free: Sequence[str] = FI
     p : ndarray, shape (n_base,)
         Base parameters for the torques.
     """
-    return _gathered(_columns(_Rows(robot, p, evidence)), evidence, free)
+    rows = _Rows(robot, p, evidence)
+    gears = _soft(rows) if "soft gears" in free else ()
+    return _gathered((*_columns(rows), *gears), evidence, free)
 
 
 def finer(robot: Robot, p: Array, evidence: Evidence, every: Columns, key: Key) -> Columns:
@@ -306,6 +320,14 @@ def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
         for part, column in zip("xy", rows.turned().T, strict=True):
             yield Column("gravity", -1, part), np.pi / 180 * column
     yield from _load(rows)
+
+
+def _soft(rows: _Rows) -> Iterator[tuple[Column, Array]]:
+    """Yield the column of each fitted compliance, per 1 % of the twist."""
+    for axis in range(rows.robot.n_joints):
+        moved = rows.twist(axis)
+        if moved.any():
+            yield Column("soft gears", axis), -0.01 * (rows.partials(axis) * moved).sum(axis=0)
 
 
 def _gap_columns(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.excluded.backlash import WITHIN
 from hil.estimation.excluded.causes import CAUSES
 
 if TYPE_CHECKING:
@@ -59,6 +60,9 @@ def describe_size(robot: Robot, every: Columns, key: Key, test: Test) -> str:
         turn = f",{often} a turn" if often else ""
         return f"{cause.words} {size:.3g} ± {error:.1g} {unit}{turn}"
     at = int(np.argmax(np.abs(test.size / test.error)))
+    if name_of(key) == "play":  # rebound and twist of the gear are not in its column
+        least, most = float(test.size[at]) / WITHIN, float(test.size[at]) * WITHIN
+        return f"{cause.words} {least:.2g} to {most:.2g} {unit}"
     after = ""
     if key[0] == "slip":
         instant = float(every.names[test.columns[at]].part)
