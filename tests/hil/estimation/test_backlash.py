@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from free_run import PERIOD, TRUTH, arm, recorded, some_motion
 
-from hil.estimation.drive_train import directly_driven
 from hil.estimation.excluded.backlash import half_gap, nearest
 from hil.estimation.excluded.proof import proved
 from hil.model.dynamics import inverse_dynamics, mass_matrix
@@ -71,25 +70,6 @@ def test_backlash_is_named_with_its_axis_and_its_size(
     assert proof is not None
     first, *_ = proof.found
     assert (first.cause, first.axes) == ("play", (axis + 1,))
-    assert first.size == pytest.approx(np.degrees(gap), rel=0.25)
-
-
-def test_a_compliance_that_took_part_of_a_gap_gives_it_back(good: FreeRecorded) -> None:
-    gap, motion = 1e-3, some_motion(np.arange(0.0, 12.0, PERIOD), 0)
-    T = inverse_dynamics(arm(), TRUTH, *motion)[:, 1]
-    compliance = gap * np.abs(T).mean() / (T**2).mean()  # least squares of gap sign T by c T
-    rigid = directly_driven(arm())
-    soft = replace(
-        rigid,
-        lag=np.zeros(2),
-        compliance=np.array([0.0, compliance]),
-        soft=np.array([False, True]),
-        p=TRUTH,
-    )
-    proof = proved(arm(), with_gap(good, 1, gap), drive_train=soft)
-    assert proof is not None
-    first, *_ = proof.found
-    assert (first.cause, first.axes) == ("play", (2,))
     assert first.size == pytest.approx(np.degrees(gap), rel=0.25)
 
 
