@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from free_run import PERIOD, TRUTH, arm, recorded, some_motion
 
+from hil.estimation.drive_train import directly_driven
 from hil.estimation.excluded.backlash import half_gap, nearest
 from hil.estimation.excluded.proof import proved
 from hil.model.dynamics import inverse_dynamics, mass_matrix
@@ -71,6 +72,40 @@ def test_backlash_is_named_with_its_axis_and_its_size(
     first, *_ = proof.found
     assert (first.cause, first.axes) == ("play", (axis + 1,))
     assert first.size == pytest.approx(np.degrees(gap), rel=0.25)
+
+
+def with_twist(data: FreeRecorded, axis: int, compliance: float) -> FreeRecorded:
+    """Link angle less by compliance times transmitted torque, as in a soft gear."""
+    robot, found = arm(), []
+    for seed, (motion, recording) in enumerate(data):
+        t = np.arange(len(recording.tau)) * PERIOD
+        q, qd, qdd = some_motion(t, seed)
+        rigid = inverse_dynamics(robot, TRUTH, q, qd, qdd)
+        twist = np.zeros_like(q)
+        twist[:, axis] = -compliance * rigid[:, axis]
+        speed = np.gradient(twist, PERIOD, axis=0)
+        moved = q + twist, qd + speed, qdd + np.gradient(speed, PERIOD, axis=0)
+        change = inverse_dynamics(robot, TRUTH, *moved) - rigid
+        found.append((motion, replace(recording, tau=recording.tau + change)))
+    return found
+
+
+@pytest.mark.parametrize(("axis", "share"), [(0, 0.7), (1, 0.3)])
+def test_the_error_of_a_fitted_compliance_is_no_other_cause(
+    good: FreeRecorded, axis: int, share: float
+) -> None:
+    compliance = 2e-4
+    twisted = with_twist(good, axis, compliance)
+    fitted = replace(
+        directly_driven(arm()),
+        lag=np.zeros(2),
+        compliance=share * compliance * (np.arange(2) == axis),
+        soft=np.arange(2) == axis,
+        p=TRUTH,
+    )
+    proof = proved(arm(), twisted, drive_train=fitted)
+    assert proof is not None
+    assert not proof.found
 
 
 def test_a_gear_without_a_gap_is_not_accused(good: FreeRecorded) -> None:
