@@ -143,7 +143,8 @@ class Work:
 
         self._count(dynamics, "regressors", "regressor rows", lambda made: sum(
             A[..., 0].size for A in made))  # fmt: skip
-        self._count(dynamics, "_torques", "torque samples", lambda made: made[..., 0].size)
+        self._count(dynamics, "_torques", "torque samples", lambda made: sum(
+            tau[..., 0].size for tau in made))  # fmt: skip
         self._count(window, "correlate", "filtered samples", lambda made: made.size)
         self._count(thinned, "smooth_at", "filtered samples", lambda made: made.size)
         self._count(Dataset, "__getitem__", "bytes read", lambda made: getattr(made, "nbytes", 0))

@@ -133,6 +133,11 @@ class Signals:
         rows = self.once((base_rows, robot, axis), lambda: base_rows(robot, self, axis))
         return term_columns(robot, self, axis, rows)
 
+    def drop_rows(self) -> None:
+        """Drop the regressor rows of `terms` from the cache: most of the cache's memory."""
+        for key in [key for key in self.kept if isinstance(key, tuple) and key[0] is base_rows]:
+            del self.kept[key]
+
     def filtered(self, x: Array) -> Array:
         """Filter by the Butterworth low-pass along the first axis."""
         if self.period * CUTOFF >= 0.5:

@@ -47,7 +47,7 @@ from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_element, shows_parameters
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Collection, Sequence
 
     from hil.arrays import Array
     from hil.estimation.drive_train import DriveTrain
@@ -194,7 +194,7 @@ def measured(
     return replace(
         estimate,
         residual=solver.residual,
-        local=tuple(_believed(robot, found, p, estimate.local)),
+        local=_believed(robot, found, p, estimate.local),
         drive_train=drive_train,
         load_friction=solver.load_friction,
         prior_share=prior_share,
@@ -208,14 +208,18 @@ def measured(
 
 def _believed(
     robot: Robot, found: Joint, p: Array, local: Sequence[LocalValue]
-) -> Iterator[LocalValue]:
-    """Yield values of step 1 after subtraction of effects found by the improved method."""
+) -> tuple[LocalValue, ...]:
+    """Return values of step 1 after subtraction of effects found by the improved method."""
     prepared = {m.id: (m, s) for m, s in found.prepared if shows_element(m)}
+    values = []
     for each in local:
         m, s = prepared[each.id]
         common = found.solver.solution[place(robot, m.index)[found.solver.n_base :]]
         seen = believed_fit(robot, m, s, p, common).evaluate(p)
-        yield replace(each, believed=seen.value, believed_error=seen.standard_error)
+        values.append(replace(each, believed=seen.value, believed_error=seen.standard_error))
+    for _, s in found.prepared:
+        s.drop_rows()
+    return tuple(values)
 
 
 def _left_out_in_turn(solver: TwoStep) -> tuple[Array, Array]:

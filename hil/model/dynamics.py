@@ -111,18 +111,25 @@ def inverse_dynamics(
     robot: Robot, p: ArrayLike, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike
 ) -> Array:
     """Compute joint torques M(q) qdd + c(q, qd) + g(q) for base parameters `p` [N m]."""
-    return _torques(robot, p, q, qd, qdd, robot.gravity)
+    return inverse_dynamics_at(robot, p, q, [(qd, qdd)])[0]
+
+
+def inverse_dynamics_at(
+    robot: Robot, p: ArrayLike, q: ArrayLike, rates: Sequence[tuple[ArrayLike, ArrayLike]]
+) -> list[Array]:
+    """Compute joint torques at the same positions for several velocities and accelerations."""
+    return _torques(robot, p, q, rates, robot.gravity)
 
 
 def gravity_torque(robot: Robot, p: ArrayLike, q: ArrayLike) -> Array:
     """Compute gravity torques g(q) of eq. (6), shape of `q` [N m]."""
-    return _torques(robot, p, q, 0.0, 0.0, robot.gravity)
+    return inverse_dynamics(robot, p, q, 0.0, 0.0)
 
 
 def mass_matrix(robot: Robot, p: ArrayLike, q: ArrayLike) -> Array:
     """Compute the mass matrix M(q) of eq. (6), shape (n_samples, n_joints, n_joints) [kg m^2]."""
-    units = np.eye(robot.n_joints)
-    return np.stack([_torques(robot, p, q, 0.0, unit, _WEIGHTLESS) for unit in units], axis=-1)
+    units = [(0.0, unit) for unit in np.eye(robot.n_joints)]
+    return np.stack(_torques(robot, p, q, units, _WEIGHTLESS), axis=-1)
 
 
 def coriolis_matrix(robot: Robot, p: ArrayLike, q: ArrayLike, qd: ArrayLike) -> Array:
@@ -132,12 +139,9 @@ def coriolis_matrix(robot: Robot, p: ArrayLike, q: ArrayLike, qd: ArrayLike) -> 
     c(q, qd + e) - c(q, qd - e) = 4 C e.
     """
     q, qd, _ = _samples(robot, q, qd, 0.0)
-    columns = [
-        _torques(robot, p, q, qd + e, 0.0, _WEIGHTLESS)
-        - _torques(robot, p, q, qd - e, 0.0, _WEIGHTLESS)
-        for e in np.eye(robot.n_joints)
-    ]
-    return np.stack(columns, axis=-1) / 4
+    rates = [(qd + e, 0.0) for e in (*np.eye(robot.n_joints), *-np.eye(robot.n_joints))]
+    ahead, behind = np.split(np.stack(_torques(robot, p, q, rates, _WEIGHTLESS), axis=-1), 2, -1)
+    return np.asarray((ahead - behind) / 4)
 
 
 _WEIGHTLESS = np.zeros(3)
@@ -195,26 +199,32 @@ def _added_columns(robot: Robot, model: _Model, q: Array, qdd: Array, rows: Inte
 
 
 def _torques(
-    robot: Robot, p: ArrayLike, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, gravity: Array
-) -> Array:
+    robot: Robot,
+    p: ArrayLike,
+    q: ArrayLike,
+    rates: Sequence[tuple[ArrayLike, ArrayLike]],
+    gravity: Array,
+) -> list[Array]:
     model = _model(robot)
     p = np.asarray(p, dtype=np.float64)
     n_links, n_added = model.placement.shape[1], len(model.added)
     if p.shape != (n_base := n_links + n_added,):
         raise ValueError(f"p has shape {p.shape}; {robot.name} has {n_base} base parameters")
-    q, qd, qdd = _samples(robot, q, qd, qdd)
+    moved = [_samples(robot, q, *each) for each in rates]
+    at = moved[0][0]
     values = model.placement @ p[:n_links]
-    flat = np.zeros((q.size // robot.n_joints, robot.n_joints))
-    for part, (state,) in _chunks(model, q, [(qd, qdd)]):
-        _recursion.torques(
-            state, model.chain, gravity, model.kinds, model.links, values, flat[part]
-        )
+    every = np.zeros((len(moved), at.size // robot.n_joints, robot.n_joints))
+    for part, states in _chunks(model, at, [each[1:] for each in moved]):
+        for state, flat in zip(states, every[:, part], strict=True):
+            _recursion.torques(state, model.chain, gravity, model.kinds, model.links, values, flat)
     if n_added:
         own = p[n_links:]
-        flat += qdd.reshape(flat.shape) @ np.tensordot(own, model.inertias, 1)
+        accelerated = np.tensordot(own, model.inertias, 1)
+        for k, (_, _, qdd) in enumerate(moved):
+            every[k] += qdd.reshape(every[k].shape) @ accelerated
         if gravity is not _WEIGHTLESS:
-            flat += added_loads(robot, q.reshape(flat.shape))[..., model.added] @ own
-    return flat.reshape(q.shape)
+            every += added_loads(robot, at.reshape(every.shape[1:]))[..., model.added] @ own
+    return list(every.reshape(-1, *at.shape))
 
 
 def _rows(robot: Robot, joints: Sequence[int] | None) -> Integers:

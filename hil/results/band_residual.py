@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy import ndimage
 
 from hil.errors import FrictionUnknown, Mismatch
 from hil.estimation.free_motion.motion import low_passed
 from hil.friction.equation import SLOW
 from hil.least_squares.standstill import extent, moving
+from hil.least_squares.window import widen
 from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
 from hil.results.recorded_torque import convert_torques
@@ -149,5 +149,13 @@ def _resting(qd: Array, limit: Array, period: float) -> Mask:
     """Return a mask of samples at rest, extended by the memory of the low-pass."""
     speed, reach = np.abs(qd), round(1.0 / (BAND * period))
     slow = speed < SLOW * np.where(np.isnan(limit), speed.max(axis=0), limit)
-    still = ndimage.binary_opening(slow, np.ones((reach, 1), dtype=bool))
-    return np.asarray(ndimage.binary_dilation(still, np.ones((2 * reach + 1, 1), dtype=bool)))
+    return np.column_stack([widen(_long_runs(each, reach), reach) for each in slow.T])
+
+
+def _long_runs(mask: Mask, least: int) -> Mask:
+    """Return the mask without runs of fewer than `least` samples."""
+    begin, end = np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2).T
+    long = end - begin >= least
+    change = np.zeros(len(mask) + 1, dtype=int)
+    change[begin[long]], change[end[long]] = 1, -1
+    return np.cumsum(change[:-1]) > 0

@@ -207,7 +207,9 @@ class Battery:
             at = np.flatnonzero(self._channel == channel)
             Z[at[:, None], blocks.layout.place(channel)[n_shared:]] = self._own[at]
         root = np.sqrt(self.weights)[self._channel]
-        Q = (Z * root[:, None]) @ inverse_root(regression.normal.information)
+        Z *= root[:, None]
+        Q = Z @ inverse_root(regression.normal.information)
+        del Z, rows, shared  # as large as the columns
         y, D = self._y[:, 0] * root, self._D * root[:, None]
         self._Q, self._root = Q, root
         self._residual = y - Q @ (Q.T @ y)

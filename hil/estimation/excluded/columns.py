@@ -36,7 +36,7 @@ from hil.estimation.excluded.backlash import FINER, HALF_GAPS, Driven, displacem
 from hil.estimation.excluded.causes import CAUSES, FITTED
 from hil.estimation.signals import derivatives
 from hil.model.base_parameters import base_parameters
-from hil.model.dynamics import inverse_dynamics, regressor
+from hil.model.dynamics import inverse_dynamics, inverse_dynamics_at, regressor
 from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
 
@@ -132,12 +132,14 @@ class _Rows:
         By its position, speed and acceleration; the torque is linear in accelerations.
         """
         if self._of_axis[0] != axis:
-            found = []
-            for k, step in enumerate((STEP, STEP, 1.0)):
-                motion = [x.copy() for x in (self.q, self.qd, self.qdd)]
-                motion[k][:, axis] += step
-                found.append((self.torque(*motion) - self.rigid) / step)
-            self._of_axis = axis, np.array(found)
+            q, qd, qdd = (x.copy() for x in (self.q, self.qd, self.qdd))
+            for x, step in zip((q, qd, qdd), (STEP, STEP, 1.0), strict=True):
+                x[:, axis] += step
+            by_rates = inverse_dynamics_at(
+                self.robot, self.p, self.q, [(qd, self.qdd), (self.qd, qdd)]
+            )
+            moved = self.torque(q, self.qd, self.qdd), *map(self._own, by_rates)
+            self._of_axis = axis, (np.array(moved) - self.rigid) / [[STEP], [STEP], [1.0]]
         return self._of_axis[1]
 
     def motors_by_position(self, axis: int) -> Array:

@@ -23,7 +23,7 @@ from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import fft, ndimage
+from scipy import fft
 
 from hil.friction.direction import bent, friction_direction, sign_of_velocity
 
@@ -275,6 +275,8 @@ class Motion:
 
         Nearby means within the reach of the filter around a reversal.
         """
+        from scipy import ndimage  # noqa: PLC0415 - takes long to load
+
         width = 2 * int(1.0 / (self.processing.band * self.period)) + 1
         least = ndimage.minimum_filter1d(np.abs(self.qd), width, axis=0) / self.processing.speed
         return np.asarray(least[:: self.rates.coarse])
