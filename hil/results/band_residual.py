@@ -158,4 +158,4 @@ def _long_runs(mask: Mask, least: int) -> Mask:
     long = end - begin >= least
     change = np.zeros(len(mask) + 1, dtype=int)
     change[begin[long]], change[end[long]] = 1, -1
-    return np.cumsum(change[:-1]) > 0
+    return np.asarray(np.cumsum(change[:-1]) > 0)
