@@ -123,7 +123,8 @@ def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
             f"all ways of the plan passed at {rehearsal:.0%} of the speed limits; measure with the"
             " same command without --rehearse"
         )
-    assert isinstance(last, Finished)  # noqa: S101 - the last of all events
+    if not isinstance(last, Finished):
+        return f"no measurement was finished in {folder.path}"
     give(run=str(folder.path), measurements=last.recorded, with_findings=list(last.gave_up))
     kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
     return (

@@ -24,6 +24,7 @@ import numpy as np
 from checked_files.xml_file import XmlFile
 from checked_files.xml_patch import XmlPatch
 from hil.errors import Mismatch
+from hil.estimation.consistent.nearest import nearest_robot
 from hil.export.exported import Exported
 from hil.export.mjcf_file import FULL, IMPEDANCE, STEP, quaternion
 from hil.export.simple_friction import friction_remarks
@@ -44,7 +45,6 @@ from hil.export.urdf_file import (
 from hil.model.base_parameters import base_parameters
 from hil.model.frames import body_parameters, inverse, parameter_map, pseudo_inertia
 from hil.model.readers.axes_to_frames import difference
-from hil.results.consistency import find_consistent_robot
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -159,9 +159,8 @@ def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
             rotors[k] = kept if whole - kept > own / 2 else max(whole - own, 0.0)
     shift = of_rotors @ rotors
     of = f"the inertials of {given.path}"
-    shifted = replace(model, values=model.values - shift)
-    consistent = find_consistent_robot(shifted, (), bounds, stated, of).consistent
-    assert consistent is not None  # noqa: S101 - just found
+    p = model.values - shift
+    consistent = nearest_robot(model.robot, p, model.covariance, bounds, stated, of)
     bodies, added = consistent.bodies.copy(), dict(consistent.added)
     for name, axis in axes.items():
         whole = bodies[axis].copy()
@@ -219,10 +218,9 @@ class _Urdf:
 
     def __init__(self, given: Given, robot: Robot) -> None:
         self.path, self.chain, self._given = given.path, given.chain, given
-        for fault in inertial_faults(given, robot):
-            raise Mismatch(f"{fault}; or export without --patch")
         bodies = bodies_of(given, robot)
-        assert bodies is not None  # noqa: S101 - it has no faults
+        if bodies is None:
+            raise Mismatch(f"{next(inertial_faults(given, robot))}; or export without --patch")
         self._bodies, self._xml = bodies, XmlPatch(given.reader.file)
         self._elements = given.reader.file.named("joint")
 
@@ -235,24 +233,23 @@ class _Urdf:
     def patch(self, k: int, joint: SimulatedJoint) -> Iterator[str]:
         reader = self._given.reader
         stated = [
-            (name, pose, parameter_map(pose) @ body)
+            (name, pose, body)
             for name, pose in reader.find_attached(self.chain.joints[k].link, np.eye(4))
             if (body := stated_body(reader, name)) is not None
         ]
-        new = _shared_out(joint.body, [body for _, _, body in stated])
-        for (name, pose, _), body in zip(stated, new, strict=True):
-            yield from self._inertial(name, parameter_map(inverse(pose)) @ body)
+        new = _shared_out(joint.body, [parameter_map(pose) @ body for _, pose, body in stated])
+        for (name, pose, body), whole in zip(stated, new, strict=True):
+            yield from self._inertial(name, body, parameter_map(inverse(pose)) @ whole)
         yield from self._dynamics(self._elements[joint.name], joint)
 
-    def _inertial(self, name: str, body: Array) -> Iterator[str]:
-        """Write the inertial of a link; yield the names of unchanged quantities."""
+    def _inertial(self, name: str, stated: Array, body: Array) -> Iterator[str]:
+        """Write the inertial of a link with a stated one; yield names of unchanged quantities."""
         reader = self._given.reader
-        element, stated = reader.links[name].find("inertial"), stated_body(reader, name)
-        assert element is not None and stated is not None  # noqa: S101, PT018 - looked at before
+        element = next(reader.links[name].iter("inertial"))
+        mass, inertia = (next(element.iter(tag)) for tag in ("mass", "inertia"))
         turned = reader.origin(element)[:3, :3]
         old, new = Body.create(stated, turned), Body.create(body, turned)
-        mass, inertia, origin = (element.find(tag) for tag in ("mass", "inertia", "origin"))
-        assert mass is not None and inertia is not None  # noqa: S101, PT018 - looked at before
+        origin = element.find("origin")
         if _kept_or_new(np.array([new.mass]), np.array([old.mass])):
             yield f"mass of {name}"
         else:

@@ -16,9 +16,9 @@ from hil.imports.map_file import MapFile, RecordingMap
 from hil.imports.one_map import interpret, measured_motions
 from hil.imports.samples import Samples
 from hil.imports.statement import Statement
-from hil.planning.free_motion import FreeMotion
 from hil.planning.plan import PlannedRobot, RecordedMotions
 from hil.runs.journal import Journal, Session, now
+from hil.runs.recording_file import Measured
 from hil.runs.run import MemoryRun, Run
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.model.robot import Robot
-    from hil.runs.recording_file import Measured
+    from hil.planning.free_motion import FreeMotion
 
 _numbers = count(1)
 _ARGUMENTS = {"position": "q", "torque": "tau", "velocity": "qd"}
@@ -87,6 +87,7 @@ def run_from_arrays(
     recordings = _recordings(robot, t, q, tau, qd)
     the_map = _map(robot, qd is not None, alone, cut_off, accept)
     measured: dict[str, Measured] = {}
+    planned: list[FreeMotion] = []
     notes: list[str] = []
     warnings: list[str] = []
     for number, samples in enumerate(recordings, start=1):
@@ -97,7 +98,7 @@ def run_from_arrays(
             lines = [f"recording {number}: {line}" for line in str(error).splitlines()]
             raise InvalidArray("\n".join(lines)) from error
         made = list(measured_motions(the_map, samples, numbered, stem))
-        motions = tuple(map(_motion, made))
+        motions = tuple(motion for motion, _ in made)
         moves = (qd is not None,) * robot.n_joints
         statement = Statement(the_map, timing, samples.wraps, moves, motions, found)
         notes += statement.lines()
@@ -106,11 +107,12 @@ def run_from_arrays(
             f" {the_map.accepting.format(s.check)}"
             for s in statement.doubts
         ]
-        measured |= {each.measurement.id: each for each in made}
+        measured |= {each[0].id: Measured(*each) for each in made}
+        planned += motions
     plan = RecordedMotions(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         map_digest=hashlib.sha256(the_map.content.model_dump_json().encode()).hexdigest(),
-        measurements=tuple(map(_motion, measured.values())),
+        measurements=tuple(planned),
     )
     session = Session(
         started=now(), ended=now(), reason="arrays", bus="arrays", simulated=False,
@@ -118,11 +120,6 @@ def run_from_arrays(
     )  # fmt: skip
     journal = Journal(plan_digest=plan.digest, robot_digest=robot.digest).add_session(session)
     return MemoryRun(Path(f"arrays-{next(_numbers)}"), plan, robot, journal, measured)
-
-
-def _motion(measured: Measured) -> FreeMotion:
-    assert isinstance(measured.measurement, FreeMotion)  # noqa: S101 - made as such
-    return measured.measurement
 
 
 def _map(

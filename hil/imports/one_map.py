@@ -93,15 +93,18 @@ def import_one(
     scratch.unlink()  # what is mapped stays until it is no longer used
     timing, numbered, found, explained = interpret(the_map, robot, samples)
     recorded = tuple(joint.velocity is not None for joint in the_map.content.joints)
-    measured = measured_motions(the_map, samples, numbered, job.stem)
-    motions = tuple(_written(each, job.folder, job.robot) for each in measured)
+    motions = []
+    for motion, recording in measured_motions(the_map, samples, numbered, job.stem):
+        path = job.folder / "recordings" / f"{motion.id}.h5"
+        write_measured(path, Measured(motion, recording), robot)
+        motions.append(motion)
     timing.stretches = []  # which are as long as the recording
     return Statement(
         the_map,
         timing,
         samples.wraps,
         recorded,
-        motions,
+        tuple(motions),
         found,
         (*samples.notes, *_lacking(the_map, samples)),
         explained,
@@ -194,13 +197,6 @@ def _lacking(the_map: MapFile, samples: Samples) -> Iterator[str]:
             yield f"{missing} of {n} rows hold no number in {', '.join(names)}"
 
 
-def _written(measured: Measured, folder: Path, robot: Robot) -> FreeMotion:
-    motion = measured.measurement
-    assert isinstance(motion, FreeMotion)  # noqa: S101 - made as such
-    write_measured(folder / "recordings" / f"{motion.id}.h5", measured, robot)
-    return motion
-
-
 def numbered_pieces(the_map: MapFile, samples: Samples, timing: Timing) -> list[Numbered]:
     """Return the motions of a recording, with the block or stroke number of every sample.
 
@@ -266,7 +262,7 @@ def measured_motions(
     samples: Samples,
     numbered: Sequence[Numbered],
     stem: str,
-) -> Iterator[Measured]:
+) -> Iterator[tuple[FreeMotion, Recording]]:
     """Yield motions with their recordings; ids are `stem` and a number."""
     begin = numbered[0][0].grid[0]
     digits = max(2, len(str(len(numbered))))
@@ -282,7 +278,7 @@ def measured_motions(
             unknown_gains=tuple(joint + 1 for joint in the_map.unknown_gains) or None,
             source=_source(the_map, samples, piece),
         )
-        yield Measured(motion, recording)
+        yield motion, recording
 
 
 def _recording(

@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Lock, Thread
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, cast
 
 from checked_files.errors import HilError
 
@@ -100,13 +100,10 @@ class Listener:
             start_new_session=True,
             bufsize=0,
         )
-        assert self._process.stdin is not None  # noqa: S101 - a pipe
-        assert self._process.stdout is not None  # noqa: S101 - a pipe
-        self._input = self._process.stdin.fileno()
+        self._input = cast("IO[bytes]", self._process.stdin).fileno()
         os.set_blocking(self._input, False)
-        self._ear = Thread(
-            target=self._hear, args=(self._process.stdout, stop), name=self.what, daemon=True
-        )
+        ear = self._process.stdout, stop
+        self._ear = Thread(target=self._hear, args=ear, name=self.what, daemon=True)
         self._ear.start()
         return self._ready(patience)
 
@@ -141,8 +138,7 @@ class Listener:
 
     def _end(self, process: subprocess.Popen[bytes], patience: float) -> None:
         self.gone = True
-        assert process.stdin is not None  # noqa: S101 - a pipe
-        process.stdin.close()
+        cast("IO[bytes]", process.stdin).close()
         try:
             process.wait(patience)
         except subprocess.TimeoutExpired:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from itertools import islice
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import yaml
 from pydantic import AfterValidator, Field, field_validator, model_validator
@@ -215,9 +215,8 @@ class _Dumper(Dumper):
     """YAML dumper with lists of numbers on a line, everything else in blocks."""
 
     def represent_sequence(
-        self, tag: str, sequence: object, flow_style: bool | None = None
+        self, tag: str, sequence: Any, flow_style: bool | None = None
     ) -> yaml.SequenceNode:
-        assert isinstance(sequence, list)  # noqa: S101 - JSON data
         numbers = all(isinstance(item, float | int) for item in sequence)
         node: yaml.SequenceNode = super().represent_sequence(
             tag, sequence, flow_style=numbers or flow_style

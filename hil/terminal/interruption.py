@@ -70,14 +70,13 @@ def report(text: str) -> None:
         sys.stderr.flush()
 
 
-def interrupt_main() -> None:
+def interrupt_main(by: signal.Signals = signal.SIGTERM) -> None:
     """Interrupt the main thread from another thread, like a signal.
 
     SIGTERM is used, since a shell may have started the process with Ctrl-C ignored.
     """
-    main = threading.main_thread().ident
-    assert main is not None  # noqa: S101 - it runs
-    signal.pthread_kill(main, signal.SIGTERM)
+    if main := threading.main_thread().ident:
+        signal.pthread_kill(main, by)
 
 
 @contextmanager

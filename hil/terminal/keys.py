@@ -26,6 +26,8 @@ from typing import TYPE_CHECKING
 
 from rich.text import Text
 
+from hil.terminal.interruption import interrupt_main
+
 try:
     import termios
     import tty
@@ -175,9 +177,7 @@ class KeyboardStop:
         """Execute the command of a key."""
         if key in STOPS:
             self._wanted = False
-            main = threading.main_thread().ident
-            assert main is not None  # noqa: S101 - it runs
-            signal.pthread_kill(main, signal.SIGINT)
+            interrupt_main(signal.SIGINT)
         else:
             self._paused = key in PAUSES and not self._paused
 
