@@ -17,6 +17,12 @@ class MeasurementFit(FileModel):
     part of the model.
     """
 
+    file_key: ClassVar[str | None] = None
+    """Key of these details in `model.yaml`; None if nothing is written."""
+    with_law: ClassVar[bool] = False
+    """True if the friction law was estimated together with the base parameters."""
+    blocks: ClassVar[None] = None
+    curves: ClassVar[tuple[()]] = ()
     gains: ClassVar[tuple[()]] = ()
     lag: ClassVar[tuple[()]] = ()
     compliance: ClassVar[dict[int, TermValue]] = {}

@@ -180,20 +180,19 @@ class ModelFile(FileModel):
             )
         )
         details = model.details
-        free = isinstance(details, FreeMotionFit)
         own: dict[str, Any] = {
             "parameters": parameters,
             "covariance": _rows(model.covariance),
             "drive_covariance": _rows(model.drive_covariance),
             "degrees_of_freedom": tuple(model.degrees_of_freedom.tolist()),
             "residual": tuple(None if np.isnan(r) else float(r) for r in model.residual),
-            "friction": details if free else None,
-            "back_and_forth": details if isinstance(details, BackAndForthFit) else None,
-            "friction_law": None if free else model.friction_law,
+            "friction_law": None if details.with_law else model.friction_law,
             "robot_file": model.robot.text,
             "local": tuple(map(LocalRecord.create, model.local)),
             "torque_effect": None if model.torque_effect is None else _rows(model.torque_effect),
         }
+        if details.file_key:
+            own[details.file_key] = details
         return cls(**_common(model) | own)
 
     def identified(self, path: Path) -> dict[str, Any]:

@@ -20,7 +20,6 @@ import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.condensed import stack
-from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.signals import signals
 from hil.friction.equation import ASYMMETRIC
 from hil.friction.law import (
@@ -71,7 +70,7 @@ def predicted_torques(
             continue
         recording = convert_torques(model, motion, as_recorded)
         with suppress(NotEnoughData):
-            if isinstance(model.details, FreeMotionFit):
+            if model.details.with_law:
                 yield from _predict_recorded(model, motion, recording)
             else:
                 yield from _fitted(model, motion, recording, past)

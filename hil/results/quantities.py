@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 from scipy import special
 
-from hil.estimation.free_motion.result import FreeMotionFit
 from hil.friction.law import level_at
 from hil.model.base_parameters import base_parameters
 
@@ -198,6 +197,6 @@ def _degrees(model: IdentifiedRobot, law: AxisLaw, fewest: float = 2.0) -> float
     """
     if law.measurements is not None:
         return max(float(law.measurements - len(law.terms)), fewest)
-    if isinstance(model.details, FreeMotionFit):
+    if model.details.with_law:
         return float(np.median(model.degrees_of_freedom))
     return fewest

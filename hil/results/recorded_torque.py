@@ -173,7 +173,7 @@ class Along(NamedTuple):
 
 def filter_recording(model: Model, recording: Recording) -> Along:
     """Return a recording as a model takes it, by the low-pass that the model was found with."""
-    if not isinstance(model.details, FreeMotionFit):
+    if not model.details.with_law:
         s = signals(recording)
         valid = s.valid
         return Along(
@@ -260,7 +260,7 @@ def predict_whole(
     where friction is no function of velocity, its accuracy is that of the law. Rigid bodies,
     friction, errors and information are of `axes` (by default all), 0 for other axes.
     """
-    free = isinstance(model.details, FreeMotionFit)
+    free = model.details.with_law
     axes = range(model.robot.n_joints) if axes is None or free else axes
     motion = filter_recording(model, recording) if free else _thinned(recording)
     A = np.zeros((*motion.q.shape, len(model.values)))

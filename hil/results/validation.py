@@ -16,7 +16,6 @@ from scipy import special
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.excluded.saturation import LEVEL, share_at_top
-from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.friction.history import history
 from hil.estimation.intervals import SIGNIFICANT
 from hil.estimation.options import ACCURACY
@@ -200,8 +199,7 @@ def validate(
     recorded = Pooled([run])
     left = band_residual(model, recorded)
     # what the axes went through matters to models that know what theirs had gone through
-    free = isinstance(model.details, FreeMotionFit)
-    past = None if free else history(model.robot, recorded)
+    past = None if model.details.with_law else history(model.robot, recorded)
     return scored(model, predicted_torques(model, recorded, past), left, accuracy, past)
 
 

@@ -196,7 +196,7 @@ def _unexcited(model: Model) -> Iterator[Reservation]:
         return
     worst = int(np.argmax(relative))
     known = f"uncertain by {relative[worst]:.0%}"
-    if not isinstance(model.details, FreeMotionFit):
+    if not model.details.with_law:
         yield (failed if relative[worst] ** 2 > HALF else doubtful)(
             f"axis {worst + 1} not excited: its torque on a free motion is {known}",
             "measure motions that show its parameters (hil plan --refine)",
@@ -212,12 +212,12 @@ def _unexcited(model: Model) -> Iterator[Reservation]:
 
 def _few(model: Model) -> tuple[int, int, int] | None:
     n, parameters = model.provenance.measurements, len(model.values)
-    few = n < FEWEST * parameters and not isinstance(model.details, FreeMotionFit)
+    few = n < FEWEST * parameters and not model.details.with_law
     return (n, parameters, FEWEST * parameters) if few else None
 
 
 def _few_blocks(model: Model) -> str:
-    blocks = model.details.blocks if isinstance(model.details, FreeMotionFit) else None
+    blocks = model.details.blocks
     return str(blocks) if blocks is not None and blocks < FEW_BLOCKS else ""
 
 

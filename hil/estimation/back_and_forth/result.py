@@ -94,6 +94,9 @@ class BackAndForthFit(FileModel):
     not_identified: tuple[str, ...]
     combinations: tuple[Combination, ...]
     remarks: tuple[str, ...]
+    file_key: ClassVar[str | None] = "back_and_forth"
+    with_law: ClassVar[bool] = False
+    blocks: ClassVar[None] = None
     gains: ClassVar[tuple[()]] = ()
     lag: ClassVar[tuple[()]] = ()
     compliance: ClassVar[dict[int, TermValue]] = {}

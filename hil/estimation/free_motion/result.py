@@ -129,6 +129,9 @@ class FreeMotionFit(FileModel):
     gains: tuple[GainValue, ...] = ()
     lag: tuple[TermValue, ...] = ()
     compliance: dict[int, TermValue] = Field(default_factory=dict)
+    file_key: ClassVar[str | None] = "friction"
+    with_law: ClassVar[bool] = True
+    curves: ClassVar[tuple[()]] = ()
     not_identified: ClassVar[tuple[str, ...]] = ()
 
     def sum_of(self, _name: str) -> str:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.commands.torques import torque_chart
-from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.friction.equation import SLOW
 from hil.least_squares.uncertainty import TWICE
 from hil.report.sections.friction import models_plot
@@ -76,9 +75,9 @@ def _friction(run: ReportedRun) -> Iterator[Plot]:
     if not run.is_identified:
         if run.friction is not None and run.friction.axes:
             yield models_plot(run.friction)
-    elif isinstance(run.model.details, BackAndForthFit):
+    elif curves := run.model.details.curves:
         yield _law_plot(
-            partial(friction_curves, run.model.details.curves, run.robot),
+            partial(friction_curves, curves, run.robot),
             "half the differences of the torques forth and back, less the rigid bodies' part, with"
             " intervals of 95 %. Dashed: Coulomb and viscous friction alone.",
         )

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.free_motion.result import FreeMotionFit
 from hil.results.identified_robot import friction_alone
 from hil.show.rounding import probability, signed, significant, uncertain
 from hil.show.table import Column, Part, Table, figures, table
@@ -23,8 +22,8 @@ if TYPE_CHECKING:
 
 def campaign_friction(model: IdentifiedRobot) -> Table:
     """Return the table of friction laws, with friction at two speeds; empty without laws."""
-    found_here = isinstance(model.details, FreeMotionFit)  # shown as a table of its own
-    laws = enumerate(() if found_here else model.friction_law.axes)
+    # a law estimated with the parameters has a table of its own
+    laws = enumerate(() if model.details.with_law else model.friction_law.axes)
     speed, torque = f"{model.robot.position_units}/s", model.robot.torque_units
     return table(
         "Friction over the campaign",
