@@ -101,7 +101,7 @@ def name_types(parameters: list[Any], context: Any) -> list[Any]:
             shown = each.display_type(context).strip("<>").removeprefix("list[").rstrip("]")
             kind = TYPES.get(shown.removesuffix(" range").lower())
             if each.param_type_name == "argument":
-                each.display_type_rich = lambda ctx: None
+                each.display_type_rich = lambda **_: None
             elif each.metavar is None and (kind or "|" in shown):
                 each.metavar = kind or shown.replace("|", " | ")
     return parameters

@@ -32,7 +32,8 @@ FOLDED = 10
 """Width that a folding column keeps [characters]."""
 COMFORTABLE = 24
 """Width below which the last column moves below the rows [characters]."""
-UNIT = r"(?:(?:N|m|mm|kg|rad|µrad|deg|s|ms|A|h|Hz|%)(?:[²/^(][^\s,;]*)?|\([a-z]+/[^\s,;]*)(?=[\s,;)]|$)"
+NAME = r"(?:N|m|mm|kg|rad|µrad|deg|s|ms|A|h|Hz|%)"
+UNIT = rf"(?:{NAME}(?:[²/^(][^\s,;]*)?|\([a-z]+/[^\s,;]*)(?=[\s,;)]|$)"
 QUANTITY = re.compile(rf"(?:\b\w+ )?[−-]?\d[\d.]* ± [\d.]+(?: {UNIT})*|[−-]?\d[\d.]*(?: {UNIT})+")
 ALONE = re.compile(rf"(?<=, ){UNIT}(?: {UNIT})*$")
 """Unit at the end of a heading."""
