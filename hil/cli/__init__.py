@@ -17,7 +17,7 @@ import typer
 from typer.core import TyperGroup
 
 from checked_files.foreign_text import shown
-from hil.cli.equipment import COUNTED, HELP, epilog, equip, hide_flag_types, set_output
+from hil.cli.equipment import COUNTED, HELP, epilog, equip, name_types, set_output
 from hil.terminal.console import out
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class _ImportedLate(TyperGroup):
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the options as shown in the help."""
-        return hide_flag_types(super().get_params(ctx))
+        return name_types(super().get_params(ctx), ctx)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return name, command and arguments, in the classes of typer's own copy of click."""

@@ -16,10 +16,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
 from hil.cli.arguments import AxisName, Drives, DrivesBus, RealTime, Yes, expand_records
+from hil.show.table import figures, table
+from hil.show.terminal import show, show_beside, show_sentence
 from hil.terminal.console import give, give_each, out, say
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from drivers.operator_tools.sync_period import WakeUps
     from drivers.session.connection import Fieldbus
     from hil.arrays import Array
+    from hil.show.table import Table
     from hil.terminal.keys import TerminalOperator
 
 
@@ -250,48 +252,44 @@ def show_verdicts(verdicts: Iterable[Verdict], console: Console) -> bool:
             console.print(f"\n{place}", style="bold", highlight=False, markup=False)
         counts[verdict.grade.value] += 1
         give_each("verdicts", asdict(verdict) | {"grade": verdict.grade.value})
-        console.print(_text(verdict), soft_wrap=True, highlight=False)
+        _show_verdict(verdict, console)
     total = ", ".join(f"{counts[grade]} {grade}" for grade in STYLES)
     console.print(f"\n{total}", highlight=False)
     return not counts["refused"]
 
 
-def _text(verdict: Verdict) -> Text:
+def _show_verdict(verdict: Verdict, console: Console) -> None:
     grade = verdict.grade.value
-    text = Text(f"{grade:<9}", style=STYLES[grade])
-    text.append(f"{verdict.check:<32} {verdict.found}", style="none")
-    if verdict.bound:
-        text.append(f"  ({verdict.bound})", style="dim")
+    head = Text.assemble((f"{grade:<9}", STYLES[grade]), verdict.check)
+    bound = f"  ({verdict.bound})" if verdict.bound else ""
+    show_beside(head, f"{verdict.found}{bound}", 42, console)
     if verdict.remedy:
-        text.append(f"\n{'':9}-> {verdict.remedy}", style="none")
-    return text
+        show_beside(Text(f"{'':9}->"), verdict.remedy, 12, console)
 
 
 def show_wake_ups(found: WakeUps, in_time: float, console: Console) -> None:
     """Print quantiles of the lateness, the last for the share `in_time`, and a histogram."""
     shares = {share: _ms(found.quantile(share)) for share in (0.5, 0.99, in_time)}
     quantiles = ", ".join(f"{100 * share:.4g} % {late}" for share, late in shares.items())
-    console.print(
+    show_sentence(
         f"late for {len(found.late)} deadlines at {1 / found.period:.4g} Hz: {quantiles},"
         f" longest {_ms(found.longest)}",
-        highlight=False,
-        soft_wrap=True,
+        console,
     )
-    console.print(_histogram(found))
+    show(_histogram(found), console)
 
 
 def _histogram(found: WakeUps) -> Table:
     import numpy as np
 
     classes = np.histogram(found.late, [*EDGES, math.inf])[0].tolist()
-    table = Table("late by", box=None, pad_edge=False)
-    table.add_column("wake-ups", justify="right")
-    table.add_column("")
     last, most = max(k for k, number in enumerate(classes) if number), max(classes)
+    rows = []
     for low, high, number in zip(EDGES, (*EDGES[1:], None), classes[: last + 1], strict=False):
         name = f"under {_ms(high)}" if high else f"{_ms(low)} or more"
-        table.add_row(name, str(number), "#" * max(round(40 * number / most), 1 if number else 0))
-    return table
+        bar = "#" * max(round(40 * number / most), 1 if number else 0)
+        rows.append((name, str(number), bar))
+    return table("", ("late by", *figures("wake-ups"), ""), rows)
 
 
 def _ms(value: float) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from hil.terminal.console import give, say, working
+from hil.terminal.console import give, out, working
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,8 +49,12 @@ def doctor(
 
 
 def _show(points: Sequence[Judged]) -> None:
+    from rich.text import Text
+
+    from hil.show.terminal import show_beside
+
     width = max(len(each.point) for each in points)
     for each in points:
         remedy = f"; {each.remedy}" if each.remedy else ""
-        line = f"{each.word:4}  {each.point:{width}}  {each.found}{remedy}"
-        say(line, style=STYLES[each.word])
+        head = Text(f"{each.word:4}  {each.point}", style=STYLES[each.word])
+        show_beside(head, f"{each.found}{remedy}", width + 8, out)

@@ -5,12 +5,11 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from rich.table import Table
-from rich.text import Text
-
 from drivers.commissioning.announcement import announce
 from drivers.drive_bus import DriveError, DriveRefused
 from drivers.found_settings.keeping import SettingsKeeper
+from hil.show.table import Column, figures, table
+from hil.show.terminal import show
 from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
@@ -54,13 +53,9 @@ def show_changed(label: str, changes: Sequence[tuple[Entry, int | None, int]], c
     if not changes:
         say(f"{label}: nothing differs")
         return
-    table = Table(title=Text(label), title_justify="left", box=None, pad_edge=False)
-    for heading in ("object", "name"):
-        table.add_column(heading)
-    for heading in ("value on the drive", column):
-        table.add_column(heading, justify="right")
-    for entry, present, value in changes:
-        held = "-" if present is None else entry.shown(present)
-        place = entry.place
-        table.add_row(place, Text(entry.name), held, entry.shown(value))
-    out.print(table, highlight=False)
+    heads = ("object", Column("name", folds=True), *figures("value on the drive", column))
+    rows = [
+        (entry.place, entry.name, "-" if held is None else entry.shown(held), entry.shown(value))
+        for entry, held, value in changes
+    ]
+    show(table(label, heads, rows), out)

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.table import Table
 from rich.text import Text
 
 from drivers.cia402.states import Mode, State, decode_state
@@ -28,6 +27,8 @@ from hil.cli.arguments import (
 from hil.cli.outputs import new_file, output_option
 from hil.planning import BITRATE
 from hil.runs import SIMULATED
+from hil.show.table import Column, Marked, table
+from hil.show.terminal import broken, show
 from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from drivers.dictionary.dictionary import Dictionary
     from drivers.dictionary.review import FoundNode, Scan
     from drivers.operator_tools.draft import DraftedAxis
+    from hil.show.table import Row
 
 commands = typer.Typer()
 drives_commands = typer.Typer(
@@ -212,38 +214,42 @@ def _numbers(text: str | None) -> tuple[int, ...]:
     return tuple(numbers)
 
 
+SCANNED = ("heard by", "device", "identity (1018)", "modes", "state")
+
+
 def _show_nodes(found: Sequence[FoundNode]) -> None:
     """Print a line per node, and a list of deficiencies with consequences."""
     title = "1 node" if len(found) == 1 else f"{len(found)} nodes"
-    table = Table("node", "heard by", "device", "identity (1018)", title=title)
-    for heading in ("modes", "state", "serves"):
-        table.add_column(heading)
+    rows: list[Row] = []
     remarks: dict[tuple[str, bool], list[int]] = {}
     for node in found:
         about, review = node.dictionary, node.review
         identity = (about.vendor, about.product, about.revision) if about else ()
-        texts = (
-            ", ".join(_heard(node)),
-            about.model if about else "",
-            ", ".join("?" if part is None else f"{part:X}h" for part in identity),
-            " ".join(MODES[mode] for mode in (review.modes if review else None) or ()),
-            _state(about),
+        serves = Marked("no") if review and not review.serves else "yes" if review else "unknown"
+        rows.append(
+            (
+                str(node.node),
+                ", ".join(_heard(node)),
+                about.model if about else "",
+                ", ".join("?" if part is None else f"{part:X}h" for part in identity),
+                " ".join(MODES[mode] for mode in (review.modes if review else None) or ()),
+                _state(about),
+                serves,
+            )
         )
-        serves, style = "unknown", "yellow"
-        if review is not None:
-            serves, style = ("yes", "green") if review.serves else ("no", "bold red")
-        table.add_row(str(node.node), *map(Text, texts), Text(serves, style=style))
         for within, further, offers in node.further:
             modes = " ".join(MODES[mode] for mode in offers.modes or ())
-            verdict, style = ("yes", "green") if offers.serves else ("no", "bold red")
-            row = "", further.model, "", modes, _state(further)
-            table.add_row(f"{node.node}, axis {within.axis}", *row, Text(verdict, style=style))
+            axis, cells = f"{node.node}, axis {within.axis}", (further.model, "", modes)
+            serves = "yes" if offers.serves else Marked("no")
+            rows.append((axis, "", *cells, _state(further), serves))
         for remark in _remarks(node):
             remarks.setdefault(remark, []).append(node.node)
-    out.print(table)
+    folding = (Column(head, folds=True) for head in SCANNED)
+    show(table(title, ("node", *folding, "serves"), rows), out)
     for (text, fatal), nodes in sorted(remarks.items(), key=lambda item: not item[0][1]):
-        line = Text(f"{_spans(nodes)}: ", style="bold red" if fatal else "yellow")
-        out.print(line.append(text, style="none"), soft_wrap=True, highlight=False)
+        line = Text(broken(f"{_spans(nodes)}: {text}", out))
+        line.stylize("bold red" if fatal else "yellow", 0, line.plain.index(":") + 1)
+        out.print(line, soft_wrap=True, highlight=False)
 
 
 def _heard(found: FoundNode) -> Iterator[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from functools import cache
+from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -46,12 +47,18 @@ def set_output(*, quiet: bool = False, verbose: int = 0, json: bool = False) -> 
 
 def epilog(path: str, *, exit_statuses: bool = False) -> str:
     """Format the examples of a command or group for the end of the help."""
-    lines = [f"  {line}" for line in examples_of(path)]
-    text = ["[bold]Examples[/bold]", *(line.replace("[", "\\[") for line in lines)]
+    lines = (f" \\\n{'':6}".join(_split(line, 74)) for line in examples_of(path))
+    text = ["[bold]Examples[/bold]", *(f"  {line}".replace("[", "\\[") for line in lines)]
     if exit_statuses:
         text += ["", "[bold]Exit status[/bold]"]
-        text += [f"{status:>5}  {meaning}" for status, meaning in STATUSES.items()]
+        for status, meaning in STATUSES.items():
+            text.append(f"{status:>5}  " + f"\n{'':7}".join(_split(meaning, 70)))
     return "\n".join(text)
+
+
+def _split(text: str, width: int) -> list[str]:
+    """Split a text between words, and at hyphens nowhere, into lines for a terminal."""
+    return wrap(text, width, break_on_hyphens=False, break_long_words=False)
 
 
 def examples_of(path: str) -> Sequence[str]:
@@ -66,7 +73,7 @@ def equip(command: Any, path: str) -> Any:
     """Add examples and common options to a command, and to subcommands."""
     command.epilog = epilog(path)
     parameters = command.get_params
-    command.get_params = lambda context: hide_flag_types(parameters(context))
+    command.get_params = lambda context: name_types(parameters(context), context)
     paragraphs = (command.help or "").split("\n\n")  # of which rich keeps the ends of lines
     command.help = "\n\n".join(" ".join(each.split()) for each in paragraphs)
     for name, member in getattr(command, "commands", {}).items():
@@ -78,11 +85,25 @@ def equip(command: Any, path: str) -> Any:
     return command
 
 
-def hide_flag_types(parameters: list[Any]) -> list[Any]:
-    """Hide the type of flags in the help, which some versions of typer show like a value."""
+TYPES = {"path": "PATH", "str": "TEXT", "int": "NUMBER", "float": "NUMBER"}
+"""Words of the help for types of values."""
+
+
+def name_types(parameters: list[Any], context: Any) -> list[Any]:
+    """Name the values of options in the help: short, and broken between words.
+
+    Flags take no value, which some versions of typer show; arguments are named already.
+    """
     for each in parameters:
         if getattr(each, "is_flag", False):
             each.metavar = ""
+        elif hasattr(each, "display_type"):
+            shown = each.display_type(context).strip("<>").removeprefix("list[").rstrip("]")
+            kind = TYPES.get(shown.removesuffix(" range").lower())
+            if each.param_type_name == "argument":
+                each.display_type_rich = lambda **_: None
+            elif each.metavar is None and (kind or "|" in shown):
+                each.metavar = kind or shown.replace("|", " | ")
     return parameters
 
 

@@ -10,11 +10,13 @@ import time
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import Group
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from hil.cli.arguments import Drives, DrivesBus, expand_records
+from hil.show.table import Column, Marked, figures, table
+from hil.show.terminal import Drawn, show
 from hil.terminal.console import out
 from hil.terminal.interruption import interruptible
 from hil.terminal.keys import Keys
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
 
     from drivers.cia402.picture import AxisPicture, Picture
     from drivers.drives_file import AxisDrive, DrivesFile
+    from hil.show.table import Table
 
 
 @expand_records
@@ -43,8 +46,9 @@ def monitor(
     inputs: Annotated[
         bool,
         typer.Option(
+            "--inputs",
             help="Also read the digital inputs (60FD), which show safe torque off; only without"
-            " another master on the bus."
+            " another master on the bus.",
         ),
     ] = False,
 ) -> None:
@@ -60,7 +64,7 @@ def monitor(
         picture = bus.picture(drives, inputs=inputs)
         follow(
             picture.listen,
-            lambda hint: _table(picture, drives, hint),
+            lambda: _table(picture, drives),
             keys,
             out,
             duration,
@@ -69,7 +73,7 @@ def monitor(
 
 def follow(
     listen: Callable[[float], None],
-    draw: Callable[[str], Table],
+    draw: Callable[[], Table],
     keys: Keys,
     console: Console,
     duration: float | None,
@@ -82,7 +86,7 @@ def follow(
     listen : callable
         Takes frames for so long [s].
     draw : callable
-        Draws what was seen until now, with a hint below.
+        Returns the table of what was seen until now.
     keys : Keys
         Entered; p pauses the table and goes on, q ends.
     console : Console
@@ -97,44 +101,49 @@ def follow(
     if not console.is_terminal:
         while time.monotonic() < ends:
             listen(every)
-        console.print(draw(""))
+        show(draw(), console)
         return
     with Live(console=console, auto_refresh=False, transient=False) as live:
+        seen: Table | None = None
         while time.monotonic() < ends:
             listen(every)
             pressed = keys.pressed().lower()
             if "q" in pressed:
                 return
             paused ^= pressed.count("p") % 2 == 1
-            if not paused:
-                shown = draw("p pauses, q quits")
-            else:
-                shown.caption = "paused: p goes on, q quits"
-            live.update(shown, refresh=True)
+            if seen is None or not paused:
+                seen = draw()
+            hint = "paused: p goes on, q quits" if paused else "p pauses, q quits"
+            live.update(Group(Drawn(seen), Text(hint)), refresh=True)
 
 
-def _table(picture: Picture, drives: DrivesFile, hint: str) -> Table:
-    """Draw the current state, a row per axis."""
+def _table(picture: Picture, drives: DrivesFile) -> Table:
+    """Return the current state, a row per axis."""
     rate = picture.sync_rate(time.monotonic())
-    drawn = Table(title=f"SYNC at {rate:.4g} Hz" if rate else "no SYNC", caption=hint)
-    for heading in ("axis", "node", "NMT", "state"):
-        drawn.add_column(heading)
-    for heading in ("position", "torque", "heard"):
-        drawn.add_column(heading, no_wrap=True, justify="right")
-    drawn.add_column("emergency")
+    rows = []
     for axis, drive in zip(picture.axes, drives.axes, strict=True):
         silent = time.monotonic() - axis.heard
-        drawn.add_row(
-            axis.name,
-            str(axis.node),
-            axis.nmt,
-            ", ".join(filter(None, (axis.state and axis.state.value, axis.interlock))),
-            "" if math.isnan(axis.q) else _position(drive, axis.q),
-            "" if math.isnan(axis.tau) else f"{axis.tau:.3g} {drive.effort_unit}",
-            "never" if math.isinf(silent) else f"{silent:.1f} s",
-            Text(_alarm(axis), style="bold red"),
+        rows.append(
+            (
+                axis.name,
+                str(axis.node),
+                axis.nmt,
+                ", ".join(filter(None, (axis.state and axis.state.value, axis.interlock))),
+                "" if math.isnan(axis.q) else _position(drive, axis.q),
+                "" if math.isnan(axis.tau) else f"{axis.tau:.3g} {drive.effort_unit}",
+                "never" if math.isinf(silent) else f"{silent:.1f} s",
+                Marked(_alarm(axis)),
+            )
         )
-    return drawn
+    columns = (
+        Column("axis", folds=True),
+        "node",
+        Column("NMT", folds=True),
+        Column("state", folds=True),
+        *figures("position", "torque", "heard"),
+        Column("emergency", folds=True),
+    )
+    return table(f"SYNC at {rate:.4g} Hz" if rate else "no SYNC", columns, rows)
 
 
 def _position(drive: AxisDrive, q: float) -> str:

@@ -10,14 +10,14 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich import box
-from rich.table import Table
 
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
 from hil.planning.measurement import FOR_A_LAW
 from hil.planning.prediction.precision import IMPRECISE
 from hil.show.rounding import clock, rounded, significant, unit
+from hil.show.table import Column, Marked, Part, figures, table
+from hil.show.terminal import show
 from hil.terminal.console import out, say
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.dry_run import DryRun
     from hil.planning.prediction.precision import Precision
+    from hil.show.table import Table
 
 
 _GROUP_TITLES = {
@@ -41,11 +42,13 @@ _GROUP_TITLES = {
 def render_robot(robot: Robot) -> None:
     """Print present parameters, base parameters by group, and dependencies of M and g."""
     base = base_parameters(robot)
-    out.print(_present_parameters(robot))
-    out.print(_base_parameters(robot, base))
+    show(_present_parameters(robot), out)
+    show(_base_parameters(base), out)
+    if robot.file.lengths:
+        say(", ".join(f"{name} = {value:g} m" for name, value in robot.file.lengths.items()))
     widest = 12  # joints up to which the table of M and g can be read on a terminal
     if robot.n_joints <= widest:
-        out.print(_dependencies(robot, base))
+        show(_dependencies(robot, base), out)
     else:
         say(
             f"which parameter occurs in which element is a table of {robot.n_joints} columns, which"
@@ -54,40 +57,40 @@ def render_robot(robot: Robot) -> None:
 
 
 def _present_parameters(robot: Robot) -> Table:
-    table = Table("link", "joint", title=f"{robot.name}: link parameters present")
-    table.add_column("parameters", overflow="fold")
+    rows = []
     for link, joint in enumerate(robot.file.joints, start=1):
         names = (f"{name}{link}" for name in joint.parameters)
         listed = (f"{n} = {robot.ties[n]}" if n in robot.ties else n for n in names)
-        table.add_row(str(link), joint.type, ", ".join(listed) or "none")
-    return table
+        rows.append((str(link), joint.type, ", ".join(listed) or "none"))
+    columns = ("link", "joint", Column("parameters", folds=True))
+    return table(f"{robot.name}: link parameters present", columns, rows)
 
 
-def _base_parameters(robot: Robot, base: BaseParameters) -> Table:
-    lengths = ", ".join(f"{name} = {value:g} m" for name, value in robot.file.lengths.items())
-    table = Table("", title=f"{len(base)} base parameters", caption=lengths or None)
-    table.add_column("what it is", overflow="fold")
-    table.add_column("expression", overflow="fold")
-    table.add_column("unit", no_wrap=True)
-    for group, members in base.groups.items():
-        table.add_section()
-        table.add_row("", f"[bold]{_GROUP_TITLES[group]}[/bold]", "", "")
-        for k in members:
-            cells = base.names[k], base.meanings[k], base.expressions[k], unit(base.units[k])
-            table.add_row(*cells)
-    return table
+def _base_parameters(base: BaseParameters) -> Table:
+    columns = ("", Column("what it is", folds=True), "unit", Column("expression", folds=True))
+    parts = [
+        Part(
+            tuple(
+                (base.names[k], base.meanings[k], unit(base.units[k]), base.expressions[k])
+                for k in members
+            ),
+            _GROUP_TITLES[group],
+        )
+        for group, members in base.groups.items()
+    ]
+    return table(f"{len(base)} base parameters", columns, parts)
 
 
 def _dependencies(robot: Robot, base: BaseParameters) -> Table:
-    """Draw the table of parameters in M (upper triangle, by symmetry) and g."""
+    """Return the table of parameters in M (upper triangle, by symmetry) and g."""
     joints = range(robot.n_joints)
-    table = Table(title="parameters p_k that occur in M_ij(q) and g_i(q), by k", show_lines=True)
-    for heading in ("", *(f"M_i{j + 1}" for j in joints), "g_i"):
-        table.add_column(heading, overflow="fold")
+    heads = (*(f"M_i{j + 1}" for j in joints), "g_i")
+    rows = []
     for i in joints:
         cells = [_numbers(base.dependencies.mass[i, j]) if j >= i else "" for j in joints]
-        table.add_row(f"i = {i + 1}", *cells, _numbers(base.dependencies.gravity[i]))
-    return table
+        rows.append((f"i = {i + 1}", *cells, _numbers(base.dependencies.gravity[i])))
+    columns = ("", *(Column(head, "right", folds=True) for head in heads))
+    return table("parameters p_k that occur in M_ij(q) and g_i(q), by k", columns, rows)
 
 
 def _numbers(occurs: NDArray[np.bool_]) -> str:
@@ -100,7 +103,7 @@ def _numbers(occurs: NDArray[np.bool_]) -> str:
 
 def render(result: DryRun, robot: Robot) -> None:
     """Print duration, bus load and identifiability of a plan."""
-    out.print(_costs(result))
+    show(_costs(result), out)
     if result.bus:
         say(
             f"bus load {result.bus_load:.1%} at {result.bus.bitrate / 1000:g} kbit/s"
@@ -119,7 +122,7 @@ def render(result: DryRun, robot: Robot) -> None:
             "yellow",
         )
     if result.groups:
-        out.print(_gains(result))
+        show(_gains(result), out)
         for group in result.groups:
             if group.poorly_identifiable:
                 names = _join_titles(group.poorly_identifiable, robot)
@@ -145,33 +148,28 @@ def _join_titles(names: Iterable[str], robot: Robot) -> str:
 
 
 def _costs(result: DryRun) -> Table:
-    table = Table("", "measurements", "time, m:ss", title="Duration")
-    for kind, duration in result.durations.items():
-        table.add_row(kind, str(result.counts.get(kind, "")), clock(duration))
-    table.add_section()
-    table.add_row("total", str(sum(result.counts.values())), clock(result.duration))
-    return table
+    rows = tuple(
+        (kind, str(result.counts.get(kind, "")), clock(duration))
+        for kind, duration in result.durations.items()
+    )
+    total = ("total", str(sum(result.counts.values())), clock(result.duration))
+    columns = ("", *figures("measurements", "time, m:ss"))
+    return table("Duration", columns, (Part(rows), Part((total,))))
 
 
 def _gains(result: DryRun) -> Table:
-    table = Table(
-        "group",
-        "parameters",
-        "measurements",
-        "rank",
-        "condition",
-        title="Identifiability",
-    )
-    for group in result.groups:
-        condition = f"{group.condition:.1f}" if math.isfinite(group.condition) else "infinite"
-        table.add_row(
+    rows = [
+        (
             _words(group.group),
             ", ".join(group.names),
             str(group.rows),
             f"{group.rank} of {len(group.names)}",
-            condition,
+            f"{group.condition:.1f}" if math.isfinite(group.condition) else "infinite",
         )
-    return table
+        for group in result.groups
+    ]
+    heads = figures("measurements", "rank", "condition")
+    return table("Identifiability", ("group", Column("parameters", folds=True), *heads), rows)
 
 
 def _words(group: str) -> str:
@@ -199,23 +197,25 @@ def _print_precision(
     title: str, columns: dict[str, list[str]], found: Precision, robot: Robot
 ) -> None:
     """Print figures by group, effects on torques, and imprecise parameters."""
-    table = Table(title=title, box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("", no_wrap=True)
-    table.add_column("what it is", overflow="fold")
-    for heading in columns:
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("torque, %", justify="right", no_wrap=True)
-    table.add_column("")
-    for group, members in base_parameters(robot).groups.items():
-        if members:
-            table.add_row("", f"[bold]{_words(group)}[/bold]")
-        for k in members:
-            cells = (each[k] for each in columns.values())
-            named = found.names[k], found.meanings[k]
-            table.add_row(*named, *cells, unit(found.units[k]), *_weight(found, k))
-        table.add_section()
-    out.print(table)
+    heads = ("", Column("what it is", folds=True), *figures(*columns), "unit")
+    parts = [
+        Part(
+            tuple(
+                (
+                    found.names[k],
+                    found.meanings[k],
+                    *(each[k] for each in columns.values()),
+                    unit(found.units[k]),
+                    *_weight(found, k),
+                )
+                for k in members
+            ),
+            _words(group),
+        )
+        for group, members in base_parameters(robot).groups.items()
+        if members
+    ]
+    show(table(title, (*heads, *figures("torque, %"), ""), parts), out)
     say(
         f"torque: what a standard deviation amounts to, of an axis's limit; {found.source}",
     )
@@ -235,4 +235,4 @@ def _weight(found: Precision, k: int) -> tuple[str, str]:
     """Format the effect of a standard deviation, with a mark if imprecise."""
     effect = float(found.effect[k])
     figure = significant(100 * effect, 2) if math.isfinite(effect) else ""
-    return figure, "[yellow]imprecise[/]" if found.imprecise[k] else ""
+    return figure, Marked("imprecise" if found.imprecise[k] else "")

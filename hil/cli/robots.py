@@ -62,6 +62,7 @@ def new(
     gravity: Annotated[
         tuple[float, float, float] | None,
         typer.Option(
+            metavar="X Y Z",
             help="Gravity in the base link, or frame 0 \\[m/s2].",
             show_default="9.81 along -z of the URDF's root, or of frame 0",
         ),

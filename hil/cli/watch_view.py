@@ -6,11 +6,13 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from rich.console import Group
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from hil.show.rounding import clock, significant
+from hil.show.table import Marked, figures, table
+from hil.show.terminal import Drawn
 from hil.terminal.console import say
 from hil.terminal.progress import doing, shown
 from hil.watching.watcher import describe_alarm
@@ -48,7 +50,7 @@ class WatchView:
             say(describe_alarm(alarm, self._watcher.unit(alarm)), style="bold red")
         if self._live is not None and time.monotonic() >= self._next:
             self._next = time.monotonic() + period
-            self._live.update(self.table(), refresh=True)
+            self._live.update(self.draw(), refresh=True)
 
     @contextmanager
     def display(self, console: Console) -> Iterator[Callable[[Event], None]]:
@@ -67,19 +69,18 @@ class WatchView:
     def _note(self, event: Event) -> None:
         self._doing = f"{doing(event)}, {clock(event.remaining)} of robot time left"
 
-    def table(self) -> Table:
-        """Draw the table."""
+    def draw(self) -> Group:
+        """Draw torques and thresholds of all axes, and the present measurement."""
         watcher = self._watcher
         state = "learning thresholds, no alarms yet" if watcher.learning else "watching"
-        drawn = Table(title=f"{state}, {len(watcher.alarms)} alarms", caption=self._doing)
-        drawn.add_column("axis")
-        for heading in ("measured", "predicted", "from outside", "threshold", "last alarm"):
-            drawn.add_column(heading, justify="right", no_wrap=True)
+        heads = figures("measured", "predicted", "from outside", "threshold", "last alarm")
         last = {alarm.axis: alarm for alarm in watcher.alarms}
+        rows = []
         for axis, torques in enumerate(watcher.torques(), start=1):
             cells = (significant(torque, 3) for torque in torques)
             alarm = last.get(axis)
             text = "" if alarm is None else f"{alarm.peak:+.3g} at {alarm.time:.1f} s"
             unit = self._robot.torque_unit(axis - 1)
-            drawn.add_row(f"{axis}, {unit}", *cells, Text(text, style="bold red"))
-        return drawn
+            rows.append((f"{axis}, {unit}", *cells, Marked(text)))
+        drawn = Drawn(table(f"{state}, {len(watcher.alarms)} alarms", ("axis", *heads), rows))
+        return Group(drawn, Text(self._doing))

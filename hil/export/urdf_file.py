@@ -347,7 +347,7 @@ def _upright(gravity: Array) -> Array | None:
 def urdf_remarks(model: Model, robot: SimulatedRobot) -> Iterator[str]:
     """Yield remarks: quantities missing in a URDF, or to be set separately in the simulator."""
     if robot.rotors.any():
-        each = ", ".join(f"{joint.name} {number(joint.armature)}" for joint in robot.joints)
+        each = ", ".join(f"{joint.name} {joint.armature:.6g}" for joint in robot.joints)
         yield (
             "a URDF has no rotor inertia: give it to the simulator as armature, on the joint side"
             f" [kg m2 or kg]: {each}"

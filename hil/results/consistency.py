@@ -19,7 +19,7 @@ from hil.model.frames import pseudo_inertia
 from hil.planning.free_motion import FreeMotion
 from hil.results.recorded_torque import processing_of
 from hil.results.tables.parameters import NAMED
-from hil.show.rounding import probability, significant
+from hil.show.rounding import probability, signed, significant, unit
 from hil.show.table import Table, figures, table
 
 if TYPE_CHECKING:
@@ -141,8 +141,14 @@ def changed_parameters(robot: Robot, found: ConsistentRobot, least: float = 0.01
         "Base parameters of these bodies where they differ",
         (*NAMED, *figures("value", "change, std. errors"), "unit"),
         (
-            (name, meaning, significant(value, 5), f"{change:+.2f}", unit)
-            for name, meaning, value, change, unit in each
+            (
+                name,
+                meaning,
+                signed(significant(value, 5)),
+                f"{change:+.1f}".replace("-", "−"),
+                unit(of),
+            )
+            for name, meaning, value, change, of in each
             if abs(change) > least
         ),
     )
@@ -177,9 +183,9 @@ def _link(number: int, body: LinkBody, binding: dict[str, float]) -> Row:
     return (
         str(number),
         significant(float(mass), 3),
-        " ".join(f"{x:.3f}" for x in centre),
-        " ".join(f"{1e3 * x:.3g}" for x in spread),
-        "" if without is None else f"{without:.3g}",
+        " ".join(signed(f"{x:.3f}") for x in centre),
+        " ".join(significant(1e3 * float(x), 3) for x in spread),
+        "" if without is None else significant(without, 3),
     )
 
 

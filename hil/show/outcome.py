@@ -14,7 +14,7 @@ from markupsafe import escape
 from rich.console import Console
 from rich.text import Text
 
-from hil.show.terminal import rich_table
+from hil.show.terminal import Drawn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -104,10 +104,10 @@ class Outcome:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Yield the parts for rich."""
-        del console
+        del console, options
         for table in self.tables:
             if table.parts:
-                yield rich_table(table, options.max_width)
+                yield Drawn(table)
         for sentence in self.sentences:
             yield Text(sentence)
         for remark in self.remarks:

@@ -22,6 +22,8 @@ from checked_files.foreign_text import printable, shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from hil.show.table import Row, Table
+
 
 class Output(Console):
     """Standard output with the options ``--quiet`` and ``--json``.
@@ -55,10 +57,9 @@ class Output(Console):
         if not self.messages and not how.get("style") and all(type(o) is str for o in objects):
             return
         if self.given is not None:
-            self.given["tables"] += [
-                _tabulate(each) for each in objects if hasattr(each, "columns")
-            ]
-            objects = tuple(each for each in objects if not hasattr(each, "columns"))
+            tables = [each.source for each in objects if hasattr(each, "source")]
+            self.given["tables"] += map(_tabulate, tables)
+            objects = tuple(each for each in objects if not hasattr(each, "source"))
             if not objects:
                 return
         super().print(*objects, **how)
@@ -87,29 +88,25 @@ def give_each(key: str, value: Any) -> None:
         out.given.setdefault(key, []).append(value)
 
 
-def _tabulate(table: Any) -> dict[str, Any]:
-    """Convert a table of ours or of rich to title and rows: cells by head, numbers as such."""
-    if hasattr(table := getattr(table, "source", table), "parts"):
-        heads = [column.head for column in table.columns]
-        rows = [(part.name, row) for part in table.parts for row in part.rows]
-        notes = {"notes": list(table.notes)} if table.notes else {}
-    else:
-        heads = [_plain(column.header) for column in table.columns]
-        cells = [[_plain(cell) for cell in column.cells] for column in table.columns]
-        rows, notes = [("", row) for row in zip(*cells, strict=True)], {}
-    keys = [head or ("name" if k == 0 else f"column {k + 1}") for k, head in enumerate(heads)]
+def _tabulate(table: Table) -> dict[str, Any]:
+    """Convert a table to title, rows and notes: cells by heading, numbers as such."""
+    keys = [
+        column.head or ("name" if k == 0 else f"column {k + 1}")
+        for k, column in enumerate(table.columns)
+    ]
     return {
-        "title": _plain(table.title or ""),
+        "title": table.title,
         "rows": [
-            {**({"group": part} if part else {}), **_cells(keys, row)}
-            for part, row in rows
+            {**({"group": part.name} if part.name else {}), **_cells(keys, row)}
+            for part in table.parts
+            for row in part.rows
             if any(row)
         ],
-        **notes,
+        **({"notes": list(table.notes)} if table.notes else {}),
     }
 
 
-def _cells(keys: list[str], row: tuple[str, ...]) -> dict[str, Any]:
+def _cells(keys: list[str], row: Row) -> dict[str, Any]:
     return {key: _number(cell) for key, cell in zip(keys, row, strict=True)}
 
 
@@ -129,16 +126,12 @@ def _finite(value: float, cell: str) -> float | str:
     return value if abs(value) < float("inf") else str(cell)
 
 
-def _plain(text: Any) -> str:
-    """Return text without markup."""
-    from rich.text import Text  # noqa: PLC0415 - help and completion show no tables
-
-    return text.plain if isinstance(text, Text) else Text.from_markup(str(text)).plain
-
-
 def say(text: str, style: str | None = None, console: Console = out) -> None:
-    """Print a line without markup or wrapping by rich."""
-    console.print(shown(text), style=style, highlight=False, markup=False, soft_wrap=True)
+    """Print a sentence without markup."""
+    from hil.show.terminal import broken  # noqa: PLC0415 - help and completion say nothing
+
+    told = broken(shown(text), console)
+    console.print(told, style=style, highlight=False, markup=False, soft_wrap=True)
 
 
 @contextmanager

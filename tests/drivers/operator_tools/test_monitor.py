@@ -22,7 +22,7 @@ from hil.terminal.keys import Keys
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from rich.table import Table
+    from hil.show.table import Table
 
 OF_ONE = drives_of(1)
 
@@ -127,9 +127,9 @@ def followed(keys: str) -> tuple[list[int], str]:
     seen.sync_rate = lambda _: 250.0
     seen.take(frame(0x81, bytes.fromhex("1186000000000000")), 1.0)
 
-    def draw(hint: str) -> Table:
+    def draw() -> Table:
         taken.append(len(taken))
-        return _table(seen, OF_ONE, hint)
+        return _table(seen, OF_ONE)
 
     follow(lambda _: None, draw, Typed(keys), console, None)
     return taken, console.file.getvalue()
@@ -151,7 +151,7 @@ def test_p_pauses_the_table_and_p_goes_on() -> None:
 def test_without_a_terminal_the_table_is_printed_once_when_the_time_is_over() -> None:
     console = Console(file=io.StringIO(), width=120)
     seen = BusPicture(OF_ONE)
-    follow(lambda _: None, lambda hint: _table(seen, OF_ONE, hint), Typed(""), console, 0.01)
+    follow(lambda _: None, lambda: _table(seen, OF_ONE), Typed(""), console, 0.01)
     shown = console.file.getvalue()
     assert shown.count(OF_ONE.axes[0].name) == 1
     assert "no SYNC" in shown
