@@ -42,6 +42,9 @@ PATIENCE = 0.25
 SLICE = 0.001
 """Period at which a waiting sender empties its own queue [s]."""
 
+_GLANCE = 0.05
+"""Period at which a bus that waits for a first peer looks for it [s]."""
+
 FD_SETSIZE = 1024
 """Smallest file descriptor that `select` does not accept."""
 
@@ -101,7 +104,8 @@ class LocalBus(can.BusABC):
         except OSError as error:
             self._socket.close()
             raise can.CanInitializationError(
-                f"{self._folder}: {error.strerror or error}; choose a short channel name"
+                f"{self._folder}: {error.strerror or error}; choose a shorter channel name, or a"
+                " folder of shorter path with XDG_RUNTIME_DIR"
             ) from error
         self._announce()
         self.channel_info = f"local channel {channel}"
@@ -134,6 +138,27 @@ class LocalBus(can.BusABC):
             self._pass(frame, address, peer, PATIENCE if timeout is None else timeout)
         if self._echo:
             self._inbox.append((time.time(), frame))
+
+    def await_peer(self, timeout: float) -> None:
+        """Wait until another bus is on the channel, at most `timeout` [s]; else leave the channel.
+
+        Raises
+        ------
+        can.CanInitializationError
+            No other bus came.
+        """
+        ends = time.monotonic() + timeout
+        self._look_around()
+        while not self._peers:
+            if time.monotonic() >= ends:
+                self.shutdown()
+                raise can.CanInitializationError(
+                    "no other program is on it; start the one with the drives first, as user"
+                    f" {os.getuid()} too, and where {self._folder} is its folder as well:"
+                    " XDG_RUNTIME_DIR and TMPDIR must be the same for both"
+                )
+            time.sleep(_GLANCE)
+            self._look_around()
 
     def shutdown(self) -> None:
         """Leave the channel."""
@@ -261,10 +286,16 @@ def _own_folder(channel: str) -> Path:
     """Make the folder of a channel, or return an existing one that only this user can access."""
     if not _CHANNEL.fullmatch(channel):
         raise can.CanInitializationError(
-            f"channel {channel!r}: must be a name such as bench, of letters, digits, '.', '_' and"
-            " '-', that begins with a letter, a digit or '_'"
+            "a channel must be a name such as bench, of letters, digits, '.', '_' and '-', that"
+            " begins with a letter, a digit or '_'"
         )
-    folder = Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()).resolve()
+    stated = os.environ.get("XDG_RUNTIME_DIR")
+    folder = Path(stated or tempfile.gettempdir()).resolve()
+    if not os.access(folder, os.W_OK | os.X_OK) or not folder.is_dir():  # as after su
+        raise can.CanInitializationError(
+            f"{folder}: {'XDG_RUNTIME_DIR' if stated else 'TMPDIR'} names a folder that cannot be"
+            f" used: unset it, or name a folder of your own with mode 0700"
+        )
     try:
         for above in (folder, *folder.parents):
             _refuse_changeable(above)
@@ -275,8 +306,8 @@ def _own_folder(channel: str) -> Path:
             _refuse_foreign(folder)
     except OSError as error:
         raise can.CanInitializationError(
-            f"{folder}: {error.strerror or error}; choose a short channel name, and with"
-            " XDG_RUNTIME_DIR a folder of your own"
+            f"{folder}: {error.strerror or error}; choose a shorter channel name, or another folder"
+            " of your own with XDG_RUNTIME_DIR"
         ) from error
     return folder
 
@@ -291,7 +322,7 @@ def _refuse_changeable(folder: Path) -> None:
     raise can.CanInitializationError(
         f"{folder}: user {state.st_uid} owns it with mode {stat.S_IMODE(state.st_mode):04o}, so"
         " that others can replace a channel's folder in it; set XDG_RUNTIME_DIR to a folder of"
-        " your own with mode 0700, or remove the write permission of others"
+        " mode 0700 in your home, or remove the write permission of others (chmod go-w)"
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import errno
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import can
 from can.interfaces import BACKENDS
@@ -13,6 +13,10 @@ from drivers.drive_bus import BusUnavailable
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from drivers.can_bus.local_bus import LocalBus
+
+COMPANY = 5.0
+"""Longest wait for another program on a local channel [s]."""
 LINES = 5
 """Largest number of lines shown of an error."""
 WITHOUT_ADAPTER = frozenset({"local", "replay", "sim_plant", "udp_multicast", "virtual"})
@@ -33,30 +37,33 @@ def open_can_bus(interface: str, channel: str, options: Mapping[str, Any]) -> ca
             f"{', '.join(sorted(BACKENDS))}"
         )
     try:
-        return can.Bus(channel, interface, ignore_config=True, **options)
+        bus = can.Bus(channel, interface, ignore_config=True, **options)
+        if interface == "local":
+            cast("LocalBus", bus).await_peer(COMPANY)
     except Exception as error:  # back ends without their vendor's library raise any type
         lines = str(error).splitlines()
         if (more := len(lines) - LINES) > 1:  # a file of another kind has an error in every line
             lines = [*lines[:LINES], f"... and {more} lines more"]
         shown = "\n".join(lines)
         raise BusUnavailable(
-            f"{interface} channel {channel!r} cannot be opened: {shown}; "
+            f"{interface} channel {channel!r} cannot be opened: {shown}"
             f"{_remedy(interface, channel, options, error)}"
         ) from error
+    return bus
 
 
 def _remedy(interface: str, channel: str, options: Mapping[str, object], error: Exception) -> str:
     if interface == "socketcan":
         bitrate = options.get("bitrate", 1_000_000)
         up = (
-            f"list interfaces with `ip link`, bring it up with "
+            f"; list interfaces with `ip link`, bring it up with "
             f"`ip link set {channel} up type can bitrate {bitrate}`"
         )
         if isinstance(error, OSError) and error.errno == errno.EAFNOSUPPORT:
-            return (
-                f"this kernel has no SocketCAN: load can_raw, or use a host that has it; then {up}"
-            )
+            return f"; this kernel has no SocketCAN: load can_raw, or use a host that has it{up}"
         return up
+    if interface == "local":
+        return ""  # since each of its errors ends with one
     if interface in WITHOUT_ADAPTER:
-        return "check channel and options"
-    return "check channel and options, that the adapter is plugged in and its driver installed"
+        return "; check channel and options"
+    return "; check channel and options, that the adapter is plugged in and its driver installed"

@@ -1,10 +1,11 @@
 """Requests from a browser to the live page: page, assets, events, stop and push.
 
 A page of another site may try to reach this one through the browser of its visitor. So a request is
-refused whose host is not ours (a name that was made to point here), that comes from another origin,
-or, for a stop or a push, that lacks a header which only our own page may set. Served on another
-address than the loopback, every path begins with a secret; on the loopback, accessible to every
-user of this computer, the connection must be one of this user's programs.
+refused that comes from another origin, or, for a stop or a push, that lacks a header which only our
+own page may set. Served on another address than the loopback, every path begins with a secret. On
+the loopback, accessible to every user of this computer, the connection must be one of this user's
+programs, and the host one of ours: no name that was made to point here. The host's port may be
+another, that of a tunnel.
 
 A push acts on the virtual plant's arm alone, and goes to the plant itself, never to the bus or to
 the process that runs it: a datagram to the socket at which the plant takes pushes.
@@ -79,8 +80,6 @@ class Site(NamedTuple):
         Asks the run to stop.
     secret : str
         First part of every path; empty for none.
-    names : set of str
-        Names of this computer by which it may be addressed, beside its addresses.
     hand : str
         Path of the socket at which the plant takes pushes; empty where nothing can be pushed.
     report : str
@@ -90,7 +89,6 @@ class Site(NamedTuple):
     streams: Streams
     stop: Callable[[], None]
     secret: str
-    names: frozenset[str]
     hand: str = ""
     report: str = ""
 
@@ -197,8 +195,12 @@ class Requests(BaseHTTPRequestHandler):
         """Return the requested place; None after a refusal."""
         host = self.headers.get("Host", "")
         origin = self.headers.get("Origin")
-        if not _ours(host, self.server.server_port, self.site.names):
-            self._text(HTTPStatus.FORBIDDEN, "this host name is not one of the live page")
+        if not self.site.secret and not _ours(host):
+            self._text(
+                HTTPStatus.FORBIDDEN,
+                f"the page is not served under this name: open http://localhost:{self.server.server_port}/"
+                " on the run's computer, or start the run with --live-address",
+            )
             return None
         if origin is not None and origin != f"http://{host}":
             self._text(HTTPStatus.FORBIDDEN, "another site's pages get nothing here")
@@ -272,11 +274,6 @@ def _content(files: tuple[Path, ...], compressed: bool) -> bytes:
     return gzip.compress(content, mtime=0) if compressed else content
 
 
-def names_of_this_computer() -> frozenset[str]:
-    """Return the names of this computer in the network."""
-    return frozenset({"localhost", socket.gethostname().lower()})
-
-
 def _within(path: str, secret: str) -> str | None:
     """Return the part of a path after the secret; None for a wrong secret."""
     place = path.partition("?")[0].removeprefix("/")
@@ -299,14 +296,14 @@ def _is_push(body: bytes) -> bool:
     )
 
 
-def _ours(host: str, port: int, names: frozenset[str]) -> bool:
-    """Return True for a host of ours: an IP address (no foreign name is one), or a known name."""
+def _ours(host: str) -> bool:
+    """Return True for a host of ours: an IP address (no foreign name is one), or localhost."""
     try:
         parts = urlsplit(f"//{host}")
-        name, given = parts.hostname or "", parts.port or 80
+        parts.port  # noqa: B018 - raises for what is no number
+        return parts.hostname == "localhost" or _is_address(parts.hostname or "")
     except ValueError:
         return False
-    return given == port and (name in names or _is_address(name))
 
 
 def _is_address(name: str) -> bool:

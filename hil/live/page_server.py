@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from hil.live.incoming import WAITING_MAX, Incoming, TooLarge
 from hil.live.listener import begin_listening, url_host
-from hil.live.page_requests import Requests, Site, Whole, names_of_this_computer, takes_time
+from hil.live.page_requests import Requests, Site, Whole, takes_time
 from hil.live.streams import Streams
 
 if TYPE_CHECKING:
@@ -170,9 +170,7 @@ def main(address: str, port: str, *options: str) -> None:
 
     secret = "" if ipaddress.ip_address(address).is_loopback else secrets.token_urlsafe(16)
     try:
-        server = PageServer(
-            address, int(port), Site(streams, stop, secret, names_of_this_computer(), hand, report)
-        )
+        server = PageServer(address, int(port), Site(streams, stop, secret, hand, report))
     except OSError as error:
         say(
             "failed",

@@ -19,7 +19,10 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
+from drivers.can_bus import opening
 from drivers.can_bus.local_bus import LocalBus
+from drivers.can_bus.opening import open_can_bus
+from drivers.drive_bus import BusUnavailable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -287,6 +290,60 @@ def test_a_folder_that_somebody_planted_is_refused(
         path.touch(0o700)
     with pytest.raises(can.CanInitializationError, match="own with mode 0700"):
         join("bench")
+
+
+def test_a_channel_on_which_nobody_else_is_is_not_taken_for_a_bus_of_dead_drives(
+    join: Callable[..., can.BusABC], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del join  # sets the folder of the channels
+    monkeypatch.setattr(opening, "COMPANY", 0.0)
+    with pytest.raises(BusUnavailable) as refused:
+        open_can_bus("local", "bench", {})
+    said = str(refused.value)
+    assert "no other program is on it" in said
+    assert f"user {os.getuid()}" in said
+    assert "XDG_RUNTIME_DIR" in said
+    assert "wiring" not in said
+
+
+def test_a_program_that_joins_a_moment_later_is_waited_for(
+    join: Callable[..., can.BusABC],
+) -> None:
+    later = threading.Timer(0.2, join)
+    later.start()
+    with open_can_bus("local", "bench", {}) as bus:
+        later.join()
+        bus.send(frame())
+    with open_can_bus("local", "bench", {}):  # who is there already, is found at once
+        pass
+
+
+@pytest.mark.parametrize(
+    ("channel", "base", "said"),
+    [
+        ("a b", "", "must be a name such as bench"),
+        ("bench", "gone", "XDG_RUNTIME_DIR names a folder that cannot be used: unset it"),
+        ("bench", "d" * 110, "shorter path with XDG_RUNTIME_DIR"),
+        ("n" * 110, "", "choose a shorter channel name"),
+    ],
+)
+def test_a_channel_that_cannot_be_opened_says_so_once_and_what_to_do(
+    join: Callable[..., can.BusABC],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    channel: str,
+    base: str,
+    said: str,
+) -> None:
+    del join
+    if base and base != "gone":
+        (tmp_path / base).mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / base))
+    with pytest.raises(BusUnavailable) as refused:
+        open_can_bus("local", channel, {})
+    assert said in str(refused.value)
+    assert str(refused.value).count("channel '") == 1
+    assert "check channel and options" not in str(refused.value)
 
 
 def test_a_folder_that_others_could_read_is_closed_to_them(

@@ -77,7 +77,7 @@ def test_the_loopback_address_alone_is_listened_to(page: Served) -> None:
 
 
 @pytest.mark.parametrize(
-    "host", ["evil.example:{}", "127.0.0.1.evil.example:{}", "127.0.0.1:1", "", "[:{}"]
+    "host", ["evil.example:{}", "127.0.0.1.evil.example:{}", "127.0.0.1:x", "", "[:{}"]
 )
 def test_a_stranger_s_host_name_is_refused(page: Served, host: str) -> None:
     given = {**STOP, "Host": host.format(page.port)}
@@ -86,9 +86,19 @@ def test_a_stranger_s_host_name_is_refused(page: Served, host: str) -> None:
     assert page.stops == []
 
 
-@pytest.mark.parametrize("host", ["localhost:{}", "127.0.0.1:{}", "LOCALHOST:{}"])
-def test_our_own_names_are_not(page: Served, host: str) -> None:
-    assert page.ask("GET", "/", {"Host": host.format(page.port)})[0] == 200
+@pytest.mark.parametrize("host", ["localhost:{}", "127.0.0.1:{}", "LOCALHOST:{}", "localhost:9000"])
+def test_our_own_names_are_not_whatever_port_a_tunnel_takes(page: Served, host: str) -> None:
+    given = {**STOP, "Host": host.format(page.port)}
+    given["Origin"] = f"http://{given['Host']}"
+    assert page.ask("GET", "/", given)[0] == 200
+    assert page.ask("POST", "/stop", {**given, "Origin": "http://localhost:1"})[0] == 403
+    assert page.ask("POST", "/stop", given)[0] == 202
+
+
+def test_a_refused_name_comes_with_the_one_to_open(page: Served) -> None:
+    answer = page.ask("GET", "/", {"Host": "robot.example:8420"})[2]
+    assert f"http://localhost:{page.port}/" in answer
+    assert "--live-address" in answer
 
 
 def test_a_page_of_another_site_can_stop_nothing(page: Served) -> None:
@@ -206,6 +216,15 @@ def test_on_another_address_a_secret_is_demanded() -> None:
         assert page.ask("GET", page.path)[0] == 200
         assert page.stops == []
         assert page.ask("POST", f"{page.path}stop", STOP)[0] == 202
+
+
+def test_who_knows_the_secret_may_call_this_computer_by_any_name() -> None:
+    with served("0.0.0.0") as page:  # noqa: S104 - on purpose
+        given = {**STOP, "Host": f"robot.example:{page.port}"}
+        given["Origin"] = f"http://{given['Host']}"
+        assert page.ask("GET", page.path, given)[0] == 200
+        assert page.ask("GET", "/", given)[0] == 403
+        assert page.ask("POST", f"{page.path}stop", given)[0] == 202
 
 
 def test_no_two_secrets_are_alike() -> None:
@@ -346,14 +365,14 @@ def test_a_request_that_is_too_large_is_left(page: Served) -> None:
 def _in_process() -> Iterator[tuple[int, list[int]]]:
     """Serve in a thread of this process; it ends with the tests."""
     stops: list[int] = []
-    site = Site(Streams(), lambda: stops.append(1), "", frozenset())
+    site = Site(Streams(), lambda: stops.append(1), "")
     server = PageServer("127.0.0.1", 0, site)
     Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
     yield server.server_port, stops
 
 
 def test_who_does_not_know_the_secret_takes_no_place() -> None:
-    site = Site(Streams(), list, "s3cret", frozenset())
+    site = Site(Streams(), list, "s3cret")
     for path, known in (("/s3cret/events", True), ("/s3cret/", True), ("/s3cret/none", False),
                         ("/events", False), ("/", False), ("/wrong/events", False)):  # fmt: skip
         assert takes_time(f"GET {path} HTTP/1.0\r\n\r\n".encode(), site) == known
