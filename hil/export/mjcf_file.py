@@ -48,7 +48,10 @@ FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 def write_mjcf(model: Model, origin: tuple[str, ...], given: Given | None = None) -> Exported:
     """Return the model as `NAME.xml`, with frames and names of a URDF if given."""
     robot = simulated_robot(model, None if given is None else given.chain)
-    remarks = (*friction_remarks(model, offsets="the bias of its actuator"), *_left_out(model, robot))
+    remarks = (
+        *friction_remarks(model, offsets="the bias of its actuator"),
+        *_left_out(model, robot),
+    )
     root = ET.Element("mujoco", model=robot.name)
     root.append(ET.Comment(comment((*origin, *remarks))))
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -124,7 +127,11 @@ def _motors(root: ET.Element, robot: SimulatedRobot) -> None:
         offset = 0.0 if joint.friction is None else joint.friction.constant
         if offset:
             # a motor with the bias -offset: what the law's constant torque takes of its command
-            stated |= {"gainprm": "1", "biastype": "affine", "biasprm": numbers((-offset, 0.0, 0.0))}
+            stated |= {
+                "gainprm": "1",
+                "biastype": "affine",
+                "biasprm": numbers((-offset, 0.0, 0.0)),
+            }
         ET.SubElement(actuator, "general" if offset else "motor", stated)
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.errors import NotRealisable
 from hil.estimation.consistent.conditions import BodyBounds
 from hil.estimation.consistent.nearest import nearest_robot
 from hil.export.exported import Exported
@@ -48,7 +49,10 @@ def write_ranges(model: Model, origin: tuple[str, ...], given: Given | None = No
     bounds, samples = BodyBounds(thickness=kept.thickness, masses=masses), []
     for _ in range(SAMPLES):
         one = drawn(model, rng)
-        bodies = nearest_robot(model.robot, one.values, model.covariance, bounds, kept.bodies)
+        try:
+            bodies = nearest_robot(model.robot, one.values, model.covariance, bounds, kept.bodies)
+        except NotRealisable:  # no such masses: those that the drawn parameters ask for
+            bodies = nearest_robot(model.robot, one.values, model.covariance, likely=kept.bodies)
         samples.append(_values(simulated_robot(replace(one, consistent=bodies), chain)))
     remarks = friction_remarks(model, offsets='in the file as "offset"')
     content = {

@@ -103,9 +103,7 @@ class Lanes:
             steps.append(h)
             recorded.append(q[1:])
             driven.append(_means(each.drive, at))
-        torque, wanted, speed = (
-            np.stack(each, axis=1) for each in zip(*driven, strict=True)
-        )
+        torque, wanted, speed = (np.stack(each, axis=1) for each in zip(*driven, strict=True))
         drive = pieces[0].drive
         return cls(
             np.array([each.q for each in pieces]), np.array([each.qd for each in pieces]),

@@ -9,10 +9,9 @@ Errors of a simulation are torques integrated twice, so they agree over seconds.
 the sandwich of scores summed over blocks of time, with Bartlett's weights for neighbouring blocks
 (Newey and West, Econometrica 55 (1987) 703-708).
 
-A third of the pieces is held out first, each third in turn where there are few; these pieces are at
-most a sixth of the longest recording, so that two of each third lie apart in time. If the parameters
-found from the others simulate these pieces worse than the start, the start is kept; otherwise all
-pieces are fitted.
+A piece is at most a sixth of the longest recording. A third of the pieces is held out first, each
+third in turn where there are few. If the parameters found from the others simulate these pieces
+worse than the start, the start is kept; otherwise all pieces are fitted.
 """
 
 from __future__ import annotations
@@ -154,7 +153,10 @@ class _Unknowns:
         update: dict[str, object] = {"terms": terms}
         if known:
             at = [list(terms).index(name) for name in names]
-            own, beside = np.zeros((len(terms),) * 2), np.zeros((len(terms), len(self.model.values)))
+            own, beside = (
+                np.zeros((len(terms),) * 2),
+                np.zeros((len(terms), len(self.model.values))),
+            )
             own[np.ix_(at, at)] = V[np.ix_(places, places)]
             beside[np.ix_(at, self.base)] = V[places, : len(self.base)]
             rows = [tuple(map(tuple, each.tolist())) for each in (own, beside)]
@@ -298,13 +300,12 @@ def refine(
     """
     unknowns = _Unknowns(model)
     sources = [source for run in runs for source in _sources(run, model, controller)]
-    length = _length(unknowns, sources)
+    longest = max(np.ptp(each.recording.time[each.samples]) for each in sources)
+    length = min(_length(unknowns, sources), float(longest / (2 * FOLDS)))
     pieces = _cut(sources, length)
     size = _Fit(unknowns, pieces, np.ones(model.robot.n_joints)).rms(unknowns.start)
     weights = 1.0 / np.maximum(size, max(0.01 * size.max(), 1e-12))
-    longest = max(np.ptp(each.recording.time[each.samples]) for each in sources)
-    judged = _cut(sources, min(length, longest / (2 * FOLDS)))
-    before, after = _held_out(unknowns, judged, weights, progress)
+    before, after = _held_out(unknowns, pieces, weights, progress)
     record = Refined(
         kept=bool((after * weights).sum() < (before * weights).sum()), length=length,
         before=tuple(np.sqrt(before).tolist()), after=tuple(np.sqrt(after).tolist()),
@@ -378,9 +379,7 @@ def _length(unknowns: _Unknowns, sources: Sequence[_Source]) -> float:
 
         def lost(k: int, q: Array, recorded: Array = lanes.recorded) -> bool:
             # a comparison with NaN holds for none: beyond the end of a piece nothing is lost
-            return bool(
-                (np.abs(q - recorded[k]) > limit).any() or not np.isfinite(q).all()
-            )
+            return bool((np.abs(q - recorded[k]) > limit).any() or not np.isfinite(q).all())
 
         with np.errstate(all="ignore"):
             if simulate(arm, lanes, lost) is None:

@@ -73,7 +73,7 @@ def test_a_wrong_mass_and_friction_move_to_those_that_made_the_recording() -> No
 def test_parameters_that_simulate_held_out_pieces_worse_are_refused_and_the_start_is_kept(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(module._Fit, "solve", lambda self, x, progress: 1.2 * x)
+    monkeypatch.setattr(module._Fit, "solve", lambda _, x, __: 1.2 * x)
     start = carriage()
     found = refine([carriage_run()], start)
     np.testing.assert_array_equal(found.values, start.values)
@@ -86,5 +86,5 @@ def test_parameters_that_simulate_held_out_pieces_worse_are_refused_and_the_star
 
 
 def test_a_start_that_leaves_the_recording_at_once_is_refused() -> None:
-    with pytest.raises(NotEnoughData, match="the simulation leaves the recordings within 0.5 s"):
+    with pytest.raises(NotEnoughData, match="the simulation leaves the recordings within"):
         refine([carriage_run()], carriage(0.1))
