@@ -2,7 +2,7 @@
 
 A sample is drawn from the joint normal distribution of base parameters and friction terms, in which
 both are correlated where one regression found both. Its links are the bodies nearest to the drawn
-base parameters (`hil.estimation.consistent`), so that every sample is physically consistent; what no
+base parameters (`hil.estimation.consistent`), so every sample is physically consistent; what no
 torque depends on stays as near to the model's own bodies as that allows. Friction is simplified as
 in the formats of simulators (`hil.export.simple_friction`).
 """
