@@ -134,6 +134,7 @@ class _Laws:
         self.names = LAWS["all"] if friction == "law" else LAWS["Coulomb and viscous"]
         values, self.speed, self._slope = np.zeros((n, len(self.names))), np.ones(n), np.zeros(n)
         self._slowest, self._fastest = np.zeros(n), np.full(n, np.inf)
+        used = np.isin(self.names, ("offset",))  # one column at least
         for axis, (law, own) in enumerate(zip(laws.axes, simple, strict=True)):
             if own is not None:
                 stated = {"offset": own.offset, "Coulomb": own.coulomb, "viscous": own.viscous}
@@ -147,8 +148,7 @@ class _Laws:
                     self._slowest[axis], self._fastest[axis] = law.speeds
                     self._slope[axis] = law.slope
             values[axis] = [stated.get(name, 0.0) for name in self.names]
-        used: Mask = np.any(values, axis=0)
-        used[0] = True  # one column at least, the offset's
+            used |= [name in stated for name in self.names]
         self.names = tuple(name for name, there in zip(self.names, used, strict=True) if there)
         directed = np.isin(self.names, DIRECTED)
         self._level, self._other = values[:, used] * directed, values[:, used] * ~directed

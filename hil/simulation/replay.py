@@ -272,7 +272,7 @@ def _replayed(
 ) -> Iterator[Replayed]:
     """Yield a recording simulated, nothing of one that is too short."""
     recording = convert_torques(model, each.measurement, each.recording)
-    drive = drive_of(model, each.measurement, recording, controller)
+    drive = recorded_drive(model, each.measurement, recording, controller)
     parts = [
         _simulated(arm, model, recording.time[stretch], recording.q[stretch], drive)
         for stretch in stretches(recording, restart)
@@ -316,7 +316,7 @@ def initial_state(time: Array, q: Array, degree: int = 2) -> tuple[Array, Array]
     return at, speed
 
 
-def drive_of(
+def recorded_drive(
     model: Model, motion: RecordedMotion, recording: Recording, controller: Controller | None
 ) -> Drive:
     """Return the drive of the arm for a recording, torques with the lag removed."""
