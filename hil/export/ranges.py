@@ -1,10 +1,9 @@
 """Samples of a model's uncertainty as JSON: values for domain randomisation in simulators.
 
-A sample is drawn from the joint normal distribution of base parameters and friction terms, in which
-both are correlated where one regression found both. Its links are the bodies nearest to the drawn
-base parameters (`hil.estimation.consistent`), so every sample is physically consistent; what no
-torque depends on stays as near to the model's own bodies as that allows. Friction is simplified as
-in the formats of simulators (`hil.export.simple_friction`).
+A sample is drawn from the joint normal distribution of base parameters and friction terms. Its
+links are the bodies nearest to the drawn base parameters (`hil.estimation.consistent`), so every
+sample is physically consistent; what no torque depends on stays near the model's own bodies.
+Friction is simplified as in the other formats of simulators (`hil.export.simple_friction`).
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 SAMPLES = 50
 """Number of samples."""
 HEAVIER = 1.5
-"""Bound on a link's mass over that of the model's own body: torques decide few masses."""
+"""Largest ratio of a link's mass to that of the model's own body: torques decide few masses."""
 SEED = 1
 
 
@@ -48,11 +47,11 @@ def write_ranges(model: Model, origin: tuple[str, ...], given: Given | None = No
     }
     bounds, samples = BodyBounds(thickness=kept.thickness, masses=masses), []
     for _ in range(SAMPLES):
-        one = drawn(model, rng)
+        one = draw(model, rng)
         try:
             bodies = nearest_robot(model.robot, one.values, model.covariance, bounds, kept.bodies)
-        except NotRealisable:  # no such masses: those that the drawn parameters ask for
-            bodies = nearest_robot(model.robot, one.values, model.covariance, likely=kept.bodies)
+        except NotRealisable:  # extreme bodies of the model; take the usual likely bodies
+            bodies = nearest_robot(model.robot, one.values, model.covariance)
         samples.append(_values(simulated_robot(replace(one, consistent=bodies), chain)))
     remarks = friction_remarks(model, offsets='in the file as "offset"')
     content = {
@@ -67,30 +66,29 @@ def write_ranges(model: Model, origin: tuple[str, ...], given: Given | None = No
 
 
 def _values(robot: SimulatedRobot) -> dict[str, list[object]]:
-    """Values of all joints: inertia about the centre, as MuJoCo's fullinertia orders it."""
+    """Return the values of all joints, inertias about the centre in the order of `FULL`."""
+    friction = [joint.friction for joint in robot.joints]
     return {
         "mass": [joint.mass for joint in robot.joints],
         "centre": [joint.centre.tolist() for joint in robot.joints],
         "fullinertia": [[float(joint.inertia[at]) for at in FULL] for joint in robot.joints],
         "armature": [joint.armature for joint in robot.joints],
-        "damping": [f and f.viscous for f in (joint.friction for joint in robot.joints)],
-        "frictionloss": [f and f.coulomb for f in (joint.friction for joint in robot.joints)],
-        "offset": [f and f.offset for f in (joint.friction for joint in robot.joints)],
+        "damping": [each and each.viscous for each in friction],
+        "frictionloss": [each and each.coulomb for each in friction],
+        "offset": [each and each.offset for each in friction],
     }
 
 
-def drawn(model: Model, rng: np.random.Generator) -> Model:
-    """Return the model with base parameters and friction drawn from their distribution."""
+def draw(model: Model, rng: np.random.Generator) -> Model:
+    """Draw base parameters and friction of axes from their joint distribution."""
     change = _root(model.covariance) @ rng.standard_normal(len(model.values))
-    law = model.friction_law
-    if law is not None:
-        weights = np.linalg.pinv(model.covariance, rcond=1e-10, hermitian=True)
-        axes = [each and _drawn(each, weights, change, rng) for each in law.axes]
-        law = law.model_copy(update={"axes": tuple(axes)})
+    weights = np.asarray(np.linalg.pinv(model.covariance, 1e-10, hermitian=True), dtype=float)
+    axes = tuple(each and _draw(each, weights, change, rng) for each in model.friction_law.axes)
+    law = model.friction_law.model_copy(update={"axes": axes})
     return replace(model, values=model.values + change, friction_law=law)
 
 
-def _drawn(law: AxisLaw, weights: Array, change: Array, rng: np.random.Generator) -> AxisLaw:
+def _draw(law: AxisLaw, weights: Array, change: Array, rng: np.random.Generator) -> AxisLaw:
     """Draw an axis's terms, given the change of the base parameters."""
     V, mean = law.uncertainty, law.values
     if law.beside:
@@ -98,15 +96,11 @@ def _drawn(law: AxisLaw, weights: Array, change: Array, rng: np.random.Generator
         mean = mean + shared @ weights @ change
         V = V - shared @ weights @ shared.T
     values = mean + _root(V) @ rng.standard_normal(len(mean))
-    pairs = zip(law.terms.items(), values.tolist(), strict=True)
-    terms = {
-        name: TermValue(value=value, standard_error=term.standard_error)
-        for (name, term), value in pairs
-    }
+    terms = TermValue.named(law.terms, values, law.uncertainty)
     return law.model_copy(update={"terms": terms})
 
 
-def _root(covariance: Array) -> Array:
-    """Root of a covariance, rounding below zero left out."""
-    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+def _root(V: Array) -> Array:
+    """Return a square root of a covariance; variances below zero from rounding count as zero."""
+    values, vectors = np.linalg.eigh(V)
+    return np.asarray(vectors * np.sqrt(values.clip(0.0)))

@@ -47,8 +47,7 @@ def export(
         A model, a run, or the folder of an identified run.
     to : str
         Format: ``c``, ``python``, ``st``, ``json``, ``friction``, ``ros2``, ``urdf``, ``mjcf``,
-        ``ranges``
-        of a model; ``csv``, ``parquet``, ``mcap`` of recordings.
+        ``ranges`` of a model; ``csv``, ``parquet``, ``mcap`` of recordings.
     output : path
         Folder to write into.
     urdf : path, optional

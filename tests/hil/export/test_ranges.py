@@ -12,14 +12,14 @@ from possible_models import model_of, possible
 import hil
 from hil.export import ranges
 from hil.export.mjcf_file import write_mjcf
-from hil.results.consistency import with_consistent_robot
+from hil.results.consistency import find_consistent_robot
 
 
 @pytest.fixture(scope="module")
 def model() -> hil.Model:
     robot = hil.Robot.load(Path("tests/robots/ur10e.yaml"))
     p, error = possible(robot)
-    return with_consistent_robot(model_of(robot, p, 0.2 * error))
+    return find_consistent_robot(model_of(robot, p, 0.2 * error))
 
 
 def test_every_sample_is_a_robot_of_bodies_and_loads_into_mujoco(
@@ -49,7 +49,7 @@ def test_every_sample_is_a_robot_of_bodies_and_loads_into_mujoco(
 
 def test_drawn_parameters_scatter_as_the_covariance_says(model: hil.Model) -> None:
     rng = np.random.default_rng(2)
-    drawn = [ranges.drawn(model, rng) for _ in range(300)]
+    drawn = [ranges.draw(model, rng) for _ in range(300)]
     z = (np.array([each.values for each in drawn]) - model.values) / model.standard_errors
     np.testing.assert_allclose(z.std(axis=0), 1.0, atol=0.2)
     coulomb = [each.friction_law.axes[0].terms["Coulomb"].value for each in drawn]
