@@ -7,7 +7,7 @@ each axis weighed by its error at the start. A piece is as long as the start sim
 recording, so that there are pieces to hold out.
 
 The law of friction with the least torque error may simulate badly. Two laws are therefore refined:
-that of the start, and the plain terms (offset, Coulomb and viscous friction). A third of the pieces
+that of the start and, if it has more terms, offset, Coulomb and viscous friction alone. A third of the pieces
 is held out, each third in turn if there are few. Each law is fitted to the others and simulates the
 pieces held out. The law with the least sum of squared position errors there, weighed as in the fit,
 is fitted to all pieces. If neither law has less than the start, the start is kept.
@@ -20,14 +20,14 @@ neighbouring blocks (Newey and West, Econometrica 55 (1987) 703-708).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from hil.errors import NotEnoughData
 from hil.estimation.free_motion.result import FreeMotionFit
 from hil.friction.law import TermValue
-from hil.friction.terms import USUAL
+from hil.friction.terms import CLASSICAL, USUAL
 from hil.least_squares.solving import inverse
 from hil.model.dynamics import regressor
 from hil.results.band_residual import band_residual
@@ -67,6 +67,8 @@ DIVERGED = 1e3
 """Error of a diverged simulation, relative to the start's."""
 BLOCKS = 16
 """Minimum number of blocks for the covariance."""
+FRICTION: tuple[Literal["law"], Literal["plain"]] = "law", "plain"
+"""Refined laws of friction: that of the start; offset, Coulomb and viscous friction, if fewer."""
 
 
 class _Source(NamedTuple):
@@ -272,14 +274,16 @@ def refine(
     pieces = _cut(sources, length)
     size = np.sqrt(_Fit(start, pieces, np.ones(model.robot.n_joints)).squares(start.start))
     weights = 1.0 / np.maximum(size, max(0.01 * size.max(), 1e-12))
-    laws = (start, _Unknowns.create(_with_plain_friction(model)))
-    before, *after = _held_out(laws, pieces, weights, progress)
-    totals = [each.sum() for each in after]
-    best = int(np.argmin(totals))
+    laws = [start]
+    if any(each and set(each.terms) - set(CLASSICAL) for each in model.friction_law.axes):
+        laws.append(_Unknowns.create(_with_plain_friction(model)))
+    before, *errors = _held_out(laws, pieces, weights, progress)
+    best = int(np.argmin([each.sum() for each in errors]))
+    ratio = float(np.sqrt(errors[best].sum() / before.sum()))
     record = Refined(
-        kept=bool(totals[best] < before.sum()), length=length,
+        kept=ratio < 1.0, friction=FRICTION[best], length=length, ratio=ratio,
         before=tuple((np.sqrt(before) / weights).tolist()),
-        after=tuple((np.sqrt(after[best]) / weights).tolist()),
+        after=tuple((np.sqrt(errors[best]) / weights).tolist()),
     )  # fmt: skip
     if not record.kept:
         return replace(model, refined=record)
