@@ -7,10 +7,10 @@ each axis weighed by its error at the start. A piece is as long as the start sim
 recording, so that there are pieces to hold out.
 
 The law of friction with the least torque error may simulate badly. Two laws are therefore refined:
-that of the start and, if it has more terms, offset, Coulomb and viscous friction alone. A third of the pieces
-is held out, each third in turn if there are few. Each law is fitted to the others and simulates the
-pieces held out. The law with the least sum of squared position errors there, weighed as in the fit,
-is fitted to all pieces. If neither law has less than the start, the start is kept.
+that of the start and, if it has more terms, offset, Coulomb and viscous friction alone. A third of
+the pieces is held out, each third in turn if there are few. Each law is fitted to the others and
+simulates the pieces held out. The law with the least sum of squared position errors there, weighed
+as in the fit, is fitted to all pieces. If neither law has less than the start, the start is kept.
 
 Errors of a simulation are torque errors integrated twice, so they are correlated over seconds. The
 covariance is the sandwich of scores summed over blocks of time, with Bartlett's weights for
@@ -276,7 +276,7 @@ def refine(
     weights = 1.0 / np.maximum(size, max(0.01 * size.max(), 1e-12))
     laws = [start]
     if any(each and set(each.terms) - set(CLASSICAL) for each in model.friction_law.axes):
-        laws.append(_Unknowns.create(_with_plain_friction(model)))
+        laws.append(_Unknowns.create(_simplify_friction(model)))
     before, *errors = _held_out(laws, pieces, weights, progress)
     best = int(np.argmin([each.sum() for each in errors]))
     ratio = float(np.sqrt(errors[best].sum() / before.sum()))
@@ -297,7 +297,7 @@ def refine(
     )  # fmt: skip
 
 
-def _with_plain_friction(model: Model) -> Model:
+def _simplify_friction(model: Model) -> Model:
     """Return the model with offset, Coulomb and viscous friction of each axis alone."""
     update = {"law": USUAL, "presliding": 0.0, "covariance": (), "beside": (), "held_out": {}}
     axes = tuple(

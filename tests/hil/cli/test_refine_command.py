@@ -30,7 +30,7 @@ def test_the_command_states_what_refinement_gave_and_keeps_it_in_the_model_file(
     assert package.Model.load(folder).refined is None
 
 
-def test_ranges_are_drawn_about_the_identified_mass_with_the_rotor(tmp_path: Path, hil: Hil) -> None:
+def test_ranges_are_drawn_about_the_identified_mass(tmp_path: Path, hil: Hil) -> None:
     folder = carriage_run().save(tmp_path / "run").path
     hil("identify", folder)
     status, out, _ = hil("export", folder, "--to", "ranges", "-o", tmp_path / "sim", "--force")
