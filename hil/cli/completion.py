@@ -13,7 +13,8 @@ METHODS = (
     "weighted least squares", "instrumental variables",
 )  # fmt: skip
 FORMATS = (
-    "c", "python", "st", "json", "friction", "ros2", "urdf", "mjcf", "csv", "parquet", "mcap",
+    "c", "python", "st", "json", "friction", "ros2", "urdf", "mjcf", "ranges",
+    "csv", "parquet", "mcap",
 )  # fmt: skip
 """Names offered by completion; a test compares these with the accepted ones."""
 _ROBOTS = Path(__file__).parents[1] / "robots"

@@ -12,6 +12,7 @@ from hil.errors import NotEnoughData, UnknownName
 from hil.export.data_files import write_friction, write_json, write_ros2
 from hil.export.languages import write_c, write_python, write_st
 from hil.export.mjcf_file import write_mjcf
+from hil.export.ranges import write_ranges
 from hil.export.recordings.job import Job
 from hil.export.recordings.mcap_file import write_mcap
 from hil.export.recordings.tables import write_csv, write_parquet
@@ -38,6 +39,7 @@ FORMATS: dict[str, Writer] = {
 SIMULATORS: dict[str, Callable[[Model, tuple[str, ...], Given | None], Exported]] = {
     "urdf": write_urdf,
     "mjcf": write_mjcf,
+    "ranges": write_ranges,
 }
 """Formats with bodies; a given URDF supplies names and frames."""
 

@@ -2,8 +2,9 @@
 
 Rotor inertias become the armature of the joints. If a motor turns with two joints, its share of the
 mass matrix is not diagonal. Fixed tendons with armature then represent this share, one for each
-column of its Cholesky factor. The file needs none of MuJoCo's repairs: inertias are positive
-definite and meet the triangle inequality.
+column of its Cholesky factor. The offset of a friction law becomes the bias of the joint's
+actuator. The file needs none of MuJoCo's repairs: inertias are positive definite and meet the
+triangle inequality.
 
 Dry friction is a constraint of MuJoCo with the reference acceleration -B v and a force of at most
 `frictionloss`: the torque is -(a + B v) / R, clipped, with R = (1 - d) / d over the inertia. In
@@ -47,7 +48,10 @@ FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 def write_mjcf(model: Model, origin: tuple[str, ...], given: Given | None = None) -> Exported:
     """Return the model as `NAME.xml`, with frames and names of a URDF if given."""
     robot = simulated_robot(model, None if given is None else given.chain)
-    remarks = (*friction_remarks(model), *_left_out(model, robot))
+    remarks = (
+        *friction_remarks(model, offsets="the bias of its actuator"),
+        *_left_out(model, robot),
+    )
     root = ET.Element("mujoco", model=robot.name)
     root.append(ET.Comment(comment((*origin, *remarks))))
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -120,7 +124,15 @@ def _motors(root: ET.Element, robot: SimulatedRobot) -> None:
         stated = {"name": f"{joint.name}_motor", "joint": joint.name}
         if not np.isnan(joint.effort):
             stated["ctrlrange"] = numbers((-joint.effort, joint.effort))
-        ET.SubElement(actuator, "motor", stated)
+        offset = 0.0 if joint.friction is None else joint.friction.constant
+        if offset:
+            # a motor with the bias -offset: what the law's constant torque takes of its command
+            stated |= {
+                "gainprm": "1",
+                "biastype": "affine",
+                "biasprm": numbers((-offset, 0.0, 0.0)),
+            }
+        ET.SubElement(actuator, "general" if offset else "motor", stated)
 
 
 def _left_out(model: Model, robot: SimulatedRobot) -> Iterator[str]:

@@ -23,9 +23,15 @@ from hil.results.identified_robot import friction_alone, known_friction, lacking
 from hil.show.rounding import percent, significant
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from hil.arrays import Array
     from hil.friction.law import AxisLaw
     from hil.results.model import Model
+
+
+NOTABLE = 1e-6
+"""Offset, as a share of the friction, from which on it is more than rounding."""
 
 
 class Stribeck(NamedTuple):
@@ -70,6 +76,11 @@ class SimpleFriction:
     def offset(self) -> float:
         """Mean of the law over both directions, not due to friction [N m or N]."""
         return float(np.mean([self.forward, self.backward]))
+
+    @property
+    def constant(self) -> float:
+        """Offset that is not only rounding [N m or N]."""
+        return self.offset if abs(self.offset) > NOTABLE * self.size else 0.0
 
     @property
     def size(self) -> float:
@@ -137,10 +148,14 @@ def friction_of_joints(model: Model) -> tuple[SimpleFriction | None, ...]:
     return tuple(found.get(axis) for axis in range(model.robot.n_joints))
 
 
-def friction_remarks(model: Model) -> tuple[str, ...]:
-    """Return the misfits of Coulomb and viscous friction, or the reason for missing friction."""
+def friction_remarks(model: Model, offsets: str = "") -> tuple[str, ...]:
+    """Return the misfits of Coulomb and viscous friction, or the reason for missing friction.
+
+    `offsets` names what holds the offset of a law; by default the offset is left out.
+    """
     try:
-        found = misfits(model, simple_friction(model))
+        simple = simple_friction(model)
+        found = [*misfits(model, simple), *_offsets(model, simple, offsets)]
     except NotEnoughData:
         return (
             "no friction is stated, since the model has no law of it: identify a run anew that"
@@ -166,6 +181,18 @@ def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -
             for each in simple
         ),
     ]
+
+
+def _offsets(model: Model, simple: tuple[SimpleFriction, ...], place: str) -> Iterator[str]:
+    """Yield the constant torque of each axis whose law has one, and where it went."""
+    what = f"is {place}" if place else "is left out: add it to the commanded torque"
+    for each in simple:
+        if each.constant:
+            unit = model.robot.torque_unit(each.axis)
+            yield (
+                f"axis {each.axis + 1}: the constant torque of {significant(each.offset, 3)} {unit}"
+                f" of the friction law (offset) {what}"
+            )
 
 
 def presliding_left_out(model: Model, where: str = "") -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """A model simulated by MuJoCo, from the file that `hil export --to mjcf` writes.
 
-Friction is Coulomb's and viscous, as MuJoCo has it. An offset of the torque is no friction and has
-no place in the file: it is taken from the drives' torques. Joint limits are left out, since the
+Friction is Coulomb's and viscous, as MuJoCo has it, and an offset the bias of an
+actuator. Joint limits are left out, since the
 recorded motion kept them. MuJoCo's scheme is of first order in the step.
 """
 
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.export.mjcf_file import IMPEDANCE, STEP, write_mjcf
-from hil.export.simple_friction import friction_of_joints
 from hil.optional_packages import needed_for
 from hil.results.consistency import find_consistent_robot
 
@@ -41,8 +40,6 @@ class MujocoArm:
         (text,) = write_mjcf(bodies, ()).files.values()
         self._model = mujoco.MjModel.from_xml_string(text)
         self._model.jnt_limited[:] = 0
-        friction = friction_of_joints(model)
-        self._offset = np.array([0.0 if own is None else own.offset for own in friction])
 
     def run(
         self, q: Array, qd: Array, time: Array, drive: Drive, lost: Callable[[int, Array], bool]
@@ -59,7 +56,7 @@ class MujocoArm:
             model.dof_solref[:, 1] = -IMPEDANCE / h
             for part in range(n):
                 middle = float(begin) + (part + 0.5) * h
-                data.qfrc_applied[:] = drive(middle, data.qpos, data.qvel) - self._offset
+                data.qfrc_applied[:] = drive(middle, data.qpos, data.qvel)
                 mujoco.mj_step(model, data)
             if not np.isfinite(data.qpos).all() or lost(k, data.qpos):
                 break

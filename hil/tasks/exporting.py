@@ -46,8 +46,8 @@ def export(
     what : Model, Run or path
         A model, a run, or the folder of an identified run.
     to : str
-        Format: ``c``, ``python``, ``st``, ``json``, ``friction``, ``ros2``, ``urdf``, ``mjcf`` of a
-        model; ``csv``, ``parquet``, ``mcap`` of recordings.
+        Format: ``c``, ``python``, ``st``, ``json``, ``friction``, ``ros2``, ``urdf``, ``mjcf``,
+        ``ranges`` of a model; ``csv``, ``parquet``, ``mcap`` of recordings.
     output : path
         Folder to write into.
     urdf : path, optional

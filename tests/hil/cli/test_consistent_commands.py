@@ -133,7 +133,7 @@ def test_export_takes_the_bodies_that_identify_kept(hil: Hil, folder: Path, tmp_
             "no chain of 2 joints has the frames of arm",
         ),
         (("--to", "json", "--mass", "1:2:3"), "they go with urdf and mjcf"),
-        (("--to", "sdf"), "unknown format; available: .*ros2, urdf, mjcf"),
+        (("--to", "sdf"), "unknown format; available: .*ros2, urdf, mjcf, ranges"),
     ],
 )
 def test_wrong_values_are_refused_before_anything_is_written(

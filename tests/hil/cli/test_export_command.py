@@ -87,6 +87,11 @@ def spoilt(run: Path, folder: Path) -> Path:
     return folder
 
 
+@pytest.fixture(autouse=True)
+def few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hil.export.ranges.SAMPLES", 1)
+
+
 @pytest.mark.parametrize("to", [*FORMATS, *SIMULATORS])
 def test_a_failed_model_is_written_by_force_alone_and_every_file_says_so_on_top(
     hil: Hil, run: Path, tmp_path: Path, to: str

@@ -14,7 +14,7 @@ from hil.errors import FrictionUnknown, NotEnoughData
 from hil.export.data_files import write_friction
 from hil.export.formats import FORMATS
 from hil.export.functions import functions
-from hil.export.simple_friction import friction_of_joints, simple_friction
+from hil.export.simple_friction import friction_of_joints, friction_remarks, simple_friction
 from hil.export.source_code import description
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue
 from hil.model.robot import Robot
@@ -59,6 +59,15 @@ def test_what_differs_by_direction_is_left_out_and_counts_as_misfit() -> None:
     first = simple_friction(with_terms(Coulomb=5.0, viscous=3.0, offset=0.7))[0]
     assert (first.coulomb, first.viscous) == pytest.approx((5.0, 1.5))
     assert first.misfit == pytest.approx(0.7)
+
+
+def test_a_constant_torque_is_named_where_a_format_has_no_place_for_it() -> None:
+    left_out = friction_remarks(with_terms(Coulomb=5.0, viscous=3.0, offset=0.7))
+    assert (
+        "axis 1: the constant torque of 0.700 N m of the friction law (offset) is left out: add it"
+        " to the commanded torque"
+    ) in left_out
+    assert "constant torque" not in str(friction_remarks(with_terms(Coulomb=5.0, viscous=3.0)))
 
 
 def test_a_degressive_law_is_missed_by_what_is_stated() -> None:

@@ -47,7 +47,7 @@ TERMS: tuple[dict[str, float], ...] = (
 PRESLIDING = (0.0, 2e-4, 0.0, 1e-4)
 """Of the axes [rad, m]: two have it."""
 CODE = ("c", "python")
-SIMPLE = ("ros2", *SIMULATORS)
+SIMPLE = ("ros2", "urdf", "mjcf")
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +107,7 @@ def test_the_recording_is_one_along_which_friction_follows(model: Model) -> None
     assert (q[:, 2] > 0).all()
     along = model.predict(q, qd, qdd, parts=["friction"])
     assert ((np.abs(along) > 0.3) == sliding(q, qd)).mean() > 0.95
-    assert {*CODE, *SIMPLE, "st", "json", "friction"} == {*FORMATS, *SIMULATORS}
+    assert {*CODE, *SIMPLE, "st", "json", "friction", "ranges"} == {*FORMATS, *SIMULATORS}
 
 
 def test_model_json_gives_the_model_s_torques(model: Model) -> None:

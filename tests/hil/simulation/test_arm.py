@@ -147,6 +147,9 @@ def test_builtin_and_mujoco_agree_within_a_fiftieth_of_the_motion_and_closer_wit
     from hil.simulation.mujoco_arm import MujocoArm
 
     model, none = ur10e(), np.zeros(6)
+    pushed = law(Coulomb=3.0, viscous=0.5, offset=1.2)  # that MuJoCo has as an actuator's bias
+    axes = (pushed, *model.friction_law.axes[1:])
+    model = replace(model, friction_law=FrictionLaw(axes=axes))
     time = np.arange(0.0, 0.6, 0.002)
     drive = Drive(time, swinging(model, time), np.zeros((len(time), 6)), none, none)
     begin = none, none, time, drive, never
