@@ -79,16 +79,17 @@ def test_a_verdict_is_stated_with_its_reason(
 
 
 def spoilt(run: Path, folder: Path) -> Path:
-    """A folder whose model's identification failed."""
+    """A folder whose model, of simulated runs, failed its identification."""
     model = Model.load(run)
     outcome = Judgement(word="failed", reason="axes 2 and 3 exchanged", remedy="exchange them")
+    made = model.provenance.model_copy(update={"simulated": None, "bus": "sim_plant manutec-r15"})
     folder.mkdir(exist_ok=True)
-    replace(model, verdict=outcome).save(folder / NAME)
+    replace(model, verdict=outcome, provenance=made).save(folder / NAME)
     return folder
 
 
 @pytest.mark.parametrize("to", [*FORMATS, *SIMULATORS])
-def test_a_failed_model_is_written_by_force_alone_and_every_file_says_so_on_top(
+def test_a_failed_model_is_written_by_force_alone_and_every_file_says_so_and_simulated_on_top(
     hil: Hil, run: Path, tmp_path: Path, to: str
 ) -> None:
     folder = spoilt(run, tmp_path / "failed")
@@ -99,22 +100,10 @@ def test_a_failed_model_is_written_by_force_alone_and_every_file_says_so_on_top(
     status, out, _ = hil("export", folder, "--to", to, "-o", tmp_path / "out", "--force")
     assert status == 0
     assert "FAILED: axes 2 and 3 exchanged" in out
-    for file in (tmp_path / "out").iterdir():
-        head = "".join(file.read_text().splitlines(keepends=True)[:4])
-        assert "FAILED: axes 2 and 3 exchanged; exchange them" in head, file
-
-
-@pytest.mark.parametrize("to", [*FORMATS, *SIMULATORS])
-def test_a_model_of_simulated_runs_says_so_on_top_of_every_file(
-    hil: Hil, run: Path, tmp_path: Path, to: str
-) -> None:
-    model = Model.load(run)
-    made = model.provenance.model_copy(update={"simulated": None, "bus": "sim_plant manutec-r15"})
-    replace(model, provenance=made).save(tmp_path / NAME)
-    _, out, _ = hil("export", tmp_path / NAME, "--to", to, "-o", tmp_path / "out")
     assert "SIMULATED: measured on the virtual plant" in out
     for file in (tmp_path / "out").iterdir():
         head = "".join(file.read_text().splitlines(keepends=True)[:4])
+        assert "FAILED: axes 2 and 3 exchanged; exchange them" in head, file
         assert "SIMULATED: measured on the virtual plant, no real machine" in head, file
 
 
