@@ -14,6 +14,7 @@ import pytest
 from small_run import identified_run, write_run
 
 from hil.export.formats import FORMATS, RECORDINGS, SIMULATORS
+from hil.results.consistency import find_consistent_robot
 from hil.results.judgement import Judgement, KeptJudgement
 from hil.results.model import Model
 from hil.results.model_file import NAME
@@ -33,6 +34,12 @@ HOW_TO_RECORDINGS = GUIDES / "other-tools.md"
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of an identified run."""
     return identified_run(tmp_path_factory.mktemp("export") / "run")
+
+
+@pytest.fixture(scope="module")
+def with_bodies(run: Path) -> Model:
+    """Its model with possible bodies, so that they are not looked for in every export."""
+    return find_consistent_robot(Model.load(run))
 
 
 def judged(model: Model, word: str) -> Model:
@@ -78,9 +85,8 @@ def test_a_verdict_is_stated_with_its_reason(
     assert "improved method" in origin
 
 
-def spoilt(run: Path, folder: Path) -> Path:
+def spoilt(model: Model, folder: Path) -> Path:
     """A folder whose model, of simulated runs, failed its identification."""
-    model = Model.load(run)
     outcome = Judgement(word="failed", reason="axes 2 and 3 exchanged", remedy="exchange them")
     made = model.provenance.model_copy(update={"simulated": None, "bus": "sim_plant manutec-r15"})
     folder.mkdir(exist_ok=True)
@@ -90,9 +96,9 @@ def spoilt(run: Path, folder: Path) -> Path:
 
 @pytest.mark.parametrize("to", [*FORMATS, *SIMULATORS])
 def test_a_failed_model_is_written_by_force_alone_and_every_file_says_so_and_simulated_on_top(
-    hil: Hil, run: Path, tmp_path: Path, to: str
+    hil: Hil, with_bodies: Model, tmp_path: Path, to: str
 ) -> None:
-    folder = spoilt(run, tmp_path / "failed")
+    folder = spoilt(with_bodies, tmp_path / "failed")
     status, _, err = hil("export", folder, "--to", to, "-o", tmp_path / "out")
     assert status == 3
     assert "its identification failed: axes 2 and 3 exchanged; exchange them; --force" in err
