@@ -115,13 +115,18 @@ LONG = (
 """Folders and files of tests that go through everything, whole sessions, studies, tutorials; those
 that take longest first, so that no worker is left alone with one of them at the end."""
 LONG_FIXTURES = {"browser"}
-"""Fixtures whose tests are long wherever they stand."""
+"""Fixtures whose tests are long wherever they stand; a file names those that its tests use."""
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave long files out before they are imported, where no long test is asked for."""
-    asked = config.option.markexpr
-    return True if asked == "not long" and _place(collection_path) is not None else None
+    """Leave files out before they are imported that hold none of the tests asked for."""
+    asked, long = config.option.markexpr, _place(collection_path) is not None
+    if asked == "not long":
+        return True if long else None
+    if asked != "long" or long or not collection_path.match("test_*.py"):
+        return None
+    text = collection_path.read_text(encoding="utf-8")
+    return None if any(word in text for word in ("mark.long", *LONG_FIXTURES)) else True
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
