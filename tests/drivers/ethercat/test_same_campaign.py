@@ -13,6 +13,6 @@ if TYPE_CHECKING:
 
 @pytest.mark.long
 def test_every_data_set_is_the_same(tmp_path: Path) -> None:
-    counts = {"gravity": 2, "inertia": 4, "coupling": 1}
+    counts = {"gravity": 4, "inertia": 10, "coupling": 1}
     same, total, *_ = same_campaign.compared(counts, tmp_path)
-    assert (same, total) == (7 * 6, 7 * 6)
+    assert (same, total) == (15 * 6, 15 * 6)

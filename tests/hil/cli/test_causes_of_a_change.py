@@ -12,7 +12,7 @@ from synthetic import TABLE_3_A
 
 from hil.cli import judging
 from hil.model.base_parameters import base_parameters
-from hil.results.identification import identify
+from hil.results.findings import identify_and_keep
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,7 +35,7 @@ def runs(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
     other_arm[base_parameters(manutec).names.index("p4")] *= 1.02
     identified_run(place / "bare")
     run = write_run(place / "loaded", manutec, (manutec, TABLE_3_A + change), seed=2)
-    identify(run).save(run.path / "model.yaml")
+    identify_and_keep(run, "improved").model.save(run.path / "model.yaml")
     write_run(place / "other_arm", manutec, (manutec, other_arm), seed=3)
     return place
 

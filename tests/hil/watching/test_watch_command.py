@@ -24,7 +24,8 @@ from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.trajectories import Basis
 from hil.planning.measurement import Gravity, Inertia
 from hil.planning.plan import Plan, PlannedRobot, dump_plan
-from hil.results.identification import identify
+from hil.results.findings import identify_and_keep
+from hil.results.identification import method_for
 from hil.results.model import Model
 from hil.results.watch import Watched
 from hil.runs import SIMULATED
@@ -85,7 +86,8 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("model") / "run"
     plan = plan_of(3, 4, 5.0023, (0.9, 0.49))
     measure(plan, ROBOT, folder, folder, OnBus(SIMULATED, None, None, None))
-    identify(Run.open(folder)).save(folder / "model.yaml")
+    run = Run.open(folder)
+    identify_and_keep(run, method_for(run)[0]).model.save(folder / "model.yaml")
     return folder / "model.yaml"
 
 
