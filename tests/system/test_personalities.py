@@ -67,14 +67,16 @@ def campaign(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Callab
     folder = tmp_path_factory.mktemp("plants")
     plan = design(manutec, COUNTS)
     quick = tuple(m.model_copy(update={"cycles": CYCLES[m.kind]}) for m in plan.measurements)
-    first = tuple({m.kind: m for m in reversed(quick)}.values())
+    first = tuple(next(m for m in quick if m.kind == kind) for kind in COUNTS)
+    short = plan.model_copy(update={"measurements": first})
+    whole_plan = plan.model_copy(update={"travel": 0.9, "measurements": quick})
 
     @cache
     def run(name: str, *, whole: bool = True) -> Recorded_:
-        each = plan.model_copy(update={"travel": 0.9, "measurements": quick if whole else first})
+        planned = whole_plan if whole else short
         with bus_of(folder, name) as bus, CanopenDriveBus(bus, drives_for(name)) as drive_bus:
             robot = limited(manutec, drive_bus.axes)
-            events = [e for e in measure(each, robot, drive_bus) if isinstance(e, Recorded)]
+            events = [e for e in measure(planned, robot, drive_bus) if isinstance(e, Recorded)]
         assert [f for event in events for f in event.findings] == []
         return [(event.measurement, event.recording) for event in events]
 
