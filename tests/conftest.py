@@ -51,6 +51,11 @@ LONG = (
     "system",
     "hil/cli/test_causes_of_a_change.py",
     "hil/cli/test_try_command.py",
+    "hil/watching/test_watch_command.py",
+    "drivers/ethercat/test_over_a_cable.py",
+    "hil/report/test_report_of_load_and_diagnosis.py",
+    "hil/results/test_measured_load.py",
+    "hil/report/test_report_shows_what_identify_found.py",
     "hil/cli/test_tutorials.py",
     "hil/cli/test_export_command.py",
     "hil/cli/test_interruption.py",
@@ -87,7 +92,6 @@ LONG = (
     "test_signal_dispositions.py",
     "hil/estimation/test_excluded.py",
     "hil/estimation/test_distinguishing.py",
-    "hil/watching/test_watch_command.py",
     "hil/cli/test_recording_tutorial.py",
     "hil/imports/test_many_maps.py",
     "hil/live/test_foxglove.py",
@@ -98,16 +102,12 @@ LONG = (
     "hil/planning/test_any_robot.py",
     "hil/estimation/free_motion/test_unknown_gains.py",
     "hil/estimation/test_excluded_battery.py",
-    "hil/report/test_report_of_load_and_diagnosis.py",
-    "hil/results/test_measured_load.py",
     "hil/imports/test_mechanics.py",
     "hil/measuring/test_designed_trajectories.py",
     "sim_plant/physics/test_soft_gears.py",
-    "hil/report/test_report_shows_what_identify_found.py",
     "hil/estimation/free_motion/test_soft_gears.py",
     "hil/report/test_friction_in_report.py",
     "sim_plant/faults",
-    "drivers/ethercat/test_over_a_cable.py",
     "drivers/found_settings",
     "drivers/test_two_processes.py",
     "drivers/can_bus/test_frame_log.py",
@@ -115,13 +115,18 @@ LONG = (
 """Folders and files of tests that go through everything, whole sessions, studies, tutorials; those
 that take longest first, so that no worker is left alone with one of them at the end."""
 LONG_FIXTURES = {"browser"}
-"""Fixtures whose tests are long wherever they stand."""
+"""Fixtures whose tests are long wherever they stand; a file names those that its tests use."""
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave long files out before they are imported, where no long test is asked for."""
-    asked = config.option.markexpr
-    return True if asked == "not long" and _place(collection_path) is not None else None
+    """Leave files out before they are imported that hold none of the tests asked for."""
+    asked, long = config.option.markexpr, _place(collection_path) is not None
+    if asked == "not long":
+        return True if long else None
+    if asked != "long" or long or not collection_path.match("test_*.py"):
+        return None
+    text = collection_path.read_text(encoding="utf-8")
+    return None if any(word in text for word in ("mark.long", *LONG_FIXTURES)) else True
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

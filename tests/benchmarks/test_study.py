@@ -302,7 +302,8 @@ class TestCluster:
         import distributed
 
         cells, alone = (
-            [cell for cell in opened(folder) if cell.seed == 1] for folder in (study, finished[0])
+            [cell_of(folder, kind, 1) for kind in ("trajectory", "warmed")]
+            for folder in (study, finished[0])
         )
         for cell in cells:
             cell.verdict.unlink()

@@ -5,7 +5,6 @@ One small campaign over CANopen frames on the virtual plant, drift and asymmetry
 """
 
 import re
-import shutil
 
 import h5py
 import numpy as np
@@ -13,6 +12,7 @@ import pytest
 import yaml
 
 import hil
+from checked_files.yaml_file import FileError
 from hil.cli import main
 from hil.estimation.consistent.likely_bodies import sized_bodies
 from hil.estimation.excluded.foreseen import foreseen
@@ -104,9 +104,8 @@ def test_what_the_dry_run_says_will_be_excluded_is_what_identify_finds_excluded(
 
 
 def test_model_report_and_comparison_can_be_made_again_and_again(folder, capsys):
-    for _ in range(2):
-        cli("identify", folder)
-        cli("report", folder)
+    for command in ("identify", "report", "identify"):
+        cli(command, folder)
     cli("validate", folder, "--truth", "manutec-r15")
     assert "p14" in capsys.readouterr().out
     model = yaml.safe_load((folder / "model.yaml").read_text())
@@ -128,16 +127,32 @@ def test_the_same_seed_gives_the_same_samples(folder, tmp_path):
             assert np.array_equal(one["q"][:], two["q"][:])
 
 
-def test_a_load_is_measured_in_minutes_beside_the_run_and_resumed(folder, tmp_path, capsys):
+def stop(*_):
+    raise FileError("stopped between the slow and the fast stage")
+
+
+def recordings(folder):
+    return {path.name: path.stat().st_mtime_ns for path in folder.glob("recordings/*.h5")}
+
+
+def test_a_load_is_measured_in_minutes_beside_the_run_and_resumed(
+    folder, tmp_path, capsys, monkeypatch
+):
     plant = tmp_path / "loaded.yaml"
     text = find_plant("manutec-r15").read_text()
     plant.write_text(f"{text}\npayload: {{mass: 10.86, centre: [0, 0, 0.14], Izz: 0.047}}\n")
     measure = ("payload", "measure", "--model", folder, "-o", tmp_path / "load",
                "--channel", plant, "--bus-option", "seed=9", "--minutes", "2")  # fmt: skip
-    cli(*measure)
-    (tmp_path / "load" / "load.yaml").unlink()
-    shutil.rmtree(tmp_path / "load" / "fast")
+    with monkeypatch.context() as stopped:
+        stopped.setattr("hil.planning.design.load.fast_plan", stop)
+        with pytest.raises(SystemExit) as ended:
+            main([str(argument) for argument in measure])
+    assert ended.value.code == 1
+    slow = recordings(tmp_path / "load" / "slow")
+    assert slow
+    assert not (tmp_path / "load" / "fast").exists()
     cli(*measure, "--resume")
+    assert recordings(tmp_path / "load" / "slow") == slow
     kept = yaml.safe_load((tmp_path / "load" / "load.yaml").read_text())
     mass = next(each for each in kept["load"] if each["name"] == "mass")
     assert mass["value"] == pytest.approx(10.86, abs=1.5 * mass["half_width"])

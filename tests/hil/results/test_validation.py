@@ -13,7 +13,6 @@ from small_run import identified_model, write_run
 from hil.commands.validate import ValidationRecord
 from hil.estimation.signals import signals
 from hil.friction.law import FrictionLaw
-from hil.results.identification import identify
 from hil.results.judgement import INSIDE, Judgement
 from hil.results.predicted_torques import predicted_torques
 from hil.results.validation import AxisScore, judged, scored
@@ -228,7 +227,7 @@ def test_the_recording_of_the_model_s_own_plan_is_remarked_upon(
     from hil.commands.validate import remarks
 
     run = write_run(tmp_path / "run", manutec)
-    assert "this very plan" in remarks(identify(run), run)[0]
+    assert "this very plan" in remarks(identified_model(), run)[0]
 
 
 def test_errors_of_parameters_that_compensate_are_no_doubt_about_the_torque() -> None:
