@@ -37,7 +37,7 @@ def test_a_wrong_sign_is_the_first_thing_that_identify_and_report_state(
     run = write_free_run(tmp_path / "run", arm(), wrong)
     status, out, _ = hil("identify", run.path)
     assert status == 3
-    assert "failed: axis 1: its torque has the wrong sign" in out
+    assert "failed: axis 1: wrong sign of the torque" in out
     assert hil("report", run.path)[0] == 0
     page = (run.path / "report.html").read_text(encoding="utf-8")
     assert page.index('class="outcome failed"') < page.index("<dl")
