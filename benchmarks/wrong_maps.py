@@ -137,7 +137,7 @@ CASES = (
           at(-1, 0, lambda x, _: 101 * x)),
     Wrong("torques of motors as those of joints", NOT_GOOD, "torque_side|motor",
           at(-1, 2, lambda x, _: x / 101)),
-    Wrong("torque of axis 2 times 1.3", NOT_GOOD, "axis 2.*torques, over those stated",
+    Wrong("torque of axis 2.*torque constant greater than stated",
           joint=((1, TORQUE, {"gain": 1.3}),)),
     Wrong("torques of all axes times 1.3", ("doubtful", "good"), INVISIBLE,
           joint=each(TORQUE, {"gain": 1.3})),

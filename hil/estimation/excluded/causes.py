@@ -204,7 +204,8 @@ CAUSES = {
     ),
     "friction that differs by direction": Cause(
         "", "", "", 0.0,
-        "no action: it is fitted; only the published method's result is biased by it", accounted=True,
+        "no action: it is fitted; only the published method's result is biased by it",
+        accounted=True,
     ),
     "torque ripple of further orders": Cause(
         "", "", "", 0.0, "strokes at higher speeds, whose ripple averages out",

@@ -51,4 +51,4 @@ def test_a_report_states_that_a_model_which_was_edited_is_not_used(
     (run.path / "model.yaml").write_text("provenance:\n")
     status, out, _ = hil("report", run.path)
     assert status == 0
-    assert f"not used, the report is of a new estimate: {run.path / 'model.yaml'}:" in out
+    assert f"not used, the report shows a new estimate: {run.path / 'model.yaml'}:" in out

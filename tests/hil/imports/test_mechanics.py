@@ -174,7 +174,9 @@ def test_torques_that_are_exchanged_and_of_the_wrong_signs_as_well(seen, manutec
 def test_torques_that_are_late_by_more_than_an_estimate_looks_for_are_stated(seen, manutec):
     late = np.roll(seen.tau, round(0.05 / PERIOD), axis=0)
     (found,) = mechanical_suspicions([replace(seen, tau=late)], manutec, np.ones(6, dtype=bool))
-    assert found.message.startswith("torques of all joints are late by some 50 ms; record torque")
+    assert found.message.startswith(
+        "torques of all joints have a delay of some 50 ms; record torque"
+    )
     assert not found.certain
 
 

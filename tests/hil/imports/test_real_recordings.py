@@ -57,7 +57,7 @@ def test_a_carriage_that_goes_back_and_forth(tmp_path):
 
 
 def test_a_force_of_the_wrong_sign_is_refused(tmp_path):
-    with pytest.raises(FileError, match="friction would drive joint 1"):
+    with pytest.raises(FileError, match="friction would accelerate joint 1"):
         imported(tmp_path, EMPS.replace("unit: V", "unit: V, sign: -1"))
 
 
