@@ -127,8 +127,8 @@ def _refuse_strangers() -> None:
         place = next(iter((spec and spec.submodule_search_locations) or ()), name)
         if Path(place) != ours / name:
             raise ImportError(
-                f"{place} hides the package {name} that hil comes with; rename it, or start"
-                " Python where it is not on the path (sys.path)"
+                f"{place} shadows the package {name} of hil; rename it, or start Python without "
+                "it on sys.path"
             )
 
 

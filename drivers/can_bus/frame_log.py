@@ -68,7 +68,7 @@ class FrameLog(can.BusABC):
         try:
             path.open("x").close()
         except FileExistsError as error:
-            raise FileError(f"{path}: is there already; choose another name") from error
+            raise FileError(f"{path}: already exists; choose another name") from error
         except OSError as error:
             raise FileError(f"{path}: cannot be written: {error.strerror}") from error
         try:

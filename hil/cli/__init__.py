@@ -25,8 +25,9 @@ if TYPE_CHECKING:
 
 
 PANELS = {
-    "First of all": {
-        "try": "Try it all on a virtual robot in two minutes: measure, identify, predict, push.",
+    "First steps": {
+        "try": "Demonstrate hil on a virtual robot in two minutes: measure, identify, predict, "
+               "push.",
     },
     "Plan": {
         "robot": "Show what can be identified of a robot, or write a first robot file.",
@@ -41,23 +42,24 @@ PANELS = {
         "import": "Import recordings of any robot into a run folder.",
     },
     "Identify": {
-        "identify": "Identify dynamics and friction from runs of any kind.",
+        "identify": "Identify dynamics and friction from measured or imported runs.",
         "validate": "Validate a model on held-out data, or an estimate against a known truth.",
         "report": "Write the report of a run; one HTML file.",
-        "friction": "Fit laws of friction to a run and test their symmetry.",
+        "friction": "Fit friction laws to a run and test the symmetry of friction.",
         "payload": "Identify a load from runs without and with it, or measure one in minutes.",
         "diagnose": "Test a robot file for missing effects and wrong values.",
     },
     "Use a model": {
         "export": "Export an identified model, or the recordings of a run, to other tools.",
-        "replay": "Simulate the recordings of a run with a model, and state the position error.",
+        "replay": "Simulate the recordings of a run with a model, and compute the position error.",
         "track": "Measure the tracking error without and with feed-forward; the robot moves.",
         "watch": "Detect external forces while a plan moves the robot.",
     },
-    "Machines in series and over years": {
+    "Series production and condition monitoring": {
         "accept": "Judge an identified run by limits; writes a page to sign and JUnit XML.",
         "history": "Show how parameters and friction of one machine change over many runs.",
-        "fleet": "Index many machines' models, and find machines that departed.",
+        "fleet": "Index the models of many machines, and find machines that deviate from the "
+                 "fleet.",
     },
     "This computer": {
         "doctor": "Check this computer: Python, CAN, rights, clock, disk.",
@@ -87,8 +89,7 @@ class _ImportedLate(TyperGroup):
         for before, word in pairwise(["hil", *args]):
             if not word or (word.startswith("--") and word.endswith("=")):
                 raise typer.BadParameter(
-                    f"{(word or before)!r} is followed by nothing; give a value (is a variable of"
-                    " the shell empty?)"
+                    f"{(word or before)!r} has no value; add one (is a shell variable empty?)"
                 )
         parsed: list[str] = super().parse_args(ctx, args)
         return parsed

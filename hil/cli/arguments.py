@@ -49,7 +49,7 @@ Without = Annotated[
     typer.Option(
         "--without",
         metavar="ID",
-        help="Measurement to leave out, such as a damaged one; may be repeated.",
+        help="Measurement to exclude, such as a damaged one; may be repeated.",
     ),
 ]
 RobotName = Annotated[
@@ -67,7 +67,7 @@ RobotOption = Annotated[
     str | None,
     typer.Option(
         "--robot",
-        help="Robot file, if the plan's own path does not lead to it.",
+        help="Robot file, if the path in the plan is not valid.",
         autocompletion=robots,
     ),
 ]
@@ -90,7 +90,7 @@ PlanWorkspace = Annotated[
 NoiseFrom = Annotated[
     Path | None,
     typer.Option(
-        help="Run from which noise is estimated; by default the robot file states it.",
+        help="Run from which noise is estimated; by default noise is as stated in the robot file.",
         autocompletion=runs,
     ),
 ]
@@ -112,7 +112,7 @@ Yes = Annotated[
 ]
 RealTime = Annotated[
     bool,
-    typer.Option("--realtime", help="Use real-time scheduling, as far as this system grants it."),
+    typer.Option("--realtime", help="Use real-time scheduling, as far as the system permits."),
 ]
 
 
@@ -122,7 +122,8 @@ Interface = Annotated[
 RobotsChannel = Annotated[
     str | None,
     typer.Option(
-        help="Channel of the interface, such as can0; of sim_plant a plant, by default the robot's."
+        help="Channel of the interface, such as can0; for sim_plant a plant, by default the "
+        "robot's."
     ),
 ]
 DrivesChannel = Annotated[

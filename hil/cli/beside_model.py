@@ -62,12 +62,14 @@ def track(
     delay: Annotated[
         float,
         typer.Option(
-            min=0, max=10, help="Delay of the drives behind their set-points \\[SYNC periods]."
+            min=0, max=10, help="Delay between set-points and drive motion \\[SYNC periods]."
         ),
     ] = 1.5,
     loop: Annotated[
         float,
-        typer.Option("--loop-period", min=0, max=0.1, help="Period of the drives' loops \\[s]."),
+        typer.Option(
+            "--loop-period", min=0, max=0.1, help="Cycle time of the drives' position loops \\[s]."
+        ),
     ] = 0.001,
     robot_file: RobotOption = None,
     workspace: WorkspaceOption = None,
@@ -95,8 +97,8 @@ def track(
         for measurement in the_plan.measurements:
             if not isinstance(measurement, Trajectory):
                 raise FileError(
-                    f"{plan_file}: {measurement.id} is of kind {measurement.kind}, and only"
-                    " trajectories are streamed; plan some with: hil plan --kind trajectory"
+                    f"{plan_file}: {measurement.id} is of kind {measurement.kind}, but only "
+                    "trajectories can be streamed; plan some with: hil plan --kind trajectory"
                 )
             refuse_beyond_torque(measurement, the_robot, predict)
     how = OnBus(**vars(where), realtime=realtime)
@@ -210,13 +212,13 @@ def _rounds(plan: Plan, robot: Robot, repeat: int | None, hours: float | None, l
     from hil.planning.timetable import timetable
 
     if repeat is not None and hours is not None:
-        raise FileError("--repeat and --hours both say how long to watch; give one of them")
+        raise FileError("--repeat and --hours exclude each other; give only one")
     once = sum(e.travel + e.duration for e in timetable(plan, robot, plan.measurements))
     rounds = repeat or (1 if hours is None else max(1, ceil(3600 * hours / once)))
     if rounds * once <= learn:
         raise FileError(
-            f"the plan moves for {rounds * once:.0f} s, and thresholds are learned for {learn:g} s:"
-            f" nothing would be watched; repeat it, with --repeat {int(learn / once) + 2}"
+            f"{rounds * once:.0f} s of motion in the plan must exceed the {learn:g} s in which "
+            f"thresholds are learned; repeat the plan, with --repeat {int(learn / once) + 2}"
         )
     return rounds
 

@@ -64,8 +64,8 @@ def drives_path(name: str) -> Path:
     if not path.suffix and not path.exists():
         along = ", ".join(_robots())
         raise FileError(
-            f"{name}: is neither a robot that comes along ({along}) nor a drives file; name one of"
-            " these robots, or the path of a drives file"
+            f"{name}: is neither a built-in robot ({along}) nor a drives file; name one of these "
+            "robots, or the path of a drives file"
         )
     return path
 
@@ -85,8 +85,8 @@ def _plant_of(drives: DrivesFile, name: str) -> str:
         if asked <= {_product(axis) for axis in load_drives(ROBOTS / f"{robot}{SUFFIX}").axes}:
             return robot
     raise FileError(
-        f"{drives_path(name)}: these are the drives of no plant that comes along; name one with"
-        f" --channel ({', '.join(robots)}), or a bus with --interface and --channel"
+        f"{drives_path(name)}: no built-in plant has these drives; name a plant with --channel "
+        f"({', '.join(robots)}), or a bus with --interface and --channel"
     )
 
 
@@ -115,7 +115,7 @@ def real_time_if(wanted: bool, *, lock_step: bool) -> Iterator[tuple[str, ...]]:
     Otherwise the thread at least gets short time slices, for quick wake-ups.
     """
     if lock_step:
-        left_out = "real time: left out, SYNC is in lock-step and has no deadlines"
+        left_out = "real time: ignored, since SYNC in lock-step has no deadlines"
         yield (left_out,) if wanted else ()
         return
     with short_slices(), real_time() if wanted else nullcontext(()) as measures:

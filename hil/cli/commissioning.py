@@ -55,7 +55,8 @@ def check(
     model: Annotated[
         Path | None,
         typer.Option(
-            help="Identified run, whose gravity torques reveal the direction of each joint."
+            help="Identified run; its gravity torques are used to check the direction of each "
+            "joint."
         ),
     ] = None,
     realtime: RealTime = False,
@@ -64,7 +65,7 @@ def check(
         typer.Option(
             min=0,
             max=600,
-            help="Duration of measuring this computer's wake-up jitter \\[s].",
+            help="Duration of the measurement of this computer's wake-up jitter \\[s].",
         ),
     ] = 10.0,
     yes: Yes = False,
@@ -158,7 +159,7 @@ def home(
     with _open_session(drives_file, drives, where, agreed=yes) as (bus, operator, keeper):
         q = homing.home(bus, drives, drive, how, operator, patience=patience, keeper=keeper)
     give(axis=drive.name, method=how.method, q=float(q))
-    say(f"{drive.name}: homed by method {how.method}, stands at {format_coordinate(drive, q)}; off")
+    say(f"{drive.name}: homed by method {how.method}, position {format_coordinate(drive, q)}; off")
 
 
 @expand_records
@@ -223,7 +224,7 @@ def _wake_ups(
 
     if duration and not bus.lock_step:
         # plain text: an animated line would disturb the measured wake-ups
-        say(f"measuring this computer's wake-ups for {duration:g} s")
+        say(f"measuring this computer's wake-up jitter for {duration:g} s")
     found = sync_period.wake_ups_on(bus, period, duration) if duration else None
     if found is None:
         return [], 0.0

@@ -122,7 +122,9 @@ def _python(r: Readings) -> Judged:
 
 def _kernel(r: Readings) -> Judged:
     if r.socketcan:
-        found = "can and vcan" if r.vcan else "can; no vcan, which only tests without hardware need"
+        found = (
+            "can and vcan" if r.vcan else ("can; no vcan (needed only for tests without hardware)")
+        )
         return Judged("kernel", "OK", found)
     if r.system != "Linux":
         found = f"{r.system} has no SocketCAN"
@@ -153,11 +155,11 @@ def _interface(each: CanInterface) -> Judged:
 
 def _rights(r: Readings) -> Judged:
     if r.administrator:
-        return Judged("rights", "OK", "interfaces may be set up")
+        return Judged("rights", "OK", "interfaces can be set up")
     if r.interfaces and all(each.up for each in r.interfaces):
-        return Judged("rights", "OK", "interfaces are up, no more is needed")
-    found = "this user may not set up interfaces"
-    return Judged("rights", "WARN", found, "let an administrator bring the interface up, or sudo")
+        return Judged("rights", "OK", "interfaces are up")
+    found = "this user has no permission to set up interfaces"
+    return Judged("rights", "WARN", found, "bring the interface up with sudo or as administrator")
 
 
 def _priority(r: Readings) -> Judged:
@@ -171,7 +173,7 @@ def _priority(r: Readings) -> Judged:
 def _clock(r: Readings) -> Judged:
     found = f"resolution {1e9 * r.resolution:.0f} ns"
     if r.resolution > 1e-4:  # s; a coarser clock cannot pace SYNC
-        remedy = "use a kernel with high-resolution timers, which SYNC needs on a real bus"
+        remedy = "use a kernel with high-resolution timers; SYNC on a real bus needs them"
         return Judged("clock", "FAIL", found, remedy)
     return Judged("clock", "OK", found)
 

@@ -31,7 +31,9 @@ EXTRAS = {
 def doctor(
     folder: Annotated[
         Path,
-        typer.Option("--folder", help="Folder for runs, whose space and rights are checked."),
+        typer.Option(
+            "--folder", help="Folder for runs; its free space and permissions are checked."
+        ),
     ] = Path(),
 ) -> None:
     """Check this computer: Python, CAN, rights, clock, disk.

@@ -118,12 +118,12 @@ def new(
     choices: dict[str, list[str]] = {}
     for number, axis in enumerate(axes, start=1):
         chosen = axis.review.current
-        why = f"from {chosen.place}: {chosen.why}" if chosen else "is to be stated: none was found"
+        why = f"from {chosen.place}: {chosen.why}" if chosen else "must be stated: not found"
         choices.setdefault(why, []).append(str(number))
     for why, numbers in choices.items():
         say(f"joint {', '.join(numbers)}: current {why}")
     marks = text.count(f": {UNSTATED} ")
-    say(f"{len(axes)} axes in {output}; {marks} lines marked {UNSTATED} are yours to fill in")
+    say(f"{len(axes)} axes in {output}; {marks} lines marked {UNSTATED} must be filled in by you")
 
 
 for _command in (
@@ -145,8 +145,8 @@ def _read_sheets(
         files = [*files] * len(nodes)
     if nodes and len(nodes) != len(files):
         raise typer.BadParameter(
-            f"{len(nodes)} nodes and {len(files)} data sheets: give one sheet for all nodes or as"
-            " many as nodes"
+            f"{len(nodes)} nodes and {len(files)} data sheets: give one sheet for all nodes, or "
+            "one per node"
         )
     axes, rules = [], find_rules(interface)
     for number, file in enumerate(files):
@@ -196,8 +196,8 @@ def _scan(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> Scan:
     if not found.nodes:
         asked = f"node {', '.join(map(str, nodes))}" if nodes else "any of 127 node numbers"
         raise NodeSilent(
-            f"{interface} {channel}: nothing was heard of {asked}; check the drives'"
-            f" power, the bit rate ({bitrate} bit/s), termination and CAN wiring"
+            f"{interface} {channel}: no response from {asked}; check the drives' power, the bit "
+            f"rate ({bitrate} bit/s), termination and CAN wiring"
         )
     return found
 
@@ -277,11 +277,14 @@ def _remarks(found: FoundNode) -> Iterator[tuple[str, bool]]:
         text = f"{found.answers} devices answer by this number: give each its own, one at a time"
         yield text, True
     if _state(found.dictionary) == State.OPERATION_ENABLED.value.lower():
-        yield "is powered and may move: another master holds it, release it before measuring", False
+        yield (
+            "is powered and may move: another master controls it; release it before measuring",
+            False,
+        )
     if found.review is not None:
         yield from ((str(finding), finding.fatal) for finding in found.review.findings)
         return
-    text = "answers no SDO: a stopped node, or a master's heartbeat; a drive must be brought to"
+    text = "no SDO response: a stopped node, or a master's heartbeat; bring a drive to"
     yield f"{text} pre-operational", False
 
 

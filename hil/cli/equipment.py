@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 STATUSES = {
     0: "done",
-    1: "not done, or a check found a fault; the message on standard error states it",
+    1: "not completed, or a check found a fault; see the message on standard error",
     2: "wrong usage: an unknown option, or options that do not go together",
-    3: "done, and the judgement is failed (identify, validate, accept), or alarms (watch)",
-    4: "done, and something changed (history --fail-on-change)",
+    3: "completed, with judgement failed (identify, validate, accept), or alarms (watch)",
+    4: "completed, with significant changes (history --fail-on-change)",
     130: "stopped by Ctrl-C, a signal or the stop key; the axes are off",
 }
 """Exit statuses of the commands."""

@@ -43,14 +43,14 @@ def import_(
         list[Path] | None,
         typer.Option(
             "--files",
-            help="File or folder outside of a map's folder that the maps may name; repeatable.",
+            help="File or folder outside of a map's folder that the maps may read; repeatable.",
         ),
     ] = None,
     explain: Annotated[
         bool,
         typer.Option(
             "--explain",
-            help="Print the interpretation of each joint, and the figures of all checks.",
+            help="Print the interpretation of each joint, and the results of all checks.",
         ),
     ] = False,
     workers: Annotated[
@@ -73,7 +73,7 @@ def import_(
         return
     if workers is not None and scheduler not in (None, LOCAL):
         raise typer.BadParameter(
-            "--workers is for this machine, a Dask cluster has its own; leave it out",
+            "--workers applies to this machine, not to a Dask cluster; leave it out",
             param_hint="--workers",
         )
     from hil.imports.importing import import_recordings
@@ -122,8 +122,8 @@ def _draft(recording: Path, output: Path) -> None:
     say(f"{output}: {marks} lines marked {UNSTATED} are yours to fill in")
     if name.startswith(".."):
         say(
-            f"{output}: names {recording}, outside of its own folder; import with: hil import"
-            f" {output} --files {recording.resolve().parent} -o RUN"
+            f"{output}: names {recording}, which is outside of the map's folder; import with: "
+            f"hil import {output} --files {recording.resolve().parent} -o RUN"
         )
 
 
@@ -174,8 +174,8 @@ def export(
         paths = _write_recordings(source, to, output, urdf, without)
     elif to not in SIMULATORS and (urdf or patch or masses):
         raise typer.BadParameter(
-            f"--urdf, --patch and --mass are about bodies, which {to} has not; they go with"
-            f" {' and '.join(SIMULATORS)}",
+            f"--urdf, --patch and --mass concern bodies, absent from {to}; use them with "
+            f"{' and '.join(SIMULATORS)}",
             param_hint="--to",
         )
     else:
@@ -190,7 +190,7 @@ def _refuse(to: str, **given: object) -> None:
     for name, value in given.items():
         if value:
             raise typer.BadParameter(
-                f"{to} has no use for it; leave it out", param_hint=f"--{name}"
+                f"not applicable to {to}; leave it out", param_hint=f"--{name}"
             )
 
 
@@ -212,7 +212,7 @@ def _write_model(
 
         model = Model.load(source)
         if model.failed and not force:
-            text = f"its identification {model.verdict}; --force writes it all the same, with"
+            text = f"its identification {model.verdict}; --force exports it anyway, with"
             sys.stderr.write(shown(f"{source}: {text} FAILED on top of every file\n"))
             raise typer.Exit(Status.REFUSED)
         now(f"writing the model as {to}")

@@ -27,7 +27,10 @@ commands.add_typer(
 
 Index = Annotated[Path, typer.Argument(metavar="INDEX", help="Index of a fleet.")]
 Rate = Annotated[
-    float, typer.Option(min=0.001, max=100.0, help="False alarms a machine in ten years, at most.")
+    float,
+    typer.Option(
+        min=0.001, max=100.0, help="Maximum number of false alarms per machine in ten years."
+    ),
 ]
 
 
@@ -37,13 +40,13 @@ def index(
         list[str],
         typer.Argument(
             metavar="FOLDER",
-            help="Folders MACHINE/RUN of identified runs; addresses of object storage, too.",
+            help="Folders MACHINE/RUN of identified runs; object storage addresses are accepted.",
         ),
     ],
     output: Annotated[
-        Path, output_option(folder_to_write, "Index to write, or to add to; a folder.")
+        Path, output_option(folder_to_write, "Folder of the index to create or extend.")
     ] = Path("fleet.parquet"),
-    workers: Annotated[int, typer.Option(min=1, help="Processes that read models.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, help="Number of processes that read models.")] = 1,
 ) -> None:
     """Add the models of all runs in folders to an index; known models are not read again."""
     from hil import execution

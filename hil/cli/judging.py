@@ -53,8 +53,8 @@ def validate(
     truth: Annotated[
         str | None,
         typer.Option(
-            help="Plant file, or built-in plant, whose true parameters the estimate of this run is"
-            " compared with.",
+            help="Plant file or built-in plant with the true parameters, for comparison with the "
+            "estimate of this run.",
             autocompletion=robots,
         ),
     ] = None,
@@ -80,8 +80,8 @@ def validate(
     if truth is not None and model_path is None:
         if measure or realtime or where != RobotsBus():
             raise typer.BadParameter(
-                "--measure and the options of the bus do not go with --truth, which measures"
-                " nothing; leave them out"
+                "--measure and bus options do not go with --truth (no measurement takes place); "
+                "leave them out"
             )
         _against_truth(folder, truth, method, others, without)
         return
@@ -199,8 +199,8 @@ def _draft(folder: Path, output: Path, factor: float) -> None:
     with working("reading the run"):
         found = draft_limits(folder, factor)
     write_limits(output, found)
-    say(f"{len(found.quantities) + len(found.residual)} limits in {output}; set them to what the"
-        " series may vary by")  # fmt: skip
+    say(f"{len(found.quantities) + len(found.residual)} limits in {output}; adjust them to the "
+        "permitted variation of the series")  # fmt: skip
 
 
 def _accept(
@@ -231,7 +231,7 @@ def history(
     reference: Annotated[
         Path | None,
         typer.Option(
-            help="Run to compare all others with; the earliest by default.", autocompletion=runs
+            help="Reference run for the comparison; the earliest by default.", autocompletion=runs
         ),
     ] = None,
     wander: Annotated[

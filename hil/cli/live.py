@@ -57,7 +57,7 @@ def hand_of(bus_option: Sequence[str] | None) -> str:
 _LIVE, _LIVE_ADDRESS = _address_options(
     "--live",
     "Show the run on a page in the browser of this computer",
-    "Serve the live page to other computers at this IP address; its URL holds a secret.",
+    "Serve the live page to other computers at this IP address; its URL contains a secret.",
 )
 _FOXGLOVE, _FOXGLOVE_ADDRESS = _address_options(
     "--foxglove",

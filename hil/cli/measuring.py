@@ -76,7 +76,7 @@ def run(
     symmetric: Annotated[
         Path | None,
         typer.Option(
-            help="Run with friction that must be symmetric; otherwise nothing moves.",
+            help="Run whose friction must be symmetric; otherwise no axis moves.",
             autocompletion=runs,
         ),
     ] = None,
@@ -159,7 +159,7 @@ def measure(
     """
     from functools import partial
 
-    with working("passing the plan's motions through the limits"):
+    with working("checking the plan's motions against the limits"):
         from drivers.opening import open_drive_bus
         from hil.cli import bus_access
         from hil.cli.run_session import carry_out
@@ -227,7 +227,7 @@ def _show_changes(the_plan: Plan, the_robot: Robot, source: Path, output: Path, 
     kept = kept_in(output, how.interface, channel)
     with bus_access.open_interface(how.interface, channel, drives.bitrate, how.bus_option) as bus:
         drive_settings.show_changes(drives, bus, kept)
-    say("nothing was written, nothing was powered")
+    say("no object was written, no axis was powered")
 
 
 def _check_drives(

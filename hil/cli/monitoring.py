@@ -155,5 +155,5 @@ def _alarm(axis: AxisPicture) -> str:
     if axis.emergencies:
         parts.append(f"{axis.emergencies} in all")
     if axis.foreign:
-        parts.append(f"{axis.foreign} TPDOs of another length")
+        parts.append(f"{axis.foreign} TPDOs of unexpected length")
     return "; ".join(parts)

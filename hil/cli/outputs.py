@@ -53,7 +53,7 @@ def refuse_existing(output: Path) -> None:
         An existing file.
     """
     if os.path.lexists(output):
-        raise _output_error(f"{output}: is there already; remove it or choose another name with -o")
+        raise _output_error(f"{output}: already exists; remove it or choose another name with -o")
 
 
 def refuse_no_folder(output: Path) -> None:
@@ -64,7 +64,7 @@ def refuse_no_folder(output: Path) -> None:
     FileError
     """
     if not output.parent.is_dir():
-        raise _output_error(f"{output}: there is no folder {output.parent}; make it first")
+        raise _output_error(f"{output}: no folder {output.parent}; create it first")
     _refuse_closed(output.parent)
 
 
@@ -79,13 +79,11 @@ def refuse_unwritable(output: Path) -> None:
         A folder has its name, or its own folder takes no files.
     """
     if output.is_dir() and not output.is_symlink():
-        raise _output_error(
-            f"{output}: is a folder, and a file is to be written there; move it away"
-        )
+        raise _output_error(f"{output}: is a folder, not a file; move it, or choose another name")
     if output.parent.is_dir() and not os.access(output.parent, os.W_OK):
         raise _output_error(
-            f"{output}: cannot be written: {output.parent} takes no files from this user; copy the"
-            " folder to where it may be written"
+            f"{output}: cannot be written: {output.parent} is not writable for this user; copy "
+            "the folder to a writable place"
         )
 
 
@@ -101,8 +99,8 @@ def _refuse_no_way(path: Path, folder: Path | None = None) -> None:
 def _refuse_closed(folder: Path) -> None:
     if not os.access(folder, os.W_OK):
         raise _output_error(
-            f"{folder} takes no files from this user; choose another place, or have its rights"
-            " changed"
+            f"{folder} is not writable for this user; choose another place, or change its "
+            "permissions"
         )
 
 

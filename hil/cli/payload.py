@@ -65,7 +65,7 @@ def two_runs(
         bool,
         typer.Option(
             "--gains",
-            help="Estimate the torque gains of all axes of imported runs, too; takes --mass.",
+            help="Estimate the torque gains of all axes of imported runs, too; needs --mass.",
         ),
     ] = False,
 ) -> None:
@@ -74,7 +74,9 @@ def two_runs(
     Writes load.yaml into the folder of the second.
     """
     if gains and mass is None:
-        raise typer.BadParameter("takes --mass: gains are found by it", param_hint="--gains")
+        raise typer.BadParameter(
+            "needs --mass, from which gains are estimated", param_hint="--gains"
+        )
     with working("reading the runs") as now:
         from hil.commands import payload as command
         from hil.results.problem import regression
@@ -83,11 +85,11 @@ def two_runs(
         path = loaded / command.NAME
         refuse_unwritable(path)
         runs = Run.open(without), Run.open(loaded)
-        now("estimating both runs and the load between them")
+        now("estimating both runs and the load")
         found = regression(runs[0], loaded=runs[1:], mass=mass, gains=gains).fit()
         kept = command.write_load(loaded, runs[0], runs[1:], found, command.verdict(found.load))
     _finish(loaded, runs[0], runs[1:], found.load, kept)
-    say(f"load in {path}; hil report {loaded} shows it beside the robot")
+    say(f"load in {path}; hil report {loaded} shows it with the robot's parameters")
 
 
 @payload.command()
@@ -99,7 +101,9 @@ def measure(
     ],
     minutes: Annotated[
         float,
-        typer.Option(min=LEAST_MINUTES, max=3, help="Duration of motion, travel included \\[min]."),
+        typer.Option(
+            min=LEAST_MINUTES, max=3, help="Duration of motion, including travel \\[min]."
+        ),
     ] = 3.0,
     mass: Annotated[
         float | None,
@@ -107,7 +111,9 @@ def measure(
     ] = None,
     at_most: Annotated[
         float | None,
-        typer.Option(min=1e-3, help="Maximum payload mass, which poses must hold \\[kg]."),
+        typer.Option(
+            min=1e-3, help="Maximum payload mass that the axes must hold in all poses \\[kg]."
+        ),
     ] = None,
     pose: Annotated[
         list[str] | None,
@@ -134,7 +140,7 @@ def measure(
     bare_run = Run.open(model if model.is_dir() else model.parent)
     _refuse_output(bare_run, output, resume=resume)
     held_axes = poses(bare_run.robot, pose or [])
-    with working("reading what the run without the load knows"):
+    with working("reading the run without the load"):
         bare = BareRun(bare_run)
         known = bare.known
     how = OnBus(**vars(where))
@@ -151,7 +157,7 @@ def measure(
     _carry_out(slow, bare_run, output / SLOW, how, resume=resume)
     fast = _kept_plan(output / FAST, bare_run)
     if fast is None:
-        with working("estimating the load, and choosing faster measurements by it"):
+        with working("estimating the load, and choosing faster measurements"):
             found = estimate_load(bare, [Run.open(output / SLOW)])
             fast = fast_plan(known, minutes, slow, found, held_axes)
         _show_stage("fast", fast, bare_run)
@@ -184,14 +190,15 @@ def _refuse_output(bare: Run, output: Path, *, resume: bool) -> None:
 
     if output.resolve() == bare.path.resolve():
         raise Mismatch(
-            f"{output}: is the run without the load; name another folder for the one with it: -o"
+            f"{output}: is the run without the load; name another folder for the run with the "
+            "load: -o"
         )
     if (output / "run.json").exists():
         raise FileError(f"{output}: holds another run; choose another folder with -o")
     if (output / SLOW).exists() and not resume:
         raise FileError(
-            f"{output}: holds a load's measurement already; finish it with --resume, or choose"
-            " another folder with -o"
+            f"{output}: already holds a load measurement; finish it with --resume, or choose "
+            "another folder with -o"
         )
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _GROUP_TITLES = {
     GRAVITY: "gravity: in g(q)",
     DIAGONAL: "diagonal: on the diagonal of M(q), not in g(q)",
-    OFF_DIAGONAL: "off-diagonal: beside the diagonal of M(q) only",
+    OFF_DIAGONAL: "off-diagonal: only off the diagonal of M(q)",
 }
 
 
@@ -51,8 +51,8 @@ def render_robot(robot: Robot) -> None:
         show(_dependencies(robot, base), out)
     else:
         say(
-            f"which parameter occurs in which element is a table of {robot.n_joints} columns, which"
-            f" is shown up to {widest}; in Python: base_parameters(robot).dependencies"
+            f"the table of parameters by element has {robot.n_joints} columns, at most {widest} "
+            "are shown; in Python: base_parameters(robot).dependencies"
         )
 
 
@@ -112,13 +112,13 @@ def render(result: DryRun, robot: Robot) -> None:
     if result.lags:
         lag = max(result.lags, key=lambda each: each.most / each.window)
         say(
-            f"axis {lag.axis + 1} lags behind its set-points by up to {lag.most:.2g} in"
-            f" {lag.trajectory}, {lag.most / lag.window:.0%} of its following error window (6065)",
+            f"axis {lag.axis + 1} lags behind its set-points by up to {lag.most:.2g} in "
+            f"{lag.trajectory}, {lag.most / lag.window:.0%} of the following error window (6065)",
         )
     for axis, planned in result.without_law.items():
         say(
-            f"axis {axis + 1}: {planned} measurements move it, a law of its friction needs"
-            f" {FOR_A_LAW}; torques will lack its friction; add measurements that move it",
+            f"axis {axis + 1}: {planned} measurements move it, a friction law needs {FOR_A_LAW}; "
+            "predicted torques will lack friction of this axis; add measurements of it",
             "yellow",
         )
     if result.groups:
@@ -134,9 +134,9 @@ def render(result: DryRun, robot: Robot) -> None:
             if group.hidden:
                 names = _join_titles(group.hidden, robot)
                 say(
-                    f"{names}: acceleration shows what no gravity torque distinguishes from an"
-                    " offset or from each other; condition and rank are those of all kinds of"
-                    " measurement together",
+                    f"{names}: gravity torques alone do not distinguish these from an offset or "
+                    "from one another, accelerations do; condition and rank are of all kinds of "
+                    "measurement together",
                 )
 
 
@@ -188,7 +188,9 @@ def render_refinement(before: Precision, after: Precision, robot: Robot) -> None
     columns = {
         "now": [_figure(now) for now, _ in pairs],
         "then": [_figure(then) for _, then in pairs],
-        "then / now": [f"{then / now:.2f}" if math.isfinite(now) else "" for now, then in pairs],
+        "then / now": [
+            f"{then / now:.2f}" if math.isfinite(now) else "" for now, then in pairs
+        ],
     }
     _print_precision("Predicted standard deviations", columns, after, robot)
 
@@ -217,12 +219,13 @@ def _print_precision(
     ]
     show(table(title, (*heads, *figures("torque, %"), ""), parts), out)
     say(
-        f"torque: what a standard deviation amounts to, of an axis's limit; {found.source}",
+        "torque: effect of one standard deviation, as a share of an axis's torque limit; "
+        f"{found.source}",
     )
     if imprecise := _join_titles(np.array(found.names)[found.imprecise].tolist(), robot):
         say(
-            f"imprecise: {imprecise}; a standard deviation is more than {IMPRECISE:.1%} of a torque"
-            " limit. Give more minutes, or measure on with hil plan --refine",
+            f"imprecise: {imprecise}; a standard deviation is more than {IMPRECISE:.1%} of a "
+            "torque limit. Give more minutes, or refine with hil plan --refine",
             "yellow",
         )
 

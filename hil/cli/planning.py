@@ -43,7 +43,7 @@ def dry_run_(
     drives_file: RobotsDrives = None,
     view: Annotated[
         bool,
-        typer.Option("--view", help="Also write a 3-D page of the plan beside it."),
+        typer.Option("--view", help="Also write a 3-D page of the plan."),
     ] = False,
 ) -> None:
     """Check a plan and predict its duration and precision; nothing moves."""
@@ -74,7 +74,7 @@ def dry_run_(
             expected = expected_of(the_robot, noise_from, drives_file)
             noise, measurements = expected.noise, the_plan.measurements
             found = predict(the_robot, measurements, the_plan.sample_period, noise)
-            now("predicting what it will exclude")
+            now("predicting detectable causes of error")
             proof = foreseen(the_plan, the_robot, noise, expected.p)
         plan_view.render_precision(found, the_robot)
         if proof is not None:
@@ -129,8 +129,8 @@ def plan(
         typer.Option(
             min=0.1,
             max=LONGEST / 60,
-            help="Duration of motion \\[min]; strokes are chosen by number unless it is given, 5 is"
-            " the default of a trajectory, 3 that of a load.",
+            help="Duration of motion \\[min]; default 5 for a trajectory, 3 for a load; without "
+            "it strokes are chosen by number.",
         ),
     ] = None,
     warm_up: Annotated[
@@ -142,8 +142,8 @@ def plan(
         list[Path] | None,
         typer.Option(
             metavar="RUN",
-            help="Run that the plan continues: its least precise parameters, or the faster strokes"
-            " of a load; may be repeated.",
+            help="Run to refine: more measurements of its least precise parameters, or faster "
+            "strokes of a load; may be repeated.",
             autocompletion=runs,
         ),
     ] = None,
@@ -171,8 +171,8 @@ def plan(
         str | None,
         _strokes(
             metavar="CAUSE[,CAUSE...]",
-            help="Causes of error that the plan must distinguish at their usual size, such as"
-            " 'load,zero of axis 4'; this at most doubles its duration.",
+            help="Causes of error to be distinguished by the plan at their usual size, such as "
+            "'load,zero of axis 4'; at most doubles the duration.",
         ),
     ] = None,
     noise_from: Annotated[
@@ -185,8 +185,8 @@ def plan(
     experiment: Annotated[
         Experiment | None,
         _friction(
-            help="Experiment: all speeds once (sweep), motion with stops (stops), or all speeds"
-            " after times of operation (operation).",
+            help="Experiment: all speeds once (sweep), motion with stops (stops), or all speeds "
+            "after several durations of operation (operation).",
             show_default="sweep",
         ),
     ] = None,
@@ -201,7 +201,7 @@ def plan(
         float | None,
         _trajectory(
             min=1.0,
-            help="Period of the trajectory \\[s]; better no multiple of the SYNC period.",
+            help="Period of the trajectory \\[s]; preferably no multiple of the SYNC period.",
             show_default="10.0023",
         ),
     ] = None,

@@ -19,7 +19,7 @@ commands = typer.Typer()
 
 Gains = Annotated[
     list[float] | None,
-    typer.Option(min=0.0, help="Gain of a PD controller; once for all axes, or once an axis."),
+    typer.Option(min=0.0, help="Gain of a PD controller; one for all axes, or one per axis."),
 ]
 
 
@@ -29,7 +29,9 @@ def replay(
     model_path: ModelPath,
     simulator: Annotated[
         Literal["builtin", "mujoco"],
-        typer.Option(help="Built-in simulator with exact stick-slip, or MuJoCo, to be installed."),
+        typer.Option(
+            help="Built-in simulator with exact stick-slip, or MuJoCo (a separate package)."
+        ),
     ] = "builtin",
     friction: Annotated[
         Literal["law", "plain", "exported"] | None,
@@ -99,8 +101,8 @@ def _controller(robot: Robot, kp: list[float] | None, kd: list[float] | None) ->
     for name, given in (("kp", kp), ("kd", kd)):
         if not given or len(given) not in (1, robot.n_joints):
             raise typer.BadParameter(
-                f"{len(given or ())} values; a controller needs --kp and --kd, each once or"
-                f" {robot.n_joints} times",
+                f"{len(given or ())} values; a controller needs --kp and --kd, once or "
+                f"{robot.n_joints} times each",
                 param_hint=f"--{name}",
             )
         gains.append(np.broadcast_to(np.array(given), robot.n_joints).copy())

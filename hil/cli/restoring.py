@@ -45,7 +45,7 @@ def restore(
 
     settings = load_found_settings(file)
     if not settings.unrestored:
-        say(f"{file}: has been put back already; nothing was written; {_conclusion(settings)}")
+        say(f"{file}: already restored; nothing was written; {_conclusion(settings)}")
         return
     bus_name = _bus_of(file, settings, interface, channel, other_bus=other_bus)
     with ExitStack() as stack:
@@ -55,7 +55,7 @@ def restore(
         bus = stack.enter_context(
             bus_access.open_interface(*bus_name, settings.bitrate, bus_option)
         )
-        ended = "stopped; run the same command again to go on"
+        ended = "stopped; repeat the command to continue"
         stack.enter_context(interruptible(lambda: ended))
         settings, failed = _put_back(bus, settings, file)
         if settings.restored:
@@ -113,8 +113,9 @@ def _bus_of(
     bus = interface, channel or PLANT
     if None not in kept and bus != kept and not other_bus:
         raise FileError(
-            f"{file}: is about drives on {kept[0]} {kept[1]}, not on {bus[0]} {bus[1]}; leave"
-            " --interface and --channel out, or add --other-bus if these drives are there by now"
+            f"{file}: belongs to drives on {kept[0]} {kept[1]}, not on {bus[0]} {bus[1]}; leave "
+            "--interface and --channel out, or add --other-bus if these drives are on that bus "
+            "now"
         )
     return bus
 
@@ -122,8 +123,8 @@ def _bus_of(
 def _conclusion(settings: FoundSettings) -> str:
     refused = [f"{drive.name} {each}" for drive in settings.drives for each in drive.refused]
     if not refused:
-        return "all drives hold again what they held"
+        return "the settings of all drives are restored"
     return (
-        "all drives hold again what they held, but what they do not take back:"
-        f" {', '.join(refused)}; set it with the maker's commissioning tool"
+        "the settings of all drives are restored, except for refused objects: "
+        f"{', '.join(refused)}; set it with the maker's commissioning tool"
     )

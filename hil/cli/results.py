@@ -124,7 +124,7 @@ def identify(
         if consistent or masses:
             from hil.results.consistency import find_consistent_robot
 
-            now("finding the nearest robot that consists of bodies")
+            now("finding the nearest physically consistent robot")
             found = find_consistent_robot(found, pooled([run, *more]), bounds)
         found.save(path)
     say_verdicts(found.verdict.verdicts if found.verdict else ())
@@ -156,7 +156,9 @@ def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:
     from hil.export.urdf_file import bodies_of, given_urdf, inertial_faults
 
     if (prior is None) != (urdf is None):
-        raise typer.BadParameter("--prior and --urdf, whose inertials it takes, go together")
+        raise typer.BadParameter(
+            "--prior takes inertials from a URDF: give both --prior and --urdf, or neither"
+        )
     if prior is None or urdf is None:
         return DEFAULTS
     kind, _, share = prior.partition("=")
@@ -212,7 +214,7 @@ def diagnose(folder: RunPath, without: Without = None) -> None:
 
         refuse_unwritable(folder / command.NAME)
         run = Run.open(folder).exclude(without or ())
-        now(f"testing what the robot file of {run.robot.name} leaves out")
+        now(f"testing for effects missing in the robot file of {run.robot.name}")
         diagnosis = command.diagnose(run)
         now("drawing")
         found = command.outcome(run, diagnosis)
@@ -247,7 +249,7 @@ def friction(
 
         refuse_unwritable(folder / NAME)
         run = Run.open(folder)
-        now("fitting models of friction")
+        now("fitting friction models")
         found = fit_friction(run, model, BOUND if asymmetry is None else asymmetry)
     path = write_friction(run, found)
     show(outcome(run, found))
@@ -302,4 +304,4 @@ def _show_unusable_model(run: Run) -> None:
     except FileError as error:
         why = str(error)
     if why is not None:
-        say(f"not used, the report is of a new estimate: {why}", style="yellow")
+        say(f"not used, the report shows a new estimate: {why}", style="yellow")

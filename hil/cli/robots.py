@@ -32,7 +32,7 @@ def show(name: RobotName) -> None:
         from hil.model.robot import Robot
 
         robot = Robot.load(name)
-        now(f"finding what can be identified of {robot.n_joints} joints")
+        now(f"finding the base parameters of {robot.n_joints} joints")
         base_parameters(robot)
     plan_view.render_robot(robot)
 
@@ -83,7 +83,7 @@ def new(
     write_file(output, text.encode())
     say(found)
     if rounded > 0:
-        say(f"angles within {rounded:.2g} rad of quarter turns were taken for these")
+        say(f"angles within {rounded:.2g} rad of a multiple of pi/2 were rounded to it")
     marks = text.count(f": {UNSTATED} ")
     say(f"{output}: {marks} lines marked {UNSTATED} are yours to fill in")
 

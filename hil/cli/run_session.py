@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     Display = Callable[[Console], AbstractContextManager[Callable[[Event], None]]]
 
 NOT_REHEARSED = (
-    "this plan has not been rehearsed: with --rehearse all its ways are passed slowly first"
+    "this plan has not been rehearsed: with --rehearse the robot first moves along all paths slowly"
 )
 
 
@@ -69,7 +69,7 @@ def carry_out(
         reported.
     """
     if not folder.missing and rehearsal is None:
-        say(f"{folder.path}: nothing is missing")
+        say(f"{folder.path}: complete")
         return
     if rehearsal is None and folder.journal.rehearsed is None and bus_name.interface != SIMULATED:
         say(NOT_REHEARSED)
@@ -86,7 +86,7 @@ def carry_out(
         try:
             last = _move(events, real_time, refuse_lost, display)
         except (BrokenPipeError, SystemExit):  # rich turns the one into the other
-            report(f"nobody reads the output, the axes are off; {_describe_rest(folder)}")
+            report(f"the output was closed, the axes are off; {_describe_rest(folder)}")
             raise typer.Exit(1) from None
         except (DriveError, FileError) as error:
             report(f"{error}\n{_describe_rest(folder)}")
@@ -120,8 +120,8 @@ def _move(
 def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
     if rehearsal is not None:
         return (
-            f"all ways of the plan passed at {rehearsal:.0%} of the speed limits; measure with the"
-            " same command without --rehearse"
+            f"all paths of the plan rehearsed at {rehearsal:.0%} of the speed limits; measure "
+            "with the same command without --rehearse"
         )
     if not isinstance(last, Finished):
         return f"no measurement was finished in {folder.path}"
@@ -147,4 +147,4 @@ def _begun(before: float) -> str:
 def _describe_rest(folder: RunFolder) -> str:
     if folder.discard_if_empty():
         return "nothing was measured"
-    return f"what was measured stays in {folder.path}; finish with hil run ... --resume"
+    return f"recordings so far are in {folder.path}; finish with hil run ... --resume"

@@ -45,20 +45,20 @@ and a motion takes 20 s. Two motions hold the learning and 15 s for pushing, on 
 FASTEST_LEARNING = 8.0
 """Speed of learning relative to real time; the eye still follows the slow motion."""
 ABOUT = (
-    "Six simulated servo drives with the dynamics of an industrial arm answer on a simulated CAN"
-    " bus. Nothing is known of the masses, inertias and friction of this arm; motor currents and"
-    " encoders are all there is to find them."
+    "Six simulated servo drives with the dynamics of an industrial arm answer on a simulated CAN "
+    "bus. Masses, inertias and friction of this arm are unknown; only motor currents and "
+    "encoders are measured."
 )
 MEASURING = (
-    "Each short motion is made for one or two unknown quantities. Before a recording is used, its"
-    " torque is predicted from those before; the coloured band holds the measured torque with a"
-    " probability of 95 % and narrows with every recording."
+    "Each short motion serves one or two unknown parameters. Before a recording is used, its "
+    "torque is predicted from earlier recordings; the coloured band contains the measured torque "
+    "with a probability of 95 % and narrows with every recording."
 )
 IDENTIFYING = (
-    "One regression over all recordings yields the base parameters: those combinations of masses,"
-    " centres of mass and inertias that the motors feel. The axes are off meanwhile."
+    "One regression over all recordings yields the base parameters: the combinations of masses, "
+    "centres of mass and inertias that determine the motor torques. The axes are off meanwhile."
 )
-IDENTIFIED = "Whether the model holds is seen in the motion that follows: none was like it."
+IDENTIFIED = "The next motion tests the model: no recording was like it."
 FURTHER = (
     "hil view {folder}/pushed/run",
     "hil plan manutec-r15 -o plan.yaml",
@@ -83,7 +83,10 @@ def try_(
         bool, typer.Option("--no-browser", help="Print the address and open no browser.")
     ] = False,
     speed: Annotated[
-        float, typer.Option(min=1, max=1000, help="Greatest speed of measuring, times real time.")
+        float,
+        typer.Option(
+            min=1, max=1000, help="Maximum speed of the simulation, as a multiple of real time."
+        ),
     ] = 40.0,
     push: Annotated[
         float | None,
@@ -110,14 +113,14 @@ def try_(
 
         folder = _claim_folder(output)
         left.callback(lambda: _remove_if_empty(folder))
-        left.enter_context(interruptible(lambda: f"stopped; what was measured stays in {folder}"))
+        left.enter_context(interruptible(lambda: f"stopped; recordings so far are in {folder}"))
         hand = f"{left.enter_context(TemporaryDirectory(prefix='hil-'))}/hand"
         shown = listeners(Shown(live=port), [f"hand={hand}"], folder / "measured", while_open=True)
         feed = Feed(shown, simulated=True)
         stated = left.enter_context(feed.open(out))
         feed.publish("headline", {"text": "Planning the measurements", "more": ABOUT})
         if no_browser or not _open_browser(stated):
-            say("open this address in a browser; Ctrl-C ends it all")
+            say("open this address in a browser; Ctrl-C ends the demonstration")
         with working("planning the measurements of the virtual robot"):
             from hil.cli.try_plans import measured_plan
             from hil.model.robot import Robot
@@ -129,8 +132,8 @@ def try_(
         ends = time.monotonic() + LEARNING + push if push else began + LONGEST
         found = _push(robot, model, folder, feed, hand, ends)
         _report(folder, feed, found)
-        say(f"{found}\nall of it is in {folder}; go on with: hil report {folder / 'measured'}")
-        say("the page stays until it is closed, or until Ctrl-C")
+        say(f"{found}\nresults are in {folder}; continue with: hil report {folder / 'measured'}")
+        say("the page is served until it is closed, or until Ctrl-C")
         with suppress(KeyboardInterrupt):  # which is how the server says that the page is closed
             while not shown[0].gone:
                 time.sleep(0.1)

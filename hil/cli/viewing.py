@@ -42,14 +42,15 @@ def view(
         Path | None,
         output_option(
             file_to_write,
-            "Page to write; by default beside the plan, in the run folder, or here.",
+            "Page to write; by default next to the plan, in the run folder, or in the current "
+            "folder.",
         ),
     ] = None,
     model_path: Annotated[
         Path | None,
         typer.Option(
             "--model",
-            help="Model that predicts torques: its file, or the identified run.",
+            help="Model for predicted torques: model file, or identified run.",
             autocompletion=runs,
         ),
     ] = None,
@@ -67,8 +68,8 @@ def view(
     """Write a 3-D page of a plan, a run or a robot; one HTML file."""
     path = Path(what)
     if path.is_dir():
-        _refuse(robot_file, "--robot", "a run, which has its own")
-        _refuse(workspace, "--workspace", "a run, which has its own")
+        _refuse(robot_file, "--robot", "a run, which includes this")
+        _refuse(workspace, "--workspace", "a run, which includes this")
         read, page = partial(_read_run, path, model_path, urdf, meshes), path / RUN_PAGE
     elif _is_plan(path):
         read = partial(_read_plan, path, robot_file, workspace, model_path, urdf, meshes)

@@ -45,12 +45,12 @@ def write_exported(exported: Exported, folder: Path) -> tuple[Path, ...]:
     Raises
     ------
     FileError
-        One of the files is there already, or cannot be written.
+        One of the files already exists, or cannot be written.
     """
     paths = {folder / name: text for name, text in exported.files.items()}
     for path in paths:
         if path.exists():
-            raise FileError(f"{path}: is there already; remove it or choose another folder with -o")
+            raise FileError(f"{path}: already exists; remove it or choose another folder with -o")
     for path, text in paths.items():
         with file_errors(path.parent, "made"):
             path.parent.mkdir(parents=True, exist_ok=True)

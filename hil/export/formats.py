@@ -133,7 +133,7 @@ def export_recordings(
         raise NotEnoughData(f"{run.path}: no recordings to export; measure them with --resume")
     with file_errors(output, "read"):
         if output.is_symlink() or (output.exists() and not _replaceable(output)):
-            raise FileError(f"{output}: is there already; choose another folder with -o")
+            raise FileError(f"{output}: already exists; choose another folder with -o")
     named = tuple(joints) or tuple(f"joint{k + 1}" for k in range(run.robot.n_joints))
     with whole_folder(output) as folder:
         RECORDINGS[name](Job(run, folder, named, progress))

@@ -71,7 +71,7 @@ def import_recordings(
     """
     output = Path(output)
     if output.exists() or output.is_symlink():
-        raise FileError(f"{output}: is there already; choose another folder with -o")
+        raise FileError(f"{output}: already exists; choose another folder with -o")
     loaded = [_loaded(path, files) for path in maps]
     robots = [robot_of(the_map) for the_map in loaded]
     _refuse_differing(loaded, robots)

@@ -118,9 +118,9 @@ def mechanical_suspicions(
         yield Suspicion(
             "shape",
             ("joints", 0, "torque"),
-            f"the model, friction and all, leaves {100 * share[shown].min():.0f} % of the variance"
-            " of the torques of all joints that move unexplained at least: they do not follow this"
-            " motion; name the columns of torques, of the same recording and of this robot",
+            f"the model, friction included, leaves {100 * share[shown].min():.0f} % of the "
+            "variance of the torques of all joints that move unexplained at least: torques do "
+            "not match this motion; name the torque columns of the same recording and robot",
         )
         return
     misread = _misread(robot, excerpts, prepared, solver, shown & (share > NOTHING))
@@ -183,9 +183,9 @@ def _misread(
         return [Suspicion("shape", place, message)]
     if drives and likely:
         message = (
-            f"friction would drive joint {driven + 1}: {100 * stated.driven[driven]:.0f} % of the"
-            " mean square that the rigid bodies leave has the direction of its speed; correct the"
-            " sign of its torque or of its position"
+            f"friction would accelerate joint {driven + 1}: {100 * stated.driven[driven]:.0f} % "
+            "of the residual's mean square acts in the direction of motion; correct the sign of "
+            "its torque or of its position"
         )
         return [Suspicion("shape", ("joints", driven, "torque", "sign"), message)]
     return []
@@ -243,8 +243,8 @@ def _late(
         yield Suspicion(
             "shape",
             ("joints", 0, "torque"),
-            f"torques of all joints are {'late' if lag > 0 else 'early'} by some"
-            f" {1e3 * abs(lag):.0f} ms; {CAUSES['late torque'].remedy}",
+            f"torques of all joints have a {'delay' if lag > 0 else 'lead'} of some "
+            f"{1e3 * abs(lag):.0f} ms; {CAUSES['late torque'].remedy}",
             certain=False,
         )
 
@@ -269,7 +269,7 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
     for axis in turning:
         for size in (size for size in STARTS["zero"] if size % 90.0 == 0.0):
             reading = sized(robot, "zero", axis)(size)
-            yield "zero", (axis,), f"{CAUSES['zero'].words} some {size:g} degrees", reading
+            yield "zero", (axis,), f"{CAUSES['zero'].words} of some {size:g} degrees", reading
     for cause in ("gravity x", "gravity y") if np.any(robot.gravity) else ():
         for size in STARTS[cause]:
             reading = sized(robot, cause, -1)(size)

@@ -164,7 +164,7 @@ class Robot(RobotArrays):
         """
         path = Path(path)
         if path.exists():
-            raise FileError(f"{path}: is there already; choose another name")
+            raise FileError(f"{path}: already exists; choose another name")
         try:
             path.write_text(self.text, encoding="utf-8")
         except OSError as error:

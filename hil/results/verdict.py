@@ -96,7 +96,7 @@ def _unexplained(fit: FreeMotionFit) -> Reservation | None:
             continue
         if naive <= ROUNDED_OFF:
             return failed(
-                f"axis {axis} moves, and its torque is constant",
+                f"axis {axis} moves, but its torque is constant",
                 "name the column of its torque in the map",
             )
         ratios[axis] = left / naive
@@ -115,7 +115,7 @@ def _impossible(model: Model) -> Iterator[Reservation]:
     for each in impossible_inertias(model):
         if each.certain:
             yield failed(
-                f"{_stated(each)}, and every robot's is positive",
+                f"{_stated(each)}; it must be positive for every robot",
                 "check signs, units, gear ratios and torque constants, in the map or the drives"
                 " file, and in the robot file",
             )
@@ -128,7 +128,7 @@ def _impossible(model: Model) -> Iterator[Reservation]:
     for each in impossible_links(model):
         if each.certain:
             yield doubtful(
-                f"{_stated(each)}, which no links have",
+                f"{_stated(each)}, impossible for rigid links",
                 "check gear ratios, rotor inertias and torque constants in the robot file, or state"
                 " their uncertainty there",
             )
@@ -154,8 +154,8 @@ def _judge_edges(model: Model) -> Iterator[Reservation]:
         yield doubtful(
             f"axis {each.axis}: {each.what} {significant(each.value, 3)} {each.unit}, at the edge"
             f" of the search{beyond}, {significant(each.bound, 3)} {each.unit}",
-            "look for what the model lacks: torque and position of different instants, a low-pass"
-            " of the torque, a wrong unit or column, links that bend",
+            "check for effects missing in the model: torque and position sampled at different "
+            "instants, a low-pass of the torque, a wrong unit or column, flexible links",
         )
 
 
@@ -172,15 +172,14 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
     ),
     When(
         lambda fit: _axes(fit.driving),
-        "axis {0}: the friction found gives power to the motion, which no friction does",
-        "check the sign of its torque, and whether a spring, a lag or an inertia is missing",
+        "axis {0}: identified friction is negative: it adds power to the motion",
+        "check the sign of its torque, and for a missing spring, lag or inertia",
     ),
     When(
         lambda fit: _axes(fit.unusual),
-        f"axis {{0}}: an offset of more than {ASYMMETRY:.0%} of friction, which these motions"
-        " hardly distinguish from torques of the rigid bodies: a sensor's zero, a spring, or wrong"
-        " parameters",
-        "add recordings with greater acceleration, or that reach further",
+        f"axis {{0}}: offset above {ASYMMETRY:.0%} of friction, hardly distinguishable from "
+        "rigid-body torques in these motions: a sensor offset, a spring, or wrong parameters",
+        "add recordings with greater acceleration or range",
     ),
 )
 
@@ -203,10 +202,11 @@ def _unexcited(model: Model) -> Iterator[Reservation]:
         )
         return
     yield doubtful(
-        f"axis {worst + 1} not excited by what was recorded: its torque on a motion through its"
-        f" whole range is {known if relative[worst] < 1 else 'not known: less than its error'}",
-        "add recordings that reach further; near these the model may hold, hil validate shows"
-        " where",
+        f"axis {worst + 1} not excited by the recordings: its torque on a motion through its "
+        "whole range is "
+        f"{known if relative[worst] < 1 else 'not significant: below its standard error'}",
+        "add recordings over a wider range; close to the recorded motions the model may be "
+        "valid: test it with hil validate",
     )
 
 
@@ -247,20 +247,20 @@ def _causes(model: Model) -> Iterator[Reservation]:
 OF_DATA: tuple[Rule[Model], ...] = (
     When(
         _few,
-        "{0[0]} measurements of {0[1]} parameters are too few to know how wrong these may be;"
-        " {0[2]} are needed at least",
+        "{0[0]} measurements are too few for standard errors of {0[1]} parameters; at least "
+        "{0[2]} are needed",
         "measure more (hil plan)",
     ),
     When(
         _few_blocks,
-        "too little was recorded to know how wrong the parameters may be: {0} independent pieces of"
-        f" time, {FEW_BLOCKS} are needed",
+        "recordings are too short for standard errors: {0} independent blocks of time, at least "
+        f"{FEW_BLOCKS} are needed",
         "add recordings of other motions",
     ),
     _one_way,
     When(
         _ill_conditioned,
-        "condition number {0}: some combinations of them hardly show in the torque",
+        "condition number {0}: some parameter combinations hardly influence the torque",
         "measure motions that vary more joints (hil plan)",
     ),
 )
@@ -279,24 +279,24 @@ def _good(model: Model, usual_effect: Array | None) -> Iterator[Reservation]:
     """Yield the accuracy of the torques, and the accuracy with invisible causes of usual size."""
     relative = uncertainty(model)
     if relative is None:
-        yield good(f"nothing speaks against the parameters{_scale(model.robot)}")
+        yield good(f"no objection to the parameters{_scale(model.robot)}")
         return
     reason = f"torque of the rigid bodies predicted within {_within(relative)}"
     hidden = _hidden(model, relative)
     if not hidden:
         yield good(f"{reason}{_scale(model.robot)}")
         return
-    yield good(f"{reason}, if what recordings do not show is as stated")
+    yield good(f"{reason}, provided that effects invisible in the recordings are as stated")
     usual = dict.fromkeys((each.cause, f"±{each.usual:g} {each.unit}") for each in hidden)
     conditions = ", ".join(
         f"{cause}{_listed([each.axis for each in hidden if each.cause == cause])} {size}"
         for cause, size in usual
     )
     yield good(
-        f"not shown by recordings: {conditions}; with these usual tolerances the torque is"
-        f" predicted within {_within(_add_hidden(model, relative, hidden, usual_effect))}",
-        "state the uncertainty of torque constants and rotor inertias in the robot file, where it"
-        " is known better",
+        f"not shown by recordings: {conditions}; with these usual tolerances the torque is "
+        f"predicted within {_within(_add_hidden(model, relative, hidden, usual_effect))}",
+        "state smaller uncertainties of torque constants and rotor inertias in the robot file, "
+        "if known",
     )
 
 
@@ -351,4 +351,6 @@ def _scale(robot: Robot) -> str:
     """Name the scale of the torques, if no torque constant is stated without uncertainty."""
     if robot.torque_constant_uncertainty.any():
         return ", stated uncertainties of the drives included"
-    return "" if robot.usual_uncertainty.any() else " if recorded torques are to scale"
+    return (
+        "" if robot.usual_uncertainty.any() else (" if the scale of the recorded torques is right")
+    )

@@ -143,7 +143,7 @@ def new_file(path: Path) -> Iterator[IO[bytes]]:
     Raises
     ------
     FileError
-        It is there already, or cannot be written.
+        It already exists, or cannot be written.
     """
     with (
         file_errors(path, "written"),

@@ -244,7 +244,7 @@ class Run:
         """
         path = Path(path)
         if path.exists():
-            raise FileError(f"{path}: is there already; choose another folder")
+            raise FileError(f"{path}: already exists; choose another folder")
         journal = self.journal.model_copy(update={"drives_digest": None})
         with whole_folder(path) as folder:
             own_folder(folder / "recordings")

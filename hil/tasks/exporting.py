@@ -72,7 +72,7 @@ def export(
     InvalidValue
         A model where recordings are needed, or one whose identification failed.
     FileError
-        A file is there already, or cannot be written.
+        A file already exists, or cannot be written.
     """
     refuse_unknown(to)
     output = Path(output)

@@ -125,5 +125,5 @@ class TestCommand:
             monkeypatch.delitem(METHODS, name)
         capsys.readouterr()
         assert status(cli.main, "report", run) == 0
-        assert "not used, the report is of a new estimate" in capsys.readouterr().out
+        assert "not used, the report shows a new estimate" in capsys.readouterr().out
         assert f"{default} method" in (run / "report.html").read_text()

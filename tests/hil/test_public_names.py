@@ -57,7 +57,7 @@ def test_a_robot_of_one_s_own_is_identified_from_arrays(tmp_path: Path) -> None:
     assert low < model.params["p1"] < high
     robot.save(tmp_path / "pendulum.yaml")
     assert hil.Robot.load(tmp_path / "pendulum.yaml") == robot
-    with pytest.raises(hil.errors.FileError, match="is there already"):
+    with pytest.raises(hil.errors.FileError, match="already exists"):
         robot.save(tmp_path / "pendulum.yaml")
     kept = run.save(tmp_path / "run")
     assert np.array_equal(hil.identify(tmp_path / "run").values, model.values)

@@ -199,7 +199,7 @@ def test_a_folder_with_something_else_in_it_is_left_alone(
 ) -> None:
     (tmp_path / "recordings").mkdir()
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(FileError, match="is there already"):
+    with pytest.raises(FileError, match="already exists"):
         RunFolder.create(tmp_path, small_plan, manutec)
 
 

@@ -83,139 +83,139 @@ class Cause(NamedTuple):
 PERCENT = 100.0 * USUAL_BOUND
 CAUSES = {
     "wrong sign of a position": Cause(
-        "its position has the wrong sign", "", "", 0.0,
+        "wrong sign of the position", "", "", 0.0,
         "correct the sign of its position in the map or the drives file", whole=True,
     ),
     "wrong sign of a torque": Cause(
-        "its torque has the wrong sign", "", "", 0.0,
+        "wrong sign of the torque", "", "", 0.0,
         "correct the sign of its current in the drives file, or of its torque in the map",
         whole=True,
     ),
     "wrong direction of an axis": Cause(
-        "counts the other way round, position and torque alike", "", "", 0.0,
-        "turn its sign in the drives file or in the map, or its frame in the robot file",
+        "position and torque have the opposite sign", "", "", 0.0,
+        "reverse its sign in the drives file or in the map, or its frame in the robot file",
         whole=True,
     ),
     "two axes exchanged": Cause(
-        "each has the recordings of the other", "", "", 0.0,
+        "recordings exchanged", "", "", 0.0,
         "exchange their nodes in the drives file, or their columns in the map", whole=True,
     ),
     "two positions exchanged": Cause(
-        "each has the position of the other", "", "", 0.0,
+        "positions exchanged", "", "", 0.0,
         "exchange the columns of their positions in the map", whole=True,
     ),
     "two torques exchanged": Cause(
-        "each has the torque of the other", "", "", 0.0,
+        "torques exchanged", "", "", 0.0,
         "exchange the columns of their torques in the map", whole=True,
     ),
     "torque at its limit": Cause(
-        "many samples have one and the same greatest torque", "%", "%", 0.0,
+        "torque saturated in many samples", "%", "%", 0.0,
         "measure with lower accelerations, or raise the drive's limit",
     ),
     "load": Cause(
-        "a load on it, or more than its link parameters in the robot file say",
+        "a load on the last link, or link parameters missing in the robot file",
         "SI", "SI", 0.0, LEFT_OUT,
     ),
     # homing by eye or against a stop
     "zero": Cause(
-        "its zero is off by", "degrees", "mm", 0.5,
-        "correct its zero in the drives file (hil drives home), its offset in the map, or theta"
-        " in the robot file",
+        "joint offset error", "degrees", "mm", 0.5,
+        "correct zero in the drives file (hil drives home), offset in the map, or theta in the "
+        "robot file",
     ),
     "torque constant": Cause(
-        "its torques, over those stated, are greater by", "%", "%", PERCENT,
-        "correct its torque_constant in robot file and drives file, and look whether currents are"
-        " rms or peak values", least=-100.0,
+        "torque constant greater than stated by", "%", "%", PERCENT,
+        "correct torque_constant in robot file and drives file (or the gain in the map), and "
+        "check whether currents are rms or peak values", least=-100.0,
     ),
     "torques of all axes": Cause(
-        "torques of all axes, over those stated, are greater by", "%", "%", PERCENT,
+        "torque constants of all axes greater than stated by", "%", "%", PERCENT,
         "weigh a known mass (hil payload --mass); correct the unit or the gain of all torques",
         least=-100.0,
     ),
     # numbers of teeth are exact; 1 in 100 is a tooth miscounted
     "gear ratio": Cause(
-        "its gear ratio, over that stated, is greater by", "%", "%", 1.0,
+        "gear ratio greater than stated by", "%", "%", 1.0,
         "correct its gear_ratio in robot file and drives file", least=-100.0,
     ),
     "position scale": Cause(
-        "its positions are to be multiplied, more by", "%", "%", 1.0,
-        "correct the unit or the increments per turn of its position", least=-100.0,
+        "position scale greater than stated by", "%", "%", 1.0,
+        "correct the unit or the increments per revolution of its position", least=-100.0,
     ),
     "rotor inertia": Cause(
-        "the inertia of its rotor, over that stated, is greater by", "%", "%", PERCENT,
-        "correct its rotor_inertia in the robot file, a brake's and a coupling's included",
+        "rotor inertia greater than stated by", "%", "%", PERCENT,
+        "correct rotor_inertia in the robot file; brake and coupling are part of it",
         least=-100.0,
     ),
     # NdFeB loses 0.11 % of its flux per kelvin, and motors warm by some 20 K in an hour
     "drift of torque constant": Cause(
-        "its torques grow by", "%/h", "%/h", 2.2,
-        "let the motors reach their temperature before measuring (magnets weaken as they warm), and"
-        " look whether the current sensor drifts",
+        "torque constant drifts by", "%/h", "%/h", 2.2,
+        "let the motors reach their temperature before measuring (magnets weaken as they warm), "
+        "and check the current sensor for drift",
     ),
     "slip": Cause(
-        "position and link slipped by", "degrees", "mm", 0.0,
+        "coupling slipped by", "degrees", "mm", 0.0,
         "fasten the coupling, home the axis and measure again",
     ),
     # of mounting plates levelled by a spirit level, 1 mm/m, on a floor
     "gravity": Cause(
-        "gravity is off by", "degrees", "degrees", 0.1,
+        "gravity direction error", "degrees", "degrees", 0.1,
         "correct gravity in the robot file: how is the base mounted?",
     ),
     "spring": Cause(
-        "a torque grows with its position by", "{torque}/{position}", "{torque}/{position}", 0.0,
-        "add it to springs in the robot file, or take away what pulls there (a cable, a hose, a"
-        " balancer); or state couplings, where its motor turns with another joint as well (a"
-        " parallelogram drive)",
+        "torque grows with position by", "{torque}/{position}", "{torque}/{position}", 0.0,
+        "add it to springs in the robot file, or remove the cause (a cable, a hose, a balancer); "
+        "or state couplings, where its motor turns with another joint as well (a parallelogram "
+        "drive)",
     ),
     "repeats": Cause(
-        "a torque repeats with its position, of", "{torque}", "{torque}", 0.0,
-        "look for what rubs or meshes so often in a turn (gear, bearing, cable); no base parameter"
-        " holds such a torque",
+        "torque ripple with an amplitude of", "{torque}", "{torque}", 0.0,
+        "look for a part that rubs or meshes at this order (gear, bearing, cable); no base "
+        "parameter describes torque ripple",
     ),
     "friction": Cause(
-        "its friction, beyond what all axes share, is greater by", "%", "%", 0.0,
+        "friction, apart from a change common to all axes, greater by", "%", "%", 0.0,
         "identify friction anew; look at bearing, gear, seal, lubricant and brake", accounted=True,
     ),
     "friction of the load": Cause(
         "friction grows with the transmitted torque by", "%", "%", 0.0,
-        "nothing: it is fitted; methods without it find other parameters", accounted=True,
+        "no action: it is fitted; methods without this term find other parameters", accounted=True,
         least=0.0,
     ),
     # one cycle of a current controller
     "late torque": Cause(
-        "its torque is late by", "ms", "ms", 1.0,
-        "record torque and position of one and the same instant, or shift the rows of the"
-        " torque's column by the lag",
+        "torque delay", "ms", "ms", 1.0,
+        "record torque and position at the same instant, or shift the torque column by the delay",
     ),
     "late position": Cause(
-        "its position is late by", "ms", "ms", 1.0,
-        "record positions of all axes at one and the same instant",
+        "position delay", "ms", "ms", 1.0,
+        "record positions of all axes at the same instant",
     ),
     # one arc minute, as data sheets of precision gears state
     "play": Cause(
-        "its gear has backlash, half of which is", "degrees", "mm", 1 / 120,
-        "nothing to be corrected: positions of the link differ from those of the motor so far",
+        "gear backlash, half of the width", "degrees", "mm", 1 / 120,
+        "no action: link and motor positions differ by at most this",
         least=0.0,
     ),
     # parts of the estimate's own error (`effects`), which describes them
     "soft gears": Cause(
         "", "", "", 0.0,
-        "nothing: links are placed where the gears let them be; a simulator or a feed-forward needs"
-        " the compliances too", accounted=True,
+        "no action: link positions include the gears' elastic twist; a simulator or a "
+        "feed-forward needs the compliances too", accounted=True,
     ),
     "friction that differs by direction": Cause(
         "", "", "", 0.0,
-        "nothing: it is fitted; it shifts what the published method finds", accounted=True,
+        "no action: it is fitted; only the published method's result is biased by it",
+        accounted=True,
     ),
     "torque ripple of further orders": Cause(
-        "", "", "", 0.0, "strokes at higher speeds, whose ripple the window takes away",
+        "", "", "", 0.0, "strokes at higher speeds, whose ripple averages out",
     ),
     "coarse encoders": Cause(
-        "", "", "", 0.0, "encoders of more increments, or longer measurements",
+        "", "", "", 0.0, "encoders of higher resolution, or longer measurements",
     ),
     "slow SYNC": Cause(
         "", "", "", 0.0,
-        "a shorter SYNC period, in drives file and plan alike, or longer measurements",
+        "a shorter SYNC period, in both drives file and plan, or longer measurements",
     ),
     "weak excitation": Cause(
         "", "", "", 0.0,
@@ -224,13 +224,13 @@ CAUSES = {
     ),
     "measurements that disagree": Cause(
         "", "", "", 0.0,
-        "a look at what differs between them: a hand that touches something, a machine that warms"
-        " up, a motor that ripples",
+        "a check of the differences between these measurements: a hand that touches something, a "
+        "machine that warms up, torque ripple",
     ),
     "unknown": Cause(
         "", "", "", 0.0,
-        "look for what differs between them: a contact, a load that changed, a machine that was"
-        " altered in between",
+        "look for differences between these measurements: a contact, a changed load, an altered "
+        "machine",
     ),
 }  # fmt: skip
 """All causes by name, in the order of likely harm: of several causes that data do not distinguish,
@@ -240,11 +240,11 @@ FITTED = ("late torque", "soft gears")
 """Causes that every estimate fits and accounts for: they stay free beside the others."""
 SHOWN_BY = {
     "load": "two runs would show it, without and with it (hil payload)",
-    "zero": "it is part of base parameters, and shifts no torque that they predict",
+    "zero": "base parameters absorb it, without any change of predicted torques",
     "torque constant": "a known mass on the flange would show it (hil payload --mass)",
     "torques of all axes": "a known mass on the flange would show it (hil payload --mass)",
     "rotor inertia": "a load of known inertia would show it, or the motor's data sheet",
-    "gear ratio": "count its teeth, or turn the joint by a known angle",
+    "gear ratio": "count its teeth, or rotate the joint by a known angle",
     "position scale": "turn the joint by a known angle",
 }
 """Evidence for causes within the span of base parameters, friction or other columns."""

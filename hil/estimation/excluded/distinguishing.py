@@ -67,7 +67,7 @@ FEW = 20
 ALL_AXES = Column("torques of all axes", -1)
 RIDGE, TINY = 1e-9, 1e-12
 """Ridge on unit diagonals, which takes singular products for rounding, and minimum share."""
-NEVER = "base parameters, friction or other columns explain it whatever is measured"
+NEVER = "base parameters, friction or other columns explain it in any measurement"
 BY_TIME = ("drift of torque constant", "slip")
 """Causes that depend on the time of a measurement, not on its configuration."""
 PLANNED = tuple(
@@ -144,8 +144,8 @@ def causes_named(robot: Robot, text: str) -> list[Key]:
         name, _, axis = (each.strip() for each in part.partition(" of axis "))
         if name in BY_TIME:
             raise UnknownName(
-                f"{name}: depends on when something is measured, not on where; measure longer, or"
-                " come back to the first configurations at the end"
+                f"{name}: depends on the time of a measurement, not on the configuration; "
+                "measure longer, or come back to the first configurations at the end"
             )
         if name not in PLANNED:
             raise UnknownName(

@@ -99,12 +99,12 @@ def effects(
                      ripple.change, part)  # fmt: skip
     share = np.clip(_encoder_noise(robot, joint) * fit.weight, 0.0, 1.0)
     if coarse := tuple(np.flatnonzero(share > COARSE).tolist()):
-        detail = "accelerations are noisier than what the fit leaves"
+        detail = "accelerations are noisier than the residual"
         part = _part(fit, share, covariance)
         yield Effect("coarse encoders", coarse, detail, still, part)
     period, enough = max(s.period for _, s in joint.prepared), HALF_WIDTH / FEWEST_IN_WINDOW
     if period > enough * (1 + 1e-9):
-        detail = f"{1e3 * period:g} ms where {1e3 * enough:g} ms would do"
+        detail = f"{1e3 * period:g} ms; {1e3 * enough:g} ms is sufficient"
         part = (1.0 - enough / period) * covariance
         yield Effect("slow SYNC", (), detail, still, part)
 

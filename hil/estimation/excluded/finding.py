@@ -313,9 +313,12 @@ class _Instead:
         if self.causes or sound:
             return self.causes
         times = np.sqrt(self._scatter)
-        words = f"measurements scatter {times:.1f} times as much as noise in them explains"
+        words = f"scatter between measurements is {times:.1f} times the scatter expected from noise"
         if not self._stated.possible:
-            words = "friction would drive an axis, or some motions would have a negative energy"
+            words = (
+                "friction would accelerate an axis, or some motions would have negative "
+                "kinetic energy"
+            )
         return (Found(cause="unknown", axes=(), detail=words),)
 
     def _find_change(self, departure: Departure) -> tuple[Found, ...]:

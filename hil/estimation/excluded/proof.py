@@ -74,7 +74,7 @@ def proved(
         large = [each for each in found.found if each.left <= leaves]
         return found.model_copy(update={"found": tuple(large)})
     axis, share, top = limit
-    words = f"{share:.0%} of its samples have one and the same greatest torque, {top:.3g}"
+    words = f"{share:.0%} of its samples have the same maximum torque, {top:.3g}"
     first = Found(
         cause="torque at its limit",
         axes=(axis + 1,),

@@ -54,11 +54,11 @@ class Found(FileModel):
     @property
     def remedy(self) -> str:
         """Remedy of the cause, without remedies of `others`."""
-        which = "find out which before anything is changed: " if self.others else ""
+        which = "determine which one before any change: " if self.others else ""
         return which + CAUSES[self.cause].remedy
 
     def __str__(self) -> str:
-        same = ": the same in these data" if self.others else ""
+        same = ": indistinguishable in these data" if self.others else ""
         return "; or ".join((located(self.axes, self.detail), *self.others)) + same
 
 

@@ -286,7 +286,7 @@ def test_what_is_no_log_cannot_be_replayed(
 @pytest.mark.parametrize(
     ("name", "stated"),
     [
-        ("there.log", "is there already; choose another name"),
+        ("there.log", "already exists; choose another name"),
         ("run.xyz", r"choose \.asc or \.log"),
         ("nowhere/run.log", "No such file or directory"),
     ],

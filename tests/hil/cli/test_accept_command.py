@@ -119,7 +119,7 @@ def test_a_draft_is_not_written_over_limits_that_are_there(
     hil: Hil, run: Path, limits: Path
 ) -> None:
     status, _, err = hil("accept", run, "--draft", "-o", limits)
-    assert (status, "is there already" in err) == (1, True)
+    assert (status, "already exists" in err) == (1, True)
 
 
 def test_a_run_without_a_model_names_the_command_that_makes_it(

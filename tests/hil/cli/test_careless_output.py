@@ -95,7 +95,7 @@ def test_nothing_is_read_for_what_cannot_be_written(
     file.write_text("something of the user's")
     chosen = [] if option == "-o" or "-o" not in required(name) else ["-o", tmp_path / "good"]
     status, _, err = hil(*name.split(), *chosen, option, file / "below", *arguments(name))
-    refusal = "there is no folder" if callback in FILES else "is no folder"
+    refusal = "no folder" if callback in FILES else "is no folder"
     assert (status, refusal in err) == (1, True), err
     assert "nowhere" not in err
     assert file.read_text() == "something of the user's"
@@ -114,7 +114,7 @@ def test_nothing_is_read_where_something_is_there_already(
     file = tmp_path / "file"
     file.write_text("something of the user's")
     status, _, err = hil(*name.split(), option, file, *arguments(name))
-    assert (status, "is there already" in err) == (1, True), err
+    assert (status, "already exists" in err) == (1, True), err
     assert file.read_text() == "something of the user's"
 
 
@@ -145,7 +145,7 @@ def test_a_result_that_could_not_be_kept_is_not_computed(
     run = tmp_path / "run"
     given = [*more["payload"], run] if command == "payload" else [run, *more.get(command, [])]
     status, _, err = hil(*command.split(), *given)
-    assert (status, "is a folder, and a file is to be written there" in err) == (1, True), err
+    assert (status, "is a folder, not a file" in err) == (1, True), err
 
 
 def test_a_folder_that_takes_no_files_is_named(
@@ -156,7 +156,7 @@ def test_a_folder_that_takes_no_files_is_named(
     for arguments_ in (("plan", "manutec-r15", "-o", "plan.yaml"), ("run", "plan.yaml", "-o", "r")):
         *before, name = arguments_
         status, _, err = hil(*before, tmp_path / name)
-        assert (status, "takes no files from this user" in err) == (1, True), err
+        assert (status, "is not writable for this user" in err) == (1, True), err
 
 
 def test_a_taken_run_folder_is_refused_before_the_plan_is_gone_through(
@@ -168,7 +168,7 @@ def test_a_taken_run_folder_is_refused_before_the_plan_is_gone_through(
     monkeypatch.setattr("hil.tasks.measuring.checked", None)  # before whoever binds the other
     monkeypatch.setattr("hil.planning.dry_run.dry_run", None)
     status, _, err = hil("run", plan, "-o", tmp_path / "run")
-    assert (status, "is there already; go on with --resume" in err) == (1, True), err
+    assert (status, "already exists; go on with --resume" in err) == (1, True), err
     status, _, err = hil("run", plan, "-o", tmp_path / "other", "--resume")
     assert (status, "is no run folder" in err) == (1, True), err
 

@@ -48,7 +48,7 @@ def test_an_empty_value_is_refused_before_it_becomes_the_current_folder(
     monkeypatch.chdir(tmp_path)
     status, _, err = hil("run", "nowhere.yaml", *words)
     assert status == 2
-    assert "followed by nothing" in err
+    assert "has no value" in err
     assert not list(tmp_path.iterdir())
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 LOAD = {"m6": 10.86, "sz6": 1.5204, "Ixx6": 0.2387, "Iyy6": 0.2387, "Izz6": 0.047}
-FOUND = "by cause: axis 6: a load on it"
+FOUND = "by cause: axis 6: a load on the last link"
 
 
 @pytest.fixture(scope="module")

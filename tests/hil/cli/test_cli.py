@@ -67,14 +67,14 @@ def test_a_first_robot_file_comes_from_a_urdf(hil: Hil, tmp_path: Path) -> None:
     assert status == 0
     assert "2 joints from base to head: pan, tilt" in out
     assert "angles within 3.7e-06 rad of quarter turns were taken for these" in out
-    assert "10 lines marked !state are yours to fill in" in out
+    assert "10 lines marked !state must be filled in by you" in out
     assert "name: tilt\n    frame: {alpha: pi/2}\n" in robot.read_text()
     status, _, err = hil("robot", robot)
     assert status == 1
     assert "joints.0.q_min: must be stated: least position [rad]" in err
     status, _, err = hil("robot", "new", "--urdf", urdf, "-o", robot)
     assert status != 0
-    assert "is there already" in err
+    assert "already exists" in err
 
 
 def test_gravity_is_stated_in_the_link_that_stands_still(hil: Hil, tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_a_first_robot_file_comes_from_a_table(
     status, out, _ = hil("robot", "new", option, table, "-o", robot)
     assert status == 0
     assert "joint 1 revolute, joint 2 revolute" in out
-    assert "16 lines marked !state are yours to fill in" in out
+    assert "16 lines marked !state must be filled in by you" in out
     assert frame in robot.read_text()
 
 
@@ -193,7 +193,7 @@ def test_a_second_run_into_the_same_folder_is_refused(
     samples = bus.n_samples
     status, _, err = hil("run", plan_file, "-o", tmp_path / "first")
     assert status == 1
-    assert "is there already; go on with --resume" in err
+    assert "already exists; go on with --resume" in err
     assert bus.n_samples == samples
 
 
@@ -213,7 +213,7 @@ def test_ctrl_c_keeps_what_was_measured_and_resume_finishes(
     bus.tamper = interrupted_after(8)
     status, _, err = hil("run", plan_file, "-o", folder)
     assert status == 130
-    assert f"what was measured stays in {folder}; finish with hil run ... --resume" in err
+    assert f"recordings so far are in {folder}; finish with hil run ... --resume" in err
     assert bus.log[-1] == "powered off"
     bus.tamper = lambda sample: sample
     assert hil("run", plan_file, "-o", folder, "--resume")[0] == 0
@@ -289,7 +289,7 @@ def test_a_finished_run_is_resumed_without_a_bus(
     bus.log.clear()
     status, out, _ = hil("run", plan_file, "-o", folder, "--resume")
     assert (status, bus.log) == (0, [])
-    assert "nothing is missing" in out
+    assert "complete" in out
 
 
 def test_a_bus_that_is_not_there_is_refused(hil: Hil, plan_file: Path, tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ def test_identify_keeps_bodies_beside_the_estimate(hil: Hil, folder: Path) -> No
 
 def test_without_the_option_no_bodies_are_found(hil: Hil, folder: Path) -> None:
     _, shown, _ = hil("identify", folder)
-    assert "consists of bodies" not in shown
+    assert "physically consistent" not in shown
     assert Model.load(folder).consistent is None
 
 

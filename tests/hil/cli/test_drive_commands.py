@@ -137,8 +137,8 @@ def test_a_drives_file_of_no_plant_needs_a_channel_and_says_so_in_one_line(
     status, _, err = hil("drives", "check", path, "--yes")
     assert status == 1
     assert err == (
-        f"{path}: these are the drives of no plant that comes along; name one with --channel"
-        " (manutec-r15), or a bus with --interface and --channel\n"
+        f"{path}: no built-in plant has these drives; name a plant with --channel (manutec-r15), "
+        "or a bus with --interface and --channel\n"
     )
 
 

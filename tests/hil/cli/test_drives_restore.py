@@ -62,7 +62,7 @@ def test_what_changes_is_listed_for_each_drive_and_nothing_is_written(
         assert f"joint {number} (node {number})" in out
     (row,) = [line for line in out.splitlines() if "1016:01" in line][:1]
     assert row.split()[-2:] == ["0", f"{127 << 16 | 500:08X}h"]
-    assert "nothing was written, nothing was powered" in out
+    assert "no object was written, no axis was powered" in out
 
 
 def test_a_run_keeps_what_was_found_in_its_folder_and_says_that_it_is_put_back(
@@ -178,7 +178,7 @@ def test_after_kill_9_the_drives_are_put_back_once_they_are_off(
         let_time_pass(400)  # beyond the drives' watch on our heartbeat
         status, out, err = hil("drives", "restore", folder / NAME, *where)
         assert (status, err) == (0, "")
-        assert "all drives hold again what they held" in out
+        assert "the settings of all drives are restored" in out
         assert {p: v for p, v in state_of_the_drives().items() if p in before} == before
         assert load_found_settings(folder / NAME).restored
         status, out, _ = hil("drives", "restore", folder / NAME, *where)
@@ -227,7 +227,7 @@ def test_restoring_states_what_drives_do_not_take_back_and_is_done(
     status, out, err = hil("drives", "restore", path)
     assert status == 1
     assert "joint 1 (node 1): cannot write 65535 to object 6072:00 (max torque)" in err
-    assert "but what they do not take back: joint 1 6072:00 (max torque)" in out
+    assert "except for refused objects: joint 1 6072:00 (max torque)" in out
     assert load_found_settings(path).restored
     status, out, err = hil("drives", "restore", path)
     assert (status, err) == (0, "")
@@ -347,7 +347,7 @@ def test_settings_are_put_back_on_the_bus_of_the_killed_session(
     for where in (("--channel", "other"), ("--interface", "pcan", "--channel", BUS[1])):
         status, _, err = hil("drives", "restore", path, *where)
         assert status == 1
-        assert f"{path}: is about drives on virtual bench, not on " in err
+        assert f"{path}: belongs to drives on virtual bench, not on " in err
         assert "add --other-bus" in err
     assert buses == []
     status, out, _ = hil("drives", "restore", path)

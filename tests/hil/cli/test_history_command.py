@@ -123,4 +123,4 @@ def test_what_changed_is_named_by_its_cause_where_recordings_of_both_runs_are_th
     status, out, _ = hil("history", *folders, "--identify")
     assert status == 0
     said = " ".join(out.split())
-    assert f"differs from {folders[0]} by cause: axis 2: its torques, over" in said
+    assert f"differs from {folders[0]} by cause: axis 2: torque constant greater" in said

@@ -44,7 +44,7 @@ def test_a_draft_names_the_recording_as_seen_from_the_map(hil: Hil, folder: Path
     status, printed, _ = hil("import", "--draft", "data.csv", "-o", "maps/first.yaml")
     assert status == 0
     assert printed.splitlines() == [
-        "maps/first.yaml: 10 lines marked !state are yours to fill in",
+        "maps/first.yaml: 10 lines marked !state must be filled in by you",
         "maps/first.yaml: names data.csv, outside of its own folder; import with: hil import"
         f" maps/first.yaml --files {folder} -o RUN",
     ]
@@ -98,7 +98,7 @@ def test_a_recording_in_place_of_a_map_is_refused_with_the_way_to_one(
 def test_a_draft_is_never_written_over_a_file(hil: Hil, folder: Path) -> None:
     status, _, errors = hil("import", "--draft", "data.csv", "-o", "map.yaml")
     assert status == 1
-    assert "map.yaml: is there already" in errors
+    assert "map.yaml: already exists" in errors
 
 
 @pytest.mark.parametrize("arguments", [(), ("map.yaml", "--draft", "data.csv")])
@@ -128,7 +128,7 @@ def test_workers_of_this_machine_and_a_cluster_exclude_each_other(hil: Hil, fold
     options = ("--workers", 2, "--scheduler", "tcp://127.0.0.1:1")
     status, _, errors = hil("import", "map.yaml", "-o", "x", *options)
     assert status == 2
-    assert "--workers is for this machine" in errors
+    assert "--workers applies to this machine" in errors
 
 
 def test_python_has_the_same() -> None:

@@ -54,7 +54,7 @@ def test_an_interrupted_run_is_finished_by_resuming(
     assert run.returncode == status
     assert "Traceback" not in err
     if number != signal.SIGKILL:
-        assert f"what was measured stays in {folder}" in err
+        assert f"recordings so far are in {folder}" in err
     broken = RunFolder.open(folder)
     measured = {m.measurement.id for m in broken}
     assert 3 <= len(measured) < 18

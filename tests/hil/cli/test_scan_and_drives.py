@@ -122,7 +122,7 @@ def test_a_file_that_is_there_is_never_overwritten(hil: Hil, eds: Path, tmp_path
     output.write_text("mine")
     status, _, err = hil("drives", "new", "--eds", eds, "-o", output)
     assert status == 1
-    assert "is there already" in err
+    assert "already exists" in err
     assert output.read_text() == "mine"
 
 

@@ -170,6 +170,6 @@ def test_a_run_notes_what_was_granted_of_real_time(
     (tmp_path / "plan.yaml").write_text(dump_plan(small_plan))
     with pytest.raises(SystemExit):
         cli.main(["run", str(tmp_path / "plan.yaml"), "-o", str(tmp_path / "run"), "--realtime"])
-    left_out = "real time: left out, SYNC is in lock-step and has no deadlines"
+    left_out = "real time: ignored, since SYNC in lock-step has no deadlines"
     assert left_out in capsys.readouterr().out
     assert RunFolder.open(tmp_path / "run").journal.sessions[0].real_time == (left_out,)

@@ -85,7 +85,7 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     status, out, err = hil(*call, "--speed", 1000, "--push", 13)
     visitor.join(30)
     assert (status, err) == (0, "")
-    assert f"go on with: hil report {folder / 'measured'}" in out
+    assert f"continue with: hil report {folder / 'measured'}" in out
 
     heads = [line["text"] for line in visitor.of("headline")]
     asked = ["Planning", "Checking the drives", "Identifying", "Identified", "Learning", "Push the"]

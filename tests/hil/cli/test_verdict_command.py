@@ -37,7 +37,7 @@ def test_a_wrong_sign_is_the_first_thing_that_identify_and_report_state(
     run = write_free_run(tmp_path / "run", arm(), wrong)
     status, out, _ = hil("identify", run.path)
     assert status == 3
-    assert "failed: axis 1: its torque has the wrong sign" in out
+    assert "failed: axis 1: wrong sign of the torque" in out
     assert hil("report", run.path)[0] == 0
     page = (run.path / "report.html").read_text(encoding="utf-8")
     assert page.index('class="outcome failed"') < page.index("<dl")
@@ -51,4 +51,4 @@ def test_a_report_states_that_a_model_which_was_edited_is_not_used(
     (run.path / "model.yaml").write_text("provenance:\n")
     status, out, _ = hil("report", run.path)
     assert status == 0
-    assert f"not used, the report is of a new estimate: {run.path / 'model.yaml'}:" in out
+    assert f"not used, the report shows a new estimate: {run.path / 'model.yaml'}:" in out

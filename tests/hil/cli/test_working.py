@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
 
 ESTIMATING = "estimating manutec-r15 from 39 measurements"
-LIMITS = "passing the plan's motions through the limits"
+LIMITS = "checking the plan's motions against the limits"
 LONG = [
     ("robot manutec-r15", "model.base_parameters.base_parameters",
      "finding what can be identified of 6 joints"),
@@ -53,10 +53,10 @@ LONG = [
      "testing what the robot file of manutec-r15 leaves out"),
     ("validate RUN --truth manutec-r15", "ground_truth.comparison.truth_comparison",
      "comparing the estimate of manutec-r15 with the truth"),
-    ("friction RUN", "commands.friction.fit_friction", "fitting models of friction"),
+    ("friction RUN", "commands.friction.fit_friction", "fitting friction models"),
     ("payload RUN RUN", "results.load.LoadProblem.fit", "estimating both runs and the load"),
     ("payload measure --model RUN -o NEW", "results.load.estimated",
-     "reading what the run without the load knows"),
+     "reading the run without the load"),
     ("history RUN", "commands.history.read_history", "comparing 1 runs"),
     ("history RUN --identify", "results.findings.found_in", "identifying"),
     ("validate RUN --model RUN", "results.model.Model.load", "reading the model"),

@@ -85,8 +85,8 @@ def test_a_plan_that_shows_what_is_usual_stays_as_it_is(plan, manutec):
         ("zero of axis two", "axis must be 1 to 6"),
         ("zero:4", "with an axis it is 'zero of axis 4'"),
         ("load,", "must be one of"),
-        ("slip", "depends on when something is measured"),
-        ("drift of torque constant of axis 2", "depends on when something is measured"),
+        ("slip", "depends on the time of a measurement"),
+        ("drift of torque constant of axis 2", "depends on the time of a measurement"),
         ("wrong sign of a position", "must be one of"),
     ],
 )

@@ -207,15 +207,20 @@ def test_friction_of_the_load_that_is_fitted_is_not_called_invisible(
 @pytest.mark.parametrize(
     ("change", "cause", "axes", "words"),
     [
-        (position_sign, "wrong sign of a position", (2,), "position has the wrong sign"),
-        (torque_sign, "wrong sign of a torque", (1,), "torque has the wrong sign"),
-        (direction, "wrong direction of an axis", (2,), "counts the other way round"),
-        (exchange, "two axes exchanged", (1, 2), "each has the recordings of the other"),
+        (position_sign, "wrong sign of a position", (2,), "wrong sign of the position"),
+        (torque_sign, "wrong sign of a torque", (1,), "wrong sign of the torque"),
+        (
+            direction,
+            "wrong direction of an axis",
+            (2,),
+            "position and torque have the opposite sign",
+        ),
+        (exchange, "two axes exchanged", (1, 2), "recordings exchanged"),
         (constant, "torque constant", (2,), r"greater by (2|3)\d\.?\d* ± \d"),
         (gear, "gear ratio", (1,), r"greater by -(49|5\d)"),
         (slip, "slip", (2,), r"slipped by -?(9|1\d)\.?\d* ± "),
-        (drifting, "drift of torque constant", (2,), "its torques grow by"),
-        (spring, "spring", (2,), r"grows with its position by (9|10)\.?\d* ± 0\.\d+ N m/rad"),
+        (drifting, "drift of torque constant", (2,), "torque constant drifts by"),
+        (spring, "spring", (2,), r"grows with position by (9|10)\.?\d* ± 0\.\d+ N m/rad"),
         (meshing, "repeats", (2,), r"of (2\.9|3)\.?\d* ± 0\.\d+ N m, 12 times a turn"),
         (limit, "torque at its limit", (1,), "one and the same greatest torque, 60 N m"),
     ],
@@ -241,8 +246,8 @@ def test_a_zero_that_a_load_explains_as_well_comes_with_it_and_homing_is_not_adv
     first, *_ = found_in(robot, changed(good, zero))
     assert (first.cause, first.axes) == ("load", (2,))
     assert re.search(
-        r"a load on it.*; or axis 2: its zero is off by (19|20)\.?\d* ± 0\.\d+ degrees.*: the same"
-        " in these data",
+        r"a load on the last link.*; or axis 2: joint offset error (19|20)\.?\d* ± 0\.\d+ "
+        r"degrees.*: indistinguishable in these data",
         str(first),
     )
     assert "home" not in first.remedy

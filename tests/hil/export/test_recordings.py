@@ -330,7 +330,7 @@ def test_a_folder_with_other_things_in_it_stays_as_it_is(
 ) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine.txt").write_text("mine")
-    with pytest.raises(FileError, match="out: is there already; choose another folder with -o"):
+    with pytest.raises(FileError, match="out: already exists; choose another folder with -o"):
         export_recordings(measured, name, tmp_path / "out")
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["mine.txt"]
     (tmp_path / "out" / "mine.txt").unlink()
@@ -342,7 +342,7 @@ def test_the_folder_in_which_the_user_stands_is_not_exchanged(
 ) -> None:
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    with pytest.raises(FileError, match="is there already"):
+    with pytest.raises(FileError, match="already exists"):
         export_recordings(measured, "csv", Path())
 
 

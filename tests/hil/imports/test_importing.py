@@ -364,7 +364,7 @@ def test_nothing_is_left_behind_after_an_interrupt(tmp_path, monkeypatch):
 def test_a_folder_that_is_there_is_never_touched(tmp_path):
     run, _ = made(tmp_path, table(3.0))
     before = (run.path / "run.json").read_bytes()
-    with pytest.raises(FileError, match=r"run: is there already; choose another folder with -o"):
+    with pytest.raises(FileError, match=r"run: already exists; choose another folder with -o"):
         made(tmp_path, table(3.0))
     assert (run.path / "run.json").read_bytes() == before
 

@@ -56,7 +56,7 @@ def test_a_joint_without_friction_raises_no_suspicion(seen, manutec):
 def test_a_zero_that_is_a_quarter_turn_off(seen, manutec, turn):
     off = seen.q - np.radians([0, 0, turn, 0, 0, 0])
     assert said(seen, manutec, q=off) == [
-        (("joints", 2, "position", "offset"), f"axis 3: its zero is off by some {turn} degrees")
+        (("joints", 2, "position", "offset"), f"axis 3: joint offset error of some {turn} degrees")
     ]
 
 
@@ -75,9 +75,9 @@ def test_gravity_from_another_side(seen, manutec, stated):
 @pytest.mark.parametrize(
     ("which", "key", "words"),
     [
-        (("q",), ("position", "sign"), "its position has the wrong sign"),
-        (("tau",), ("torque", "sign"), "its torque has the wrong sign"),
-        (("q", "tau"), (), "counts the other way round, position and torque alike"),
+        (("q",), ("position", "sign"), "wrong sign of the position"),
+        (("tau",), ("torque", "sign"), "wrong sign of the torque"),
+        (("q", "tau"), (), "position and torque have the opposite sign"),
     ],
 )
 def test_a_sign(seen, manutec, which, key, words):
@@ -89,9 +89,9 @@ def test_a_sign(seen, manutec, which, key, words):
 @pytest.mark.parametrize(
     ("which", "key", "words"),
     [
-        (("q",), ("position", "column"), "each has the position of the other"),
-        (("tau",), ("torque", "column"), "each has the torque of the other"),
-        (("q", "tau"), (), "each has the recordings of the other"),
+        (("q",), ("position", "column"), "positions exchanged"),
+        (("tau",), ("torque", "column"), "torques exchanged"),
+        (("q", "tau"), (), "recordings exchanged"),
     ],
 )
 def test_two_joints_exchanged(seen, manutec, which, key, words):
@@ -112,7 +112,7 @@ def test_two_torques_exchanged_of_axes_that_move_alike_among_others_that_are_rig
     )
     assert said(excerpt(q, tau), manutec) == []
     assert said(excerpt(q, tau[:, [0, 2, 1, 3, 4, 5]]), manutec) == [
-        (("joints", 1, "torque", "column"), "axes 2 and 3: each has the torque of the other")
+        (("joints", 1, "torque", "column"), "axes 2 and 3: torques exchanged")
     ]
 
 
@@ -132,7 +132,7 @@ def test_friction_at_reversals_does_not_hide_joints_in_another_order(seen, manut
     sticky = seen.tau + 60 * np.tanh(qd / 0.1) * np.exp(-np.abs(qd) / 0.02)
     order = [0, 2, 1, 3, 4, 5]
     ((_, words),) = said(seen, manutec, q=seen.q[:, order], tau=sticky[:, order])
-    assert words == "axes 2 and 3: each has the recordings of the other"
+    assert words == "axes 2 and 3: recordings exchanged"
 
 
 def on_a_portal(masses):
@@ -159,20 +159,24 @@ def test_a_force_of_the_wrong_sign_shows_by_friction_alone():
     assert said(seen, portal) == []
     ((place, words),) = said(seen, portal, tau=seen.tau * [-1, 1, 1])
     assert place == ("joints", 0, "torque", "sign")
-    assert re.match(r"friction would drive joint 1: 9\d % of the mean square", words)
+    assert re.match(
+        r"friction would accelerate joint 1: 9\d % of the residual's mean square", words
+    )
 
 
 def test_torques_that_are_exchanged_and_of_the_wrong_signs_as_well(seen, manutec):
     tau = seen.tau[:, [0, 1, 2, 4, 3, 5]] * [1, 1, 1, -1, -1, 1]
     ((place, words),) = said(seen, manutec, tau=tau)
     assert place == ("joints", 3, "torque", "column")
-    assert words == "axes 4 and 5: each has the torque of the other"
+    assert words == "axes 4 and 5: torques exchanged"
 
 
 def test_torques_that_are_late_by_more_than_an_estimate_looks_for_are_stated(seen, manutec):
     late = np.roll(seen.tau, round(0.05 / PERIOD), axis=0)
     (found,) = mechanical_suspicions([replace(seen, tau=late)], manutec, np.ones(6, dtype=bool))
-    assert found.message.startswith("torques of all joints are late by some 50 ms; record torque")
+    assert found.message.startswith(
+        "torques of all joints have a delay of some 50 ms; record torque"
+    )
     assert not found.certain
 
 

@@ -74,7 +74,7 @@ def test_noise_is_no_torque(tmp_path):
     rng = np.random.default_rng(1)
     noise = {name: 10 * rng.standard_normal(len(columns["t"])) for name in ("m1", "m2")}
     message = refusal(tmp_path, columns | noise)
-    assert "joints that move unexplained at least: they do not follow this motion" in message
+    assert "joints that move unexplained at least: torques do not match this motion" in message
 
 
 def test_positions_too_coarse_to_be_differentiated_are_remarked(tmp_path):

@@ -248,7 +248,7 @@ DATA = {
     "a velocity that is something else": ({"v1": TAU[:, 0]}, "does not follow the position of"),
     "a torque of the wrong sign": (
         {"m1": -TAU[:, 0]},
-        "joints.0.torque.sign: axis 1: its torque has the wrong sign: the model leaves"),
+        "joints.0.torque.sign: axis 1: wrong sign of the torque: the model leaves"),
     "torques in another order": ({"m1": TAU[:, 1], "m2": TAU[:, 0]}, "axes 1 and 2: each has"),
     "torques in mN m": ({"m1": 1e3 * TAU[:, 0]}, "N m, but joint 1 of pair is limited to 90 N m"),
     "a torque that never changes": ({"m2": 0 * Q[:, 0]}, "is 0 throughout; name the column"),
@@ -268,7 +268,7 @@ def test_what_the_map_accepts_is_stated_all_the_same(tmp_path):
     lines = []
     the_map = write_map(tmp_path, a_map(accept=["shape"]))
     import_recordings([the_map], tmp_path / "run", lambda s: lines.extend(s.lines()))
-    assert "joints.0.torque.sign: axis 1: its torque has the wrong sign" in "\n".join(lines)
+    assert "joints.0.torque.sign: axis 1: wrong sign of the torque" in "\n".join(lines)
 
 
 def test_a_locked_joint_of_a_noisy_encoder_stands_still(tmp_path):

@@ -92,7 +92,7 @@ def test_a_stop_from_the_page_is_that_of_the_operator_and_the_run_is_resumed(
         *_, last = events(page)
     _, err = run.process.communicate(timeout=60)
     assert run.process.returncode == 130
-    assert f"stopped, the axes are off; what was measured stays in {folder}" in err
+    assert f"stopped, the axes are off; recordings so far are in {folder}" in err
     assert (last["kind"], last["how"]) == ("end", "stopped")
     broken = RunFolder.open(folder)
     assert 3 <= len(list(broken)) < 3 * ROUNDS

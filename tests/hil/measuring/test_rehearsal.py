@@ -235,5 +235,5 @@ def test_s_ends_a_real_run_with_all_axes_off(plan_file: Path, tmp_path: Path) ->
         os.close(hand)
     assert run.returncode == 130, err
     assert "s or space: stop all axes and end" in out
-    assert f"stopped, the axes are off; what was measured stays in {folder}" in err
+    assert f"stopped, the axes are off; recordings so far are in {folder}" in err
     assert RunFolder.open(folder).journal.sessions[0].reason == "interrupted by the operator"

@@ -300,7 +300,7 @@ class TestAdvice:
         assert items["axis 1, axis 3"].reason == "soft gears: a figure; ignored, 50 % of the error"
         assert items["axis 1, axis 3"].word == "good"
         assert items["axis 3"].reason == "coarse encoders: a figure; 50 % of the error"
-        assert items["axis 3"].remedy.startswith("encoders of more increments")
+        assert items["axis 3"].remedy.startswith("encoders of higher resolution")
         assert items["axis 3"].word == "doubtful"
 
     def test_a_measurement_that_scatters_stands_out(self, folder, found):

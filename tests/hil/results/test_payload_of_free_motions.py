@@ -187,4 +187,4 @@ def test_gains_take_a_mass(runs: Path, capsys: pytest.CaptureFixture[str]) -> No
     with pytest.raises(SystemExit) as ended:
         cli.main(["payload", str(runs / "bare"), str(runs / "loaded"), "--gains"])
     assert ended.value.code
-    assert "takes --mass" in capsys.readouterr().err
+    assert "needs --mass" in capsys.readouterr().err

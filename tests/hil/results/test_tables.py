@@ -130,7 +130,7 @@ def test_no_limit_is_stated_beside_a_cause_that_was_found() -> None:
         Limit(cause="zero", axis=axis, part="", unit="degrees", size=2.9, torque=0.01)
         for axis in (1, 2)
     )
-    found = Found(cause="zero", axes=(2,), detail="its zero is off by -1.99 degrees")
+    found = Found(cause="zero", axes=(2,), detail="joint offset error -1.99 degrees")
     proof = Excluded(found=(found,), limits=limits, tests=1)
     (row,) = excluded(proof, 2).parts[0].rows
     assert row[2:4] == ("(2.9)", FOUND)

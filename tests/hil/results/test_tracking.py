@@ -147,7 +147,7 @@ def test_a_plan_of_strokes_is_refused(model: Path, tmp_path: Path) -> None:
         dump_plan(design(ROBOT, {"gravity": 12, "inertia": 24, "coupling": 3})).encode()
     )
     done = called("track", plan, "--model", model, "-o", tmp_path / "x")
-    assert "only trajectories are streamed" in str(done.exception)
+    assert "only trajectories can be streamed" in str(done.exception)
     assert not (tmp_path / "x").exists()
 
 

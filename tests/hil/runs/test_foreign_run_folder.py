@@ -86,7 +86,7 @@ def test_a_stub_whose_recordings_are_a_link_is_not_completed(
     outside.mkdir()
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "recordings").symlink_to(outside)
-    with pytest.raises(FileError, match="is there already"):
+    with pytest.raises(FileError, match="already exists"):
         prepared_folder(tmp_path / "run", small_plan, manutec, "axes: []\n", resume=False)
 
 

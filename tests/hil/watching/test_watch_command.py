@@ -239,7 +239,7 @@ def test_a_push_may_stop_all_axes(model: Path, plan: Path, faults: Path, tmp_pat
     ("options", "remedy"),
     [
         (("--learn", 30), "--repeat 4"),
-        (("--repeat", 2, "--hours", 1), "give one of them"),
+        (("--repeat", 2, "--hours", 1), "give only one"),
     ],
 )
 def test_a_watch_that_would_watch_nothing_is_refused(
