@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -80,14 +80,6 @@ def identify(
         Path | None, typer.Option(help="URDF of the robot with inertials, such as CAD exports.")
     ] = None,
     accuracy: Accuracy = 10.0,
-    refinement: Annotated[
-        Literal["simulation"] | None,
-        typer.Option(
-            "--refine",
-            help="Fit base parameters and friction to the simulated motion, too; kept where"
-            " held-out pieces are simulated better.",
-        ),
-    ] = None,
 ) -> None:
     """Identify dynamics and friction from runs of any kind.
 
@@ -117,10 +109,6 @@ def identify(
                 say(f"{method} method: {reason}")
         now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
         found = identify_and_keep(run, method, more, options=options).model
-        if refinement:
-            from hil.simulation.refine import refine
-
-            found = refine([run, *more], found, progress=now)
         if consistent or masses:
             from hil.results.consistency import find_consistent_robot
 
@@ -129,8 +117,6 @@ def identify(
         found.save(path)
     say_verdicts(found.verdict.verdicts if found.verdict else ())
     say_simulated(run, *more)
-    if found.refined is not None:
-        say(str(found.refined), style=None if found.refined.kept else "yellow")
     show(found.summary())
     show(symmetry(judge_local_values(found.local)))
     if found.excluded is not None:

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.results.judgement import Judgement, KeptJudgement
     from hil.results.provenance import Provenance
-    from hil.results.refined import Refined
     from hil.results.residual import BandResidual
 
 
@@ -91,8 +90,6 @@ class IdentifiedRobot(ByName):
         Residual of `hil.results.model.Model.predict` on the recordings it was identified from, over
         the one band in which all models are compared; None where no friction is known, and of a
         file of an earlier version.
-    refined : Refined, optional
-        Position errors before and after `hil identify --refine simulation`; None without it.
     """
 
     robot: Robot
@@ -115,7 +112,6 @@ class IdentifiedRobot(ByName):
     prior: FromPrior | None = None
     edges: tuple[Edge, ...] = ()
     band_residual: BandResidual | None = None
-    refined: Refined | None = None
 
     @property
     def failed(self) -> bool:

@@ -33,7 +33,6 @@ from hil.model.robot import Robot, parse_robot
 from hil.results.identified_robot import IdentifiedRobot
 from hil.results.judgement import Judgement, KeptJudgement
 from hil.results.provenance import Provenance
-from hil.results.refined import Refined
 from hil.results.residual import BandResidual
 
 if TYPE_CHECKING:
@@ -144,7 +143,6 @@ class ModelFile(FileModel):
     prior: FromPrior | None = None
     edges: tuple[Edge, ...] = ()
     band_residual: BandResidual | None = None
-    refined: Refined | None = None
 
     @model_validator(mode="after")
     def _check_sizes(self) -> ModelFile:

@@ -43,7 +43,7 @@ from hil.export.simple_friction import friction_of_joints
 from hil.friction.direction import Direction
 from hil.friction.terms import DIRECTED, LAWS, friction_columns
 from hil.model.dynamics import inverse_dynamics
-from hil.model.motors import motor_inertia, motor_torque
+from hil.model.motors import motor_inertia
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -134,7 +134,6 @@ class _Laws:
         self.names = LAWS["all"] if friction == "law" else LAWS["Coulomb and viscous"]
         values, self.speed, self._slope = np.zeros((n, len(self.names))), np.ones(n), np.zeros(n)
         self._slowest, self._fastest = np.zeros(n), np.full(n, np.inf)
-        used = np.isin(self.names, ("offset",))  # one column at least
         for axis, (law, own) in enumerate(zip(laws.axes, simple, strict=True)):
             if own is not None:
                 stated = {"offset": own.offset, "Coulomb": own.coulomb, "viscous": own.viscous}
@@ -148,29 +147,23 @@ class _Laws:
                     self._slowest[axis], self._fastest[axis] = law.speeds
                     self._slope[axis] = law.slope
             values[axis] = [stated.get(name, 0.0) for name in self.names]
-            used |= [name in stated for name in self.names]
+        used: Mask = np.any(values, axis=0)
+        used[0] = True  # one column at least, the offset's
         self.names = tuple(name for name, there in zip(self.names, used, strict=True) if there)
         directed = np.isin(self.names, DIRECTED)
         self._level, self._other = values[:, used] * directed, values[:, used] * ~directed
+        self._none = np.zeros(n)
         self.loaded = "load" in self.names
         self._gear = np.nan_to_num(model.robot.gear_ratio)
 
-    def columns(self, q: Array, qd: Array, side: Array, load: Array) -> Array:
-        """Columns of `names` in the direction `side`, shape (..., n, n_terms)."""
-        known = np.clip(np.abs(qd), self._slowest, self._fastest)
-        u, direction = side * known / self.speed, Direction(side.ravel(), np.zeros(side.size))
-        angle = np.broadcast_to(self._gear * q, side.shape).ravel()
-        load = np.broadcast_to(load, side.shape).ravel()
-        found = friction_columns(u.ravel(), direction, load, angle, terms=self.names)
-        return found.reshape(*side.shape, len(self.names))
-
     def evaluate(self, q: Array, qd: Array, side: Array, load: Array) -> tuple[Array, Array]:
-        """Torque without direction, and level against the direction `side`, shape (..., n) each."""
+        """Torque without direction, and level against the direction `side`, shape (n,) each."""
         speed = np.abs(qd)
-        beyond = speed - np.clip(speed, self._slowest, self._fastest)
-        columns = self.columns(q, qd, side, load)
-        level = side * (columns * self._level).sum(axis=-1) + self._slope * beyond
-        return (columns * self._other).sum(axis=-1), np.maximum(level, 0.0)
+        known = np.minimum(np.maximum(speed, self._slowest), self._fastest)
+        u, direction = side * known / self.speed, Direction(side, self._none)
+        columns = friction_columns(u, direction, load, self._gear * q, terms=self.names)
+        level = side * (columns * self._level).sum(axis=1) + self._slope * (speed - known)
+        return (columns * self._other).sum(axis=1), np.maximum(level, 0.0)
 
     def steepest(self) -> Array:
         """Greatest slope of friction over the speed of each axis, shape (n,) [N m s/rad, N s/m]."""
@@ -200,8 +193,8 @@ class Arm:
 
     def __init__(self, model: Model, friction: Friction = "law") -> None:
         self._model, self._robot, n = model, model.robot, model.robot.n_joints
-        self.laws = _Laws(model, friction)
-        self.rotors = motor_inertia(model.robot, np.zeros(n))
+        self._laws = _Laws(model, friction)
+        self._rotors = motor_inertia(model.robot, np.zeros(n))
         self._still, self._zero = np.zeros(n), np.zeros((n + 2, n))
         self._zero[2:] = np.eye(n)
         coupled = () if friction == "exported" else model.friction_law.coupled
@@ -211,31 +204,20 @@ class Arm:
             row[0, [motor, joint]] = 1.0, ratio
             rows.append(row)
         self.elements = np.vstack(rows)
-        self.coulomb = np.array([max(each.coulomb.value, 0.0) for each in coupled])
-        self.viscous = np.zeros((n, n))
+        self._coulomb = np.array([max(each.coulomb.value, 0.0) for each in coupled])
+        self._viscous = np.zeros((n, n))
         for row, each in zip(self.elements[n:], coupled, strict=True):
             shared = each.viscous.value * np.outer(row, row)
-            self.viscous += shared - np.diag(np.diag(shared))
+            self._viscous += shared - np.diag(np.diag(shared))
 
     def mass_and_bias(self, q: Array, qd: Array) -> tuple[Array, Array]:
-        """Mass matrix with rotors, (..., n, n), and torque of motion and gravity, (..., n)."""
-        n = q.shape[-1]
-        at = np.repeat(q.reshape(-1, n), n + 2, axis=0)
-        speeds = np.zeros((len(at) // (n + 2), n + 2, n))
-        speeds[:, 0] = qd.reshape(-1, n)
-        units = np.broadcast_to(self._zero, speeds.shape).reshape(-1, n)
-        found = inverse_dynamics(
-            self._robot, self._model.values, at, speeds.reshape(-1, n), units
-        ).reshape(speeds.shape)
-        mass = found[:, 2:].swapaxes(1, 2) - found[:, 1, :, None]
-        mass = (mass + mass.swapaxes(1, 2)) / 2 + self.rotors
-        return mass.reshape(*q.shape, n), found[:, 0].reshape(q.shape)
-
-    def torque(self, q: Array, qd: Array, qdd: Array) -> Array:
-        """Torque of a motion without friction, shape (..., n) as the arguments."""
-        rows = (each.reshape(-1, q.shape[-1]) for each in (q, qd, qdd))
-        found = inverse_dynamics(self._robot, self._model.values, *rows).reshape(q.shape)
-        return np.asarray(found + motor_torque(self._robot, q, qd, qdd))
+        """Mass matrix with rotors, (n, n), and torque of motion and gravity, (n,)."""
+        speeds = np.zeros_like(self._zero)
+        speeds[0] = qd
+        at = np.broadcast_to(q, speeds.shape)
+        found = inverse_dynamics(self._robot, self._model.values, at, speeds, self._zero)
+        mass = found[2:].T - found[1][:, None]
+        return (mass + mass.T) / 2 + self._rotors, found[0]
 
     def _forces(
         self, q: Array, qd: Array, mode: Array, tau: Array, load: Array
@@ -244,9 +226,9 @@ class Arm:
         mass, bias = self.mass_and_bias(q, qd)
         n = len(q)
         side = np.where(mode[:n] < 0, -1.0, 1.0)
-        other, level = self.laws.evaluate(q, qd, side, load)
-        most = np.concatenate([level, self.coulomb])
-        left = tau - bias - other - self.viscous @ qd - (mode * most) @ self.elements
+        other, level = self._laws.evaluate(q, qd, side, load)
+        most = np.concatenate([level, self._coulomb])
+        left = tau - bias - other - self._viscous @ qd - (mode * most) @ self.elements
         return mass, left, most, bias
 
     def acceleration(
@@ -264,11 +246,11 @@ class Arm:
             mass, left, most, bias = self._forces(q, qd, mode, tau, load)
             found, friction = _accelerations(mass, left, self.elements, held)
             if (
-                not self.laws.loaded
+                not self._laws.loaded
                 or (np.abs(found - qdd) <= SETTLED * (1.0 + np.abs(found))).all()
             ):
                 return found, friction, most
-            qdd, load = found, bias + (mass - self.rotors) @ found
+            qdd, load = found, bias + (mass - self._rotors) @ found
         raise NotEnoughData(
             f"the model of {self._robot.name}: friction grows with the load as fast as the load;"
             " take --friction plain"
@@ -279,10 +261,10 @@ class Arm:
         q, qd, mode = state
         held = mode == 0
         load = self._still
-        if self.laws.loaded:
+        if self._laws.loaded:
             qdd, _, _ = self.acceleration(state, tau)
             mass, bias = self.mass_and_bias(q, qd)
-            load = bias + (mass - self.rotors) @ qdd
+            load = bias + (mass - self._rotors) @ qdd
         mass, left, most, _ = self._forces(q, qd, mode, tau, load)
         factor = _factor(mass, self._robot.name)
         across: Array = np.linalg.solve(factor, self.elements[held].T)
@@ -381,7 +363,7 @@ class Arm:
             mass, _ = self.mass_and_bias(q, self._still)
             inverse = np.linalg.inv(_factor(mass, self._robot.name))
             lightest = np.maximum(lightest, (inverse**2).sum(axis=0))
-        slopes = self.laws.steepest() + np.abs(self.viscous).sum(axis=0) + drive.kd
+        slopes = self._laws.steepest() + np.abs(self._viscous).sum(axis=0) + drive.kd
         return float(np.maximum(lightest * slopes, np.sqrt(lightest * drive.kp)).max())
 
 

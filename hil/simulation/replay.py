@@ -272,10 +272,10 @@ def _replayed(
 ) -> Iterator[Replayed]:
     """Yield a recording simulated, nothing of one that is too short."""
     recording = convert_torques(model, each.measurement, each.recording)
-    drive = recorded_drive(model, each.measurement, recording, controller)
+    drive = _drive(model, each.measurement, recording, controller)
     parts = [
         _simulated(arm, model, recording.time[stretch], recording.q[stretch], drive)
-        for stretch in stretches(recording, restart)
+        for stretch in _stretches(recording, restart)
     ]
     if parts:
         time, q, found = (np.concatenate(each) for each in zip(*parts, strict=True))
@@ -283,7 +283,7 @@ def _replayed(
         yield Replayed(each.measurement.id, time, q, found, tuple(time[gone].tolist()))
 
 
-def stretches(recording: Recording, restart: float | None) -> Iterator[Indices]:
+def _stretches(recording: Recording, restart: float | None) -> Iterator[Indices]:
     """Yield the samples of stretches, with the samples before each start."""
     kept = np.flatnonzero(recording.fresh)
     steps = np.diff(recording.time[kept])
@@ -299,7 +299,8 @@ def _simulated(
 ) -> tuple[Array, Array, Array]:
     """Scored instants of a stretch, recorded and simulated positions."""
     middle = INITIAL // 2
-    at, speed = initial_state(time, q)
+    powers = np.vander(time[:INITIAL] - time[middle], 3, increasing=True)
+    at, speed, _ = np.linalg.lstsq(powers, q[:INITIAL], rcond=None)[0]
     wide = np.array([LOST[bool(turns)] for turns in model.robot.revolute])
 
     def lost(k: int, now: Array) -> bool:
@@ -309,14 +310,7 @@ def _simulated(
     return time[INITIAL:], q[INITIAL:], found[INITIAL - middle :]
 
 
-def initial_state(time: Array, q: Array, degree: int = 2) -> tuple[Array, Array]:
-    """Position and velocity in the middle of the first `INITIAL` samples, by a polynomial."""
-    powers = np.vander(time[:INITIAL] - time[INITIAL // 2], degree + 1, increasing=True)
-    at, speed, *_ = np.linalg.lstsq(powers, q[:INITIAL], rcond=None)[0]
-    return at, speed
-
-
-def recorded_drive(
+def _drive(
     model: Model, motion: RecordedMotion, recording: Recording, controller: Controller | None
 ) -> Drive:
     """Return the drive of the arm for a recording, torques with the lag removed."""

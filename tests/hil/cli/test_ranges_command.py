@@ -1,4 +1,4 @@
-"""`hil identify --refine simulation` and `hil export --to ranges` on a carriage's recording."""
+"""`hil export --to ranges` of a carriage's recording."""
 
 from __future__ import annotations
 
@@ -14,20 +14,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from command_line import Hil
-
-
-def test_the_command_states_what_refinement_gave_and_keeps_it_in_the_model_file(
-    tmp_path: Path, hil: Hil
-) -> None:
-    folder = carriage_run().save(tmp_path / "run").path
-    _, out, _ = hil("identify", folder, "--refine", "simulation")
-    refined = package.Model.load(folder).refined
-    assert refined is not None
-    assert str(refined) in " ".join(out.split())
-    assert ("NOT refined" in out) == (refined.ratio >= 1.0)
-    _, out, _ = hil("identify", folder)
-    assert "refined by simulation" not in out
-    assert package.Model.load(folder).refined is None
 
 
 def test_ranges_are_drawn_about_the_identified_mass(tmp_path: Path, hil: Hil) -> None:
