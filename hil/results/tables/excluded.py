@@ -104,7 +104,7 @@ def sentences(proof: Excluded) -> Iterator[str]:
 
 
 def distinguished(found: Distinguished, source: str) -> Table:
-    """Return the table of detectable and distinguishable sizes of causes, by plan and added rows."""
+    """Return the table of detectable and distinguishable sizes of causes in a plan."""
     heads = ("usual", "found, before", "after", "apart, before", "after")
     rows = (
         (after.name, after.unit, significant(after.usual, 2) if after.usual else "",
