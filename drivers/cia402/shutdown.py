@@ -281,9 +281,10 @@ class Shutdown:
                     each.reason = f"it still moves, by {way:.2g} {unit} until now"
                 elif way > bound:
                     sagged.append(
-                        f"{each.axis.label}: sagged by {way:.2g} {unit} after its voltage was off,"
-                        f" at most {bound:g} {unit} (position_window) may be; check its brake, and"
-                        " state how long it takes to close as brake_delay in the drives file"
+                        f"{each.axis.label}: sagged by {way:.2g} {unit} after its voltage was "
+                        f"off, at most {bound:g} {unit} (position_window) allowed; check its "
+                        "brake, and state how long it takes to close as brake_delay in the "
+                        "drives file"
                     )
         return sagged
 

@@ -179,7 +179,7 @@ _limit = partial(
     Requirement,
     lack=Lack.NOTED,
     use=Use.SET,
-    without="this limit is kept by the driver alone",
+    without="only the driver enforces this limit, not the drive",
     own_holds=True,
     fixed="it serves only with a limit of its own that is tighter than the drives file's",
 )
@@ -188,7 +188,7 @@ _ANY = range(-(1 << 31), 1 << 32)
 _SPEED, _ACCELERATION = Quantity.SPEED, Quantity.ACCELERATION
 _STATED = "a drive for which the drives file states it is refused"
 _NO_RANGE = "the drive itself would not keep the axis's range"
-_OWN_RANGE = "what of the axis's range it does not keep, the driver alone does"
+_OWN_RANGE = "where the drive does not enforce the axis's range, the driver does"
 _UNWATCHED = "the drive's own supervision of the following error is used; look it up"
 _OWN_WINDOW = "the drive's own window decides on target reached"
 _COASTS = "it may let the axis coast"

@@ -146,7 +146,7 @@ def _write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entr
         )
     found = []
     if kept[0] < ends[0] - 1 or kept[1] > ends[1] + 1:
-        found.append("the driver alone keeps the axis's range")
+        found.append("only the driver enforces the axis's range")
     if kept[0] > ends[0] or kept[1] < ends[1]:
         found.append("it takes no target beyond its own")
     consequence = " and ".join(found) or "they agree to an increment"

@@ -166,7 +166,7 @@ def draft_ratings(dictionary: Dictionary) -> dict[str, Drafted]:
     """Return the motor ratings by key of the drives file, with values or hints."""
     maker = MAKERS.get(dictionary.vendor or 0)
     present = dictionary.value(objects.RATED_CURRENT)
-    hint = "rated current of the motor [A], which the drive's per mille refer to"
+    hint = "rated current of the motor [A], reference of the drive's per-mille values"
     hint += default_of(dictionary, objects.RATED_CURRENT)
     if present:
         current = Drafted(f"{present / 1000:g}", "A, 6075", hint)
@@ -198,7 +198,7 @@ def _rated_torque(
     dictionary: Dictionary, current: Drafted, constant: Drafted
 ) -> tuple[Drafted, Drafted]:
     present = dictionary.value(objects.RATED_TORQUE)
-    hint = "rated torque of the motor [N m], which the drive's per mille refer to"
+    hint = "rated torque of the motor [N m], reference of the drive's per-mille values"
     standard = Drafted(TorqueUnit.MILLI.value, "6076", "")
     if not present:
         hint += default_of(dictionary, objects.RATED_TORQUE)

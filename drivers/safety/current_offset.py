@@ -60,8 +60,8 @@ def measure_offsets(
         if torque > bound:
             unit = axis.stated.effort_unit
             found.append(
-                f"{axis.label}: {when} its current reads {torque:.3g} {unit}, at "
-                f"most {bound:.3g} {unit} may be; the torques of this axis carry that offset: have "
+                f"{axis.label}: {when} its current reads {torque:.3g} {unit}, at most "
+                f"{bound:.3g} {unit} allowed; the torques of this axis carry that offset: have "
                 "it adjusted, and measure the axis again if it was not there from the start"
             )
     return found

@@ -263,10 +263,10 @@ class Trips:
             if step > velocity * (elapsed + JITTER * self._period):
                 per_count, unit = axis.per_count, axis.drive.unit
                 return Tripped(
-                    f"{axis.label}: {step * per_count:.4g} {unit} in {elapsed:.3g} s is"
-                    f" {step * per_count / elapsed:.4g} {unit}/s, at most"
-                    f" {velocity * per_count:.4g} {unit}/s may be (trip.velocity); the axis runs"
-                    f" away or {_suspect_cause(step, axis)}: check encoder cable and tuning"
+                    f"{axis.label}: {step * per_count:.4g} {unit} in {elapsed:.3g} s is "
+                    f"{step * per_count / elapsed:.4g} {unit}/s, at most "
+                    f"{velocity * per_count:.4g} {unit}/s allowed (trip.velocity); the axis runs "
+                    f"away or {_suspect_cause(step, axis)}: check encoder cable and tuning"
                 )
         return None
 

@@ -291,8 +291,8 @@ class Session:
             self.stopping.fail(
                 Tripped(
                     f"nobody supervised the axes in motion for {elapsed:.3g} s, at most "
-                    f"{self._unsupervised:.3g} s may be (half the heartbeat timeout); come back to "
-                    "sample() sooner, or free the computer of other work"
+                    f"{self._unsupervised:.3g} s allowed (half the heartbeat timeout); come back "
+                    "to sample() sooner, or free the computer of other work"
                 )
             )
         failed = (

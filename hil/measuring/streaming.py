@@ -79,8 +79,8 @@ def astray(recording: Recording, trajectory: Trajectory, robot: Robot) -> Iterat
         unit = robot.position_unit(axis)
         yield Finding(
             "astray",
-            f"axis {axis + 1} is up to {worst[axis]:.3g} {unit} away from its set-points, at most"
-            f" {ASTRAY} {unit} may be; plan a slower trajectory or check the drive's tuning",
+            f"axis {axis + 1} is up to {worst[axis]:.3g} {unit} away from its set-points, at "
+            f"most {ASTRAY} {unit} allowed; plan a slower trajectory or check the drive's tuning",
             float(worst[axis]),
             ASTRAY,
         )

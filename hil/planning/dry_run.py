@@ -177,9 +177,9 @@ def _check_load(bus: BusCycle | None, plan: Plan) -> Iterator[Problem]:
         load, longest = bus.duration / plan.sample_period, bus.duration / bus.most
         yield Problem(
             ("sample_period",),
-            f"{plan.sample_period:g} s loads the bus with {load:.0%} at {bus.bitrate} bit/s, at"
-            f" most {bus.most:.0%} may; sample every {math.ceil(longest * 1e4) / 1e4:g} s or use a"
-            " faster bus",
+            f"{plan.sample_period:g} s loads the bus with {load:.0%} at {bus.bitrate} bit/s, at "
+            f"most {bus.most:.0%} allowed; sample every {math.ceil(longest * 1e4) / 1e4:g} s or "
+            "use a faster bus",
         )
 
 

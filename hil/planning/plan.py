@@ -196,8 +196,8 @@ def repeat_measurements(plan: Plan, rounds: int) -> Plan:
     longest = max((each.id for each in measurements), key=len)
     if len(longest) > LONGEST_NAME:
         raise FileError(
-            f"measurements: {longest} has {len(longest)} characters with its number, at most"
-            f" {LONGEST_NAME} may be; give it a shorter id"
+            f"measurements: {longest} has {len(longest)} characters with its number, at most "
+            f"{LONGEST_NAME} allowed; give it a shorter id"
         )
     return plan.model_copy(update={"measurements": tuple(measurements)})
 

@@ -201,8 +201,8 @@ def statements(robot: Robot, found: ConsistentRobot) -> Iterator[str]:
     if found.open_masses:
         links = ", ".join(map(str, found.open_masses))
         yield (
-            f"no torque decides the masses of links {links}: they come from {found.likely}, and"
-            " centres and inertias of these links go with them"
+            f"masses of links {links} are undetermined by torques: masses, centres and inertias "
+            f"of these links depend on {found.likely}"
         )
     if found.binding and found.contradicted:
         yield (

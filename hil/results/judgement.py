@@ -115,7 +115,7 @@ class Judgement(Reservation):
     Attributes
     ----------
     further : tuple of Reservation
-        All else that speaks against it, the worst first.
+        Further objections to the result, the worst first.
     """
 
     further: tuple[Reservation, ...] = ()

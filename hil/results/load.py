@@ -289,8 +289,8 @@ def require_load(found: Load, absent: float = 0.01) -> None:
     if found.present.p_value > absent:
         figure = f"its mass would be {mass:.3g} ± {error:.2g} kg" if error else "nothing changed"
         raise NoLoad(
-            f"no load stands out of its error: {figure} (p = {found.present.p_value:.2g}); check"
-            " that this run carries it, or record longer with a heavier one"
+            f"load not significant: {figure} (p = {found.present.p_value:.2g}); check that this "
+            "run carries it, or record longer with a heavier one"
         )
 
 

@@ -191,9 +191,10 @@ def _speeds(laws: Sequence[AxisLaw]) -> Iterator[float]:
 
 
 def _degrees(model: IdentifiedRobot, law: AxisLaw, fewest: float = 2.0) -> float:
-    """Return the degrees of freedom of a law, by measurements or by base parameters.
+    """Return the degrees of freedom of a friction law's residual.
 
-    The fewest are those of a law that states neither.
+    The model states the measurements of the axis, or the degrees of freedom of base parameters;
+    otherwise `fewest` is returned.
     """
     if law.measurements is not None:
         return max(float(law.measurements - len(law.terms)), fewest)

@@ -137,9 +137,9 @@ def unexplained(found: BandResidual | None, limit: Array, accuracy: float) -> It
     for axis in np.argsort(-left, kind="stable").tolist():
         if left[axis] > accuracy:
             yield doubtful(
-                f"the model explains {100 * max(0.0, 1.0 - left[axis]):.0f} % of axis {axis + 1}:"
-                f" {_percent(left[axis])} of its torque remain up to {found.band:g} Hz, at most"
-                f" {_percent(accuracy)} may (--accuracy)",
+                f"the model explains {100 * max(0.0, 1.0 - left[axis]):.0f} % of axis "
+                f"{axis + 1}: {_percent(left[axis])} of its torque remain up to {found.band:g} "
+                f"Hz, at most {_percent(accuracy)} allowed (--accuracy)",
                 "record motions like those that are to be predicted, or check what the model lacks:"
                 " springs, ripple, friction that depends on more than speed",
             )

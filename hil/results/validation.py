@@ -493,7 +493,6 @@ def score_own_recordings(model: Model, run: Run) -> Validation | None:
     which = "its recordings are" if common == every else f"{common} of its {every} recordings are"
     return Validation(
         word="failed",
-        reason=f"{which} those that the model was made from, which cannot show what it is worth on"
-        " others",
+        reason=f"{which} those used for identification: no test on held-out data",
         remedy="judge it by another recording",
     )

@@ -138,7 +138,7 @@ class Watched(FileModel):
 
 
 def hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:
-    """Return a remark on axes blind for most of the time, with a remedy."""
+    """Return a remark on axes without detection of contact for most of the time, with a remedy."""
     blind = [axis for axis in found.axes if found.watched and axis.blind > mostly]
     if not blind:
         return ()

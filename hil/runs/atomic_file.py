@@ -79,7 +79,7 @@ def whole_folder(output: Path) -> Iterator[Path]:
     Raises
     ------
     FileError
-        It cannot be made.
+        The folder cannot be made.
     """
     missing = [folder for folder in output.parents if not folder.exists()]
     part = output.with_name(f".{output.name}.{secrets.token_hex(4)}{PART}")
@@ -105,7 +105,7 @@ def new_folder(path: Path) -> None:
     Raises
     ------
     FileError
-        It cannot be made.
+        The folder cannot be made.
     """
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
     with file_errors(path, "made"):

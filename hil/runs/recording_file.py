@@ -152,7 +152,9 @@ def _dataset(path: Path, file: h5py.File, name: str) -> h5py.h5d.DatasetID:
     dataset: Any = h5py.h5o.open(file.id, key) if here else None
     made = dataset.get_create_plist() if isinstance(dataset, h5py.h5d.DatasetID) else None
     if not made or made.get_external_count() or made.get_layout() == h5py.h5d.VIRTUAL:
-        raise ValueError(f"{name} is missing, no array, or in another file, which is not read")
+        raise ValueError(
+            f"{name} is missing, not an array, or a link to another file (links are not followed)"
+        )
     chunk = made.get_chunk() if made.get_layout() == h5py.h5d.CHUNKED else ()
     largest = max(math.prod(dataset.shape), math.prod(chunk))
     refuse_beyond(path, largest * dataset.dtype.itemsize, name)

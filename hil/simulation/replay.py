@@ -158,7 +158,7 @@ class Replay:
         return f"{significant(factor * float(values[axis]), 3)} {unit}"
 
     def table(self) -> Table:
-        """Errors of all axes."""
+        """Table of the position errors of all axes."""
         covered = np.ptp(np.vstack([each.recorded for each in self.recordings]), axis=0)
         rows = [
             (

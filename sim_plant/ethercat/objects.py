@@ -63,7 +63,7 @@ class EntryDescription:
 
     @property
     def bits(self) -> int:
-        """Width; for texts the width of the default."""
+        """Width of the entry [bits]; of a text, the width of its default."""
         default = self.entry.default
         return 8 * (len(default) if isinstance(default, bytes) else self.entry.size)
 

@@ -376,8 +376,8 @@ def limits(low: int, high: int) -> Any:
 @pytest.mark.parametrize(
     ("low", "high", "words"),
     [
-        (-(2**30), 2**30, "the driver alone keeps the axis's range"),
-        (-50000, 2**30, "the driver alone keeps the axis's range"),
+        (-(2**30), 2**30, "only the driver enforces the axis's range"),
+        (-50000, 2**30, "only the driver enforces the axis's range"),
     ],
 )
 def test_fixed_software_limits_are_noted_with_both_ranges(low: int, high: int, words: str) -> None:

@@ -103,7 +103,7 @@ def expected_evidence(
         stacked += [(s, axes) for axes in stack(robot, motion, s)]
         s.kept.clear()  # holds all samples; the rows are some of them
     if not stacked:
-        raise NotIdentifiable("no measurement is long enough to show parameters")
+        raise NotIdentifiable("no measurement is long enough to identify parameters")
     return rows_of(robot, stacked, np.zeros(robot.n_joints, dtype=bool))
 
 

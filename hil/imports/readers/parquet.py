@@ -1,6 +1,6 @@
-"""Files of Parquet and lines of JSON: columns of numbers, instants, and lists of numbers.
+"""Parquet files and JSON Lines: columns of numbers, time stamps, and lists of numbers.
 
-Instants become nanoseconds. An object of JSON is a row, and a nested object a structure. A list
+Time stamps become nanoseconds. A JSON object is a row, and a nested object a structure. A list
 column, as in data sets of LeRobot, becomes a column per element, ``observation.state/1``; a
 structure becomes ``name.field``. Rows with shorter lists have missing numbers.
 """

@@ -87,16 +87,19 @@ def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Itera
             left_out > 0
         )
         yield Finding(
-            "gaps", f"{lost}, at most {bound} may; {', '.join(remedies)}", missing + left_out, bound
+            "gaps",
+            f"{lost}, at most {bound} allowed; {', '.join(remedies)}",
+            missing + left_out,
+            bound,
         )
     bad = SampleFlag.DOUBLED | SampleFlag.LATE
     disturbed = float(np.any(recording.flags & bad, axis=1).mean())
     if disturbed > TOLERATED:
         yield Finding(
             "telegrams",
-            f"{disturbed:.1%} of the samples have doubled or late telegrams of axis"
-            f" {_axes(recording, bad)}, at most {TOLERATED:.0%} may; lower the bus load or sample"
-            " more slowly",
+            f"{disturbed:.1%} of the samples have doubled or late telegrams of axis "
+            f"{_axes(recording, bad)}, at most {TOLERATED:.0%} allowed; lower the bus load or "
+            "sample more slowly",
             disturbed,
             TOLERATED,
         )
@@ -109,9 +112,9 @@ def _timing(recording: Recording, measurement: Measurement, robot: Robot) -> Ite
     if share > UNTIMED:
         yield Finding(
             "timing",
-            f"this computer was interrupted while it sent {share:.1%} of the SYNCs, so their"
-            f" instants are uncertain, at most {UNTIMED:.0%} may be; relieve it of other work, run"
-            " with --realtime or sample more slowly",
+            f"this computer was interrupted while it sent {share:.1%} of the SYNCs, so their "
+            f"instants are uncertain, at most {UNTIMED:.0%} allowed; relieve it of other work, "
+            "run with --realtime or sample more slowly",
             share,
             UNTIMED,
         )
@@ -130,10 +133,10 @@ def renewal(recording: Recording, measurement: Measurement, robot: Robot) -> Ite
         every = round(float(np.median(spans)) / period) if len(spans) else 1
         yield Finding(
             "renewal",
-            f"{share:.0%} of the samples in motion repeat a position or current of axis"
-            f" {_axes(recording, SampleFlag.OLD)}, renewed only every {every} SYNCs, at"
-            f" most {TOLERATED:.0%} may; fresh samples alone are used: set sync_period:"
-            f" {every * period:.3g} in the drives file and sample_period in the plan",
+            f"{share:.0%} of the samples in motion repeat a position or current of axis "
+            f"{_axes(recording, SampleFlag.OLD)}, renewed only every {every} SYNCs, at most "
+            f"{TOLERATED:.0%} allowed; only fresh samples are used: set sync_period: "
+            f"{every * period:.3g} in the drives file and sample_period in the plan",
             share,
             TOLERATED,
         )
@@ -197,9 +200,9 @@ def _frozen(tau: Array, axis: int, unit: str) -> Iterator[Finding]:
     if longest > bound:
         yield Finding(
             "current",
-            f"the current of axis {axis} reads {tau[begin]:.4g} {unit} in {longest}"
-            f" samples on end, at most {bound} may; its sensor is stuck, clipped or too coarse:"
-            " check the drive's current measurement and its range",
+            f"the current of axis {axis} reads {tau[begin]:.4g} {unit} in {longest} consecutive "
+            f"samples, at most {bound} allowed; its sensor is stuck, clipped or too coarse: "
+            "check the drive's current measurement and its range",
             longest,
             bound,
         )

@@ -111,8 +111,8 @@ def half_sums(recording: Recording, measurement: Strokes, robot: Robot) -> Itera
         unit = robot.torque_unit(measurement.index)
         yield Finding(
             "half-sums",
-            f"half-sums of successive strokes differ by {spread:.3g} {unit}, at most"
-            f" {bound:.3g} {unit} may; friction is not steady: warm up longer, or plan more cycles",
+            f"half-sums of successive strokes differ by {spread:.3g} {unit}, at most {bound:.3g} "
+            f"{unit} allowed; friction is not steady: warm up longer, or plan more cycles",
             spread,
             bound,
         )

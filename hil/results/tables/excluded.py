@@ -98,13 +98,13 @@ def sentences(proof: Excluded) -> Iterator[str]:
         where = f" of axis {worst.axis}" if worst.axis else ""
         names = ", ".join(dict.fromkeys(each.cause for each in hidden))
         yield (
-            f"invisible in the size that is usual of it: {names}; most is worth the {worst.cause}"
-            f"{where}, {significant(100 * worst.worth, 2)} % of its torque"
+            f"invisible at its usual size: {names}; largest effect: {worst.cause}{where}, "
+            f"{significant(100 * worst.worth, 2)} % of its torque"
         )
 
 
 def distinguished(found: Distinguished, source: str) -> Table:
-    """Return the detectable and distinguishable sizes of a plan, before and after additions."""
+    """Return the table of detectable and distinguishable sizes of causes in a plan."""
     heads = ("usual", "found, before", "after", "apart, before", "after")
     rows = (
         (after.name, after.unit, significant(after.usual, 2) if after.usual else "",

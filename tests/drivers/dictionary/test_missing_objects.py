@@ -118,7 +118,7 @@ def test_a_read_only_object_of_unknown_value_is_a_remark(index: int) -> None:
 @pytest.mark.parametrize("index", [0x60C5, 0x60C6])
 def test_an_acceleration_that_the_driver_alone_limits_is_stated(index: int) -> None:
     (stated,) = about(index, reviewed({(index, 0): None}))
-    assert "is missing: this limit is kept by the driver alone" in stated
+    assert "is missing: only the driver enforces this limit, not the drive" in stated
     live = scan_bus(LocalBus(1, {1: {(index, 0): None}})).nodes[1].review
     assert live is not None
     assert about(index, live) == [stated]
@@ -130,7 +130,7 @@ def test_of_two_objects_that_limit_the_same_one_is_enough(one: int, other: int) 
     alone = reviewed({(one, 0): None, (other, 0): there})
     assert about(one, alone) + about(other, alone) == []
     neither = reviewed({(one, 0): None, (other, 0): None})
-    assert "this limit is kept by the driver alone" in about(one, neither)[0]
+    assert "only the driver enforces this limit, not the drive" in about(one, neither)[0]
 
 
 def test_a_limit_of_current_serves_in_place_of_one_of_torque_at_start_up() -> None:

@@ -255,7 +255,10 @@ def test_a_drive_that_cannot_watch_our_heartbeat_needs_a_reason() -> None:
 
 def test_what_is_missing_stands_above_the_axis() -> None:
     text = drafted([axis({(0x6072, 0): None})])
-    assert "  # 6072:00 (max torque) is missing: this limit is kept by the driver alone" in text
+    assert (
+        "  # 6072:00 (max torque) is missing: only the driver enforces this limit, not the drive"
+        in text
+    )
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ def found(second: list[int], flags: list[int] | None = None) -> list[str]:
 @pytest.mark.parametrize("current", [70, -70])
 def test_an_offset_of_more_than_two_percent_of_the_torque_limit_is_noted(current: int) -> None:
     (message,) = found([current] * 10)
-    stated = "axis 2: before power-on its current reads 7 N m, at most 6 N m may be"
+    stated = "axis 2: before power-on its current reads 7 N m, at most 6 N m allowed"
     assert message.startswith(stated)
 
 

@@ -104,7 +104,7 @@ def test_an_encoder_that_jumps_within_the_corridor_is_noticed(can_bus: Any) -> N
         until(drive_bus, lambda sample: sample.q[1] > 0.2)
         can_bus.drives[2].position -= 0.3 * PER_RADIAN
         with pytest.raises(
-            Tripped, match=r"joint 2 .*rad/s, at most 2.6 rad/s may be \(trip.vel"
+            Tripped, match=r"joint 2 .*rad/s, at most 2.6 rad/s allowed \(trip.vel"
         ) as caught:
             until(drive_bus, lambda _: False)
     assert all_off(can_bus)
@@ -230,7 +230,7 @@ def test_one_limit_of_speed_in_the_drive_is_enough(present: tuple[int, ...], not
     with bus, on(bus) as drive_bus:
         words = (
             "joint 2 (node 2): no object 607F:00 (max profile velocity) nor 6080:00 (max motor"
-            " speed): this limit is kept by the driver alone"
+            " speed): only the driver enforces this limit, not the drive"
         )
         assert (words in drive_bus.notes) is noted
 

@@ -140,7 +140,7 @@ def test_unknown_gains_of_both_runs_are_found_with_the_load(runs: Path) -> None:
 
 @pytest.mark.parametrize(("second", "error", "words"), [
     ("bare", Mismatch, "has the same recordings as"),
-    ("again", NoLoad, r"no load stands out of its error: its mass would be"),
+    ("again", NoLoad, r"load not significant: its mass would be"),
     ("unknown-loaded", Mismatch, "gains are unknown of other axes"),
 ])  # fmt: skip
 def test_what_is_no_pair_of_runs_is_refused(
