@@ -302,7 +302,7 @@ class TestCluster:
         import distributed
 
         cells, alone = (
-            [cell_of(folder, kind, 1) for kind in ("trajectory", "warmed")]
+            [cell_of(folder, kind, 1) for kind in ("trajectory", "compensated")]
             for folder in (study, finished[0])
         )
         for cell in cells:

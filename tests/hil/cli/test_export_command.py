@@ -113,7 +113,7 @@ def test_a_failed_model_is_written_by_force_alone_and_every_file_says_so_and_sim
     assert "FAILED: axes 2 and 3 exchanged" in out
     assert "SIMULATED: measured on the virtual plant" in out
     for file in (tmp_path / "out").iterdir():
-        head = "".join(file.read_text().splitlines(keepends=True)[:4])
+        head = "".join(file.read_text().splitlines(keepends=True)[:5])
         assert "FAILED: axes 2 and 3 exchanged; exchange them" in head, file
         assert "SIMULATED: measured on the virtual plant, no real machine" in head, file
 
