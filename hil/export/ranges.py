@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from hil.friction.law import TermValue
 
 if TYPE_CHECKING:
     from hil.arrays import Array
+    from hil.estimation.consistent.result import ConsistentRobot
     from hil.export.simulated_robot import SimulatedRobot
     from hil.export.urdf_file import Given
     from hil.friction.law import AxisLaw
@@ -40,8 +41,7 @@ SEED = 1
 def write_ranges(model: Model, origin: tuple[str, ...], given: Given | None = None) -> Exported:
     """Return samples of a model with bodies as `NAME.ranges.json`."""
     chain, rng = None if given is None else given.chain, np.random.default_rng(SEED)
-    first, kept = simulated_robot(model, chain), model.consistent
-    assert kept is not None  # noqa: S101 - simulated_robot refuses a model without bodies
+    first, kept = simulated_robot(model, chain), cast("ConsistentRobot", model.consistent)
     masses = {
         link: (mass / HEAVIER, mass * HEAVIER) for link, mass in enumerate(kept.bodies[:, 9], 1)
     }
