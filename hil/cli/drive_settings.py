@@ -53,7 +53,8 @@ def show_changed(label: str, changes: Sequence[tuple[Entry, int | None, int]], c
     if not changes:
         say(f"{label}: nothing differs")
         return
-    heads = ("object", Column("name", folds=True), *figures("value on the drive", column))
+    name, values = Column("name", folds=True), figures("value on the drive", column)
+    heads: tuple[str | Column, ...] = ("object", name, *values)
     rows = [
         (entry.place, entry.name, "-" if held is None else entry.shown(held), entry.shown(value))
         for entry, held, value in changes

@@ -135,7 +135,7 @@ def _table(picture: Picture, drives: DrivesFile) -> Table:
                 Marked(_alarm(axis)),
             )
         )
-    columns = (
+    columns: tuple[str | Column, ...] = (
         Column("axis", folds=True),
         "node",
         Column("NMT", folds=True),

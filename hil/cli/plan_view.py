@@ -89,7 +89,9 @@ def _dependencies(robot: Robot, base: BaseParameters) -> Table:
     for i in joints:
         cells = [_numbers(base.dependencies.mass[i, j]) if j >= i else "" for j in joints]
         rows.append((f"i = {i + 1}", *cells, _numbers(base.dependencies.gravity[i])))
-    columns = ("", *(Column(head, "right", folds=True) for head in heads))
+    columns: tuple[str | Column, ...] = (
+        "", *(Column(head, "right", folds=True) for head in heads),
+    )  # fmt: skip
     return table("parameters p_k that occur in M_ij(q) and g_i(q), by k", columns, rows)
 
 
@@ -153,7 +155,7 @@ def _costs(result: DryRun) -> Table:
         for kind, duration in result.durations.items()
     )
     total = ("total", str(sum(result.counts.values())), clock(result.duration))
-    columns = ("", *figures("measurements", "time, m:ss"))
+    columns: tuple[str | Column, ...] = ("", *figures("measurements", "time, m:ss"))
     return table("Duration", columns, (Part(rows), Part((total,))))
 
 
@@ -197,7 +199,8 @@ def _print_precision(
     title: str, columns: dict[str, list[str]], found: Precision, robot: Robot
 ) -> None:
     """Print figures by group, effects on torques, and imprecise parameters."""
-    heads = ("", Column("what it is", folds=True), *figures(*columns), "unit")
+    what = Column("what it is", folds=True)
+    heads: tuple[str | Column, ...] = ("", what, *figures(*columns), "unit")
     parts = [
         Part(
             tuple(
