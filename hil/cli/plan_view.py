@@ -190,9 +190,7 @@ def render_refinement(before: Precision, after: Precision, robot: Robot) -> None
     columns = {
         "now": [_figure(now) for now, _ in pairs],
         "then": [_figure(then) for _, then in pairs],
-        "then / now": [
-            f"{then / now:.2f}" if math.isfinite(now) else "" for now, then in pairs
-        ],
+        "then / now": [f"{then / now:.2f}" if math.isfinite(now) else "" for now, then in pairs],
     }
     _print_precision("Predicted standard deviations", columns, after, robot)
 
