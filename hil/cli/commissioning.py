@@ -65,7 +65,7 @@ def check(
         typer.Option(
             min=0,
             max=600,
-            help="Duration of the measurement of this computer's wake-up jitter \\[s].",
+            help="Measuring time for this computer's wake-up jitter \\[s].",
         ),
     ] = 10.0,
     yes: Yes = False,

@@ -64,7 +64,7 @@ def refuse_no_folder(output: Path) -> None:
     FileError
     """
     if not output.parent.is_dir():
-        raise _output_error(f"{output}: no folder {output.parent}; create it first")
+        raise _output_error(f"{output}: there is no folder {output.parent}; create it first")
     _refuse_closed(output.parent)
 
 

@@ -145,8 +145,8 @@ def test_a_drive_without_limits_of_torque_and_current_is_noted_once() -> None:
     with can_bus, drive_bus:
         stated = [note for note in drive_bus.notes if note.startswith("joint 2") and "607" in note]
     assert stated == [
-        "joint 2 (node 2): no object 6072:00 (max torque) nor 6073:00 (max current): this limit is"
-        " kept by the driver alone"
+        "joint 2 (node 2): no object 6072:00 (max torque) nor 6073:00 (max current): only the"
+        " driver enforces this limit, not the drive"
     ]
 
 

@@ -89,8 +89,7 @@ def test_a_cause_comes_before_what_a_method_refuses(
     monkeypatch.setattr(identification, "estimate", refuse)
     monkeypatch.setattr(identification, "proved", lambda *_given: exchanged)
     run = write_run(tmp_path / "run", manutec, seed=1)
-    words = "axes 5 and 6: recordings exchanged; exchange their nodes"
-    with pytest.raises(NotIdentifiable, match=words):
+    with pytest.raises(NotIdentifiable, match=r"axes 5 and 6: recordings exchanged; exchange"):
         identify(run)
 
 
