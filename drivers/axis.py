@@ -164,7 +164,6 @@ class Axis:
     drive : AxisDrive
         Axis as stated, with the limits in force.
     server : RemoteDictionary
-        Object dictionary of the drive.
     own : mapping of str to str
         Limits set by the drive rather than the file: field, and the object that sets the limit.
     stop_deceleration : float or None

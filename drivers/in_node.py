@@ -78,7 +78,6 @@ class AxisAccess:
     Parameters
     ----------
     access : Access
-        Access to the objects of the drive.
     within : InNode
         Axis within the node.
     """

@@ -74,7 +74,6 @@ def set_up_pdos(
     Parameters
     ----------
     server : RemoteDictionary
-        Object dictionary of the drive.
     axis : AxisDrive
         Axis as stated in the drives file.
     feed_forward : bool

@@ -58,7 +58,6 @@ class CyclicPosition:
     Parameters
     ----------
     process_data : ProcessData
-        Process data of the axes.
     axes : sequence of Axis
         Axes in joint order.
     trips : Trips

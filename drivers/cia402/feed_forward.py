@@ -36,7 +36,6 @@ class FeedForward:
     Parameters
     ----------
     process_data : ProcessData
-        Process data of the axes.
     axes : sequence of Axis
         Axes in joint order.
 

@@ -63,7 +63,6 @@ class Power:
     Parameters
     ----------
     process_data : ProcessData
-        Process data of the axes.
     servers : sequence of RemoteDictionary
         Drives in joint order.
     supervision : Supervision

@@ -72,7 +72,6 @@ class ProfilePosition:
     Parameters
     ----------
     process_data : ProcessData
-        Process data of the axes.
     axes : sequence of Axis
         Axes in joint order.
     period : float

@@ -57,7 +57,6 @@ class SampleReader:
         time : float
             Instant of the SYNC [s].
         process_data : ProcessData
-            Process data of the SYNC.
         reached : bool
             See `Sample`.
         """

@@ -72,7 +72,6 @@ class Shutdown:
     Parameters
     ----------
     process_data : ProcessData
-        Process data of the axes.
     life_sign : LifeSign
         Life sign, sent until it must cease.
     axes : sequence of Axis

@@ -97,9 +97,7 @@ def announce(
     Parameters
     ----------
     server : RemoteDictionary
-        Object dictionary of the drive.
     axis, drives : AxisDrive, DrivesFile
-        Axis and drives file.
     period : float
         Time between two SYNCs [s].
     communication : Communication

@@ -44,12 +44,8 @@ def commission(
 
     Parameters
     ----------
-    server : RemoteDictionary
-        Object dictionary of the drive.
-    axis, drives : AxisDrive, DrivesFile
-        Axis and drives file.
-    period : float
-        Time between two SYNCs [s].
+    server, axis, drives, period
+        See `drivers.commissioning.announcement.announce`.
     wait : callable
         ``wait(condition, timeout)`` lets time pass; returns True once the condition holds.
     limits : EffectiveLimits
@@ -156,7 +152,6 @@ def make_judge(
     Parameters
     ----------
     axis, drives : AxisDrive, DrivesFile
-        Axis and drives file.
     requirements : mapping of Entry to Requirement
         Requirements of the bus.
     """

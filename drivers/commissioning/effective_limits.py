@@ -64,7 +64,6 @@ def wrap_of(ends: tuple[int, int] | None, axis: AxisDrive, label: str) -> Wrap |
     ends : tuple of int or None
         Range of the drive (`range_of`).
     axis : AxisDrive
-        Axis of the drives file.
     label : str
         Name of the drive in messages.
 
@@ -174,7 +173,6 @@ def effective_limits(
     find : callable
         Returns the value of an object before our writes, None if missing.
     axis : AxisDrive
-        Axis of the drives file.
     label : str
         Name of the drive in messages.
 

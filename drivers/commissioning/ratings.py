@@ -51,7 +51,6 @@ def compare_ratings(read: Callable[[Entry], int | None], axis: AxisDrive) -> Ite
     read : callable
         Returns the value of an object, None if absent.
     axis : AxisDrive
-        Axis of the drives file.
     """
     maker = MAKERS.get(axis.identity.vendor)
     present = read(objects.RATED_CURRENT)

@@ -39,7 +39,6 @@ def read_dictionary(access: Access, node: int, rules: BusRules, axis: int = 1) -
     Parameters
     ----------
     access : Access
-        Access to the objects of the drive.
     node : int
         Node number.
     rules : BusRules

@@ -97,7 +97,6 @@ def scan_line(line: Line, is_asked: Callable[[int], bool], timeout: float) -> Sc
     Parameters
     ----------
     line : Line
-        Line of the slaves.
     is_asked : callable
         Returns True if the slave at a position, from 1, is to be read.
     timeout : float

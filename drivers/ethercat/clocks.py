@@ -197,7 +197,6 @@ class Clocks:
     Parameters
     ----------
     line : Line
-        Line of the slaves.
     stations : sequence of Station
         Slaves on the line, in order.
 

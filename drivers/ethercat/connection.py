@@ -41,11 +41,9 @@ class EthercatConnection(Connection):
     Parameters
     ----------
     line : Line
-        Line of the drives.
     clock : SyncClock
         Source of the cycle time.
     file : DrivesFile
-        Drives file.
     feed_forward : bool
         True if the drives take offsets of velocity and torque.
     """

@@ -72,7 +72,6 @@ class EthercatProcessData(ProcessData):
     Parameters
     ----------
     line : Line
-        Line of the drives.
     axes : sequence of AxisDrive
         Axes in joint order.
     drives : sequence of EthercatDrive

@@ -31,7 +31,6 @@ class Station:
     Parameters
     ----------
     line : Line
-        Line of the slave.
     position : int
         Position on the line, from 1.
 
@@ -138,7 +137,6 @@ class Slaves:
     Parameters
     ----------
     line : Line
-        Line of the slaves.
     """
 
     def __init__(self, line: Line) -> None:

@@ -26,7 +26,6 @@ class OutputsSent:
     Parameters
     ----------
     data : EthercatProcessData
-        Process data of the axes.
     labels : sequence of str
         Names of the drives in messages.
     period, timeout : float

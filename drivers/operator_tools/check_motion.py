@@ -69,7 +69,6 @@ class Moved:
     place : str
         Name of the axis in messages.
     drive : AxisDrive
-        Axis of the drives file.
     number : int
         Joint index, from 0.
     pose : ndarray, shape (n_axes,)
@@ -125,7 +124,6 @@ def judge_rest(
     place : str
         Name of the axis in messages.
     drive : AxisDrive
-        Axis of the drives file.
     q, tau : ndarray, shape (n,)
         Positions [rad], torques [N m]; NaN where TPDOs are missing.
     """

@@ -75,7 +75,6 @@ class CurrentReadings:
     server : RemoteDictionary
         The drive.
     axis : AxisDrive
-        Axis of the drives file.
     """
 
     def __init__(self, server: RemoteDictionary, axis: AxisDrive) -> None:

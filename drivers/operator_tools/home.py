@@ -54,7 +54,6 @@ def jog(
     bus : Fieldbus
         An open bus.
     drives : DrivesFile
-        Drives file of the axis.
     axis : AxisDrive
         Axis to move.
     way, velocity : float
@@ -117,20 +116,12 @@ def home(
 
     Parameters
     ----------
-    bus : Fieldbus
-        An open bus.
-    drives : DrivesFile
-        Drives file of the axis.
-    axis : AxisDrive
-        Axis to home.
+    bus, drives, axis, operator, keeper
+        See `jog`.
     homing : Homing
         Homing parameters.
-    operator : Operator
-        Consents to the motion and can stop it.
     patience : float
         Longest duration [s].
-    keeper : SettingsKeeper, optional
-        See `drivers.session.servo_axes.ServoAxes`.
 
     Raises
     ------

@@ -119,7 +119,6 @@ def travel(
     number : int
         Index of the axis on `bus`, from 0.
     drive : AxisDrive
-        Axis of the drives file.
     move : Move
         Move to command.
     operator : Operator

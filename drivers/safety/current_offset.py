@@ -36,7 +36,6 @@ def measure_offsets(
     Parameters
     ----------
     process_data : ProcessData
-        Process data of the axes.
     axes : sequence of Axis
         In joint order.
     cycle : callable

@@ -219,7 +219,6 @@ class Trips:
         time : float
             Instant of the SYNC [s].
         process_data : ProcessData
-            Process data of the SYNC.
         """
         return self._look(
             time, process_data.positions, process_data.currents, irregular=process_data.irregular

@@ -46,7 +46,6 @@ def check_and_configure(
     connection : Connection
         Connection to the drives; a drive is added to `written` before its first write.
     drives : DrivesFile
-        Drives file.
     period : float
         Time between two SYNCs [s].
     keeper : SettingsKeeper

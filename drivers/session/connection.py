@@ -36,7 +36,6 @@ class Connection(ABC):
     communications : tuple of Communication
         Communication of each drive; completed by set-up.
     process_data : ProcessData
-        Process data of the axes.
     life_sign : LifeSign
         Mutual supervision.
 
