@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from checked_files.yaml_file import FileError, parse_yaml
+from checked_files.yaml_file import FileError, parse_yaml, read_text
 from hil.least_squares.uncertainty import TWICE
 from hil.optional_packages import needed_for
 from hil.results.departures import FIRST, NEWEST, Departures, Fleet, departures
@@ -130,7 +130,8 @@ def _models(folder: str) -> Iterator[ModelAddress]:
     for each in found:
         run = PurePosixPath(each).parent.relative_to(root).parts
         machine = run[0] if len(run) > 1 else PurePosixPath(root).name
-        yield ModelAddress(files.unstrip_protocol(each), machine, files.ukey(each))
+        key = files.ukey(each) if files.exists(each) else ""  # a link to nothing
+        yield ModelAddress(files.unstrip_protocol(each), machine, key)
 
 
 def read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
@@ -143,9 +144,15 @@ def read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
     """
     import fsspec  # noqa: PLC0415 - an extra
 
-    with fsspec.open(model.address, "r", encoding="utf-8") as file:
-        text = file.read()
     place = model.address.removeprefix("file://")
+    if place != model.address:  # not by fsspec, for which '*' and '::' in a name mean other files
+        text = read_text(place)
+    else:
+        try:
+            files, path = fsspec.core.url_to_fs(model.address)
+            text = files.cat_file(path).decode("utf-8-sig")
+        except (OSError, ValueError) as error:
+            raise FileError(f"{place}: cannot be read: {error}") from error
     found = Model(**parse_yaml(text, ModelFile, place).identified(Path(place)))
     content = hashlib.sha256(text.encode()).hexdigest()
     run = str(PurePosixPath(place).parent)

@@ -72,6 +72,24 @@ def test_a_run_identified_anew_takes_the_place_of_its_earlier_model(
     assert "none of 2 machines departed" in hil("fleet", "query", index)[1]
 
 
+@pytest.mark.parametrize("name", ["m*", "a::b", "simplecache::b"])
+def test_the_name_of_a_machine_s_folder_leads_to_no_other_file(
+    hil: Hil, plants: Path, tmp_path: Path, name: str
+) -> None:
+    (plants / "a").rename(plants / name)
+    status, out, err = hil("fleet", "index", plants, "-o", tmp_path / "fleet.parquet")
+    assert (status, "6 runs added" in out) == (0, True), err
+
+
+def test_models_that_cannot_be_read_are_left_out(hil: Hil, plants: Path, tmp_path: Path) -> None:
+    (plants / "a" / "run-1" / "model.yaml").write_bytes(b"\xff")
+    (plants / "a" / "run-2" / "model.yaml").unlink()
+    (plants / "a" / "run-2" / "model.yaml").symlink_to(plants / "nothing")
+    status, out, _ = hil("fleet", "index", plants, "-o", tmp_path / "fleet.parquet")
+    assert status != 0
+    assert "4 runs added" in out
+
+
 def test_a_damaged_model_is_left_out_with_its_reason(
     hil: Hil, plants: Path, tmp_path: Path
 ) -> None:
