@@ -195,7 +195,8 @@ def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         why = _TOO_DEEP if error.problem == _TOO_DEEP_FOR_LIBYAML else error.problem
-        raise FileError(f"{source}:{line}: is no valid YAML: {why}") from error
+        prefix = "" if why in {_TOO_DEEP, _TOO_MANY} else "is no valid YAML: "
+        raise FileError(f"{source}:{line}: {prefix}{why}") from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         raise FileError(f"{source}:{line}: is no valid YAML: {error.reason}") from error
