@@ -144,6 +144,20 @@ def test_a_stranger_s_file_restores_records_of_findings_and_calls_nothing_else(
     assert not (copy / "ran").exists()
 
 
+@pytest.mark.parametrize("value", ["text", None, [], {"array": [1.0], "kind": "<f8"}])
+@pytest.mark.parametrize("field", ["residual", "local", "friction_law"])
+def test_a_report_of_records_with_wrong_fields_is_estimated_anew(
+    copy: Path, field: str, value: Any
+) -> None:
+    whole = json.loads((copy / NAME).read_bytes())
+    content = json.loads(whole["content"])
+    content[0]["fields"][field] = value
+    text = json.dumps(content)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    (copy / NAME).write_text(json.dumps(whole | {"content": text, "digest": digest}))
+    assert report(copy).is_file()
+
+
 def test_a_report_with_it_is_the_report_without(
     copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
