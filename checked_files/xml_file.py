@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
+from checked_files.budget import refuse_beyond
 from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError, read_text
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+ELEMENT, ATTRIBUTE = 460, 300
+"""Maximum memory of an element, including its copy in an MJCF, and of an attribute [bytes]."""
 DEEPEST = 200
 """Deepest nesting of elements: an MJCF of 30 joints has some three elements a joint."""
 
@@ -36,7 +39,10 @@ class XmlFile:
         self.path = path
         self._lines: dict[int, int] = {}
         self._offsets: dict[int, int] = {}
-        self.root = self._tree(read_text(path))
+        text = read_text(path)
+        elements = text.count("<") - text.count("</")
+        refuse_beyond(path, ELEMENT * elements + ATTRIBUTE * text.count("="), "its elements")
+        self.root = self._tree(text)
 
     def wrong(self, element: Element, what: str) -> FileError:
         """Return an error about an element, with file and line."""

@@ -64,6 +64,10 @@ their length; a float has at most 24 characters."""
 _SHOWN_MAX = 60
 _MISSING = "missing; add this key"
 _TOO_DEEP = f"nested deeper than {DEPTH_MAX} levels, or within itself; write it flat"
+_TOO_MANY = (
+    f"holds more than {VALUES_MAX} values with its aliases followed; write fewer, and no alias of"
+    " aliases"
+)
 _TOO_DEEP_FOR_LIBYAML = "exceeded maximum nesting depth"
 """Message of libyaml (PyYAML 6.0.4) about nesting beyond its own limit."""
 _NOT_CONVERTIBLE = (ValueError, LookupError, AttributeError, TypeError, ArithmeticError)
@@ -77,14 +81,16 @@ class _Loader(yaml.composer.Composer, Events, SafeConstructor, Resolver):
         yaml.composer.Composer.__init__(self)
         SafeConstructor.__init__(self)
         Resolver.__init__(self)
-        self._depth = 0
+        self._depth = self._values = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         """Build a value and its nested values from the events of the text."""
         self._depth += 1
-        if self._depth > DEPTH_MAX:
+        self._values += 1
+        if self._depth > DEPTH_MAX or self._values > VALUES_MAX:
             mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
-            raise yaml.composer.ComposerError(None, None, _TOO_DEEP, mark)
+            why = _TOO_DEEP if self._depth > DEPTH_MAX else _TOO_MANY
+            raise yaml.composer.ComposerError(None, None, why, mark)
         node = super().compose_node(parent, index)
         self._depth -= 1
         return node
@@ -189,7 +195,8 @@ def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         why = _TOO_DEEP if error.problem == _TOO_DEEP_FOR_LIBYAML else error.problem
-        raise FileError(f"{source}:{line}: is no valid YAML: {why}") from error
+        prefix = "" if why in {_TOO_DEEP, _TOO_MANY} else "is no valid YAML: "
+        raise FileError(f"{source}:{line}: {prefix}{why}") from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         raise FileError(f"{source}:{line}: is no valid YAML: {error.reason}") from error
@@ -333,10 +340,7 @@ def _refuse_excess(root: yaml.Node, source: str) -> None:
         if depth > DEPTH_MAX:
             raise FileError(f"{source}:{line}: {_TOO_DEEP}")
         if values > VALUES_MAX:
-            raise FileError(
-                f"{source}:{line}: holds more than {VALUES_MAX} values with its aliases followed; "
-                "write fewer, and no alias of aliases"
-            )
+            raise FileError(f"{source}:{line}: {_TOO_MANY}")
         if isinstance(node, yaml.MappingNode):
             _refuse_duplicate_keys(node, source)
             waiting += [(part, depth + 1) for pair in node.value for part in pair]

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from checked_files.budget import refuse_beyond
 from checked_files.yaml_file import FileError
 from drivers.canopen import objects as cia301
 from drivers.canopen.eds_text import (
@@ -111,6 +112,8 @@ _OBJECT = re.compile(r"(?:0x)?([0-9a-f]{4})(?:\s*sub\s*(?:0x)?([0-9a-f]{1,2}))?"
 _ACCESS = {"ro", "wo", "rw", "rwr", "rww", "const"}
 _RATES = (10, 20, 50, 100, 125, 250, 500, 800, 1000)
 ARRAY, RECORD = 8, 9
+SECTION, KEY = 600, 250
+"""Maximum memory of a section and of a key [bytes]."""
 FIRST_OBJECT = 0x1000
 VALUES = ("ParameterValue", "DefaultValue", "LowLimit", "HighLimit")
 NODES = range(1, 128)
@@ -136,6 +139,7 @@ def read_eds(path: Path | str, node: int | None = None) -> Dictionary:
         raw = path.read_bytes()
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}") from error
+    refuse_beyond(path, SECTION * raw.count(b"[") + KEY * raw.count(b"="), "its sections")
     return parse_eds(raw, str(path), node)
 
 

@@ -10,21 +10,24 @@ from __future__ import annotations
 
 import hashlib
 import math
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 import numpy as np
 
-from checked_files.yaml_file import FileError, parse_yaml
+from checked_files.budget import refuse_beyond
+from checked_files.foreign_text import whole_line
+from checked_files.yaml_file import FileError, parse_yaml, read_text
 from hil.least_squares.uncertainty import TWICE
 from hil.optional_packages import needed_for
 from hil.results.departures import FIRST, NEWEST, Departures, Fleet, departures
 from hil.results.model import Model
 from hil.results.model_file import NAME, ModelFile
-from hil.results.quantities import Quantity, friction_quantities, quantities, reading
+from hil.results.quantities import Kind, Quantity, friction_quantities, quantities, reading
 from hil.results.tables.changes import changed_table
 from hil.runs.atomic_file import write_file
 from hil.show.charts.chart import MEASURED, MUTED, Chart, Line, Panel, Points, chart
@@ -48,6 +51,15 @@ FIELDS = {
     "allowance": "double", "warmth": "double", "indexed": "double",
 }  # fmt: skip
 """Columns of the index. `key` is the state of the file, `time` in seconds since 1970."""
+FILLED_IN = (
+    "machine", "run", "time", "quantity", "kind", "unit", "meaning", "value", "standard_error",
+    "degrees", "allowance", "indexed",
+)  # fmt: skip
+"""Columns without missing values."""
+LAST = 253_402_300_799
+"""End of the year 9999 in seconds since 1970."""
+ROW = 1000
+"""Maximum memory of a row while an index is read [bytes]."""
 DRAWN = 12
 """Departures with a panel on the page."""
 
@@ -97,7 +109,7 @@ def index(
         A folder without models, or an index that cannot be written.
     """
     parts = {each.parent for each in path.glob("robot=*/*.parquet")}
-    known = {key for part in parts for (key,) in _select(part, "DISTINCT key FROM rows").fetchall()}
+    known = {key for part in parts for key in _known(part)}
     found = [each for folder in folders for each in _models(folder)]
     new = [each for each in found if each.key not in known]
     rows: dict[str, list[tuple[Any, ...]]] = {}
@@ -130,7 +142,8 @@ def _models(folder: str) -> Iterator[ModelAddress]:
     for each in found:
         run = PurePosixPath(each).parent.relative_to(root).parts
         machine = run[0] if len(run) > 1 else PurePosixPath(root).name
-        yield ModelAddress(files.unstrip_protocol(each), machine, files.ukey(each))
+        key = files.ukey(each) if files.exists(each) else ""  # a link to nothing
+        yield ModelAddress(files.unstrip_protocol(each), machine, key)
 
 
 def read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
@@ -143,9 +156,15 @@ def read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
     """
     import fsspec  # noqa: PLC0415 - an extra
 
-    with fsspec.open(model.address, "r", encoding="utf-8") as file:
-        text = file.read()
     place = model.address.removeprefix("file://")
+    if place != model.address:  # not by fsspec, for which '*' and '::' in a name mean other files
+        text = read_text(place)
+    else:
+        try:
+            files, path = fsspec.core.url_to_fs(model.address)
+            text = files.cat_file(path).decode("utf-8-sig")
+        except (OSError, ValueError) as error:
+            raise FileError(f"{place}: cannot be read: {error}") from error
     found = Model(**parse_yaml(text, ModelFile, place).identified(Path(place)))
     content = hashlib.sha256(text.encode()).hexdigest()
     run = str(PurePosixPath(place).parent)
@@ -185,8 +204,7 @@ def write_part(path: Path, digest: str, name: str, columns: dict[str, Any]) -> N
     with needed_for(path, EXTRA):
         import pyarrow as pa  # noqa: PLC0415 - an extra
         from pyarrow import parquet  # noqa: PLC0415
-    schema = pa.schema([(key, getattr(pa, {"double": "float64"}.get(kind, kind))())
-                        for key, kind in FIELDS.items()])  # fmt: skip
+    schema = pa.schema(list(FIELDS.items()))
     folder, sink = path / f"robot={digest[:16]}", pa.BufferOutputStream()
     folder.mkdir(parents=True, exist_ok=True)
     parquet.write_table(pa.table(columns, schema=schema), sink, compression="zstd")
@@ -200,6 +218,36 @@ def _select(path: Path, what: str) -> Any:
     return duckdb.from_parquet(str(path / "*.parquet")).query("rows", f"SELECT {what}")
 
 
+@contextmanager
+def _readable(part: Path) -> Iterator[None]:
+    """Refuse a robot's part of an index that is not as `write_part` writes, or is too large."""
+    with needed_for(part, EXTRA):
+        import duckdb  # noqa: PLC0415 - an extra
+        from pyarrow import ArrowException, parquet  # noqa: PLC0415
+    rows, file = 0, part
+    try:
+        for file in sorted(part.glob("*.parquet")):
+            about = parquet.ParquetFile(file)
+            found = {each.name: str(each.type) for each in about.schema_arrow}
+            if wrong := [each for each in FIELDS if found.get(each) != FIELDS[each]]:
+                raise FileError(
+                    f"{file}: is no index of hil fleet: column {wrong[0]} must hold"
+                    f" {FIELDS[wrong[0]]}, not {found.get(wrong[0], 'be missing')}; index anew"
+                )
+            rows += about.metadata.num_rows
+            refuse_beyond(part, ROW * rows, f"{rows} rows")
+        file = part
+        yield
+    except (ArrowException, OSError, ValueError, duckdb.Error) as error:
+        raise FileError(f"{file}: is no index of hil fleet: {whole_line(str(error))}") from error
+
+
+def _known(part: Path) -> list[str]:
+    """Return the keys of the indexed models of a robot."""
+    with _readable(part):
+        return [key for (key,) in _select(part, "DISTINCT key FROM rows").fetchall()]
+
+
 def read_fleets(path: Path) -> dict[str, Fleet]:
     """Read an index: fleets by the digest of the robot.
 
@@ -211,10 +259,23 @@ def read_fleets(path: Path) -> dict[str, Fleet]:
     parts = sorted({each.parent for each in path.glob("robot=*/*.parquet")})
     if not parts:
         raise FileError(f"{path}: holds no index; make one with: hil fleet index FOLDER -o {path}")
-    return {part.name.removeprefix("robot="): _fleet(part) for part in parts}
+    fleets = {}
+    for part in parts:
+        with _readable(part):
+            fleets[part.name.removeprefix("robot=")] = _fleet(part)
+    return fleets
 
 
 def _fleet(part: Path) -> Fleet:
+    filled_in = " AND ".join(f"{each} IS NOT NULL" for each in FILLED_IN)
+    usual = f"time BETWEEN 0 AND {LAST} AND kind IN {get_args(Kind)} AND {filled_in}"
+    wrong = _select(part, f"machine, time, quantity FROM rows WHERE NOT ({usual}) LIMIT 1")
+    for machine, time, quantity in wrong.fetchall():
+        raise FileError(
+            f"{part}: row of machine {whole_line(str(machine))[:40]}, time {time}, quantity"
+            f" {whole_line(str(quantity))[:40]}: must have values of {', '.join(FILLED_IN)}, a"
+            " known kind, and a time from 1970 to 9999; index anew"
+        )
     runs = _select(
         part, "DISTINCT machine, time, run FROM rows ORDER BY machine, time, run"
     ).fetchnumpy()
@@ -227,6 +288,8 @@ def _fleet(part: Path) -> Fleet:
         Quantity(name, kind, unit, axis=axis, speed=speed, meaning=meaning)
         for name, kind, unit, axis, speed, meaning in kinds
     )
+    size = 4 * 8 * len(runs["run"]) * len(found)
+    refuse_beyond(part, size, f"{len(runs['run'])} runs of {len(found)} quantities")
     # a run that was identified anew comes last and takes the place of the earlier model
     cells = _select(
         part,

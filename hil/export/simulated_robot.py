@@ -205,5 +205,5 @@ def roll_pitch_yaw(rotation: Array) -> Array:
 
 def comment(lines: Sequence[str]) -> str:
     """Return lines for an XML comment, without two hyphens in a row."""
-    safe = (line.replace("--", "- -") for line in lines)
+    safe = (line.replace("-", "- ") if "--" in line else line for line in lines)
     return "\n" + "".join(f"  {line}\n" for line in safe)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
@@ -25,7 +26,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from checked_files.yaml_file import FileModel
+from checked_files.yaml_file import FileModel, read_text
 from hil.errors import FileError, NotEnoughData, NotIdentifiable
 from hil.estimation.fit_details import MeasurementFit
 from hil.estimation.identify import JOINT
@@ -55,6 +56,10 @@ NAME = "findings.json"
 FOLLOWS_FROM = ("results", "estimation", "friction", "least_squares", "model", "planning", "runs")
 """Packages of `hil` that determine the findings."""
 LIBRARIES = (DISTRIBUTION, "numpy", "scipy", "numba", "h5py")
+_DAMAGE = (
+    FileError, ValueError, LookupError, TypeError, AttributeError, ImportError, RecursionError
+)  # fmt: skip
+_NUMBERS = re.compile(r"[<>|][biuf][1248]")
 
 
 class Findings(NamedTuple):
@@ -190,13 +195,14 @@ def keep(run: Run, found: Findings, others: Sequence[Run] = ()) -> None:
 def kept(run: Run, others: Sequence[Run] = ()) -> Findings | None:
     """Read the cached findings; None for missing or outdated findings."""
     try:
-        whole = json.loads((run.path / NAME).read_bytes())
+        whole = json.loads(read_text(run.path / NAME))
         content = whole["content"]
         if whole["digest"] != _digest(content) or whole["state"] != _state(run, others):
             return None
-        return Findings(*(_restored(each, run.robot) for each in json.loads(content)))
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, FileError):
+        found = Findings(*(_restored(each, run.robot) for each in json.loads(content)))
+    except _DAMAGE:
         return None
+    return found if [type(each).__name__ for each in found[:2]] == ["Estimate", "Model"] else None
 
 
 def _state(run: Run, others: Sequence[Run]) -> str:
@@ -233,13 +239,13 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         found = {"array": value.tolist(), "kind": value.dtype.str}
     elif isinstance(value, FileModel):
-        found = {"record": _name(value), "fields": value.model_dump(mode="json")}
+        found = {"record": _name(type(value)), "fields": value.model_dump(mode="json")}
     elif isinstance(value, Enum):
-        found = {"record": _name(value), "value": value.value}
+        found = {"record": _name(type(value)), "value": value.value}
     elif is_dataclass(value) or hasattr(value, "_asdict"):
         names = [each.name for each in fields(value)] if is_dataclass(value) else value._fields
         own = {name: _plain(getattr(value, name)) for name in names if name != "robot"}
-        found = {"record": _name(value), "fields": own}
+        found = {"record": _name(type(value)), "fields": own}
     elif isinstance(value, tuple):
         found = [_plain(each) for each in value]
     elif isinstance(value, dict):
@@ -249,8 +255,8 @@ def _plain(value: Any) -> Any:
     return found
 
 
-def _name(value: object) -> str:
-    return f"{type(value).__module__}:{type(value).__qualname__}"
+def _name(kind: type) -> str:
+    return f"{kind.__module__}:{kind.__qualname__}"
 
 
 def _restored(found: Any, robot: Robot) -> Any:
@@ -260,6 +266,8 @@ def _restored(found: Any, robot: Robot) -> Any:
     if not isinstance(found, dict):
         return found
     if "array" in found:
+        if not _NUMBERS.fullmatch(found["kind"]):
+            raise ValueError(f"{found['kind']} must be numbers of at most 8 bytes")
         return np.array(found["array"], dtype=found["kind"])
     if "mapping" in found:
         return {key: _restored(each, robot) for key, each in found["mapping"].items()}
@@ -268,10 +276,14 @@ def _restored(found: Any, robot: Robot) -> Any:
 
 def _record(found: dict[str, Any], robot: Robot) -> Any:
     module, _, name = found["record"].partition(":")
-    if not module.startswith("hil."):
-        raise ValueError(f"{module} must be a module of hil")
+    # the file may be a stranger's: no module beside the program, nothing that a module has imported
+    if not module.startswith(tuple(f"hil.{each}." for each in FOLLOWS_FROM)):
+        raise ValueError(f"{module} must be a module of results")
     kind = getattr(import_module(module), name)
-    if "value" in found:
+    is_record = is_dataclass(kind) or issubclass(kind, FileModel | Enum | tuple)
+    if _name(kind) != found["record"] or not is_record:
+        raise ValueError(f"{name} must be a record of {module}")
+    if "value" in found and issubclass(kind, Enum):
         return kind(found["value"])
     if issubclass(kind, FileModel):
         return kind.model_validate(found["fields"])

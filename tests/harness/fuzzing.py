@@ -364,6 +364,7 @@ def _read_run(path: Path) -> None:
         pass
 
 
+_ROWS = [f'{{"t": {k}, "arm": {{"q": [{k}, 0.5]}}, "mode": "run"}}' for k in range(40)]
 KINDS = {
     "robot": Kind(_text("robot.yaml", ROBOT), Robot.load),
     "urdf": Kind(_text("arm.urdf", urdf("SCARA", ROBOTS["SCARA"])), _read_urdf),
@@ -391,5 +392,8 @@ KINDS = {
     "rosbag2": Kind(lambda folder: _bag(folder, "SQLITE3"), _read_table, changed="*"),
     "rosbag": Kind(_rosbag1, _read_table),
     "csv": Kind(_csv, _read_table),
+    "jsonl": Kind(_text("a.jsonl", "\n".join(_ROWS)), _read_table),
+    "json": Kind(_text("a.json", f"[{','.join(_ROWS)}]"), _read_table),
+    "xml-rows": Kind(_text("a.xml", '<r><q A1="1"/><t>2</t></r>\n' * 40), _read_table),
 }
 """Every reader of files from elsewhere."""

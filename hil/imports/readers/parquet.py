@@ -8,11 +8,13 @@ structure becomes ``name.field``. Rows with shorter lists have missing numbers.
 from __future__ import annotations
 
 import json
+from io import BytesIO
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from checked_files.yaml_file import FileError
+from checked_files.budget import allowed, refuse_beyond
+from checked_files.yaml_file import DEPTH_MAX, FileError
 from hil.imports.readers.arrow import numbers
 from hil.imports.tables import ROWS
 from hil.model.robot_file import MOST_JOINTS
@@ -26,8 +28,12 @@ if TYPE_CHECKING:
     from hil.arrays import Array
     from hil.imports.map_file import Format
 
+    _Keys = tuple[str | None, ...]
+
 LONGEST = 10 * MOST_JOINTS
 """Maximum length of an offered list: ten quantities of every joint; longer lists are images."""
+CELL, COLUMN = 32, 2000
+"""Maximum memory of a cell and of a column while JSON is read [bytes]."""
 
 
 class _Place(NamedTuple):
@@ -145,21 +151,86 @@ class _Lines:
 def open_json(path: Path, _: Format) -> ParquetTable:
     """Open objects of JSON, on separate lines or in a single list."""
     with needed_for(path):
-        from pyarrow import ArrowException, Table  # noqa: PLC0415 - optional
+        from pyarrow import ArrowException  # noqa: PLC0415 - optional
         from pyarrow.json import read_json  # noqa: PLC0415
-    with file_errors(path, "read"), path.open("rb") as file:
-        listed = file.read(256).lstrip().startswith(b"[")
     try:
         with file_errors(path, "read"):
-            if listed:
-                table = Table.from_pylist(json.loads(path.read_text(encoding="utf-8")))
-            else:
-                table = read_json(path)
+            table = read_json(_lines(path, path.read_text(encoding="utf-8")) or path)
     except (ArrowException, ValueError, AttributeError, RecursionError) as error:
         raise FileError(
             f"{path}: is no list or lines of objects of JSON, one a sample: {error}"
         ) from error
     return ParquetTable(path, _Lines(table))
+
+
+def _lines(path: Path, text: str) -> BytesIO | None:
+    """Return the objects of a list of JSON as lines; None for a file of lines.
+
+    Raises
+    ------
+    FileError
+        The table of the objects would exceed the budget.
+    """
+    listed = text.lstrip().startswith("[")
+    decoder, lines = json.JSONDecoder(parse_constant=lambda _: None), BytesIO()
+    counted, most, at = _Cells(), allowed(path), text.find("[") + 1 if listed else 0
+    while at < len(text):
+        if text[at] in " \t\r\n" or (listed and text[at] in ",]"):
+            at += 1
+            continue
+        row, at = decoder.raw_decode(text, at)
+        counted.add(row)
+        if counted.size > most:
+            refuse_beyond(path, counted.size, f"{counted.n_columns} columns")
+        if listed:
+            lines.write(json.dumps(row).encode() + b"\n")
+    lines.seek(0)
+    return lines if listed else None
+
+
+class _Cells:
+    """Count of the cells of a table of objects, including the missing ones."""
+
+    def __init__(self) -> None:
+        self._slots: dict[_Keys, int] = {(): 0}
+        self._names: dict[_Keys, set[str]] = {}
+        self.n_columns = 0
+
+    @property
+    def size(self) -> int:
+        """Memory of the table [bytes]."""
+        cells = sum(self._count(place) * len(names) for place, names in self._names.items())
+        return CELL * cells + COLUMN * self.n_columns
+
+    def add(self, row: object) -> None:
+        """Count an object."""
+        if not isinstance(row, dict):
+            raise ValueError(f"holds {type(row).__name__} in the place of an object")  # noqa: TRY004
+        self._slots[()] += 1
+        self._within((), row)
+
+    def _count(self, place: _Keys) -> int:
+        """Return the number of rows of a structure: those of the table or of the list around."""
+        while place not in self._slots:
+            place = place[:-1]
+        return self._slots[place]
+
+    def _within(self, place: _Keys, value: object) -> None:
+        if len(place) > DEPTH_MAX:
+            raise ValueError(f"nested deeper than {DEPTH_MAX} levels")
+        if isinstance(value, dict):
+            names = self._names.setdefault(place, set())
+            self.n_columns += len(value.keys() - names)
+            names.update(value)
+            for name, each in value.items():
+                if isinstance(each, dict | list):
+                    self._within((*place, name), each)
+        elif isinstance(value, list):
+            place = (*place, None)
+            self._slots[place] = self._slots.get(place, 0) + len(value)
+            for each in value:
+                if isinstance(each, dict | list):
+                    self._within(place, each)
 
 
 def _is_list(kind: Any) -> bool:

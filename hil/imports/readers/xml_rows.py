@@ -32,6 +32,10 @@ if TYPE_CHECKING:
 _DECLARATION = re.compile(r"<\?xml[^>]*\?>")
 ROWS = 20
 """Minimum count of equal elements in one place that are rows: more than a file lists signals."""
+CELL = 24
+"""Maximum memory of a cell while the columns are joined [bytes]."""
+CHECKED = 100
+"""Rows between two checks of the budget."""
 
 
 def open_xml(path: Path, _: Format) -> ArrayTable:
@@ -140,10 +144,12 @@ class _Rows:
             self.words[name] = None
 
     def _add(self) -> None:
-        for name in [each for each in self._row if each not in self.columns]:
-            self.columns[name] = array("d", [np.nan]) * self._n
-            size = 8 * len(self.columns) * (self._n + 1)
+        new = [each for each in self._row if each not in self.columns]
+        if new or self._n % CHECKED == 0:
+            size = CELL * (len(self.columns) + len(new)) * (self._n + CHECKED)
             refuse_beyond(self._path, size, f"{len(self.columns)} columns")
+        for name in new:
+            self.columns[name] = array("d", [np.nan]) * self._n
         for name, column in self.columns.items():
             column.append(self._row.get(name, np.nan))
         self._n += 1

@@ -224,6 +224,11 @@ def convert_table(text: str, source: str) -> str:
     """
     lines = text.splitlines()
     used = [(k, line) for k, line in enumerate(lines) if _is_row(line)]
+    if len(used) > 1 + MOST_JOINTS:
+        raise FileError(
+            f"{source}:{used[1 + MOST_JOINTS][0] + 1}: {len(used) - 1} rows must be at most"
+            f" {MOST_JOINTS}, one a joint; remove the others"
+        )
     if not used:
         raise FileError(f"{source}:1: has no rows; the first is {','.join(KEYS)}")
     delimiter = max(";\t,", key=used[0][1].count)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from checked_files.xml_file import XmlFile
+from checked_files.xml_file import DEEPEST, XmlFile
 
 if TYPE_CHECKING:
     from checked_files.yaml_file import FileError
@@ -66,12 +66,18 @@ class MjcfText:
     def _parts(self, tag: str) -> list[Placed]:
         return [each for each in self._root.children if each.element.tag == tag]
 
-    def _read_element(self, file: XmlFile, element: Element) -> Placed:
+    def _read_element(self, file: XmlFile, element: Element, depth: int = 1) -> Placed:
         """Read an element with all descendants, including those from included files."""
         children: list[Placed] = []
+        if depth > DEEPEST:
+            raise file.wrong(
+                element,
+                f"<{element.tag}> is nested more than {DEEPEST} deep with the files that include"
+                " it; flatten them",
+            )
         for child in element:
             if child.tag != "include":
-                children.append(self._read_element(file, child))
+                children.append(self._read_element(file, child, depth + 1))
                 continue
             here = Placed(file, child, [])
             name = child.get("file") or ""
@@ -81,7 +87,8 @@ class MjcfText:
                 raise here.wrong(f"includes {name!r}, which is not there, or is included before")
             self._refuse_outside(here, found)
             self.files[found] = XmlFile(found)
-            children += self._read_element(self.files[found], self.files[found].root).children
+            included = self.files[found]
+            children += self._read_element(included, included.root, depth).children
         return Placed(file, element, children)
 
     def _walk(self, parent: Placed, joints: list[Placed]) -> None:

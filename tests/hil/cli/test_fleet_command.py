@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from free_run import arm
 from stated_model import stated_model
 
+from checked_files import budget
+
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from command_line import Hil
@@ -72,6 +75,24 @@ def test_a_run_identified_anew_takes_the_place_of_its_earlier_model(
     assert "none of 2 machines departed" in hil("fleet", "query", index)[1]
 
 
+@pytest.mark.parametrize("name", ["m*", "a::b", "simplecache::b"])
+def test_the_name_of_a_machine_s_folder_leads_to_no_other_file(
+    hil: Hil, plants: Path, tmp_path: Path, name: str
+) -> None:
+    (plants / "a").rename(plants / name)
+    status, out, err = hil("fleet", "index", plants, "-o", tmp_path / "fleet.parquet")
+    assert (status, "6 runs added" in out) == (0, True), err
+
+
+def test_models_that_cannot_be_read_are_left_out(hil: Hil, plants: Path, tmp_path: Path) -> None:
+    (plants / "a" / "run-1" / "model.yaml").write_bytes(b"\xff")
+    (plants / "a" / "run-2" / "model.yaml").unlink()
+    (plants / "a" / "run-2" / "model.yaml").symlink_to(plants / "nothing")
+    status, out, _ = hil("fleet", "index", plants, "-o", tmp_path / "fleet.parquet")
+    assert status != 0
+    assert "4 runs added" in out
+
+
 def test_a_damaged_model_is_left_out_with_its_reason(
     hil: Hil, plants: Path, tmp_path: Path
 ) -> None:
@@ -91,3 +112,53 @@ def test_a_folder_without_models_and_an_index_that_is_none_are_refused(
     status, _, err = hil("fleet", "query", tmp_path / "none.parquet")
     assert status != 0
     assert "hil fleet index FOLDER" in err
+
+
+@pytest.mark.parametrize(
+    ("damage", "why"),
+    [
+        (lambda rows: rows.drop_columns("value"), "column value must hold double"),
+        (lambda rows: changed(rows, "value", "text"), "column value must hold double, not string"),
+        (lambda rows: changed(rows, "time", 1e300), "time from 1970 to 9999"),
+        (lambda rows: changed(rows, "time", float("nan")), "time from 1970 to 9999"),
+        (lambda rows: changed(rows, "machine", None, "string"), "must have values of machine"),
+        (lambda rows: changed(rows, "kind", "stranger"), "a known kind"),
+        (lambda _: b"PAR1, or so", "is no index of hil fleet"),
+    ],
+    ids=["column missing", "text", "late", "no time", "no machine", "kind", "damaged"],
+)
+def test_an_index_of_a_stranger_is_refused_with_its_name(
+    hil: Hil, plants: Path, tmp_path: Path, damage: Callable[[Any], Any], why: str
+) -> None:
+    from pyarrow import parquet
+
+    index = tmp_path / "fleet.parquet"
+    hil("fleet", "index", plants, "-o", index)
+    (part,) = index.glob("*/*.parquet")
+    damaged = damage(parquet.ParquetFile(part).read())
+    if isinstance(damaged, bytes):
+        part.write_bytes(damaged)
+    else:
+        parquet.write_table(damaged, part)
+    status, _, err = hil("fleet", "query", index)
+    assert status != 0
+    assert part.parent.name in err
+    assert why in " ".join(err.split())
+
+
+def changed(rows: Any, name: str, value: object, kind: str | None = None) -> Any:
+    """Return a table with one value in a whole column."""
+    import pyarrow as pa
+
+    column = pa.array([value] * len(rows), kind)
+    return rows.set_column(rows.column_names.index(name), name, column)
+
+
+def test_an_index_that_would_not_fit_into_memory_is_refused(
+    hil: Hil, plants: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hil("fleet", "index", plants, "-o", tmp_path / "fleet.parquet")
+    monkeypatch.setattr(budget, "BASE", -100_000)
+    status, _, err = hil("fleet", "query", tmp_path / "fleet.parquet")
+    assert status != 0
+    assert "rows would take" in " ".join(err.split())

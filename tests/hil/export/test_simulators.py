@@ -12,7 +12,7 @@ from urdf_robots import ROBOTS, urdf
 from hil.errors import FileError, Mismatch
 from hil.estimation.consistent.conditions import BodyBounds
 from hil.export.formats import export
-from hil.export.simulated_robot import simulated_robot
+from hil.export.simulated_robot import comment, simulated_robot
 from hil.export.urdf_file import bodies_of, body_of, given_urdf
 from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
@@ -311,3 +311,8 @@ def test_dry_friction_stops_a_joint_of_the_simulation_and_holds_it() -> None:
     data.qvel[:] = 0.3
     mujoco.mj_step(loaded, data, 30000)
     assert np.abs(data.qvel).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", ["a-->", "a---><b/>", "----->", "- -->"])
+def test_no_text_ends_a_comment_of_xml(name: str) -> None:
+    assert "--" not in comment([name])

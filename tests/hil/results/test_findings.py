@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from dataclasses import fields, is_dataclass
@@ -111,6 +112,50 @@ def test_a_damaged_file_is_as_none(copy: Path, damage: Any) -> None:
     path = copy / NAME
     path.write_text(damage(path.read_text()))
     assert kept(Run.open(copy)) is None
+
+
+@pytest.mark.parametrize(
+    "foreign",
+    [
+        {"record": "hil.results.findings:import_module", "value": "stranger"},
+        {"record": "hil.view.packed:CDLL", "value": None},
+        {"record": "hil.results.findings:Path", "value": "a"},
+        {"record": "hil.runs.run:Run.open", "value": "a"},
+        {"record": "hil.view.page:Markup", "value": "<b>"},
+        {"record": "hil.results.findings:RunStamp", "value": "a"},
+        {"array": ["a"], "kind": "<U1000000"},
+        {"array": ["a"], "kind": "O"},
+    ],
+    ids=lambda foreign: foreign.get("record", foreign.get("kind")),
+)
+def test_a_stranger_s_file_restores_records_of_findings_and_calls_nothing_else(
+    copy: Path, foreign: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (copy / "stranger.py").write_text("from pathlib import Path\nPath('ran').touch()\n")
+    monkeypatch.chdir(copy)
+    monkeypatch.syspath_prepend(copy)
+    whole = json.loads((copy / NAME).read_bytes())
+    content = json.loads(whole["content"])
+    content[4] = [foreign]  # the advice, of any length
+    text = json.dumps(content)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    (copy / NAME).write_text(json.dumps(whole | {"content": text, "digest": digest}))
+    assert kept(Run.open(copy)) is None
+    assert not (copy / "ran").exists()
+
+
+@pytest.mark.parametrize("value", ["text", None, [], {"array": [1.0], "kind": "<f8"}])
+@pytest.mark.parametrize("field", ["residual", "local", "friction_law"])
+def test_a_report_of_records_with_wrong_fields_is_estimated_anew(
+    copy: Path, field: str, value: Any
+) -> None:
+    whole = json.loads((copy / NAME).read_bytes())
+    content = json.loads(whole["content"])
+    content[0]["fields"][field] = value
+    text = json.dumps(content)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    (copy / NAME).write_text(json.dumps(whole | {"content": text, "digest": digest}))
+    assert report(copy).is_file()
 
 
 def test_a_report_with_it_is_the_report_without(
