@@ -119,7 +119,7 @@ def _draft(recording: Path, output: Path) -> None:
     text = draft_map(recording, name)
     write_file(output, text.encode())
     marks = text.count(f": {UNSTATED} ")
-    say(f"{output}: {marks} lines marked {UNSTATED} are yours to fill in")
+    say(f"{output}: {marks} lines marked {UNSTATED} must be filled in by you")
     if name.startswith(".."):
         say(
             f"{output}: names {recording}, which is outside of the map's folder; import with: "

@@ -57,7 +57,7 @@ def dry_run_(
         viewing.refuse_page(page := viewing.page_of_plan(plan_file))
     with working("reading the plan") as now:
         the_plan, the_robot = load(plan_file, robot_file, workspace)
-        now("passing the plan's motions through the limits")
+        now("checking the plan's motions against the limits")
         result = dry_run(the_plan, the_robot, drives=drives_file, bitrate=bitrate)
     plan_view.render(result, the_robot)
     if view:

@@ -85,7 +85,7 @@ def new(
     if rounded > 0:
         say(f"angles within {rounded:.2g} rad of a multiple of pi/2 were rounded to it")
     marks = text.count(f": {UNSTATED} ")
-    say(f"{output}: {marks} lines marked {UNSTATED} are yours to fill in")
+    say(f"{output}: {marks} lines marked {UNSTATED} must be filled in by you")
 
 
 def _draft_from_urdf(

@@ -132,7 +132,7 @@ def test_export_takes_the_bodies_that_identify_kept(hil: Hil, folder: Path, tmp_
             ("--to", "urdf", "--urdf", "examples/pan_tilt/head.urdf"),
             "no chain of 2 joints has the frames of arm",
         ),
-        (("--to", "json", "--mass", "1:2:3"), "they go with urdf and mjcf"),
+        (("--to", "json", "--mass", "1:2:3"), "use them with urdf and mjcf"),
         (("--to", "sdf"), "unknown format; available: .*ros2, urdf, mjcf, ranges"),
     ],
 )

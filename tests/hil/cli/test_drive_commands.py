@@ -99,7 +99,7 @@ def test_homing_needs_to_be_stated(hil: Hil, file_with: Callable[[str, str], Pat
 def test_an_axis_homes_by_the_method_that_is_asked_for(hil: Hil) -> None:
     status, out, _ = hil("drives", "home", "manutec-r15", 5, "--method", 37, "--yes")
     assert status == 0
-    assert "joint 5: homed by method 37, stands at 115°; off" in out
+    assert "joint 5: homed by method 37, position 115°; off" in out
 
 
 def test_the_monitor_ends_when_its_time_is_over(hil: Hil) -> None:
@@ -163,8 +163,8 @@ def test_a_name_of_nothing_is_refused_with_the_robots_that_come_along(hil: Hil) 
     status, _, err = hil("drives", "check", "manutec")
     assert status == 1
     assert err == (
-        "manutec: is neither a robot that comes along (manutec-r15) nor a drives file; name one of"
-        " these robots, or the path of a drives file\n"
+        "manutec: is neither a built-in robot (manutec-r15) nor a drives file; name one of these"
+        " robots, or the path of a drives file\n"
     )
 
 

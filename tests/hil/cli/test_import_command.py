@@ -45,8 +45,8 @@ def test_a_draft_names_the_recording_as_seen_from_the_map(hil: Hil, folder: Path
     assert status == 0
     assert printed.splitlines() == [
         "maps/first.yaml: 10 lines marked !state must be filled in by you",
-        "maps/first.yaml: names data.csv, outside of its own folder; import with: hil import"
-        f" maps/first.yaml --files {folder} -o RUN",
+        "maps/first.yaml: names data.csv, which is outside of the map's folder; import with: hil"
+        f" import maps/first.yaml --files {folder} -o RUN",
     ]
     assert 'files: ["../data.csv"]' in (folder / "maps" / "first.yaml").read_text()
 

@@ -37,7 +37,7 @@ def test_a_scan_of_an_empty_bus_says_what_to_check(hil: Hil) -> None:
         "drives", "scan", "--interface", "virtual", "--channel", "empty", "--nodes", "5"
     )
     assert status == 1
-    assert "nothing was heard of node 5; check the drives' power, the bit rate" in err
+    assert "no response from node 5; check the drives' power, the bit rate" in err
 
 
 @pytest.mark.parametrize(

@@ -160,8 +160,9 @@ def test_quantiles_and_a_histogram_are_shown() -> None:
     assert lines[0] == (
         "late for 1000 deadlines at 250 Hz: 50 % 0.12 ms, 99 % 0.7 ms, 85 % 0.3 ms, longest 4.1 ms"
     )
-    assert lines[4].split() == ["under", "0.2", "ms", "800", "#" * 40]
-    assert lines[-1].split() == ["under", "5", "ms", "1", "#"]
+    rows = [line.split() for line in lines if "under" in line]
+    assert rows[2] == ["under", "0.2", "ms", "800", "#" * 40]
+    assert rows[-1] == ["under", "5", "ms", "1", "#"]
 
 
 def test_a_run_notes_what_was_granted_of_real_time(

@@ -33,7 +33,7 @@ ESTIMATING = "estimating manutec-r15 from 39 measurements"
 LIMITS = "checking the plan's motions against the limits"
 LONG = [
     ("robot manutec-r15", "model.base_parameters.base_parameters",
-     "finding what can be identified of 6 joints"),
+     "finding the base parameters of 6 joints"),
     ("plan manutec-r15 -o NEW", "planning.design.by_counts.design", "choosing measurements"),
     ("plan manutec-r15 --minutes 5 -o NEW", "planning.design.by_minutes.design_within",
      "choosing the most informative measurements of 5 minutes"),
@@ -50,7 +50,7 @@ LONG = [
     ("identify RUN", "results.identification.identified", ESTIMATING),
     ("report RUN", "report.page.report", "identifying manutec-r15 and drawing the report"),
     ("diagnose RUN", "commands.diagnose.diagnose",
-     "testing what the robot file of manutec-r15 leaves out"),
+     "testing for effects missing in the robot file of manutec-r15"),
     ("validate RUN --truth manutec-r15", "ground_truth.comparison.truth_comparison",
      "comparing the estimate of manutec-r15 with the truth"),
     ("friction RUN", "commands.friction.fit_friction", "fitting friction models"),

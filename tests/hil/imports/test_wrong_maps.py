@@ -249,7 +249,9 @@ DATA = {
     "a torque of the wrong sign": (
         {"m1": -TAU[:, 0]},
         "joints.0.torque.sign: axis 1: wrong sign of the torque: the model leaves"),
-    "torques in another order": ({"m1": TAU[:, 1], "m2": TAU[:, 0]}, "axes 1 and 2: each has"),
+    "torques in another order": (
+        {"m1": TAU[:, 1], "m2": TAU[:, 0]},
+        "axes 1 and 2: torques exchanged"),
     "torques in mN m": ({"m1": 1e3 * TAU[:, 0]}, "N m, but joint 1 of pair is limited to 90 N m"),
     "a torque that never changes": ({"m2": 0 * Q[:, 0]}, "is 0 throughout; name the column"),
 }  # fmt: skip

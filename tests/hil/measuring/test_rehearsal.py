@@ -119,7 +119,7 @@ def test_the_folder_remembers_the_rehearsal_and_measures_the_same_plan_only(
     folder = tmp_path / "first"
     status, printed = hil(plan_file, "-o", folder, "--rehearse", "--speed", "0.5")
     assert (status, len(RunFolder.open(folder).missing)) == (0, 3)
-    assert "all ways of the plan passed at 50% of the speed limits" in printed
+    assert "all paths of the plan rehearsed at 50% of the speed limits" in printed
     assert RunFolder.open(folder).journal.rehearsed == 0.5
 
     other = tmp_path / "other.yaml"
