@@ -65,6 +65,12 @@ class Cause(NamedTuple):
         unit = self.unit if robot.revolute[axis] else self.slides
         return unit.format(torque=robot.torque_unit(axis), position=robot.position_unit(axis))
 
+    def sized(self, size: float, error: float, unit: str) -> str:
+        """Return the words with a size and its standard error; less, not negatively greater."""
+        words = self.words.replace("greater", "less") if size < 0.0 else self.words
+        size = size if words == self.words else -size
+        return f"{words} {size:.3g} ± {error:.1g} {unit}"
+
     def largest(self, robot: Robot, axis: int, hours: float) -> float:
         """Return the largest size with a valid first-order column, in this unit.
 

@@ -81,7 +81,7 @@ def friction_changes(
         Found(
             cause=FRICTION,
             axes=(axes[k] + 1,),
-            detail=f"{CAUSES[FRICTION].words} {100 * change[k]:.3g} ± {100 * error[k]:.1g} %",
+            detail=CAUSES[FRICTION].sized(100.0 * change[k], 100.0 * error[k], "%"),
             size=100.0 * float(change[k]),
             error=100.0 * float(error[k]),
         )

@@ -58,7 +58,7 @@ def describe_size(robot: Robot, every: Columns, key: Key, test: Test) -> str:
         times = key[0].rsplit(maxsplit=1)[-1]
         often = "" if key[0] == "gravity" else " once" if times == "1" else f" {times} times"
         turn = f",{often} a turn" if often else ""
-        return f"{cause.words} {size:.3g} ± {error:.1g} {unit}{turn}"
+        return cause.sized(size, error, unit) + turn
     at = int(np.argmax(np.abs(test.size / test.error)))
     if name_of(key) == "play":  # rebound and twist of the gear are not in its column
         least, most = float(test.size[at]) / WITHIN, float(test.size[at]) * WITHIN
@@ -67,7 +67,7 @@ def describe_size(robot: Robot, every: Columns, key: Key, test: Test) -> str:
     if key[0] == "slip":
         instant = float(every.names[test.columns[at]].part)
         after = f" after some {instant / 60:.0f} min"
-    return f"{cause.words} {test.size[at]:.3g} ± {test.error[at]:.1g} {unit}{after}"
+    return cause.sized(test.size[at], test.error[at], unit) + after
 
 
 def describe_reading(robot: Robot, each: Alternative) -> str:
@@ -77,4 +77,4 @@ def describe_reading(robot: Robot, each: Alternative) -> str:
         return cause.words
     unit = cause.unit_of(robot, each.axes[0] if each.axes else -1)
     after = f" after some {each.instant / 60:.0f} min" if each.cause == "slip" else ""
-    return f"{cause.words} {each.size:.3g} ± {each.error:.1g} {unit}{after}"
+    return cause.sized(each.size, each.error, unit) + after

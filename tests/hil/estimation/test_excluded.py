@@ -216,13 +216,13 @@ def test_friction_of_the_load_that_is_fitted_is_not_called_invisible(
             "position and torque have the opposite sign",
         ),
         (exchange, "two axes exchanged", (1, 2), "recordings exchanged"),
-        (constant, "torque constant", (2,), r"greater by (2|3)\d\.?\d* ± \d"),
-        (gear, "gear ratio", (1,), r"greater by -(49|5\d)"),
+        (constant, "torque constant", (2,), r"greater than stated by (2|3)\d\.?\d* ± \d"),
+        (gear, "gear ratio", (1,), r"less than stated by (49|5\d)"),
         (slip, "slip", (2,), r"slipped by -?(9|1\d)\.?\d* ± "),
         (drifting, "drift of torque constant", (2,), "torque constant drifts by"),
         (spring, "spring", (2,), r"grows with position by (9|10)\.?\d* ± 0\.\d+ N m/rad"),
         (meshing, "repeats", (2,), r"of (2\.9|3)\.?\d* ± 0\.\d+ N m, 12 times a turn"),
-        (limit, "torque at its limit", (1,), "one and the same greatest torque, 60 N m"),
+        (limit, "torque at its limit", (1,), "the same maximum torque, 60 N m"),
     ],
 )
 def test_a_cause_is_found_with_axis_and_size(
