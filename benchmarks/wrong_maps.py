@@ -162,7 +162,7 @@ CASES = (
           at(-1, 2, lambda x, _: np.abs(x))),
     Wrong("time in ms as s", REFUSED, "unit of time", stated={"time": {"column": "ms"}}),
     Wrong("velocities as torques", NOT_GOOD, "velocit", lambda _q, qd, tau, _: np.copyto(tau, qd)),
-    Wrong("torque of axis 2 cut off at its limit", NOT_GOOD, "axis 2.*greatest torque",
+    Wrong("torque of axis 2 cut off at its limit", NOT_GOOD, "axis 2.*torque saturated",
           at(1, 2, lambda x, _: x.clip(*np.quantile(x, [0.1, 0.9])))),
     Wrong("torque of axis 2 in axis 3, too", REFUSED, "same",
           lambda _q, _qd, tau, _: np.copyto(tau[:, 2], tau[:, 1])),

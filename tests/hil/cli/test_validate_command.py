@@ -64,7 +64,7 @@ def test_recordings_that_the_model_was_made_from_are_refused_in_a_copy_too(
     for folder in (first, copy):
         status, out, _ = hil("validate", folder, "--model", first)
         assert status == 3
-        assert "failed: its recordings are those that the model was made from" in out
+        assert "failed: its recordings are those used for identification" in out
         assert "word: failed" in (folder / "validation.yaml").read_text()
     after = [each for each in Model.load(first).validations if each.word == "good"]
     assert after == before

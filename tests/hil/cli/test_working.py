@@ -167,4 +167,4 @@ def test_a_robot_of_thirty_joints_is_shown_without_a_table_that_nobody_can_read(
     status, printed, complaint = hil("robot", file)
     assert (status, complaint) == (0, "")
     assert "base parameters" in printed
-    assert "a table of 30 columns, which is shown up to 12" in printed
+    assert "has 30 columns, at most 12 are shown" in printed

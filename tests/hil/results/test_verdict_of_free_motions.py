@@ -71,4 +71,4 @@ def test_an_unusual_offset_that_passes_for_weight_is_doubted_by_its_axis(tmp_pat
     unusual = model.details.model_copy(update={"unusual": (2,)})
     found = judged(replace(model, details=unusual))
     assert found.word == "doubtful"
-    assert found.reason.startswith("axis 2: an offset of more than 15% of friction")
+    assert found.reason.startswith("axis 2: offset above 15% of friction")
