@@ -121,8 +121,7 @@ CASES = (
           at(1, 0, lambda x, _: -x)),
     Wrong("torque of axis 2 has the other sign", REFUSED, "axis 2.*torque.*sign",
           joint=((1, TORQUE, {"sign": -1}),)),
-    Wrong("axis 3 counts the other way round", NOT_GOOD, "(joint|axis) 3.*(other sign|opposite "
-                                                         "sign)",
+    Wrong("axis 3 counts the other way round", NOT_GOOD, "(joint|axis) 3.*(other|opposite) sign",
           joint=((2, POSITION, {"sign": -1}), (2, TORQUE, {"sign": -1}))),
     Wrong("positions of axes 2 and 3 exchanged", REFUSED, "2 and 3: positions exchanged",
           swap(1, 2, 0, 1)),
@@ -137,7 +136,7 @@ CASES = (
           at(-1, 0, lambda x, _: 101 * x)),
     Wrong("torques of motors as those of joints", NOT_GOOD, "torque_side|motor",
           at(-1, 2, lambda x, _: x / 101)),
-    Wrong("torque of axis 2.*torque constant greater than stated",
+    Wrong("torque of axis 2 times 1.3", NOT_GOOD, "axis 2.*torque constant (greater|less) than",
           joint=((1, TORQUE, {"gain": 1.3}),)),
     Wrong("torques of all axes times 1.3", ("doubtful", "good"), INVISIBLE,
           joint=each(TORQUE, {"gain": 1.3})),
