@@ -227,7 +227,7 @@ WRONG = {
     "millimetres": (HEAD + "0,0,400,0,R\n", r"t.csv:2: joints.0.d: 400 m must be within \+-20 m"),
     "an empty range": (
         "alpha [deg],a,d,theta,q_min,q_max\n0,0,0,0,90,-90\n", r"joints.0.q_max: -90 must be gre"),
-    "too many joints": (HEAD + "0,0,0,0,R\n" * 31, r"joints: "),
+    "too many joints": (HEAD + "0,0,0,0,R\n" * 31, r"t.csv:32: 31 rows must be at most 30"),
     "bytes": ("\0", r"t.csv:"),
 }  # fmt: skip
 
