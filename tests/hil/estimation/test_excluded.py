@@ -177,7 +177,7 @@ def test_a_zero_is_not_named_with_a_slip_before_anything_was_measured(robot: Rob
     strokes = campaign(robot, p, without_load)
     (found,) = found_in(robot, changed(strokes, zero_of_one_degree))
     assert found.cause == "load"
-    assert [each for each in found.others if "zero" in each]
+    assert [each for each in found.others if "joint offset error" in each]
     assert not [each for each in found.others if "slipped" in each]
 
 
@@ -258,7 +258,7 @@ def test_gravity_that_comes_from_elsewhere_is_found(robot: Robot, good: FreeReco
     assert leaning != robot.text
     first, *_ = found_in(parse_robot(leaning, "leaning.yaml"), good)
     assert first.cause == "gravity"
-    assert re.search(r"off by -?(58|59|60|61)\.?\d* ± ", first.detail), first.detail
+    assert re.search(r"gravity direction error -?(58|59|60|61)\.?\d* ± ", first.detail), first.detail
 
 
 @pytest.mark.parametrize("key", ["acceleration_limit", r"\w+_limit"])
