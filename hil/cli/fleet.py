@@ -22,7 +22,7 @@ fleet_commands = typer.Typer(no_args_is_help=True)
 commands.add_typer(
     fleet_commands,
     name="fleet",
-    help="Index many machines' models, and find machines that departed.",
+    help="Index the models of many machines, and find machines that deviate from the fleet.",
 )
 
 Index = Annotated[Path, typer.Argument(metavar="INDEX", help="Index of a fleet.")]

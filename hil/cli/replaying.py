@@ -57,7 +57,7 @@ def replay(
     kd: Gains = None,
     without: Without = None,
 ) -> None:
-    """Simulate the recordings of a run with a model, and state the position error.
+    """Simulate the recordings of a run with a model, and compute the position error.
 
     Drives repeat the recorded torques; with --kp and --kd they hold the recorded positions.
     Exit status 3 where an error passes its limit.

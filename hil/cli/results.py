@@ -81,7 +81,7 @@ def identify(
     ] = None,
     accuracy: Accuracy = 10.0,
 ) -> None:
-    """Identify dynamics and friction from runs of any kind.
+    """Identify dynamics and friction from measured or imported runs.
 
     Writes model.yaml into the first folder. Exit status 3 where the identification failed.
     """
@@ -224,7 +224,7 @@ def friction(
         typer.Option(min=0, help="Maximum asymmetry, as a fraction of the friction level."),
     ] = None,
 ) -> None:
-    """Fit laws of friction to a run and test their symmetry.
+    """Fit friction laws to a run and test the symmetry of friction.
 
     Writes friction.yaml into the folder of the run.
     """

@@ -97,7 +97,7 @@ def try_(
         ),
     ] = None,
 ) -> None:
-    """Try it all on a virtual robot in two minutes: measure, identify, predict, push.
+    """Demonstrate hil on a virtual robot in two minutes: measure, identify, predict, push.
 
     A page opens in the browser.
 

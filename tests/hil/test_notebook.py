@@ -115,5 +115,5 @@ def test_a_folder_that_hides_a_package_of_ours_is_named(tmp_path, files):
     done = subprocess.run(  # noqa: S603 - our own program
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
-    hidden = f"ImportError: {tmp_path / 'drivers'} hides the package drivers"
+    hidden = f"ImportError: {tmp_path / 'drivers'} shadows the package drivers"
     assert hidden in done.stderr or (files != ("__init__.py",) and not done.stderr)

@@ -258,7 +258,7 @@ def test_gravity_that_comes_from_elsewhere_is_found(robot: Robot, good: FreeReco
     assert leaning != robot.text
     first, *_ = found_in(parse_robot(leaning, "leaning.yaml"), good)
     assert first.cause == "gravity"
-    assert re.search(r"gravity direction error -?(58|59|60|61)\.?\d* ± ", first.detail), first.detail
+    assert re.search(r"error -?(58|59|60|61)\.?\d* ± ", first.detail), first.detail
 
 
 @pytest.mark.parametrize("key", ["acceleration_limit", r"\w+_limit"])
