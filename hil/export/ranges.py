@@ -45,15 +45,21 @@ def write_ranges(model: Model, origin: tuple[str, ...], given: Given | None = No
     masses = {
         link: (mass / HEAVIER, mass * HEAVIER) for link, mass in enumerate(kept.bodies[:, 9], 1)
     }
-    bounds, samples = BodyBounds(thickness=kept.thickness, masses=masses), []
+    bounds, samples, unbounded = BodyBounds(thickness=kept.thickness, masses=masses), [], 0
     for _ in range(SAMPLES):
         one = draw(model, rng)
         try:
             bodies = nearest_robot(model.robot, one.values, model.covariance, bounds, kept.bodies)
-        except NotRealisable:  # extreme bodies of the model; take the usual likely bodies
+        except NotRealisable:  # the model's own bodies are extreme
             bodies = nearest_robot(model.robot, one.values, model.covariance)
+            unbounded += 1
         samples.append(_values(simulated_robot(replace(one, consistent=bodies), chain)))
     remarks = friction_remarks(model, offsets='in the file as "offset"')
+    if unbounded:
+        remarks += (
+            f"{unbounded} of {SAMPLES} samples have no bodies of {1 / HEAVIER:.2g} to {HEAVIER:g}"
+            " times the model's masses: theirs are those usual for such links",
+        )
     content = {
         "origin": [*origin, *remarks],
         "joints": [joint.name for joint in first.joints],

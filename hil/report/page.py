@@ -15,7 +15,6 @@ from hil.commands.torques import first_pose
 from hil.report.carried import carried, downloads
 from hil.report.reported_run import ReportedRun
 from hil.report.sections import OF_FRICTION, OF_IDENTIFIED
-from hil.results.findings import NAME as FINDINGS
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.run import opened
 from hil.show.charts.arm import arm
@@ -34,8 +33,6 @@ if TYPE_CHECKING:
     from hil.show.section import Plot, Section
 
 NAME = "report.html"
-UNUSABLE = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError)
-"""Errors due to cached findings with fields of wrong types or shapes."""
 TEMPLATES: tuple[Path, ...] = (Path(__file__).parent / "sections",)
 
 
@@ -61,17 +58,6 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
         Measurements that do not suffice.
     """
     run = opened(run)
-    try:
-        return _write(run, figures)
-    except UNUSABLE:
-        if not (run.path / FINDINGS).exists():
-            raise
-        # records of wrong types or shapes, perhaps a stranger's: identify anew
-        (run.path / FINDINGS).unlink()
-        return _write(run, figures)
-
-
-def _write(run: Run, figures: Path | None) -> Path:
     whole = ReportedRun(run)
     registry = OF_IDENTIFIED if whole.is_identified else OF_FRICTION
     sections = list(filter(None, (each(whole) for each in registry)))

@@ -10,7 +10,6 @@ watchdogs of powered axes.
 
 from __future__ import annotations
 
-import os
 import re
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,11 +18,10 @@ from typing import TYPE_CHECKING
 from checked_files.yaml_file import FileError, read_text
 from drivers.found_settings.settings_file import load_found_settings
 from hil.runs.atomic_file import file_errors, locked_bus, write_file
+from hil.runs.user_state import state_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-STATE = "XDG_STATE_HOME"
 
 
 class BusState:
@@ -43,12 +41,10 @@ class BusState:
     """
 
     def __init__(self, interface: str, channel: str) -> None:
-        stated = os.environ.get(STATE, "")
-        home = Path(stated) if Path(stated).is_absolute() else Path.home() / ".local" / "state"
         name = re.sub(r"[^\w.-]+", "_", f"{interface}-{channel}")
         self._bus = f"{interface} {channel}"
         self._options = f"--interface {interface} --channel {channel}"
-        self._folder = home / "hil" / "found-settings"
+        self._folder = state_folder() / "found-settings"
         self.settings = self._folder / f"{name}.yaml"
         self.word = self._folder / f"{name}.run"
         self._lock = self._folder / f"{name}.lock"

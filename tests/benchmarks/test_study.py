@@ -302,8 +302,7 @@ class TestCluster:
         import distributed
 
         cells, alone = (
-            [cell_of(folder, kind, 1) for kind in ("trajectory", "compensated")]
-            for folder in (study, finished[0])
+            [cell for cell in opened(folder) if cell.seed == 1] for folder in (study, finished[0])
         )
         for cell in cells:
             cell.verdict.unlink()

@@ -140,7 +140,7 @@ def frames() -> range:
     return frames_sent()
 
 
-@pytest.mark.parametrize("number", range(20))
+@pytest.mark.parametrize("number", range(40))
 def test_a_random_outage_breaks_no_promise(number: int) -> None:
     outage = draw(1, number, frames())
     verdict = happen(outage)

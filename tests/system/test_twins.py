@@ -32,7 +32,7 @@ COUNTS = {
     "scara": ("--gravity", "6", "--inertia", "20"),
     "cartesian": ("--gravity", "4", "--inertia", "9"),
 }
-LARGE = ["panda", "ur10e-on-a-wall"]
+LARGE = ["ur10e", "panda", "ur10e-on-a-wall"]
 SEEN = 0.03
 """Share of an axis's torque limit by which gravity may be missed where friction is not fitted."""
 

@@ -39,9 +39,6 @@ def test_hil_run_measures(tmp_path: Path) -> None:
 def test_the_commands_of_the_tutorial_measure_and_identify(tmp_path: Path) -> None:
     text = (DOCS / "tutorials" / "ethercat.md").read_text(encoding="utf-8")
     lines = text.split("## 4.")[1].split("```\n")[1].splitlines()
-    assert sum("--minutes 10" in line for line in lines) == 1
-    sooner = "--gravity 8 --inertia 20 --coupling 2"  # planned and measured
-    lines = [line.replace("--minutes 10", sooner) for line in lines]
     script = tmp_path / "steps.py"
     script.write_text(
         f"import os, subprocess, sys\nos.chdir({str(tmp_path)!r})\nfor line in {lines!r}:\n"

@@ -289,7 +289,7 @@ def test_a_finished_run_is_resumed_without_a_bus(
     bus.log.clear()
     status, out, _ = hil("run", plan_file, "-o", folder, "--resume")
     assert (status, bus.log) == (0, [])
-    assert "complete" in out
+    assert f"{folder}: complete" in out.replace("\n", "")
 
 
 def test_a_bus_that_is_not_there_is_refused(hil: Hil, plan_file: Path, tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ import pytest
 from small_run import identified_run, write_run
 
 from hil.export.formats import FORMATS, RECORDINGS, SIMULATORS
-from hil.results.consistency import find_consistent_robot
 from hil.results.judgement import Judgement, KeptJudgement
 from hil.results.model import Model
 from hil.results.model_file import NAME
@@ -34,12 +33,6 @@ HOW_TO_RECORDINGS = GUIDES / "other-tools.md"
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of an identified run."""
     return identified_run(tmp_path_factory.mktemp("export") / "run")
-
-
-@pytest.fixture(scope="module")
-def with_bodies(run: Path) -> Model:
-    """Its model with possible bodies, so that they are not looked for in every export."""
-    return find_consistent_robot(Model.load(run))
 
 
 def judged(model: Model, word: str) -> Model:
@@ -85,12 +78,12 @@ def test_a_verdict_is_stated_with_its_reason(
     assert "improved method" in origin
 
 
-def spoilt(model: Model, folder: Path) -> Path:
-    """A folder whose model, of simulated runs, failed its identification."""
+def spoilt(run: Path, folder: Path) -> Path:
+    """A folder whose model's identification failed."""
+    model = Model.load(run)
     outcome = Judgement(word="failed", reason="axes 2 and 3 exchanged", remedy="exchange them")
-    made = model.provenance.model_copy(update={"simulated": None, "bus": "sim_plant manutec-r15"})
     folder.mkdir(exist_ok=True)
-    replace(model, verdict=outcome, provenance=made).save(folder / NAME)
+    replace(model, verdict=outcome).save(folder / NAME)
     return folder
 
 
@@ -100,10 +93,10 @@ def few_samples(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("to", [*FORMATS, *SIMULATORS])
-def test_a_failed_model_is_written_by_force_alone_and_every_file_says_so_and_simulated_on_top(
-    hil: Hil, with_bodies: Model, tmp_path: Path, to: str
+def test_a_failed_model_is_written_by_force_alone_and_every_file_says_so_on_top(
+    hil: Hil, run: Path, tmp_path: Path, to: str
 ) -> None:
-    folder = spoilt(with_bodies, tmp_path / "failed")
+    folder = spoilt(run, tmp_path / "failed")
     status, _, err = hil("export", folder, "--to", to, "-o", tmp_path / "out")
     assert status == 3
     assert "its identification failed: axes 2 and 3 exchanged; exchange them; --force" in err
@@ -111,10 +104,22 @@ def test_a_failed_model_is_written_by_force_alone_and_every_file_says_so_and_sim
     status, out, _ = hil("export", folder, "--to", to, "-o", tmp_path / "out", "--force")
     assert status == 0
     assert "FAILED: axes 2 and 3 exchanged" in out
+    for file in (tmp_path / "out").iterdir():
+        head = "".join(file.read_text().splitlines(keepends=True)[:4])
+        assert "FAILED: axes 2 and 3 exchanged; exchange them" in head, file
+
+
+@pytest.mark.parametrize("to", [*FORMATS, *SIMULATORS])
+def test_a_model_of_simulated_runs_says_so_on_top_of_every_file(
+    hil: Hil, run: Path, tmp_path: Path, to: str
+) -> None:
+    model = Model.load(run)
+    made = model.provenance.model_copy(update={"simulated": None, "bus": "sim_plant manutec-r15"})
+    replace(model, provenance=made).save(tmp_path / NAME)
+    _, out, _ = hil("export", tmp_path / NAME, "--to", to, "-o", tmp_path / "out")
     assert "SIMULATED: measured on the virtual plant" in out
     for file in (tmp_path / "out").iterdir():
-        head = "".join(file.read_text().splitlines(keepends=True)[:5])
-        assert "FAILED: axes 2 and 3 exchanged; exchange them" in head, file
+        head = "".join(file.read_text().splitlines(keepends=True)[:4])
         assert "SIMULATED: measured on the virtual plant, no real machine" in head, file
 
 

@@ -14,10 +14,10 @@ from hil.runs.run_folder import RunFolder
 
 @pytest.fixture
 def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
-    """Six rounds of the small plan."""
+    """Ten rounds of the small plan."""
     measurements = tuple(
         m.model_copy(update={"id": f"{m.id}-{k}"})
-        for k in range(6)
+        for k in range(10)
         for m in small_plan.measurements
     )
     path = tmp_path / "plan.yaml"
@@ -57,14 +57,14 @@ def test_an_interrupted_run_is_finished_by_resuming(
         assert f"recordings so far are in {folder}" in err
     broken = RunFolder.open(folder)
     measured = {m.measurement.id for m in broken}
-    assert 3 <= len(measured) < 18
+    assert 3 <= len(measured) < 30
     expected = "was killed" if number == signal.SIGKILL else "interrupted by the operator"
     assert broken.journal.sessions[0].reason == expected
 
     again = start(plan_file, folder, "--resume")
     out, err = again.communicate(timeout=120)
     assert (again.returncode, err) == (0, "")
-    assert f"{18 - len(measured)} measurements in" in out
+    assert f"{30 - len(measured)} measurements in" in out
     finished = RunFolder.open(folder)
     assert finished.missing == ()
     assert [s.reason for s in finished.journal.sessions] == [expected, "finished"]

@@ -15,7 +15,7 @@ from small_run import write_run
 from checked_files.yaml_file import FileModel
 from hil.report.page import report
 from hil.results import findings
-from hil.results.findings import NAME, follow_from, keep, kept
+from hil.results.findings import NAME, _digest, follow_from, keep, kept
 from hil.results.identification import identified
 from hil.runs.pooling import recorded
 from hil.runs.run import Run
@@ -138,7 +138,7 @@ def test_a_stranger_s_file_restores_records_of_findings_and_calls_nothing_else(
     content = json.loads(whole["content"])
     content[4] = [foreign]  # the advice, of any length
     text = json.dumps(content)
-    digest = hashlib.sha256(text.encode()).hexdigest()
+    digest = _digest(text)  # as if a stranger knew the key
     (copy / NAME).write_text(json.dumps(whole | {"content": text, "digest": digest}))
     assert kept(Run.open(copy)) is None
     assert not (copy / "ran").exists()
@@ -146,7 +146,7 @@ def test_a_stranger_s_file_restores_records_of_findings_and_calls_nothing_else(
 
 @pytest.mark.parametrize("value", ["text", None, [], {"array": [1.0], "kind": "<f8"}])
 @pytest.mark.parametrize("field", ["residual", "local", "friction_law"])
-def test_a_report_of_records_with_wrong_fields_is_estimated_anew(
+def test_a_report_of_a_stranger_s_records_with_wrong_fields_is_estimated_anew(
     copy: Path, field: str, value: Any
 ) -> None:
     whole = json.loads((copy / NAME).read_bytes())
@@ -156,6 +156,25 @@ def test_a_report_of_records_with_wrong_fields_is_estimated_anew(
     digest = hashlib.sha256(text.encode()).hexdigest()
     (copy / NAME).write_text(json.dumps(whole | {"content": text, "digest": digest}))
     assert report(copy).is_file()
+
+
+def test_findings_of_another_user_are_none_whatever_they_state(
+    copy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert kept(Run.open(copy)) is not None
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "another"))
+    assert kept(Run.open(copy)) is None
+    assert (tmp_path / "another" / "hil" / "key").stat().st_mode & 0o777 == 0o600
+
+
+def test_without_a_folder_for_a_key_findings_are_those_of_the_process(
+    copy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
+    assert kept(Run.open(copy)) is None
+    report(Run.open(copy))
+    assert kept(Run.open(copy)) is not None
 
 
 def test_a_report_with_it_is_the_report_without(

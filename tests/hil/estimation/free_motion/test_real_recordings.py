@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,7 +52,6 @@ def emps(name: str) -> tuple[FreeMotion, Recording]:
     return recording(1e-3, columns[:, 1:2], VOLT * columns[:, 3:4])
 
 
-@cache
 def tx40() -> tuple[FreeMotion, Recording]:
     turns, sums = np.diag(RATIO), np.diag(RATIO)
     turns[5, 4] = sums[4, 5] = 32.0
@@ -84,26 +82,19 @@ def test_emps_mass_and_friction_are_the_published_ones_and_the_other_record_is_p
     assert predict_recording(model("emps", found), emps("pulses")[1]).overall < 0.046
 
 
-@pytest.fixture(scope="module")
-def found_tx40() -> Estimate:
-    return estimate(Robot.load("staubli-tx40"), [tx40()], "free motion")
-
-
-def test_tx40_leaves_little_of_the_torque_and_its_mass_matrix_is_positive(
-    found_tx40: Estimate,
-) -> None:
-    found = found_tx40
+def test_tx40_leaves_little_of_the_torque_and_its_mass_matrix_is_positive() -> None:
+    found = estimate(Robot.load("staubli-tx40"), [tx40()], "free motion")
     assert found.details.overall_residual < 0.082
     assert found.details.least_inertia > 0
     # 40 base parameters and the coupled motor's inertia; its friction and that of six joints
     assert len(found.p) + 2 * len(found.details.coupled) + 18 == 61
 
 
-def test_tx40_is_predicted_below_100_hz_at_every_tenth_sample_of_all_speeds(
-    found_tx40: Estimate,
-) -> None:
-    _, each = tx40()
-    found = model("staubli-tx40", found_tx40)
+def test_tx40_is_predicted_below_100_hz_at_every_tenth_sample_of_all_speeds() -> None:
+    motion, each = tx40()
+    found = model(
+        "staubli-tx40", estimate(Robot.load("staubli-tx40"), [(motion, each)], "free motion")
+    )
     b, a = signal.butter(4, 2 * 100.0 * each.period)
     q, tau = (signal.filtfilt(b, a, x, axis=0) for x in (each.q, each.tau))
     qd = np.gradient(q, each.period, axis=0)
