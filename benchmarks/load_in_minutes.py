@@ -18,7 +18,7 @@ from claims import DISTANCE, MASS, make_plant
 from figures import Figure, keep
 
 from checked_files.yaml_file import load_yaml
-from hil.commands.payload import NAME, LoadFile
+from hil.results.load_file import NAME, LoadFile
 from hil.runs.run import Run
 
 FIRST_BARE, FIRST_SEED = 301, 401

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.cli.measuring import OnBus
-    from hil.commands.payload import LoadFile
     from hil.estimation.loads.figures import Load
     from hil.planning.plan import Plan
+    from hil.results.load_file import LoadFile
     from hil.runs.run import Run
 
 TWO_RUNS = "two-runs"
@@ -78,16 +78,17 @@ def two_runs(
             "needs --mass, from which gains are estimated", param_hint="--gains"
         )
     with working("reading the runs") as now:
-        from hil.commands import payload as command
+        from hil.results import load_file
+        from hil.results.load_verdict import verdict
         from hil.results.problem import regression
         from hil.runs.run import Run
 
-        path = loaded / command.NAME
+        path = loaded / load_file.NAME
         refuse_unwritable(path)
         runs = Run.open(without), Run.open(loaded)
         now("estimating both runs and the load")
         found = regression(runs[0], loaded=runs[1:], mass=mass, gains=gains).fit()
-        kept = command.write_load(loaded, runs[0], runs[1:], found, command.verdict(found.load))
+        kept = load_file.write_load(loaded, runs[0], runs[1:], found, verdict(found.load))
     _finish(loaded, runs[0], runs[1:], found.load, kept)
     say(f"load in {path}; hil report {loaded} shows it with the robot's parameters")
 
@@ -130,9 +131,10 @@ def measure(
 ) -> None:
     """Measure a load, slowly and then faster; the robot moves."""
     from hil.cli.measuring import OnBus
-    from hil.commands.payload import NAME, advised, verdict, write_load
     from hil.planning.design.load import REACH, fast_plan, load_capacity, slow_plan
     from hil.results.load import BareRun, LoadFit, estimate_load, find_load
+    from hil.results.load_file import NAME, write_load
+    from hil.results.load_verdict import advised, verdict
     from hil.runs.run import Run
 
     if mass is not None and at_most is not None and mass > at_most:

@@ -4,6 +4,9 @@ A table wider than the terminal changes as little as it must, in this order: hea
 lines; cells of folding columns take several lines; the last column moves below each row; the
 columns are drawn in several blocks, with those that name the rows repeated. No number is cut, and
 no number is separated from its uncertainty and unit.
+
+Tables of rich know no blocks, no row below a row and no quantity that stays whole, and rich wraps
+a text only by cutting words that are too long; so it wraps cells here, and nothing else.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from hil.commands import diagnose, payload
 from hil.errors import FileError
-from hil.results import consistency
+from hil.results import consistency, load_file
 from hil.show.outcome import Outcome
 from hil.show.rounding import significant, when
 from hil.show.section import Section
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from hil.commands.diagnose import DiagnosisFile
-    from hil.commands.payload import LoadFile
     from hil.report.reported_run import ReportedRun
     from hil.results.judgement import KeptJudgement
+    from hil.results.load_file import LoadFile
     from hil.runs.run import Run
 
 
@@ -103,7 +103,7 @@ def bodies(run: ReportedRun) -> Section | None:
 def load(run: ReportedRun) -> Section | None:
     """Create the section of the kept load, or of the reason for its absence."""
     command = f"hil payload WITHOUT {run.source.path}"
-    found, note = current(payload.read_load, run, payload.NAME, command)
+    found, note = current(load_file.read_load, run, load_file.NAME, command)
     if found is None:
         return _section("The load", Outcome(), f"{note}.") if note else None
     bare = found.without

@@ -14,12 +14,13 @@ from synthetic import TABLE_3_A
 from checked_files.yaml_file import load_yaml
 from hil import cli
 from hil.commands.diagnose import NAME, DiagnosisFile, diagnose, write_diagnosis
-from hil.commands.payload import LoadFile, changes, read_load, torque_constants
+from hil.commands.payload import changes, torque_constants
 from hil.estimation.gravity_phase import Sinusoid
 from hil.model.base_parameters import base_parameters
 from hil.report.page import report
 from hil.report.sections.kept import current
 from hil.results.load import quantities
+from hil.results.load_file import LoadFile, read_load
 from hil.runs.run import Run
 from hil.show.terminal import show
 

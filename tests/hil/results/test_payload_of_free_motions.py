@@ -14,10 +14,10 @@ from twin_recordings import TwinRecorder, brick, in_units
 from checked_files.yaml_file import load_yaml
 from hil import cli
 from hil.commands.diagnose import diagnose
-from hil.commands.payload import LoadFile
 from hil.errors import Mismatch, NoLoad
 from hil.model.drive_train_file import USUAL_BOUND
 from hil.report.page import report
+from hil.results.load_file import LoadFile
 from hil.results.problem import regression
 from hil.runs.run import Run
 
