@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import closing, nullcontext
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import typer
 
@@ -123,8 +123,7 @@ def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
             f"all paths of the plan rehearsed at {rehearsal:.0%} of the speed limits; measure "
             "with the same command without --rehearse"
         )
-    if not isinstance(last, Finished):
-        return f"no measurement was finished in {folder.path}"
+    last = cast("Finished", last)  # the last event of measuring
     give(run=str(folder.path), measurements=last.recorded, with_findings=list(last.gave_up))
     kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
     return (

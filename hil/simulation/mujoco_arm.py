@@ -1,8 +1,8 @@
 """A model simulated by MuJoCo, from the file that `hil export --to mjcf` writes.
 
-Friction is Coulomb's and viscous, as MuJoCo has it, and an offset the bias of an
-actuator. Joint limits are left out, since the
-recorded motion kept them. MuJoCo's scheme is of first order in the step.
+Friction is Coulomb's and viscous, as MuJoCo has it, and an offset is the bias of an actuator. Joint
+limits are left out, since the recorded motion kept them. MuJoCo's scheme is of first order in the
+step.
 """
 
 from __future__ import annotations

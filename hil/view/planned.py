@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from itertools import cycle
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -188,7 +188,7 @@ KNOTS = 24
 
 def _cubic(track: Track, time: Array) -> tuple[Array, Array, Array]:
     """Interpolate value, first and second derivative by cubics between knots."""
-    slope = np.zeros(len(track.time)) if track.slope is None else track.slope
+    slope = cast("Array", track.slope)  # that of planned motions is known
     last = np.clip(np.searchsorted(track.time, time, side="right") - 1, 0, None)
     following = np.minimum(last + 1, len(track.time) - 1)
     width = track.time[following] - track.time[last]
