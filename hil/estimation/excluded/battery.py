@@ -67,9 +67,17 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.excluded.backlash import nearest
+from hil.estimation.excluded.dispersion import (
+    Common,
+    dispersion,
+    enlarge,
+    freedom,
+    moderated,
+    orthonormal,
+)
 from hil.least_squares.regression import Regression
 from hil.least_squares.solving import inverse_root
-from hil.least_squares.uncertainty import ALMOST_NONE, effective_degrees
+from hil.least_squares.uncertainty import ALMOST_NONE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -90,10 +98,6 @@ span. Columns use the smoothed motion, those of the base parameters are smoothed
 two differ by some 1e-3; less than ten times that shows nothing."""
 NOTHING = 1e-10
 """Root mean square of a column over that of the largest column, up to which it is rounding."""
-ALIKE = 1e-6
-"""Share of the largest eigenvalue below which columns of a cause are linearly dependent."""
-LEVERAGE = 1e-3
-"""Lower limit of the share of a group's variance that the fit leaves."""
 
 
 class Test(NamedTuple):
@@ -127,13 +131,6 @@ class Test(NamedTuple):
     rank: int
     dispersion: float
     white: float
-
-
-class Common(NamedTuple):
-    """Common dispersion of several causes, and the degrees of freedom."""
-
-    dispersion: float
-    degrees: float
 
 
 class _AxisColumns(NamedTuple):
@@ -264,7 +261,7 @@ class Battery:
         """Residual and columns times (1 - Q_k Q_k')^(-1/2), by group."""
         found = np.column_stack([self._residual, self._left])
         for at in self._pieces:
-            found[at] = _enlarge(self._Q[at], found[at])
+            found[at] = enlarge(self._Q[at], found[at])
         return found
 
     def _group_sums(self, rows: Array) -> Array:
@@ -303,7 +300,7 @@ class Battery:
         at = np.array([k for k in columns if self.visible[k]], dtype=np.intp)
         if not len(at):
             return at, np.zeros((0, 0))
-        return at, _orthonormal(self._left[:, at].T @ self._left[:, at])
+        return at, orthonormal(self._left[:, at].T @ self._left[:, at])
 
     def gram(self, columns: Sequence[int]) -> Array:
         """Return inner products of columns adjusted for the estimated columns, or zero."""
@@ -375,7 +372,7 @@ class Battery:
         rest = self._residual - U @ along
         enlarged = self._enlarged[:, :1] - self._enlarged[:, 1 + at] @ (B @ along)[:, None]
         shares = (self.shares[:, at] / self.information[at]).mean(axis=1, keepdims=True)
-        each, d = _dispersion(
+        each, d = dispersion(
             self._group_sums(U * enlarged), np.repeat(shares, rank, axis=1), np.ones(rank)
         )
         if itself:
@@ -457,7 +454,7 @@ class Battery:
         if not seen.any():
             return Common(0.0, ALMOST_NONE)
         z2 = scores[seen] ** 2 / information[seen]
-        return Common(float(z2.mean()), _freedom(products[np.ix_(seen, seen)]))
+        return Common(float(z2.mean()), freedom(products[np.ix_(seen, seen)]))
 
     def part_scales(self, part: Indices) -> dict[Key, Common]:
         """Return omega of causes: explained parts of unchanged recordings.
@@ -483,7 +480,7 @@ class Battery:
             seen += visible
             for key, columns in self.columns.tests.items():
                 at = [each for each in columns if visible[each]]
-                B = _orthonormal(beside[np.ix_(at, at)])
+                B = orthonormal(beside[np.ix_(at, at)])
                 along = B.T @ scores[at]
                 drops[key].append((float(along @ along), B.shape[1]))
         return {key: self._moderated(key, each, every, seen) for key, each in drops.items()}
@@ -498,7 +495,7 @@ class Battery:
         if not same.any() or not n:
             return Common(0.0, ALMOST_NONE)
         left = self._weighted[:, same]
-        common, degrees = float((every[same] / seen[same]).mean()), _freedom(left.T @ left)
+        common, degrees = float((every[same] / seen[same]).mean()), freedom(left.T @ left)
         total = degrees + float(n)
         return Common((degrees * common + float(drop)) / total, total)
 
@@ -511,7 +508,7 @@ class Battery:
             return Common(1.0, 0.0)
         scores, shares, information = scores[:, seen], shares[:, seen], information[seen]
         left = scores - shares / information * scores.sum(axis=0)
-        phi, degrees = _dispersion(left, shares, information)
+        phi, degrees = dispersion(left, shares, information)
         several = degrees >= ALMOST_NONE
         if not several.any():
             return Common(1.0, 0.0)
@@ -522,73 +519,3 @@ class Battery:
 
 CACHED = ("common", "_axes", "_enlarged")
 """Attributes of a `Battery` that depend on the given causes."""
-
-
-def moderated(phi: Array, degrees: Array, correlation: Array) -> Common:
-    """Return common dispersion and degrees of freedom, after Smyth (2004), section 6.2.
-
-    In that paper, thousands of dispersions scatter independently about the common one. Here some
-    tens are correlated: their scatter is less than their uncertainty, and the common one is
-    uncertain, too.
-
-    Parameters
-    ----------
-    correlation : ndarray, shape (n_columns, n_columns)
-        Correlations of the dispersions.
-    """
-    half = degrees / 2
-    e = np.log(np.maximum(phi, np.finfo(float).tiny)) - special.digamma(half) + np.log(half)
-    error = np.sqrt(special.polygamma(1, half))
-    covariance = np.outer(error, error) * correlation
-    shared = float(covariance.mean())
-    beyond = float(np.var(e)) - (float(np.diag(covariance).mean()) - shared)
-    d = 2.0 * _inverse_trigamma(shared + max(beyond, 0.0))
-    return Common(float(np.exp(e.mean() + special.digamma(d / 2) - np.log(d / 2))), d)
-
-
-def _inverse_trigamma(y: float) -> float:
-    """Solve ``trigamma(x) = y`` by Newton's method (Smyth 2004, appendix)."""
-    x = 0.5 + 1.0 / y
-    for _ in range(20):  # converges from there in a few steps, always from below
-        value = float(special.polygamma(1, x))
-        x += value * (1.0 - value / y) / float(special.polygamma(2, x))
-    return x
-
-
-def _dispersion(left: Array, shares: Array, information: Array) -> tuple[Array, Array]:
-    """Return the variance of summed scores over that of white noise, and degrees of freedom.
-
-    Parameters
-    ----------
-    left : ndarray, shape (n_groups, n_columns)
-        Scores less the contribution of the common size of all groups.
-    """
-    h = shares / np.maximum(information, np.finfo(float).tiny)
-    phi = (left**2 / np.maximum(1.0 - h, LEVERAGE) ** 2).sum(axis=0) / information
-    return phi, effective_degrees(h, fewest=0.0)
-
-
-def _orthonormal(products: Array) -> Array:
-    """Return combinations that make columns orthonormal, shape (n, rank), from inner products."""
-    if not len(products):
-        return products
-    length = np.sqrt(np.diag(products))
-    values, vectors = np.linalg.eigh(products / np.outer(length, length))
-    kept = values > ALIKE * values.max()
-    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) / length[:, None])
-
-
-def _freedom(products: Array) -> float:
-    """Return degrees of freedom of a mean square of normals, correlated as some columns."""
-    length = np.sqrt(np.diag(products))
-    return float(len(products) ** 2 / np.sum((products / np.outer(length, length)) ** 2))
-
-
-def _enlarge(Q: Array, x: Array) -> Array:
-    """Multiply rows `x` of one group by (1 - QQ')^(-1/2), from the smaller of QQ' and Q'Q."""
-    wide = len(Q) < Q.shape[1]
-    values, vectors = np.linalg.eigh(Q @ Q.T if wide else Q.T @ Q)
-    factor = 1.0 / np.sqrt(np.clip(1.0 - values, LEVERAGE, 1.0)) - 1.0
-    if not wide:
-        vectors, factor = Q @ vectors, factor / np.maximum(values, np.finfo(float).eps)
-    return np.asarray(x + (vectors * factor) @ (vectors.T @ x))

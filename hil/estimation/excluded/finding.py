@@ -37,8 +37,9 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.estimation.excluded.alternatives import Explained
-    from hil.estimation.excluded.battery import Common, Test
+    from hil.estimation.excluded.battery import Test
     from hil.estimation.excluded.causes import Key
+    from hil.estimation.excluded.dispersion import Common
     from hil.estimation.excluded.evidence import Evidence
     from hil.model.robot import Robot
 

@@ -22,9 +22,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import special
 
-from hil.estimation.excluded.battery import FAMILIES, LEVEL, moderated
+from hil.estimation.excluded.battery import FAMILIES, LEVEL
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.departure import PARTS, parts_of
+from hil.estimation.excluded.dispersion import moderated
 from hil.estimation.excluded.limits import noncentrality
 from hil.estimation.excluded.result import Found, Limit
 

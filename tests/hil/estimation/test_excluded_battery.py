@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from hil.estimation.excluded.battery import LEVEL, Battery, moderated
+from hil.estimation.excluded.battery import LEVEL, Battery
 from hil.estimation.excluded.columns import Column, Columns
+from hil.estimation.excluded.dispersion import moderated
 from hil.estimation.excluded.evidence import Evidence
 from hil.estimation.excluded.finding import Step, likeliest, possible
 from hil.estimation.excluded.limits import POWER, noncentrality, smallest
