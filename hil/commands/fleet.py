@@ -110,7 +110,8 @@ def index(
     """
     parts = {each.parent for each in path.glob("robot=*/*.parquet")}
     known = {key for part in parts for key in _known(part)}
-    found = [each for folder in folders for each in _models(folder)]
+    named = {each.address: each for folder in folders for each in _models(folder)}
+    found = list(named.values())
     new = [each for each in found if each.key not in known]
     rows: dict[str, list[tuple[Any, ...]]] = {}
     left_out = []
@@ -215,7 +216,12 @@ def _select(path: Path, what: str) -> Any:
     """Return the relation of a DuckDB query of an index, or of one robot's part of an index."""
     with needed_for(path, EXTRA):
         import duckdb  # noqa: PLC0415 - an extra
-    return duckdb.from_parquet(str(path / "*.parquet")).query("rows", f"SELECT {what}")
+        import pyarrow as pa  # noqa: PLC0415
+        from pyarrow import dataset  # noqa: PLC0415
+    # files by pyarrow: DuckDB expands '*', '?' and '[' in the name of a folder
+    files, schema = [str(each) for each in path.glob("*.parquet")], pa.schema(list(FIELDS.items()))
+    rows = duckdb.from_arrow(dataset.dataset(files, schema=schema))
+    return rows.query("rows", f"SELECT {what}")
 
 
 @contextmanager

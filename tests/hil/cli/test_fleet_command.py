@@ -12,6 +12,7 @@ from free_run import arm
 from stated_model import stated_model
 
 from checked_files import budget
+from hil.commands.fleet import read_fleets
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -82,6 +83,35 @@ def test_the_name_of_a_machine_s_folder_leads_to_no_other_file(
     (plants / "a").rename(plants / name)
     status, out, err = hil("fleet", "index", plants, "-o", tmp_path / "fleet.parquet")
     assert (status, "6 runs added" in out) == (0, True), err
+
+
+@pytest.mark.parametrize("name", ["fleet*", "fleet?", "[f]leet"])
+def test_the_name_of_an_index_leads_to_no_other_index(
+    hil: Hil, plants: Path, tmp_path: Path, name: str
+) -> None:
+    for other in ("fleet", "fleets"):
+        hil("fleet", "index", plants / "a", "-o", tmp_path / other)
+    index = tmp_path / name
+    assert "3 runs added" in hil("fleet", "index", plants / "b", "-o", index)[1]
+    (fleet,) = read_fleets(index).values()
+    assert (fleet.machines, len(fleet.machine)) == (("b",), 3)
+
+
+def test_a_loop_of_folders_and_repeated_folders_add_a_run_once(
+    hil: Hil, plants: Path, tmp_path: Path
+) -> None:
+    (plants / "a" / "loop").symlink_to(plants)
+    index = tmp_path / "fleet.parquet"
+    assert "6 runs added" in hil("fleet", "index", plants, plants, "-o", index)[1]
+
+
+def test_repeated_rows_count_once(hil: Hil, plants: Path, tmp_path: Path) -> None:
+    index = tmp_path / "fleet.parquet"
+    hil("fleet", "index", plants, "-o", index)
+    once = hil("fleet", "query", index)[1]
+    (part,) = index.glob("robot=*/*.parquet")
+    (part.parent / "copy.parquet").write_bytes(part.read_bytes())
+    assert hil("fleet", "query", index)[1] == once
 
 
 def test_models_that_cannot_be_read_are_left_out(hil: Hil, plants: Path, tmp_path: Path) -> None:
