@@ -114,6 +114,7 @@ def show_flaws(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -
 def show_far(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Said]:
     """Print what is named where no derivative shows it."""
     cases = [Case("", cause, axis, np.inf, size, seed) for cause, axis, size in FAR]
+    campaign(folder, seed)  # which several processes read
     names = []
     for case, each in zip(cases, pool.map(partial(said, folder), cases), strict=True):
         names.append(each.named(case))
