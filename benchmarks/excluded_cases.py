@@ -20,6 +20,7 @@ from twin_recordings import ROBOTS, Load, TwinRecorder
 
 from hil.errors import HilError
 from hil.estimation.drive_train import CERTAIN
+from hil.estimation.excluded.backlash import half_gap
 from hil.estimation.excluded.battery import Battery
 from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.columns import columns
@@ -28,6 +29,7 @@ from hil.estimation.excluded.finding import excluded
 from hil.estimation.excluded.limits import smallest as smallest_of
 from hil.estimation.excluded.proof import proved
 from hil.estimation.excluded.result import located
+from hil.estimation.excluded.words import name_of
 from hil.estimation.identify import estimate
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
@@ -271,14 +273,19 @@ def shares(folder: Path, seed: int, most: int = 60) -> tuple[int, float, float]:
     any_found, named = [], []
     for limit in (visible[k] for k in some):
         at = [k for k, name in enumerate(every.names)
-              if (name.cause, name.axis + 1) == (limit.cause, limit.axis)
+              if (name_of((name.cause, 0)), name.axis + 1) == (limit.cause, limit.axis)
               and limit.part in ("", name.part)]  # fmt: skip
+        if limit.cause == "play":  # the column of the gap nearest to the size
+            gaps = [half_gap(run.robot, every.names[k][:2]) for k in at]
+            at = [at[int(np.argmin(np.abs(np.log(gaps) - np.log(limit.size))))]]
         column = every.values[:, rng.choice(at)] * limit.size * rng.choice([-1.0, 1.0])
         other = replace(evidence, torque=evidence.torque + column,
                         recorded=evidence.recorded + column)  # fmt: skip
         causes = excluded(run.robot, found.p, other).found
         any_found.append(bool(causes))
-        start = CAUSES[limit.cause].words
-        named.append(any(each.cause == limit.cause or any(start in x for x in each.others)
+        words = CAUSES[limit.cause].words
+        starts = words, words.replace("greater", "less")
+        named.append(any(each.cause == limit.cause or any(start in x for x in each.others
+                                                          for start in starts)
                          for each in causes))  # fmt: skip
     return len(named), float(np.mean(any_found)), float(np.mean(named))
