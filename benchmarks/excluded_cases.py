@@ -120,8 +120,14 @@ class Said:
         first = self.found[0]
         if (first.cause, first.axes) == (case.cause, case.axes):
             return "same" if first.others else "first"
-        start = located(case.axes, CAUSES[case.cause].words)
-        return "same" if any(each.startswith(start) for each in first.others) else "other"
+        starts = tuple(located(case.axes, words) for words in beginnings(case.cause))
+        return "same" if any(each.startswith(starts) for each in first.others) else "other"
+
+
+def beginnings(cause: str) -> tuple[str, str]:
+    """Words that a cause begins with, of a size greater and less than stated."""
+    words = CAUSES[cause].words
+    return words, words.replace("greater", "less")
 
 
 @cache
@@ -283,9 +289,7 @@ def shares(folder: Path, seed: int, most: int = 60) -> tuple[int, float, float]:
                         recorded=evidence.recorded + column)  # fmt: skip
         causes = excluded(run.robot, found.p, other).found
         any_found.append(bool(causes))
-        words = CAUSES[limit.cause].words
-        starts = words, words.replace("greater", "less")
         named.append(any(each.cause == limit.cause or any(start in x for x in each.others
-                                                          for start in starts)
+                                                          for start in beginnings(limit.cause))
                          for each in causes))  # fmt: skip
     return len(named), float(np.mean(any_found)), float(np.mean(named))
