@@ -20,7 +20,7 @@ BASE, SHARE = 200_000_000, 4
 as large as numbers of eight bytes, and 200 MB are an hour of seven joints at 300 Hz."""
 
 
-def allowed(path: Path) -> int:
+def allowed(path: Path, base: int | None = None) -> int:
     """Return the budget of a file, or of the files in a folder [bytes]."""
     try:
         raised = float(os.environ.get(LIMIT, "0"))
@@ -29,21 +29,22 @@ def allowed(path: Path) -> int:
     files = [path, *(path.iterdir() if path.is_dir() else ())]
     size: int = sum(each.stat().st_size for each in files if each.is_file())
     stated = int(raised * 1e9) if 0 < raised < 1e9 else 0
-    return max(stated, BASE + SHARE * size)
+    return max(stated, (BASE if base is None else base) + SHARE * size)
 
 
-def refuse_beyond(path: Path, size: int, what: str) -> None:
-    """Refuse a file if `what` would exceed the budget.
+def refuse_beyond(path: Path, size: int, what: str, base: int | None = None) -> None:
+    """Refuse a file if `what` would exceed the budget: `base` [bytes], and 4 times the file.
 
     Raises
     ------
     FileError
         With size, bound and remedy.
     """
-    if size > (most := allowed(path)):
+    base = BASE if base is None else base
+    if size > (most := allowed(path, base)):
         raise FileError(
             f"{path}: {what} would take {_megabytes(size)} MB, at most {_megabytes(most)} MB may be"
-            f" (200 MB and 4 times the file); if you trust the file, set {LIMIT}="
+            f" ({_megabytes(base)} MB and 4 times the file); if you trust the file, set {LIMIT}="
             f"{-(-size // 1_000_000_000)} in the environment [GB]"
         )
 

@@ -11,7 +11,7 @@ import pytest
 from free_run import arm
 from stated_model import stated_model
 
-from checked_files import budget
+from hil.commands import fleet
 from hil.commands.fleet import read_fleets
 
 if TYPE_CHECKING:
@@ -188,7 +188,20 @@ def test_an_index_that_would_not_fit_into_memory_is_refused(
     hil: Hil, plants: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hil("fleet", "index", plants, "-o", tmp_path / "fleet.parquet")
-    monkeypatch.setattr(budget, "BASE", -100_000)
+    monkeypatch.setattr(fleet, "MOST", -100_000)
     status, _, err = hil("fleet", "query", tmp_path / "fleet.parquet")
     assert status != 0
     assert "rows would take" in " ".join(err.split())
+
+
+def test_an_index_of_as_many_rows_as_a_fleet_of_a_thousand_machines_has_is_read(
+    hil: Hil, plants: Path, tmp_path: Path
+) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    index = tmp_path / "fleet.parquet"
+    hil("fleet", "index", plants, "-o", index)
+    (part,) = index.glob("*/*.parquet")
+    rows = parquet.read_table(part)
+    many = rows.take([k % len(rows) for k in range(1_400_000)])
+    parquet.write_table(many, part, compression="zstd")  # a small file, for repeated rows
+    assert hil("fleet", "query", index)[0] == 0
