@@ -90,7 +90,7 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Said:
-    """Word, causes, and the true error of the worst axis over the stated one."""
+    """Word, causes, and the true error of the worst axis, relative and over the stated one."""
 
     word: str
     reason: str
@@ -99,6 +99,7 @@ class Said:
     times: float
     seconds: float
     accounted: tuple[tuple[str, int], ...] = ()
+    error: float = np.inf
 
     @property
     def honest(self) -> bool:
@@ -231,7 +232,7 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
         loaded = np.flatnonzero(np.nan_to_num(mu / error) > CERTAIN)
         accounted += [("friction of the load", int(axis) + 1) for axis in loaded]
     return Said(model.verdict.word, model.verdict.reason, causes, proof, times, seconds,
-                tuple(accounted))  # fmt: skip
+                tuple(accounted), float(np.max(true)))  # fmt: skip
 
 
 def smallest(proof: Excluded | None, cause: str, axis: int) -> float:

@@ -139,6 +139,12 @@ def _soften(plant: Plant, _axis: int, size: float) -> None:
         own["stiffness"] = own["load_inertia"] * (math.tau * size) ** 2
 
 
+def _coarsen(plant: Plant, _axis: int, size: float) -> None:
+    for each in plant["axes"]:
+        each["drive"]["increments"] = int(size)
+
+
 PLANTS: dict[str, Callable[[Plant, int, float], None]] = {
     "load": _load, "play": _play, "friction of the load": _rub, "gears": _soften,
+    "encoders": _coarsen,
 }  # fmt: skip

@@ -41,8 +41,8 @@ def measure(every: int, folder: Path, *, old: bool) -> Path:
         return run
     plan, drives = run.with_suffix(".plan.yaml"), run.with_suffix(".drives.yaml")
     faults = run.with_suffix(".faults.yaml")
-    _copied(folder / "plan.yaml", "sample_period", every, plan)
-    period = _copied(Path("hil/robots") / f"{ROBOT}.drives.yaml", "sync_period", every, drives)
+    copied(folder / "plan.yaml", "sample_period", every, plan)
+    period = copied(Path("hil/robots") / f"{ROBOT}.drives.yaml", "sync_period", every, drives)
     whole = [
         f"{{what: {value}-slow, axis: {axis}, at: {{time: 0}}, size: {1000 * period:g}}}"
         for axis in range(1, 7)
@@ -55,7 +55,7 @@ def measure(every: int, folder: Path, *, old: bool) -> Path:
     return run
 
 
-def _copied(path: Path, key: str, every: int, copy: Path) -> float:
+def copied(path: Path, key: str, every: int, copy: Path) -> float:
     """Copy a file with a multiple of one of its times, and return that."""
     before, after = path.read_text(encoding="utf-8").split(f"\n{key}: ")
     was, *rest = after.splitlines(keepends=True)

@@ -1,0 +1,163 @@
+"""What is said of plants that nobody has seen, each with one property that real machines have.
+
+Every seed is a plant of its own (`torque_intervals.write_plant`): bodies, friction, noise. The
+properties, on all axes or on one that the seed chooses: encoders of 256 to 1024 increments, gears
+of 25 to 80 Hz, backlash of 0.5 to 2 mrad, a SYNC period of 4 to 16 ms, a torque constant 2 % off.
+Backlash and the torque constant are causes; what else is named is false::
+
+    python benchmarks/fresh_plants.py [PROPERTY ...] [--first 3101] [--seeds 5] [--runs FOLDER]
+
+Right is a run in which the true cause is named, alone or before others, or none. Wrong as well is
+*failed* where all torques are right within 1 %.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import yaml
+from accuracy import DEPENDS, ROBOT, SIDE_BY_SIDE, hil
+from excluded import NAMED, PLAN
+from excluded_cases import Case, changed, judged
+from figures import Figure, keep
+from planted_flaws import PLANTS, RECORDED
+from refresh import copied
+from torque_intervals import write_plant
+
+from hil.ground_truth.true_parameters import true_parameters
+from hil.model.robot import ROBOTS
+from hil.runs.pooling import Pooled
+from hil.runs.run import Run
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from excluded_cases import Said
+
+EXACT = 0.01
+"""Error of torques within which *failed* is wrong, on every axis."""
+DEGREES = math.degrees(1e-3)
+"""Of a milliradian."""
+
+
+class Property(NamedTuple):
+    """A property of plants: cause that may be named, sizes in that cause's units."""
+
+    cause: str
+    sizes: tuple[float, ...]
+
+
+PROPERTIES = {
+    "encoder increments": Property("encoders", (256, 512, 1024)),
+    "gears of Hz": Property("gears", (25, 45, 80)),
+    "backlash of mrad": Property("play", (0.5, 1.0, 2.0)),
+    "SYNC of ms": Property("", (4, 8, 16)),
+    "torque constant off by %": Property("torque constant", (2,)),
+}
+
+
+class Trial(NamedTuple):
+    """A plant of a seed with a property of a size."""
+
+    what: str
+    size: float
+    seed: int
+
+    @property
+    def case(self) -> Case:
+        """The case as `excluded_cases` judges it."""
+        cause = PROPERTIES[self.what].cause
+        axis = 1 + self.seed % 6 if cause in ("play", "torque constant") else 0
+        size = self.size / 2 * DEGREES if cause == "play" else self.size
+        return Case("", cause, axis, 1.0, size, self.seed)
+
+
+def measure(folder: Path, trial: Trial) -> Path:
+    """Measure the plan on the trial's plant, unless it was before; return the run's folder."""
+    case, period = trial.case, 1
+    run = folder / re.sub(r"\W+", "-", f"{trial.what}-{trial.size:g}-{trial.seed}")
+    plant, plan = run.with_suffix(".plant.yaml"), folder / "plan.yaml"
+    drives = ROBOTS / f"{ROBOT}.drives.yaml"
+    if run.exists():
+        return run
+    write_plant(plant, trial.seed)
+    if change := PLANTS.get(case.cause):
+        content = yaml.safe_load(plant.read_text())
+        change(content, case.axis, case.size)
+        plant.write_text(yaml.safe_dump(content, sort_keys=False))
+    if case.cause == "encoders":
+        stated = drives.read_text().replace("revolution: 4096", f"revolution: {trial.size:g}")
+        (drives := run.with_suffix(".drives.yaml")).write_text(stated)
+    if trial.what.startswith("SYNC"):
+        period = round(trial.size / 4)
+        copied(plan, "sample_period", period, plan := run.with_suffix(".plan.yaml"))
+        copied(drives, "sync_period", period, drives := run.with_suffix(".drives.yaml"))
+    hil("run", plan, "-o", run, "--channel", plant, "--drives", drives,
+        "--bus-option", f"seed={trial.seed}")  # fmt: skip
+    return run
+
+
+def outcome(folder: Path, trial: Trial) -> Said:
+    """Identify a trial, and judge what is said by its truth."""
+    case, at = trial.case, measure(folder, trial)
+    run = Run.open(at)
+    recorded = list(Pooled([run]))
+    if change := RECORDED.get(case.cause):
+        recorded = changed(recorded, change, case.axis - 1, case.size)
+    return judged(run, run.robot, recorded, true_parameters(run.robot, f"{at}.plant.yaml"))
+
+
+def trials(names: list[str], first: int, seeds: int) -> Iterator[Trial]:
+    """Every property and size, each with seeds that no other has."""
+    for what, each in PROPERTIES.items():
+        for number, size in enumerate(each.sizes):
+            if what in names:
+                own = first + seeds * number
+                yield from (Trial(what, size, seed) for seed in range(own, own + seeds))
+        first += seeds * len(each.sizes)
+
+
+def main() -> None:
+    """Measure, identify, print, keep."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
+    parser.add_argument("properties", nargs="*", default=list(PROPERTIES), metavar="PROPERTY")
+    parser.add_argument("--first", type=int, default=3101)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--runs", type=Path, default=Path("build/fresh-plants"))
+    given = parser.parse_args()
+    folder = given.runs.resolve()
+    folder.mkdir(parents=True, exist_ok=True)
+    if not (folder / "plan.yaml").exists():
+        hil("plan", ROBOT, "-o", folder / "plan.yaml", *PLAN)
+    every = list(trials(given.properties, given.first, given.seeds))
+    right: dict[str, list[bool]] = {}
+    too_low = wrong = 0
+    with ProcessPoolExecutor(SIDE_BY_SIDE) as pool:
+        for trial, said in zip(every, pool.map(partial(outcome, folder), every), strict=True):
+            named = said.named(trial.case)
+            right.setdefault(f"{trial.what} {trial.size:g}", []).append(named != NAMED[3])
+            too_low += said.word == "failed" and said.error <= EXACT
+            wrong += not said.honest
+            first = f"{said.found[0]}"[:150] if said.found else ""
+            about = f"{trial.what} {trial.size:g} | {trial.seed}, axis {trial.case.axis}"
+            print(f"| {about} | {named} | {first} | {said.word} | {100 * said.error:.2f} % |",
+                  flush=True)  # fmt: skip
+    for name, own in right.items():
+        print(f"{name}: right or none in {sum(own)} of {len(own)}")
+    n, good = len(every), sum(map(sum, right.values()))
+    print(f"all: {good} of {n}; failed with torques right within 1 %: {too_low};"
+          f" good with 3 times the stated error: {wrong}")  # fmt: skip
+    kept = {"runs": Figure.count(n), "right": Figure.count(good), "too-low": Figure.count(too_low),
+            "good-and-wrong": Figure.count(wrong)}  # fmt: skip
+    command = f"python benchmarks/fresh_plants.py --first {given.first} --seeds {given.seeds}"
+    keep("fresh-plants", kept, depends=DEPENDS, command=command, seeds=[given.first])
+
+
+if __name__ == "__main__":
+    main()
