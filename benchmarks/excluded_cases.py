@@ -125,8 +125,10 @@ class Said:
         return "same" if any(each.startswith(starts) for each in first.others) else "other"
 
 
-def beginnings(cause: str) -> tuple[str, str]:
-    """Words that a cause begins with, of a size greater and less than stated."""
+def beginnings(cause: str) -> tuple[str, ...]:
+    """Words that a cause begins with, of a size greater and less than stated; none has no words."""
+    if cause not in CAUSES:
+        return ()
     words = CAUSES[cause].words
     return words, words.replace("greater", "less")
 

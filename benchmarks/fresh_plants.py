@@ -90,6 +90,7 @@ def measure(folder: Path, trial: Trial) -> Path:
     if change := PLANTS.get(case.cause):
         content = yaml.safe_load(plant.read_text())
         change(content, case.axis, case.size)
+        content["step"] = 0.0005  # some of these arms swing fast on their gears
         plant.write_text(yaml.safe_dump(content, sort_keys=False))
     if case.cause == "encoders":
         stated = drives.read_text().replace("revolution: 4096", f"revolution: {trial.size:g}")

@@ -85,6 +85,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Indices, Mask
     from hil.estimation.excluded.causes import Key
     from hil.estimation.excluded.columns import Columns
+    from hil.estimation.excluded.encoder_noise import EncoderNoise
     from hil.estimation.excluded.evidence import Evidence
 
 LEVEL = 0.05
@@ -157,8 +158,10 @@ class Battery:
         columns: Columns,
         given: Iterable[int] = (),
         unchanged: dict[Key, Common] | None = None,
+        noise: EncoderNoise | None = None,
     ) -> None:
         self.evidence, self.columns, self.given = evidence, columns, tuple(given)
+        self._noise = noise
         self.unchanged = unchanged or {}
         """Omega of each cause, if known from unchanged recordings."""
         e = evidence
@@ -205,7 +208,8 @@ class Battery:
             Z[at[:, None], blocks.layout.place(channel)[n_shared:]] = self._own[at]
         root = np.sqrt(self.weights)[self._channel]
         Z *= root[:, None]
-        Q = Z @ inverse_root(regression.normal.information)
+        self._coefficients = inverse_root(regression.normal.information)
+        Q = Z @ self._coefficients
         del Z, rows, shared  # as large as the columns
         y, D = self._y[:, 0] * root, self._D * root[:, None]
         self._Q, self._root = Q, root
@@ -406,6 +410,32 @@ class Battery:
             dispersion=phi,
             white=white,
         )
+
+    def confirm(self, test: Test) -> Test:
+        """Return a test with the bias by encoder noise removed, see `encoder_noise`."""
+        if self._noise is None:
+            return test
+        at, B = self._basis(test.columns.tolist())
+        bias = B.T @ self._bias(self._noise, at)
+        along, spread = B.T @ self._scores[at] - bias / 2, bias / np.sqrt(12)
+        # along has the covariance phi 1 + spread spread'; its inverse by Sherman and Morrison
+        drop = along @ along - (along @ spread) ** 2 / (test.dispersion + spread @ spread)
+        return test._replace(
+            size=B @ along,
+            error=np.hypot(test.error, B @ spread),
+            drop=float(drop),
+            p=float(special.fdtrc(test.rank, test.degrees, drop / test.rank / test.dispersion)),
+        )
+
+    def _bias(self, noise: EncoderNoise, at: Indices) -> Array:
+        """Return the expected bias of the scores of columns by encoder noise, shape (k,)."""
+        names = self.columns.names
+        products = [noise.of_column(names[k]) for k in (*at, *self.given)]
+        own, given = np.split(np.column_stack(products), [len(at)], axis=1)
+        estimated = np.hstack([noise.of_parameters, given])
+        weighted = self._D[:, at] * self._root[:, None]
+        along = (self._coefficients @ (self._Q.T @ weighted))[: estimated.shape[1]]
+        return -self.weights @ (own - estimated @ along)
 
     def _same(self, at: Indices) -> Indices:
         """Return the columns of a cause; for backlash, the columns of all gaps."""

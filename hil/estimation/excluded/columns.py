@@ -26,7 +26,7 @@ A column within the span of the base parameters, the channel's own columns or fr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -104,16 +104,27 @@ class Columns:
         return [k for k, name in enumerate(self.names) if name.cause in self.free]
 
 
-class _Rows:
+class Rows:
     """Rows of the evidence, with the torque predicted by base parameters."""
 
-    def __init__(self, robot: Robot, p: Array, evidence: Evidence) -> None:
+    def __init__(
+        self, robot: Robot, p: Array, evidence: Evidence, whole: Evidence | None = None
+    ) -> None:
         self.robot, self.p, self.evidence = robot, p, evidence
+        self.whole_evidence = evidence if whole is None else whole
+        """Evidence that these rows are a part of."""
         self.before, (self.q, self.qd, self.qdd), self.after = evidence.motion
         self.bodies = inverse_dynamics(robot, p, self.q, self.qd, self.qdd)
         self.rigid = self._own(self.bodies)
         self.motor = self._own(motor_torque(robot, self.q, self.qd, self.qdd))
         self._of_axis = -1, np.empty((3, 0))
+
+    def accelerated(self, joint: int) -> Rows:
+        """Return the rows with one unit of acceleration more of a joint."""
+        motion = self.evidence.motion.copy()
+        motion[:, 2, :, joint] += 1.0
+        moved = replace(self.evidence, motion=motion)
+        return Rows(self.robot, self.p, moved, self.whole_evidence)
 
     def _own(self, x: Array) -> Array:
         return np.take_along_axis(x, self.evidence.axis[:, None], axis=1)[:, 0]
@@ -157,6 +168,11 @@ class _Rows:
             at = e.axis == channel
             found[at] = e.own[at] @ np.linalg.lstsq(own[at], left[at], rcond=None)[0]
         return found
+
+    @cached_property
+    def total(self) -> Array:
+        """Torque of rigid bodies, motors and channels' own columns, shape (n,)."""
+        return self.rigid + self.motor + self.own_torque
 
     @cached_property
     def _driven(self) -> list[Driven]:
@@ -232,7 +248,7 @@ def columns(robot: Robot, p: Array, evidence: Evidence, free: Sequence[str] = FI
     p : ndarray, shape (n_base,)
         Base parameters for the torques.
     """
-    rows = _Rows(robot, p, evidence)
+    rows = Rows(robot, p, evidence)
     gears = _soft(rows) if "soft gears" in free else ()
     return _gathered((*_columns(rows), *gears), evidence, free)
 
@@ -240,7 +256,7 @@ def columns(robot: Robot, p: Array, evidence: Evidence, free: Sequence[str] = FI
 def finer(robot: Robot, p: Array, evidence: Evidence, every: Columns, key: Key) -> Columns:
     """Replace the gaps of an axis by gaps close to `key`; return the new columns."""
     axis, microns = key[1], float(key[0].split()[1])
-    of_gaps = _gap_columns(_Rows(robot, p, evidence), axis, (1e-6 * microns * FINER).tolist())
+    of_gaps = _gap_columns(Rows(robot, p, evidence), axis, (1e-6 * microns * FINER).tolist())
     new, at = _gathered(of_gaps, evidence, every.free), every.gaps(axis)
     names, values = list(every.names), every.values.copy()
     for k, name in zip(at, new.names, strict=True):
@@ -261,7 +277,7 @@ def _gathered(
 
 def late(robot: Robot, p: Array, evidence: Evidence) -> Array:
     """Return the change of torque per ms of delay, by row."""
-    return -1e-3 * _Rows(robot, p, evidence).time_derivative
+    return -1e-3 * Rows(robot, p, evidence).time_derivative
 
 
 def instants(evidence: Evidence) -> list[float]:
@@ -282,49 +298,58 @@ def across_gravity(robot: Robot) -> Array:
     return np.array([first, np.cross(down, first)])
 
 
-def _columns(rows: _Rows) -> Iterator[tuple[Column, Array]]:
-    robot, evidence = rows.robot, rows.evidence
-    total, time = rows.rigid + rows.motor + rows.own_torque, evidence.time / 3600.0
-    hours = time - time.mean()
-    for axis in range(robot.n_joints):
-        mine = evidence.axis == axis
-        if not mine.any():
-            continue
-        at = {name: Column(name, axis) for name in CAUSES}
-        turns = bool(robot.revolute[axis])
-        q, qd, qdd = (x[:, axis] for x in (rows.q, rows.qd, rows.qdd))
-        unit = np.pi / 180 if turns else 1e-3
-        by_motion = rows.partials(axis)
-        by_position = unit * (by_motion[0] + rows.motors_by_position(axis))
-        scale = (by_motion * (q, qd, qdd)).sum(axis=0)
-        yield at["zero"], by_position
-        yield at["position scale"], 0.01 * (scale + mine * rows.motor)
-        yield at["gear ratio"], -0.01 * (scale + mine * rows.rigid)
-        yield at["torque constant"], -0.01 * mine * total
-        yield at["drift of torque constant"], -0.01 * mine * total * hours
-        yield at["rotor inertia"], 0.01 * mine * rows.motor
-        yield at["late torque"], -1e-3 * mine * rows.time_derivative
-        yield at["late position"], 1e-3 * rows.axis_time_derivative(axis)
+def _columns(rows: Rows) -> Iterator[tuple[Column, Array]]:
+    for axis in np.unique(rows.evidence.axis).tolist():
+        yield from columns_of(rows, axis)
         yield from _gap_columns(rows, axis, HALF_GAPS)
-        for instant in instants(evidence):
-            part = f"{instant:.0f}"
-            yield Column("slip", axis, part), by_position * (evidence.time >= instant)
-        yield at["spring"], mine * q
-        yield at["friction of the load"], 0.01 * mine * np.abs(rows.rigid) * np.sign(qd)
-        if turns:
-            for order in ORDERS:
-                cause = f"repeats {order}"
-                yield Column(cause, axis, "sine"), mine * np.sin(order * q)
-                yield Column(cause, axis, "cosine"), mine * np.cos(order * q)
+    yield from columns_of(rows, -1)
+
+
+def columns_of(rows: Rows, axis: int) -> Iterator[tuple[Column, Array]]:
+    """Yield the columns of an axis, without those of backlash; -1 for the causes of all axes."""
+    if axis < 0:
+        yield from _of_all_axes(rows)
+        return
+    evidence, mine = rows.evidence, rows.evidence.axis == axis
+    hours = (evidence.time - rows.whole_evidence.time.mean()) / 3600.0
+    at = {name: Column(name, axis) for name in CAUSES}
+    turns = bool(rows.robot.revolute[axis])
+    q, qd, qdd = (x[:, axis] for x in (rows.q, rows.qd, rows.qdd))
+    unit = np.pi / 180 if turns else 1e-3
+    by_motion = rows.partials(axis)
+    by_position = unit * (by_motion[0] + rows.motors_by_position(axis))
+    scale = (by_motion * (q, qd, qdd)).sum(axis=0)
+    yield at["zero"], by_position
+    yield at["position scale"], 0.01 * (scale + mine * rows.motor)
+    yield at["gear ratio"], -0.01 * (scale + mine * rows.rigid)
+    yield at["torque constant"], -0.01 * mine * rows.total
+    yield at["drift of torque constant"], -0.01 * mine * rows.total * hours
+    yield at["rotor inertia"], 0.01 * mine * rows.motor
+    yield at["late torque"], -1e-3 * mine * rows.time_derivative
+    yield at["late position"], 1e-3 * rows.axis_time_derivative(axis)
+    for instant in instants(rows.whole_evidence):
+        part = f"{instant:.0f}"
+        yield Column("slip", axis, part), by_position * (evidence.time >= instant)
+    yield at["spring"], mine * q
+    yield at["friction of the load"], 0.01 * mine * np.abs(rows.rigid) * np.sign(qd)
+    if turns:
+        for order in ORDERS:
+            cause = f"repeats {order}"
+            yield Column(cause, axis, "sine"), mine * np.sin(order * q)
+            yield Column(cause, axis, "cosine"), mine * np.cos(order * q)
+
+
+def _of_all_axes(rows: Rows) -> Iterator[tuple[Column, Array]]:
+    robot, evidence = rows.robot, rows.evidence
     if np.ptp(evidence.axis):
-        yield Column("torques of all axes", -1), -0.01 * total
+        yield Column("torques of all axes", -1), -0.01 * rows.total
     if np.any(robot.gravity):
         for part, column in zip("xy", rows.turned().T, strict=True):
             yield Column("gravity", -1, part), np.pi / 180 * column
     yield from _load(rows)
 
 
-def _soft(rows: _Rows) -> Iterator[tuple[Column, Array]]:
+def _soft(rows: Rows) -> Iterator[tuple[Column, Array]]:
     """Yield the column of each fitted compliance, per 1 % of the twist."""
     for axis in range(rows.robot.n_joints):
         moved = rows.twist(axis)
@@ -333,14 +358,14 @@ def _soft(rows: _Rows) -> Iterator[tuple[Column, Array]]:
 
 
 def _gap_columns(
-    rows: _Rows, axis: int, half_gaps: Sequence[float]
+    rows: Rows, axis: int, half_gaps: Sequence[float]
 ) -> Iterator[tuple[Column, Array]]:
     unit = np.pi / 180 if rows.robot.revolute[axis] else 1e-3
     for half_gap, column in zip(half_gaps, rows.backlash_torque(axis, half_gaps), strict=True):
         yield Column(f"play {1e6 * half_gap:.0f}", axis), unit / half_gap * column
 
 
-def _load(rows: _Rows) -> Iterator[tuple[Column, Array]]:
+def _load(rows: Rows) -> Iterator[tuple[Column, Array]]:
     """Yield columns of the last link's missing parameters, or of all for a later load."""
     robot, evidence = rows.robot, rows.evidence
     complete = robot.free_links([robot.n_joints - 1])

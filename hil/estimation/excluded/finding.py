@@ -27,6 +27,7 @@ from hil.estimation.excluded.battery import LEVEL, Battery
 from hil.estimation.excluded.causes import CAUSES, FITTED
 from hil.estimation.excluded.columns import columns, finer, late
 from hil.estimation.excluded.departure import Departure, parts_of
+from hil.estimation.excluded.encoder_noise import EncoderNoise
 from hil.estimation.excluded.friction_change import friction_changes
 from hil.estimation.excluded.limits import limits
 from hil.estimation.excluded.result import Excluded, Found, located
@@ -104,13 +105,14 @@ def excluded(
         evidence = replace(evidence, own=np.column_stack([evidence.own, late(robot, p, evidence)]))
         every = columns(robot, p, evidence, known)
     unchanged = scales_of_parts(robot, p, evidence) if evidence.later is not None else None
-    battery = first = Battery(evidence, every, every.fitted, unchanged)
+    noise = EncoderNoise(robot, p, evidence)
+    battery = first = Battery(evidence, every, every.fitted, unchanged, noise)
     tests = {key: at for key, at in every.tests.items() if first.visible[at].any()}
     level = battery.level / max(len(tests), 1)
     if gaps := list(_best_gaps(robot, battery, tests, level)):
         for key in gaps:
             every = finer(robot, p, evidence, every, key)
-        battery = first = Battery(evidence, every, every.fitted, unchanged)
+        battery = first = Battery(evidence, every, every.fitted, unchanged, noise)
         tests = {key: at for key, at in every.tests.items() if first.visible[at].any()}
     found: list[Step] = []
     while len(found) < MOST:
@@ -199,10 +201,11 @@ class Step:
         explains = explained_by(self.battery, self.tests, self.test.dispersion)
         same = [k for k, gain in explains.items() if alike(gain, explains[self.key])]
         tests = {k: self.battery.test(self.tests[k], itself=True) for k in same}
+        confirmed = {k: self.battery.confirm(test) for k, test in tests.items() if test}
         may_be = {
             k: test
-            for k, test in tests.items()
-            if test is not None and possible(self.robot, self.battery.evidence, k, test)
+            for k, test in confirmed.items()
+            if possible(self.robot, self.battery.evidence, k, test)
         }
         named = [
             (key, may_be[key], describe_size(self.robot, self.battery.columns, key, may_be[key]))
@@ -282,6 +285,8 @@ def likeliest(
         if drop / white - chance(rank, n) <= gain:
             continue  # not even with the least possible dispersion
         test = battery.test(tests[key], itself=True)
+        if test and test.p < level:
+            test = battery.confirm(test)
         if test and test.p < level and admit(key, test):
             own = test.drop / test.dispersion - chance(rank, n)
             if own > gain:
