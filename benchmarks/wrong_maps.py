@@ -148,7 +148,7 @@ CASES = (
           at(-1, 2, lambda x, _: np.roll(x, round(0.05 / PERIOD), axis=0))),
     Wrong("gravity points up", NOT_GOOD, "gravity|negative", gravity=(0.0, 0.0, 9.81)),
     Wrong("gravity sideways", NOT_GOOD, "gravity", gravity=(0.0, -9.81, 0.0)),
-    Wrong("positions in steps of 0.01 rad", NOT_GOOD, "scatters so far",
+    Wrong("positions in steps of 0.01 rad", NOT_GOOD, "too noisy",
           at(-1, 0, lambda x, _: np.round(x, 2))),
     Wrong("noise as torque", NOT_GOOD, "explain|naive|noise",
           at(-1, 2, lambda x, rng: x.std(axis=0) * rng.standard_normal(x.shape))),

@@ -43,9 +43,9 @@ def refuse_beyond(path: Path, size: int, what: str, base: int | None = None) -> 
     base = BASE if base is None else base
     if size > (most := allowed(path, base)):
         raise FileError(
-            f"{path}: {what} would take {_megabytes(size)} MB, at most {_megabytes(most)} MB may be"
-            f" ({_megabytes(base)} MB and 4 times the file); if you trust the file, set {LIMIT}="
-            f"{-(-size // 1_000_000_000)} in the environment [GB]"
+            f"{path}: {what} would take {_megabytes(size)} MB, at most {_megabytes(most)} MB "
+            f"allowed ({_megabytes(base)} MB and 4 times the file); if you trust the file, set "
+            f"{LIMIT}={-(-size // 1_000_000_000)} in the environment [GB]"
         )
 
 

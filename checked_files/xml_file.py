@@ -103,8 +103,9 @@ class XmlFile:
             open_elements.append(tag)
             if len(open_elements) > DEEPEST:
                 raise FileError(
-                    f"{self.path}:{parser.CurrentLineNumber}: <{tag}> is nested"
-                    f" {len(open_elements)} deep, at most {DEEPEST} may be; flatten the file"
+                    f"{self.path}:{parser.CurrentLineNumber}: <{tag}> is nested "
+                    f"{len(open_elements)} deep, at most {DEEPEST} levels allowed; flatten the "
+                    "file"
                 )
 
         def end(tag: str) -> None:
@@ -130,5 +131,5 @@ class XmlFile:
             return builder.close()
         except expat.ExpatError as error:
             raise FileError(
-                f"{self.path}:{error.lineno}: is no XML: {expat.ErrorString(error.code)}"
+                f"{self.path}:{error.lineno}: invalid XML: {expat.ErrorString(error.code)}"
             ) from error

@@ -100,7 +100,8 @@ class _Loader(yaml.composer.Composer, Events, SafeConstructor, Resolver):
         kind = node.tag.rpartition(":")[2]
         if kind in {"int", "float"} and len(node.value) > NUMBER_MAX:
             raise yaml.constructor.ConstructorError(
-                None, None, f"{_shown(node.value)} is no number of at most {NUMBER_MAX} characters",
+                None, None, f"{_shown(node.value)} is not a number of at most {NUMBER_MAX} "
+                            "characters",
                 node.start_mark,
             )  # fmt: skip
         try:
@@ -354,9 +355,7 @@ def _refuse_duplicate_keys(node: yaml.MappingNode, source: str) -> None:
         name = str(key.value)
         if name in seen:
             line = key.start_mark.line + 1
-            raise FileError(
-                f"{source}:{line}: {whole_line(name)}: stands twice; remove one of them"
-            )
+            raise FileError(f"{source}:{line}: {whole_line(name)}: is stated twice; remove one")
         seen.add(name)
 
 
@@ -365,10 +364,10 @@ def _refuse_unstated(root: yaml.Node, source: str) -> None:
     if unstated:
         raise FileError(
             "\n".join(
-                f"{source}:{node.start_mark.line + 1}: {whole_line('.'.join(place))}: must be"
-                " stated:"
-                f" {whole_line(node.value) if isinstance(node, yaml.ScalarNode) else 'a value'}; "
-                f"put it in the place of {UNSTATED} and its text"
+                f"{source}:{node.start_mark.line + 1}: {whole_line('.'.join(place))}: must be "
+                "stated: "
+                f"{whole_line(node.value) if isinstance(node, yaml.ScalarNode) else 'a value'}; "
+                f"write it instead of {UNSTATED} and its text"
                 for place, node in unstated
             )
         )

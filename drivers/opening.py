@@ -79,7 +79,7 @@ def open_fieldbus(
     if interface == ETHERCAT:
         if frame_log is not None:
             raise BusUnavailable(
-                "frames of EtherCAT are not logged; record them beside with tcpdump or Wireshark"
+                "frames of EtherCAT are not logged; record them with tcpdump or Wireshark"
             )
         return EthercatBus(RawWire(channel), pacing)
     bus = open_can_bus(interface, channel, options)

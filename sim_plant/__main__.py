@@ -58,9 +58,9 @@ def main(
     ],
     plant: Annotated[str, typer.Option(help="Packaged plant or plant file.")] = "manutec-r15",
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Random seed, in place of the file's.")
+        int | None, typer.Option(min=0, help="Random seed, instead of the file's.")
     ] = None,
-    clock: Annotated[str, typer.Option(help="sync: SYNC lets time pass; or wall.")] = "sync",
+    clock: Annotated[str, typer.Option(help="sync: time advances by SYNC; or wall.")] = "sync",
     bus_option: Annotated[
         list[str] | None, typer.Option(help="key=value for the interface; may be repeated.")
     ] = None,
@@ -184,7 +184,7 @@ def _clock(text: str) -> Clock:
 
 def _announcement(machine: Machine, plant: str, bus: object, clock: Clock) -> str:
     drives = ", ".join(f"{drive.node_id} {drive.name}" for drive in machine.drives)
-    passing = "SYNC lets its time pass" if clock == "sync" else "on the wall clock"
+    passing = "its time advances by SYNC" if clock == "sync" else "on the wall clock"
     return (
         f"Simulated plant {plant}, {passing}: no real machine moves.\n"
         f"Nodes {drives} on {bus}. Ctrl-C ends it."

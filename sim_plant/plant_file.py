@@ -140,7 +140,7 @@ class Drive(FileModel):
     @model_validator(mode="after")
     def _one_range(self) -> Self:
         if (self.range_deg is None) == (self.range is None):
-            raise ValueError("needs range_deg or range, one of them")
+            raise ValueError("needs either range_deg or range")
         low, high = self.reach
         if low >= high:
             raise ValueError(f"range: {low:g} must be below {high:g}; exchange them")
@@ -210,8 +210,8 @@ class PlantAxis(FileModel):
     def _no_degrees_of_a_way(self) -> Self:
         if self.joint == "prismatic" and (self.drive.range_deg or self.position_deg):
             raise ValueError(
-                f"{self.name} slides: state drive.range and position [m], not range_deg and"
-                " position_deg"
+                f"{self.name} is prismatic: state drive.range and position [m], not range_deg "
+                "and position_deg"
             )
         return self
 
@@ -268,8 +268,8 @@ class PlantFile(FileModel):
         for node, own in by_node.items():
             if len(set(own)) < len(own):
                 raise ValueError(
-                    f"nodes {[axis.drive.node for axis in axes]} must differ from one another, or"
-                    f" axis in node {node}, which is {own}"
+                    f"nodes {[axis.drive.node for axis in axes]} must differ, or the values of "
+                    f"axis in node {node}: {own}"
                 )
             if sorted(own) != list(range(1, len(own) + 1)):
                 raise ValueError(f"node {node}: axis is {own}; number them from 1 without a gap")

@@ -163,7 +163,7 @@ def shown(drawn: Drawn, case: str, kind: str, axis: int) -> Array:
 
 
 def fig_7(drawn: Drawn, _: Robot) -> Figure:
-    """The gravity torque g3 over q4: measured, by the robot file, and with what was found."""
+    """The gravity torque g3 over q4: measured, by the robot file, and with effects found."""
     figure, (panel,) = _panels(3.1, 1, 1)
     found, fine = drawn["offset"], np.linspace(-np.pi, np.pi, 200)
     stated, extended = Sinusoid(*found["stated"]), Sinusoid(*found["extended"])
@@ -172,7 +172,7 @@ def fig_7(drawn: Drawn, _: Robot) -> Figure:
     )
     panel.plot(found["q"], found["torque"], "o", color=MEASURED, label="measured")
     panel.plot(
-        np.degrees(fine), extended.evaluate(fine), ":", color=INK, label="with what was found"
+        np.degrees(fine), extended.evaluate(fine), ":", color=INK, label="with effects found"
     )
     panel.set(xlabel="$q_4$ [degrees]", ylabel="$g_3$ [N m]", ylim=(3.8, 9.4))
     panel.legend(ncols=3, loc="upper center")

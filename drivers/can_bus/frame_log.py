@@ -200,7 +200,7 @@ class FrameLog(can.BusABC):
         ends = time.monotonic() + PATIENCE
         while self._waiting and self._thread.is_alive():
             if time.monotonic() > ends:
-                raise FileError(f"{self._path}: the disk took no frame for {PATIENCE:g} s")
+                raise FileError(f"{self._path}: no frame was written to disk for {PATIENCE:g} s")
             time.sleep(0.001)
 
     def _write(self) -> None:
@@ -224,7 +224,7 @@ class FrameLog(can.BusABC):
             ends = time.monotonic() + PATIENCE
             while not self._writer.buffer.empty():
                 if time.monotonic() > ends:
-                    raise TimeoutError(f"the database took no frame for {PATIENCE:g} s")
+                    raise TimeoutError(f"no frame was written to the database for {PATIENCE:g} s")
                 time.sleep(0.001)
 
 

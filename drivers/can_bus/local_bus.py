@@ -153,9 +153,9 @@ class LocalBus(can.BusABC):
             if time.monotonic() >= ends:
                 self.shutdown()
                 raise can.CanInitializationError(
-                    "no other program is on it; start the one with the drives first, as user"
-                    f" {os.getuid()} too, and where {self._folder} is its folder as well:"
-                    " XDG_RUNTIME_DIR and TMPDIR must be the same for both"
+                    "no other program on this channel; start the program with the drives first, "
+                    f"as user {os.getuid()} and with the same XDG_RUNTIME_DIR and TMPDIR (folder "
+                    f"{self._folder})"
                 )
             time.sleep(_GLANCE)
             self._look_around()
@@ -320,9 +320,9 @@ def _refuse_changeable(folder: Path) -> None:
     if trusted and (state.st_mode & stat.S_ISVTX or not state.st_mode & 0o022):
         return
     raise can.CanInitializationError(
-        f"{folder}: user {state.st_uid} owns it with mode {stat.S_IMODE(state.st_mode):04o}, so"
-        " that others can replace a channel's folder in it; set XDG_RUNTIME_DIR to a folder of"
-        " mode 0700 in your home, or remove the write permission of others (chmod go-w)"
+        f"{folder}: owned by user {state.st_uid} with mode {stat.S_IMODE(state.st_mode):04o}: "
+        "others can replace folders of channels; set XDG_RUNTIME_DIR to a folder of mode 0700 in "
+        "your home, or remove the write permission of others (chmod go-w)"
     )
 
 

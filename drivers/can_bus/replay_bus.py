@@ -75,8 +75,8 @@ class ReplayLog:
         head = list(islice(self._frames(), HEAD))
         if not head:
             raise can.CanInitializationError(
-                f"{path}: holds no frames {self.damage or 'at all'}; give a log that hil run"
-                " --frame-log wrote"
+                f"{path}: holds no frames {self.damage or 'at all'}; give a log of hil run "
+                "--frame-log"
             )
         self._marked = not all(frame.is_rx for frame in head)
         answering = {f.arbitration_id - 0x580 for f in head if f.arbitration_id & ~0x7F == 0x580}

@@ -57,8 +57,8 @@ class CanopenConnection(Connection):
     silence = "no TPDO for {} SYNCs in a row"
     wiring = "CAN wiring and termination"
     doubling = (
-        "two telegrams came for each of {} SYNCs in a row; give each node a number of its own, and"
-        " see that nobody else sends SYNC"
+        "two telegrams for each of {} SYNCs in a row; give each node its own number, and stop "
+        "other producers of SYNC"
     )
     communications: tuple[CanopenCommunication, ...]
     process_data: SyncProcessData
@@ -207,7 +207,7 @@ class CanopenConnection(Connection):
                 if entry.index in WATCHDOGS and (present := server.get(entry)) != value:
                     raise DriveRefused(
                         f"{server.label}: {entry} is {present} before power-on, {value} was "
-                        "written; another master or a restore changed it: end that first"
+                        "written; another master or a restore changed it: stop that first"
                     )
 
     def _watch_again(self, node: int) -> None:

@@ -93,7 +93,7 @@ def supply_listed(
             supplied.append(f"{index:04X}")
     if supplied:
         notes.append(
-            f"lists {', '.join(supplied)} without describing them: taken as the standard has them"
+            f"lists {', '.join(supplied)} without a description: that of the standard is used"
         )
 
 
@@ -199,7 +199,7 @@ class _Reading:
         if value is None or value in allowed:
             return value
         if value:
-            self.notes.append(f"[{section}] {key}={text} makes no sense and was left out")
+            self.notes.append(f"[{section}] {key}={text} is invalid and was ignored")
         return None
 
     def is_number(self, section: Section) -> bool:

@@ -89,7 +89,7 @@ class ForeignFrames:
     def _take_frame(self, can_id: int, data: bytearray, timestamp: float) -> None:
         del timestamp
         if can_id == SYNC:
-            self._report("another producer sends SYNC (080h), so drives answer at other instants")
+            self._report("another producer sends SYNC (080h), so drives answer at wrong times")
         elif can_id == NMT and len(data) > 1 and data[1] in {0, *self._labels}:
             whom = self._labels.get(data[1], "all nodes")
             what = _NMT.get(data[0], f"by {data[0]:02X}h")
@@ -250,9 +250,9 @@ class Heartbeats:
         del data, timestamp
         self.fail(
             NodeSilent(
-                f"another master on the bus sends our heartbeat (node {can_id - 0x700}): the drives"
-                " would go on when this process dies; end that master, or give each a master_node"
-                " of its own in the drives file"
+                f"another master on the bus sends our heartbeat (node {can_id - 0x700}): the "
+                "drives would keep moving after a crash of this process; stop that master, or "
+                "give each a master_node of its own in the drives file"
             )
         )
 
@@ -270,8 +270,8 @@ class Heartbeats:
         if not (waits and state == PRE_OPERATIONAL) and self.trouble is None:
             what = _STATES.get(state, f"shows NMT state {state:02X}h")
             self.trouble = NodeSilent(
-                f"{self._labels[node]}: {what} in the middle of operation; check the drive's "
-                "supply and that no other master is on the bus"
+                f"{self._labels[node]}: {what} during operation; check the drive's supply and "
+                "that no other master is on the bus"
             )
 
 

@@ -123,7 +123,7 @@ def _sending(tpdos: _Tpdos, current: CurrentCandidate) -> Iterator[Finding]:
         yield from _types(first)
         yield from together
         if second is not None and second.switchable is False and second.on:
-            so = "it goes on to be sent, which does no harm under an identifier of its own"
+            so = "still sent, harmless under its own identifier"
             yield Finding(
                 second.name, "cannot be switched off (its COB-ID is fixed)", so, fatal=False
             )
@@ -134,7 +134,7 @@ def _sending(tpdos: _Tpdos, current: CurrentCandidate) -> Iterator[Finding]:
         yield from together
         return
     if declared.bits == 16 and not fixed:
-        so = "the current goes into TPDO 2, which takes more of the bus"
+        so = "the current is mapped to TPDO 2, with more bus load"
         yield Finding("TPDO 1", "has no room for 3 objects", so, fatal=False)
     yield from _types(first, second)
     yield from _obstacles(first, "TPDO 1", _STATE)
@@ -154,7 +154,7 @@ def _types(*offers: PdoOffer | None) -> Iterator[Finding]:
     for offer in offers:
         if offer is not None and offer.transmission not in {None, ON_SYNC}:
             problem = f"has the fixed transmission type {offer.transmission}"
-            so = "its values are not those of a SYNC (type 1)"
+            so = "its values are not sampled at SYNC (type 1)"
             yield Finding(offer.name, problem, so, fatal=True)
 
 
@@ -177,8 +177,8 @@ def _obstacles(offer: PdoOffer | None, name: str, wanted: tuple[int, ...]) -> It
         problem = f"takes {offer.room} objects at most"
         yield Finding(name, problem, f"{what} does not fit", fatal=True)
     elif offer.declared is not None and offer.declared < len(wanted):
-        so = f"{what} is needed; whether it fits shows when the drive is set up"
+        so = f"{what} is needed; verified only when the drive is set up"
         yield Finding(name, f"declares room for {offer.declared} objects", so, fatal=False)
     elif offer.switchable is False and offer.carries != wanted:
-        so = "whether its mapping may be changed all the same shows when the drive is set up"
+        so = "the mapping may still be writable, tried when the drive is set up"
         yield Finding(name, "cannot be switched off (its COB-ID is fixed)", so, fatal=False)

@@ -93,8 +93,8 @@ def set_up_pdos(
         )
     if found != expected:
         server.note(
-            f"status, position and current come as its TPDOs have them; state tpdos: {found} in"
-            " the drives file, for those who only listen (hil drives monitor) and for the bus load"
+            f"the fixed mapping of its TPDOs is used; state tpdos: {found} in the drives file, "
+            "for hil drives monitor and the bus load"
         )
     inputs = _set_up_receiving(server, axis, feed_forward=feed_forward)
     others = [_switch_off(server, number) for number in range(len(sent), PDOS)]
@@ -142,8 +142,8 @@ def _set_up_offsets(server: RemoteDictionary, pdo: Pdo, *, wanted: bool) -> Pdo 
     for entry in pdo.entries:
         if server.find(entry) is None:
             raise DriveRefused(
-                f"{server.label}: no object {entry}, so nothing can be fed forward to it; stream"
-                " without feed-forward (hil run), or use a drive or firmware that has it"
+                f"{server.label}: no object {entry}, needed for feed-forward; stream without "
+                "feed-forward (hil run), or use a drive or firmware that has it"
             )
     return _set_up(server, pdo)
 

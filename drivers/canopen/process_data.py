@@ -158,7 +158,7 @@ class SyncProcessData(ProcessData):
         for block in blocks:
             values = unpack(block)
             if values is None or values[0::3] != words:
-                reason = ValueError(f"other frames than before answered {len(blocks)} SYNCs")
+                reason = ValueError(f"unexpected frames answered {len(blocks)} SYNCs")
                 raise self._network.unavailable("cannot receive", reason)
             instant = self._clock.note_sent()
             self._pass_to(instant)
@@ -291,8 +291,8 @@ class SyncProcessData(ProcessData):
             self._mark(slot, SampleFlag.LATE)
         else:
             self.misfits[self._axis_of[slot]] = (
-                f"TPDO {can_id:03X}h has {len(data)} bytes, {self._sizes[slot]} were mapped: the"
-                " drive restarted, or somebody else maps it"
+                f"TPDO {can_id:03X}h has {len(data)} bytes, {self._sizes[slot]} were mapped: the "
+                "drive restarted, or another master changed the mapping"
             )
 
     def _mark(self, slot: int, flag: SampleFlag) -> None:

@@ -49,13 +49,13 @@ NODE_SHIFT, TIME_MASK = 16, 0xFFFF
 
 
 ON_ARRIVAL = (
-    "set-points of a stream act when they arrive, so the jitter of this computer reaches its loops"
+    "streamed set-points act on arrival, so jitter of this computer disturbs the control loops"
 )
 GUARDING = (cia301.GUARD_TIME, cia301.LIFE_TIME_FACTOR)
 WATCHDOGS = frozenset(entry.index for entry in (cia301.CONSUMER_HEARTBEAT, *GUARDING))
 """Index of the objects that supervise us: consumer heartbeat and life guarding."""
-_GUARDED = "it watches our guarding requests (100C, 100D) instead and answers them"
-_HEARTBEATS = "heartbeats alone (1016, 1017) watch"
+_GUARDED = "node guarding (100C, 100D) is used instead"
+_HEARTBEATS = "only heartbeats (1016, 1017) are used"
 
 
 def watching_time(drives: DrivesFile) -> tuple[float, float]:
@@ -82,18 +82,18 @@ LIFE_TIME = Kept(f"their product in time, {_TIMES}", EXACT.accepts)
 REQUIREMENTS = add_rows((
     # supervision
     Requirement(
-        cia301.CONSUMER_HEARTBEAT, Use.SET, "the axis goes on when our process dies",
+        cia301.CONSUMER_HEARTBEAT, Use.SET, "the axis keeps moving after a crash of this program",
         Lack.REFUSED_UNLESS_STATED, kept=WATCHES, instead=GUARDING, served=_GUARDED,
     ),
     refused(
-        cia301.PRODUCER_HEARTBEAT, Use.SET, "nobody would notice that the drive is gone",
+        cia301.PRODUCER_HEARTBEAT, Use.SET, "loss of the drive would not be detected",
         kept=BEATS, instead=GUARDING, served=_GUARDED,
     ),
     silent(cia301.GUARD_TIME, Use.SET, _HEARTBEATS, kept=LIFE_TIME),
     silent(cia301.LIFE_TIME_FACTOR, Use.SET, _HEARTBEATS, kept=LIFE_TIME),
     # SYNC, emergencies, faults
     silent(
-        cia301.SYNC_COB_ID, Use.SET, "that it listens to SYNC under 80h is taken on trust",
+        cia301.SYNC_COB_ID, Use.SET, "SYNC under 80h is assumed",
         value=SYNC, serves=(SYNC | 1 << 31,), fixed="it produces SYNC, or does not listen to ours",
     ),
     silent(
@@ -101,20 +101,20 @@ REQUIREMENTS = add_rows((
         value=0, fixed="it does not act on our SYNC, which has no counter",
     ),
     noted(
-        cia301.CYCLE_PERIOD, Use.SET, "it does not know the period of SYNC",
-        kept=ROUNDED, fixed="it serves only with the period of SYNC",
+        cia301.CYCLE_PERIOD, Use.SET, "the SYNC period is unknown to the drive",
+        kept=ROUNDED, fixed="it must equal the SYNC period",
     ),
     noted(
         cia301.SET_POINT_TRANSMISSION, Use.SET, ON_ARRIVAL,
         value=ON_SYNC, serves=range(256), served=f"above {AT_SYNC[-1]}, {ON_ARRIVAL}",
     ),
     silent(
-        cia301.INHIBIT_TIME, Use.SET, "its TPDOs are not held back", value=0,
-        fixed="it holds back TPDOs, so not every SYNC is answered",
+        cia301.INHIBIT_TIME, Use.SET, "TPDOs are not delayed", value=0,
+        fixed="TPDOs are delayed: not every SYNC is answered",
     ),
     silent(
-        cia301.EVENT_TIMER, Use.SET, "its TPDOs come with SYNC alone", value=0,
-        fixed="its TPDOs come between SYNCs too",
+        cia301.EVENT_TIMER, Use.SET, "TPDOs only with SYNC", value=0,
+        fixed="TPDOs also between SYNCs",
     ),
     silent(cia301.EMERGENCY_COB_ID, Use.READ, "emergencies are expected under 80h plus node"),
 ))  # fmt: skip

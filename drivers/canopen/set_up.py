@@ -82,13 +82,13 @@ def _set_up_life_guarding(server: RemoteDictionary, drives: DrivesFile) -> None:
     least, most = watching_time(drives)
     if not least <= kept <= most:
         raise DriveRefused(
-            f"{server.label}: keeps a life time (100C times 100D) of {kept} ms after {timeout:g} ms"
-            f" were written, must be {least:g} to {most:g} ms; {_GOES_ON}: choose heartbeat_period"
-            " and heartbeat_timeout that it takes"
+            f"{server.label}: keeps a life time (100C times 100D) of {kept} ms after {timeout:g} "
+            f"ms were written, must be {least:g} to {most:g} ms; {_GOES_ON}: choose "
+            "heartbeat_period and heartbeat_timeout that the drive accepts"
         )
     server.note(
-        "no heartbeats both ways (1016, 1017): it watches our guarding requests instead and stops"
-        f" when none comes for {kept / 1000:g} s (100C, 100D)",
+        "no heartbeats both ways (1016, 1017): node guarding is used instead, the drive stops "
+        f"after {kept / 1000:g} s without a request (100C, 100D)",
         lack=True,
     )
 
@@ -172,8 +172,8 @@ def note_others(
         else:
             when, cost = "on request" if kind in ON_REQUEST else "on event", ""
         server.note(
-            f"{other.name} cannot be switched off: it goes on to be sent under "
-            f"{other.cob_id & IDENTIFIER:03X}h {when}{cost}; nobody reads it"
+            f"{other.name} cannot be switched off: still sent under "
+            f"{other.cob_id & IDENTIFIER:03X}h {when}{cost}, not read"
         )
 
 
@@ -184,8 +184,8 @@ def find_emergency(server: RemoteDictionary) -> int | None:
         return 0x80 + server.node
     if present & (OFF | EXTENDED):
         server.note(
-            f"{cia301.EMERGENCY_COB_ID} is {present:08X}h: no emergencies come, "
-            "so warnings stay unseen and the cause of a fault is read from the drive"
+            f"{cia301.EMERGENCY_COB_ID} is {present:08X}h: no emergency messages: warnings are "
+            "not seen, and the cause of a fault is read from the drive"
         )
         return None
     return present & IDENTIFIER

@@ -298,7 +298,7 @@ class CyclicPosition:
             mantissa, power = round(1e6 * self._period), -6
             while mantissa % 10 == 0 or mantissa > 255:
                 mantissa, power = round(mantissa / 10), power + 1
-            unknown = "it takes its own time from one set-point to the next"
+            unknown = "its own interpolation time is used"
             server.set_if_present(objects.INTERPOLATION_PERIOD, mantissa, unknown)
             server.set_if_present(objects.INTERPOLATION_POWER, power, unknown)
             for entry in objects.OFFSETS:
@@ -363,9 +363,9 @@ class CyclicPosition:
         if pace >= LEAST:
             return None
         return MoveFailed(
-            f"path passed at {pace:.2%} of its own pace for {elapsed:.0f} s, at least {LEAST:.0%}"
-            " must be: set-points came late or telegrams stayed away again and again; relieve this"
-            " computer of other work, run with --realtime, sample more slowly, or check the wiring"
+            f"path passed at {pace:.2%} of its nominal speed for {elapsed:.0f} s, at least "
+            f"{LEAST:.0%} needed: late set-points or missing telegrams; stop other programs, run "
+            "with --realtime, sample more slowly, or check the wiring"
         )
 
     def _judge_rest(self) -> MoveFailed | None:
@@ -388,13 +388,13 @@ class CyclicPosition:
             )
         if not off and path.slowed:
             self._note([
-                f"path slowed down for {path.slowed * self._period:.2g} s, since this computer was"
-                " late: relieve it of other work, run with --realtime, or sample more slowly"
+                f"path slowed down for {path.slowed * self._period:.2g} s, because this computer "
+                "was late: stop other programs, run with --realtime, or sample more slowly"
             ])  # fmt: skip
         if not off and self._process_data.on_arrival:
             labels = ", ".join(self._axes[axis].label for axis in self._process_data.on_arrival)
             self._note([
-                f"{labels}: set-points acted when they arrived, up to"
-                f" {1e3 * self._arrived_late:.2g} ms after SYNC on this path"
+                f"{labels}: set-points acted on arrival, up to {1e3 * self._arrived_late:.2g} ms "
+                "after SYNC on this path"
             ])  # fmt: skip
         return None

@@ -90,9 +90,9 @@ def refuse_outside(axes: Sequence[Axis], positions: Sequence[int]) -> None:
         slack, unit = axis.drive.position_window, axis.drive.unit
         if not limits.q_min - slack <= q <= limits.q_max + slack:
             outside.append(
-                f"{axis.label}: stands at {q:.4g} {unit}, must be in "
-                f"[{limits.q_min:g}, {limits.q_max:g}] {unit}; bring it back without power or "
-                "with the maker's tool, or correct zero, sign or limits in the drives file"
+                f"{axis.label}: is at {q:.4g} {unit}, must be in [{limits.q_min:g}, "
+                f"{limits.q_max:g}] {unit}; bring it back without power or with the maker's "
+                "tool, or correct zero, sign or limits in the drives file"
             )
     if outside:
         raise LimitExceeded("\n".join(outside))
@@ -191,9 +191,8 @@ def check_feed_forward(
             for end, value in (("begins", own[0]), ("ends", own[-1])):
                 if abs(value) > limit * ROUNDING:
                     raise LimitExceeded(
-                        f"{joint_of(axis)}: {what} fed forward {end} with {value:.5g} {unit}, it"
-                        " must be zero where the axes rest and their loops hold them; feed forward"
-                        " what the motion adds"
+                        f"{joint_of(axis)}: {what} fed forward {end} with {value:.5g} {unit}, "
+                        "must be zero at rest; feed forward only the torque added by the motion"
                     )
 
 

@@ -195,8 +195,8 @@ class Shutdown:
             while not (all(each.off for each in lost) or over.passed):
                 self.supervise()
             self.problems += [
-                f"{each.axis.label}: did not switch off when commanded; its own reaction to the"
-                f" loss of {self._life_sign.name} did it"
+                f"{each.axis.label}: not switched off by command, only by its own reaction to "
+                f"the loss of {self._life_sign.name}"
                 for each in lost
                 if each.off
             ]
@@ -296,8 +296,8 @@ class Shutdown:
                 alike.setdefault((shown, f" ({why})" if why else ""), []).append(each.axis.label)
         for (shown, why), labels in alike.items():
             yield (
-                f"{', '.join(labels)}: does not switch off, it shows {shown}{why}; its watchdog"
-                f" stays armed and {self._life_sign.name} has ceased"
+                f"{', '.join(labels)}: does not switch off, it shows {shown}{why}; its watchdog "
+                f"stays armed and {self._life_sign.name} has stopped"
             )
 
 
@@ -316,9 +316,8 @@ def _describe_overrun(each: _Stopped) -> str:
     (way, lasted), bound, axis = each.stop.overrun, each.stop.bound, each.axis
     unit = axis.drive.unit
     return (
-        f"{axis.label}: {lasted:.2g} s after quick stop it shows {name_state(each.stop.state)} and"
-        f" has gone on by {way * axis.per_count:.2g} {unit}, at most"
-        f" {bound.way * axis.per_count:.2g} {unit} and {bound.time:.2g} s may pass until it"
-        " rests; its voltage was disabled. Check its quick stop (605A, 6085), brake and tuning, or"
-        " state quick_stop_deceleration"
+        f"{axis.label}: {lasted:.2g} s after quick stop: state {name_state(each.stop.state)}, "
+        f"moved by {way * axis.per_count:.2g} {unit}, at most {bound.way * axis.per_count:.2g} "
+        f"{unit} and {bound.time:.2g} s allowed until rest; its voltage was disabled. Check its "
+        "quick stop (605A, 6085), brake and tuning, or state quick_stop_deceleration"
     )

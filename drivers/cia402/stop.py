@@ -82,7 +82,7 @@ class StopPhase(enum.Enum):
     """Progress of the stop of an axis."""
 
     STOPPING = "is commanded to stop"
-    SLOWING = "has shown that it obeys"
+    SLOWING = "has confirmed the command"
     RESTING = "stands still"
     DISABLING = "is commanded to switch off"
     OFF = "is off"
@@ -94,8 +94,8 @@ class StopPhase(enum.Enum):
 class Shown(enum.Enum):
     """Observation of an axis under stop at a SYNC."""
 
-    NOTHING = "no telegram that is certain"
-    UNDEFINED = "no state of the standard"
+    NOTHING = "no certain telegram"
+    UNDEFINED = "no state of CiA 402"
     OFF = "off"
     OFF_AT_REST = "off, and it stands still"
     READY = "without power, and it keeps its voltage"

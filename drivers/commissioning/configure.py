@@ -86,7 +86,8 @@ def check_identity(server: RemoteDictionary, axis: AxisDrive) -> str:
     profile = server.get(objects.DEVICE_TYPE) & 0xFFFF
     if profile != DRIVE_PROFILE:
         raise DriveRefused(
-            f"{server.label}: device profile {profile} is no CiA 402 drive; check the node number"
+            f"{server.label}: device profile {profile} is not a CiA 402 drive; check the node "
+            "number"
         )
     expected = axis.identity
     wanted = (expected.vendor, expected.product, expected.revision, expected.serial)
@@ -119,17 +120,16 @@ def _take_mode(
         has = [each for each in has if each[0] is Mode.CYCLIC_POSITION]
         if not has:
             raise DriveRefused(
-                f"{server.label}: positions wrap around (607B) within the limits of the drives file"
-                f" and there is no cyclic synchronous position mode (6502 = {supported:08X}h, bit 7"
-                " is clear), in which the driver would lead the axis; have the drive count from"
-                " another zero, or switch 607B off with the maker's commissioning tool"
+                f"{server.label}: positions wrap around (607B) within the limits of the drives "
+                "file and there is no cyclic synchronous position mode (6502 = "
+                f"{supported:08X}h, bit 7 is clear), needed for such an axis; have the drive "
+                "count from another zero, or switch 607B off with the maker's commissioning tool"
             )
     if not has:
         raise DriveRefused(
-            f"{server.label}: neither profile position nor cyclic synchronous position mode (6502 ="
-            f" {supported:08X}h, bits 0 and 7 are clear); velocity and torque modes keep no"
-            " position, so nothing would hold the axis where the plan has checked it: use a drive"
-            " or firmware that has one of them"
+            f"{server.label}: neither profile position nor cyclic synchronous position mode "
+            f"(6502 = {supported:08X}h, bits 0 and 7 are clear); velocity and torque modes hold "
+            "no position: use a drive or firmware with one of these modes"
         )
     mode, name = has[0]
     server.put(objects.MODE, mode)

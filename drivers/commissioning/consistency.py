@@ -64,8 +64,8 @@ def compare_statements(server: RemoteDictionary, axis: AxisDrive) -> None:
             server.note(f"{comparison.found}: {comparison.remedy}", lack=True)
     if offset := _read(server, objects.HOME_OFFSET):
         server.note(
-            f"{objects.HOME_OFFSET} is {offset}: positions are shifted by it from"
-            " the next homing or power-up on; zero in the drives file must allow for it"
+            f"{objects.HOME_OFFSET} is {offset}: positions shift by this offset at the next "
+            "homing or power-up; include it in zero of the drives file"
         )
 
 
@@ -121,7 +121,7 @@ def compare_positions(factors: PositionFactors, axis: AxisDrive) -> Comparison:
     found = " or ".join(map(str, readings)) + factors.caveat
     agrees = any(same(reading.per_revolution, stated) for reading in readings)
     if agrees and (len(readings) > 1 or factors.assumed):
-        remedy = f"the drive leaves it open, {_COUNTS}: {format_counts(stated)} is taken on trust"
+        remedy = f"not stated by the drive, {_COUNTS}: {format_counts(stated)} is not verified"
         return unsettled(POSITION, found, _COUNTS, format_counts(stated), remedy)
     return compare_values(
         agrees,
@@ -170,7 +170,7 @@ def _compare_rate(
     check, (key, text, unit) = f"{entry.name} ({entry.index:04X})", stated
     if said is None:
         unknown = f"{entry} is {word:08X}h, an unknown unit"
-        return unsettled(check, unknown, key, text, f"{key}: {text} is taken on trust")
+        return unsettled(check, unknown, key, text, f"{key}: {text} is not verified")
     wanted, found = (
         motor_turns(unit(name), axis.increments_per_revolution, axis.gear_ratio)
         for name in (text, said)
@@ -180,7 +180,7 @@ def _compare_rate(
     turning = unit(said).of in {Per.TURN, Per.RADIAN} and gear != 1
     if turning and min(abs(found - wanted), abs(found * gear - wanted)) <= slack:
         either = f"{entry} says {said} and the gear (6091) is {gear}"
-        remedy = f"{key}: {text} is taken on trust, that of the motor or of the gear's output"
+        remedy = f"{key}: {text} is not verified: of the motor or of the gear's output"
         return unsettled(check, either, key, text, remedy)
     return compare_values(
         abs(found - wanted) <= slack,
@@ -199,5 +199,5 @@ def _factor(
     numerator, divisor = _read(server, over), _read(server, under)
     if numerator and divisor and numerator != divisor:
         found = f"{over.name} ({over.index:04X}) is {numerator}/{divisor}"
-        remedy = f"{stated.key}: {stated.text} is taken on trust"
+        remedy = f"{stated.key}: {stated.text} is not verified"
         yield unsettled(f"{over.name} ({over.index:04X})", found, stated.key, stated.text, remedy)

@@ -84,11 +84,11 @@ def wrap_of(ends: tuple[int, int] | None, axis: AxisDrive, label: str) -> Wrap |
     size, needed = high - low + 1, last - first + 2 * round(room / abs(scale.position))
     if size < needed:
         raise DriveRefused(
-            f"{label}: positions wrap around in [{low}, {high}] (607B), the limits of the drives"
-            f" file are [{first}, {last}]: with {room:.3g} {axis.unit} on both sides, that an axis"
-            f" may go until it is seen outside, they take {needed} of {size} positions, so the axis"
-            " could stand in two places; have the drive count from another zero (homing), narrow"
-            " the limits, or widen 607B with the maker's commissioning tool"
+            f"{label}: positions wrap around in [{low}, {high}] (607B); limits [{first}, {last}] "
+            f"of the drives file, with a margin of {room:.3g} {axis.unit} on both sides, take "
+            f"{needed} of {size} positions, so the place of the axis is ambiguous; have the "
+            "drive count from another zero (homing), narrow the limits, or widen 607B with the "
+            "maker's commissioning tool"
         )
     return Wrap(low, size, (first + last) // 2 - size // 2)
 
@@ -201,8 +201,8 @@ def effective_limits(
         notes.append(
             f"{wraps}, outside the limits of the drives file"
             if wrap is None
-            else f"{wraps}, within the limits of the drives file: each of them is one place of the"
-            " axis; the driver plans its ways and alone keeps its range"
+            else f"{wraps}, within the limits of the drives file, unambiguous; the driver plans "
+            "all motion, and only the driver enforces the range"
         )
     holds = {"velocity": stated.velocity, "torque": stated.torque}
     holds |= {"acceleration": stated.acceleration, _STOP: stated.acceleration}
@@ -225,18 +225,18 @@ def effective_limits(
                 holds[key], own[key] = value, f"{entry.index:04X}"
         if value < bound.stated * (1 - SLACK):
             notes.append(
-                f"the drive's own {entry.name} ({entry.index:04X}) is {value:.4g} {unit}, tighter"
-                f" than the drives file's limits.{bound.key} {bound.stated:.4g} {unit}; the drive's"
-                " holds"
+                f"the drive's own {entry.name} ({entry.index:04X}) is {value:.4g} {unit}, "
+                f"tighter than the drives file's limits.{bound.key} {bound.stated:.4g} {unit}; "
+                "the drive's limit applies"
             )
     stop = holds.pop(_STOP) if find(_QUICK_STOP) is not None else None
     if stop is not None and stop < SLOWEST_STOP * stated.acceleration:
         notes.append(
-            f"its quick stop slows down by {stop:.4g} {axis.unit}/s^2 (6085, 60C6), which takes"
-            f" {stated.velocity / stop:.3g} s from full speed; a ramp below {SLOWEST_STOP:.0%} of"
-            f" limits.acceleration {stated.acceleration:.4g} {axis.unit}/s^2 is not waited for, its"
-            " voltage is disabled sooner: raise 6085 with the maker's commissioning tool, or state"
-            " this ramp as quick_stop_deceleration"
+            f"its quick stop ramp of {stop:.4g} {axis.unit}/s^2 (6085, 60C6) takes "
+            f"{stated.velocity / stop:.3g} s from full speed; below {SLOWEST_STOP:.0%} of "
+            f"limits.acceleration {stated.acceleration:.4g} {axis.unit}/s^2 the voltage is "
+            "disabled before the ramp ends: raise 6085 with the maker's commissioning tool, or "
+            "state this ramp as quick_stop_deceleration"
         )
     limits = AxisLimits.model_validate({**range_, **{key: holds[key] for key in _FIELDS}})
     own.pop(_STOP, None)
@@ -270,9 +270,9 @@ def _range(
     q_present = f"[{', '.join(f'{q:.5g}' for q in seen)}]"
     if low >= high:
         raise DriveRefused(
-            f"{label}: the drive's own software limits (607D) {q_present} and the drives file's"
-            f" [{limits.q_min:.5g}, {limits.q_max:.5g}] {unit} have nothing in common; correct"
-            " zero, sign and gear in the drives file, or the limits in the drive"
+            f"{label}: the drive's own software limits (607D) {q_present} and the drives file's "
+            f"[{limits.q_min:.5g}, {limits.q_max:.5g}] {unit} do not overlap; correct zero, sign "
+            "and gear in the drives file, or the limits in the drive"
         )
     values |= dict(zip(_RANGE, (low, high), strict=True))
     keys = ("q_min", "q_max") if scale.position > 0 else ("q_max", "q_min")
@@ -285,9 +285,9 @@ def _range(
     slack = SLACK * (limits.q_max - limits.q_min)
     if any(abs(holds[key] - getattr(limits, key)) > slack for key in tighter):
         notes.append(
-            f"the drive's own software limits (607D) {q_present} are narrower than the"
-            f" drives file's [{limits.q_min:.5g}, {limits.q_max:.5g}] {unit}; what holds is"
-            f" [{holds['q_min']:.5g}, {holds['q_max']:.5g}] {unit}"
+            f"the drive's own software limits (607D) {q_present} are narrower than the drives "
+            f"file's [{limits.q_min:.5g}, {limits.q_max:.5g}] {unit}; used: "
+            f"[{holds['q_min']:.5g}, {holds['q_max']:.5g}] {unit}"
         )
     return holds
 

@@ -71,8 +71,8 @@ def compare_ratings(read: Callable[[Entry], int | None], axis: AxisDrive) -> Ite
             f"{expected_torque(axis):.4g} N m by rated_current times torque_constant",
             _KEY,
             f"{axis.rated_torque:g} N m",
-            "a factor that no motor has: look all three up in the motor's data sheet, and state "
-            "rated_torque_unit: uN m where the drive states 6076 so",
+            "an impossible factor: check all three in the motor's data sheet, and state "
+            "rated_torque_unit: uN m if 6076 is in that unit",
         )
 
 
@@ -109,7 +109,7 @@ def _current(entry: Entry, present: int | None, axis: AxisDrive) -> Comparison:
         found = f"{entry} is {_UNSET}"
         return unsettled(check, found, key, stated, _TRUST_CURRENT)
     if present == 0:
-        return compare_values(False, check, _UNSET, key, stated, f"per mille refer to it: {_SET}")
+        return compare_values(False, check, _UNSET, key, stated, f"base of per mille: {_SET}")
     return compare_values(
         abs(present - 1000 * axis.rated_current) <= 1,
         check,
@@ -126,7 +126,7 @@ def _torque(present: int | None, axis: AxisDrive) -> Comparison:
         silent = f"no object {objects.RATED_TORQUE}"
         return unsettled(TORQUE, silent, _KEY, stated, REQUIREMENTS[objects.RATED_TORQUE].without)
     if present == 0:
-        return compare_values(False, TORQUE, _UNSET, _KEY, stated, f"6072 refers to it: {_SET}")
+        return compare_values(False, TORQUE, _UNSET, _KEY, stated, f"reference of 6072: {_SET}")
     remedy = f"correct {_KEY} or the drive's parameter: torques scale with it"
     (other,) = set(TorqueUnit) - {unit}
     if _agrees(present, axis.rated_torque, other) and not _disparate(axis):
@@ -152,7 +152,7 @@ def _constant(quantity: VendorObject, counts: int, stated: float) -> Comparison:
         f"{quantity.value(counts):g} N m/A",
         "torque_constant",
         f"{stated:g} N m/A",
-        "more than rms and peak can be apart: correct torque_constant or the drive's parameter",
+        "more than between rms and peak: correct torque_constant or the drive's parameter",
     )
 
 

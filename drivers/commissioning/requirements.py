@@ -181,21 +181,21 @@ _limit = partial(
     use=Use.SET,
     without="only the driver enforces this limit, not the drive",
     own_holds=True,
-    fixed="it serves only with a limit of its own that is tighter than the drives file's",
+    fixed="it must be tighter than the limit of the drives file",
 )
 
 _ANY = range(-(1 << 31), 1 << 32)
 _SPEED, _ACCELERATION = Quantity.SPEED, Quantity.ACCELERATION
-_STATED = "a drive for which the drives file states it is refused"
-_NO_RANGE = "the drive itself would not keep the axis's range"
+_STATED = "refused if stated in the drives file"
+_NO_RANGE = "the drive itself would not enforce the axis's range"
 _OWN_RANGE = "where the drive does not enforce the axis's range, the driver does"
-_UNWATCHED = "the drive's own supervision of the following error is used; look it up"
-_OWN_WINDOW = "the drive's own window decides on target reached"
+_UNWATCHED = "the drive's own supervision of the following error is used; check its setting"
+_OWN_WINDOW = "target reached depends on the drive's own window"
 _COASTS = "it may let the axis coast"
-_COUNTS = "increments_per_revolution is taken on trust"
-_OTHERS = "what the others of its kind lead to counts"
-_VELOCITY, _RATE = "velocity_unit is taken on trust", "acceleration_unit is taken on trust"
-_TURNS = "positions are taken not to wrap around"
+_COUNTS = "increments_per_revolution is not verified"
+_OTHERS = "computed from the other scaling objects"
+_VELOCITY, _RATE = "velocity_unit is not verified", "acceleration_unit is not verified"
+_TURNS = "positions are assumed not to wrap around"
 
 _NEEDED = (
     refused(o.DEVICE_TYPE, Use.READ, "it does not say that it is a CiA 402 drive"),
@@ -208,7 +208,7 @@ _NEEDED = (
     refused(o.CONTROLWORD, Use.WRITE | Use.RECEIVE, "it cannot be commanded"),
     refused(o.MODE, Use.WRITE | Use.VARY, "profile position mode cannot be chosen"),
     refused(o.MODE_DISPLAY, Use.READ, "the mode cannot be verified"),
-    noted(o.SUPPORTED_MODES, Use.READ, "its mode shows when it is asked for"),
+    noted(o.SUPPORTED_MODES, Use.READ, "modes are verified only when commanded"),
     refused(o.POSITION, Use.READ | Use.SEND, "positions cannot be measured"),
     refused(o.TARGET_POSITION, Use.WRITE | Use.RECEIVE, "no target can be commanded"),
     refused(
@@ -221,12 +221,12 @@ _NEEDED = (
     ),
     noted(
         o.PROFILE_DECELERATION, Use.SET | Use.VARY,
-        "its profile acceleration (6083) must hold for decelerating too",
+        "profile acceleration (6083) must apply to deceleration too",
         kept=ROUNDED, quantity=_ACCELERATION, fixed="the deceleration of a motion cannot be set",
     ),
     noted(
-        o.PROFILE_TYPE, Use.SET, "that profiles are trapezoids is taken on trust",
-        value=0, fixed="its profiles are no trapezoids",
+        o.PROFILE_TYPE, Use.SET, "trapezoidal profiles are assumed",
+        value=0, fixed="its profiles are not trapezoidal",
     ),
     # limits kept by the drive
     refused(
@@ -246,7 +246,7 @@ _NEEDED = (
     _limit(o.MAX_DECELERATION, kept=ROUNDED, quantity=_ACCELERATION),
     _limit(
         o.QUICK_STOP_DECELERATION, kept=ROUNDED, quantity=_ACCELERATION,
-        without="the drive's own ramp of a quick stop is used; look it up",
+        without="the drive's own ramp of a quick stop is used; check its setting",
     ),
     _limit(o.MAX_TORQUE, kept=ROUNDED, quantity=Quantity.TORQUE, instead=(o.MAX_CURRENT,)),
     _limit(
@@ -255,39 +255,39 @@ _NEEDED = (
     ),
     noted(
         o.FOLLOWING_ERROR_WINDOW, Use.SET, _UNWATCHED, kept=LESS, quantity=Quantity.DISTANCE,
-        fixed="it serves only with the window of the drives file",
+        fixed="it must equal the window of the drives file",
     ),
     noted(o.FOLLOWING_ERROR_TIME, Use.SET, _UNWATCHED, serves=_ANY),
     noted(o.POSITION_WINDOW, Use.SET, _OWN_WINDOW, serves=_ANY),
     noted(o.POSITION_WINDOW_TIME, Use.SET, _OWN_WINDOW, serves=_ANY),
     # reactions
     noted(
-        o.QUICK_STOP_OPTION, Use.SET, "the drive's own quick stop is used; look it up",
+        o.QUICK_STOP_OPTION, Use.SET, "the drive's own quick stop is used; check its setting",
         serves=STOPPING_OPTIONS, fixed=_COASTS,
     ),
     noted(
-        o.HALT_OPTION, Use.SET, "the drive's own halt is used; look it up",
+        o.HALT_OPTION, Use.SET, "the drive's own halt is used; check its setting",
         value=1, serves=(2, 3, 4), fixed=_COASTS,
     ),
     noted(
         o.ABORT_CONNECTION_OPTION, Use.SET,
-        "its own reaction counts when our heartbeat is lost; look it up before the first run",
+        "the drive's own reaction to a lost heartbeat is used; check it before the first run",
         value=QUICK_STOP_REACTION, serves=(1, 2, 3),
-        fixed="the axis may go on when our process dies",
+        fixed="the axis may keep moving after a crash of this program",
     ),
 )  # fmt: skip
 
 _STATEMENTS = (
     # faults
     noted(
-        o.ERROR_CODE, Use.ASK, "a fault's cause is known from its emergency message alone",
+        o.ERROR_CODE, Use.ASK, "a fault's cause is known only from its emergency message",
         instead=(o.ERROR_HISTORY,),
     ),
     silent(o.ERROR_HISTORY, Use.ASK, "a fault's cause is read from 603F"),
-    silent(o.DIGITAL_INPUTS, Use.ASK, "safe torque off shows in 603F alone"),
+    silent(o.DIGITAL_INPUTS, Use.ASK, "safe torque off is visible only in 603F"),
     # ratings and units
-    noted(o.RATED_CURRENT, Use.READ, "rated_current is taken on trust"),
-    noted(o.RATED_TORQUE, Use.READ, "rated_torque is taken on trust"),
+    noted(o.RATED_CURRENT, Use.READ, "rated_current is not verified"),
+    noted(o.RATED_TORQUE, Use.READ, "rated_torque is not verified"),
     noted(o.ENCODER_INCREMENTS, Use.ASK, _COUNTS, instead=(o.FEED,)),
     silent(o.ENCODER_REVOLUTIONS, Use.ASK, _OTHERS),
     silent(o.GEAR_MOTOR, Use.ASK, _OTHERS),
@@ -303,7 +303,7 @@ _STATEMENTS = (
     silent(o.ACCELERATION_UNIT, Use.ASK, _RATE),
     silent(o.ACCELERATION_FACTOR, Use.ASK, _RATE),
     silent(o.ACCELERATION_DIVISOR, Use.ASK, _RATE),
-    silent(o.HOME_OFFSET, Use.ASK, "positions are taken not to be shifted"),
+    silent(o.HOME_OFFSET, Use.ASK, "positions are assumed not to be shifted"),
     silent(o.POSITION_RANGE_MIN, Use.ASK, _TURNS),
     silent(o.POSITION_RANGE_MAX, Use.ASK, _TURNS),
 )  # fmt: skip

@@ -148,7 +148,7 @@ def _write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entr
     if kept[0] < ends[0] - 1 or kept[1] > ends[1] + 1:
         found.append("only the driver enforces the axis's range")
     if kept[0] > ends[0] or kept[1] < ends[1]:
-        found.append("it takes no target beyond its own")
+        found.append("the drive refuses targets beyond its limits")
     consequence = " and ".join(found) or "they agree to an increment"
     server.note(
         f"software limits (607D) are fixed at {own}, those of the drives file are "

@@ -174,7 +174,7 @@ def _flaws(dictionary: Dictionary, declared: Declared, row: Requirement) -> Iter
         yield Finding(about, "cannot be read (wo)", row.without, fatal=True)
     if declared.mappable is False and row.use & (Use.SEND | Use.RECEIVE):
         problem = "cannot be mapped into a PDO"
-        yield Finding(about, problem, "it cannot travel with SYNC", fatal=True)
+        yield Finding(about, problem, "it cannot be sent with SYNC", fatal=True)
 
 
 def _unwritable(declared: Declared, row: Requirement, value: int | None) -> Iterator[Finding]:
@@ -183,7 +183,7 @@ def _unwritable(declared: Declared, row: Requirement, value: int | None) -> Iter
     only = declared.fixed if writable else fixed_at(declared)
     if writable and only is None:
         if value is not None and not _takes(declared, value):
-            problem = f"takes no value but {declared.low} to {declared.high}"
+            problem = f"accepts only values {declared.low} to {declared.high}"
             serves = any(_takes(declared, other) for other in row.serves)
             yield Finding(about, problem, row.without if serves else row.fixed, fatal=not serves)
     elif only is None:
@@ -194,7 +194,7 @@ def _unwritable(declared: Declared, row: Requirement, value: int | None) -> Iter
         serves = _serves(row, only)
         so = (row.served if serves else row.fixed) or row.without
         fixed = f"is fixed at {only} ({declared.access})"
-        problem = f"takes no value but {only}" if writable else fixed
+        problem = f"accepts only {only}" if writable else fixed
         yield Finding(about, problem, so, fatal=not serves)
 
 
@@ -349,12 +349,12 @@ def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
         return
     if all(dictionary.entry(entry) is not None for entry in _OF_DRIVES):
         problem = f"is by default that of profile {profile}, and the objects are those of a drive"
-        so = "taken for a CiA 402 drive; what the drive itself answers counts"
+        so = "assumed to be a CiA 402 drive; verified with the drive itself"
         yield Finding(str(objects.DEVICE_TYPE), problem, so, fatal=False)
 
 
 def _no_drive(source: str, profile: int | None, problem: str) -> Review:
-    so = "it is no CiA 402 drive and is left alone"
+    so = "not a CiA 402 drive: ignored"
     finding = Finding("the device", problem, so, fatal=True)
     return Review(source, profile, None, (), None, None, (finding,))
 
@@ -391,12 +391,12 @@ def _no_current(
         return
     about = "motor current (6078, 6077 or a maker's object)"
     for candidate in candidates:
-        yield Finding(candidate.place, candidate.why, "it is no source of torque", fatal=False)
+        yield Finding(candidate.place, candidate.why, "not usable as torque", fatal=False)
     if dictionary.live:
         so = "look for a maker's object in its data sheet: `hil drives new --eds` does"
         yield Finding(about, "was not found on the bus", so, fatal=False)
     else:
-        so = "torques cannot be measured, which is all that this is about"
+        so = "torques cannot be measured"
         yield Finding(about, "is missing", so, fatal=True)
 
 

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 START_TIME = 3.0
 """Longest time of drives from SAFEOP to OP with continuous outputs [s]."""
 OUT_OF_CYCLE = (
-    "the drives' clocks do not agree, or frames come out of their cycles (relieve this computer of"
-    " other work, use --realtime, or state distributed_clock: false)"
+    "the drives' clocks differ, or frames are outside their cycles (stop other programs, use "
+    "--realtime, or state distributed_clock: false)"
 )
 SETTLING = 3
 """Cycles with outputs before OP is requested: some drives require valid outputs first."""
@@ -139,7 +139,7 @@ class EthercatConnection(Connection):
                 if self._clocks is None or self._data.unusual:
                     why = "not all drives take part in the exchange of process data"
                 raise self._diagnose() or NodeSilent(
-                    f"{why} {START_TIME:g} s after OP was asked for; check {self.wiring}"
+                    f"{why} {START_TIME:g} s after OP was requested; check {self.wiring}"
                 )
             self._data.sync()
 
@@ -159,9 +159,8 @@ class EthercatConnection(Connection):
             entry = held[self._looked % len(held)]
             if (present := server.get(entry)) != server.kept[entry]:
                 raise Tripped(
-                    f"{server.label}: {entry} is {present}, {server.kept[entry]} was written:"
-                    " somebody else changed it; nobody else may command these drives: end that"
-                    " master or tool first"
+                    f"{server.label}: {entry} is {present}, {server.kept[entry]} was written: "
+                    "another master or tool changed it; stop it first"
                 )
 
     def collect_late(self) -> None:
@@ -183,11 +182,11 @@ class EthercatConnection(Connection):
             return ()
         faster = "faster" if clock.skew > 0 else "slower"
         return (
-            f"distributed clock: slave {clocks.reference.position} is the reference,"
-            f" {1e6 * abs(clock.skew):.1f} ppm {faster} than this computer; {len(clocks.clocked)}"
-            f" clocks agree within {1e9 * self._data.farthest:.0f} ns, the last one"
-            f" {clocks.delay} ns of cable behind it; SYNC0 comes {1e3 * clock.shift:g} ms after"
-            " frames are due",
+            f"distributed clock: slave {clocks.reference.position} is the reference, "
+            f"{1e6 * abs(clock.skew):.1f} ppm {faster} than this computer; {len(clocks.clocked)} "
+            f"clocks agree within {1e9 * self._data.farthest:.0f} ns, the last at a cable delay "
+            f"of {clocks.delay} ns; SYNC0 {1e3 * clock.shift:g} ms after the nominal time of "
+            "frames",
         )
 
     def _set_clocks(self) -> None:
@@ -217,7 +216,7 @@ class EthercatConnection(Connection):
         if not problems:
             return None
         return NodeSilent(
-            f"{'; '.join(problems)}: it takes no outputs, and its watchdog or its own fault"
-            " reaction has stopped it; see the AL status code in the drive's manual, and check its"
-            " supply and that no other master is on the line"
+            f"{'; '.join(problems)}: outputs are refused, and its watchdog or fault reaction has "
+            "stopped the drive; see the AL status code in the drive's manual, and check its "
+            "supply and that no other master is on the line"
         )

@@ -237,8 +237,8 @@ class EthercatDrive:
             )
         if not control & _WATCHED:
             return (
-                f"{self.label}: its sync manager of outputs has no watchdog (0814h ="
-                f" {control:02X}h), so the axis would go on when our process dies"
+                f"{self.label}: its sync manager of outputs has no watchdog (0814h = "
+                f"{control:02X}h): the axis would keep moving after a crash of this program"
             )
         return ""
 
@@ -308,8 +308,8 @@ def make_drives(
     for at in places:
         if at.within.axis > 1:
             raise DriveRefused(
-                f"{at.name} (node {at.node}{axis_suffix(at.within.axis)}): axes of one drive are"
-                " served on CAN alone; use its CAN interface, or drives of one axis each"
+                f"{at.name} (node {at.node}{axis_suffix(at.within.axis)}): several axes in a "
+                "drive need CAN; use its CAN interface, or drives of one axis each"
             )
     pairs = zip(drives, places, strict=True)
     return drives, tuple(RemoteDictionary(drive, at.node, at.name) for drive, at in pairs)

@@ -93,7 +93,7 @@ class Mailbox:
             if is_answer(found):
                 return found
             self._deliver(found)
-        raise NoAnswer(f"{WAITING} services came, none is the answer", _WHERE)
+        raise NoAnswer(f"{WAITING} services received, none is the answer", _WHERE)
 
     def post(self, service: bytes, ends: float) -> None:
         """Put a CoE service into the mailbox, by the instant `ends` (errors as in `exchange`)."""

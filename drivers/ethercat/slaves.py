@@ -121,8 +121,8 @@ class Station:
         while (status := self.status) & MASK != state or status & ERROR:
             if status & ERROR or time.monotonic() > ends:
                 raise DriveRefused(
-                    f"slave {self.position}: shows {self.shown}, {state.name} was asked for; see"
-                    " the drive's manual for this AL status code"
+                    f"slave {self.position}: shows {self.shown}, {state.name} was requested; see "
+                    "the drive's manual for this AL status code"
                 )
             self.line.pause()
 

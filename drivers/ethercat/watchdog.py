@@ -77,8 +77,8 @@ class OutputsSent:
             return
         if self._data.foreign:
             self.trouble = NodeSilent(
-                "another master sends on this interface: the drives would follow both, and their"
-                " watchdogs would not miss us; end that master"
+                "another master sends on this interface: drives would follow both, and watchdogs "
+                "would not detect the loss of this one; stop the other master"
             )
         elif self._data.unusual:
             self._judge_absence()
@@ -86,9 +86,8 @@ class OutputsSent:
             self._looks = self._data.now() + self._period
             if unwatched := self._data.find_unwatched():
                 self.trouble = DriveRefused(
-                    f"{unwatched}: somebody else changed it, and the axis would go on when our"
-                    " process dies; nobody else may command these drives: end that master or tool"
-                    " first"
+                    f"{unwatched}: another master or tool changed it, and the axis would keep "
+                    "moving after a crash of this program; stop that master or tool first"
                 )
 
     def _judge_absence(self) -> None:

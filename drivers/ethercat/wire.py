@@ -20,8 +20,8 @@ BUFFER = 2048
 """Largest accepted frame [bytes]."""
 _RECEIVE_TIMEOUT = getattr(socket, "SO_RCVTIMEO", 20)
 _RIGHTS = (
-    "raw Ethernet frames are for root, or a Python with CAP_NET_RAW (sudo setcap"
-    " cap_net_raw+ep of the interpreter itself)"
+    "raw Ethernet frames need root, or a Python with CAP_NET_RAW (sudo setcap cap_net_raw+ep of "
+    "the interpreter itself)"
 )
 
 

@@ -139,9 +139,9 @@ class SettingsKeeper:
         earlier, identity = self._drive(server.place), read_identity(server)
         if earlier is not None and (differs := difference(earlier.identity, identity)):
             raise DriveRefused(
-                f"{server.label}: {self.path} holds what another drive was set to, which was never"
-                f" put back: {differs}; connect that drive and put it back with hil drives restore"
-                f" {self.path}, or remove the file if the drive is gone"
+                f"{server.label}: {self.path} holds settings of another drive, not yet restored: "
+                f"{differs}; connect that drive and put it back with hil drives restore "
+                f"{self.path}, or remove the file if the drive is gone"
             )
         axes, pdos = axis.within
         kept = FoundDrive(
@@ -245,7 +245,7 @@ class SettingsKeeper:
         left = [server.label for server in servers if not self.drive(server).restored]
         return [
             *(f"{each} was written without having been announced" for each in self.unannounced),
-            *([f"{', '.join(left)}: does not hold again what it held before{remedy}"] * bool(left)),
+            *([f"{', '.join(left)}: earlier values not restored{remedy}"] * bool(left)),
         ]
 
     def save(self) -> None:

@@ -135,8 +135,8 @@ def _put_back(server: RemoteDictionary, entry: Entry, value: int) -> None:
     kept = server.get(entry)
     if kept != value:
         raise DriveRefused(
-            f"{server.label}: object {entry} held {value}, it reads {kept} after that was written;"
-            " set it with the maker's commissioning tool"
+            f"{server.label}: object {entry} held {value}, but reads {kept} after this value was "
+            "written; set it with the maker's commissioning tool"
         )
 
 

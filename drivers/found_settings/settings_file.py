@@ -115,8 +115,8 @@ class FoundObject(FileModel):
     def comparison(self, present: int) -> str:
         """Describe the values: found, written and present."""
         return (
-            f"object {self.entry} held {self.value} when it was found and {self.written} in a"
-            f" session that was ended; it holds {present}, so it has been set up anew since"
+            f"object {self.entry} held {self.value} when it was found and {self.written} in a "
+            f"session that was ended; now it holds {present}: it has been set up anew since"
         )
 
     @property
@@ -209,7 +209,7 @@ class FoundDrive(FileModel):
         places = [each.key for each in self.objects]
         for index, subindex in places:
             if places.count((index, subindex)) > 1:
-                raise ValueError(f"object {index:04X}:{subindex:02X} stands twice; remove one")
+                raise ValueError(f"object {index:04X}:{subindex:02X} is stated twice; remove one")
         return self
 
 
@@ -241,7 +241,7 @@ class FoundSettings(FileModel):
         places = [drive.place for drive in self.drives]
         for place in places:
             if places.count(place) > 1:
-                raise ValueError(f"node {place[0]} stands twice; remove one of the drives")
+                raise ValueError(f"node {place[0]} is stated twice; remove one of the drives")
         if self.restored and not all(drive.restored for drive in self.drives):
             raise ValueError("restored: true, but not of all drives; write false")
         return self

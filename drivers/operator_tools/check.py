@@ -99,7 +99,7 @@ def check(
             "all axes",
             "motion",
             "not tried, nothing was powered on",
-            remedy="mend what is refused above, or check the other axes alone with --axis",
+            remedy="correct the refused items above, or check the other axes alone with --axis",
         )
         return
     distances = (f"{a.name} {format_coordinate(a, moves.find(a)[0], '+.3g')}" for a in drives.axes)
@@ -200,7 +200,7 @@ def _ask(
             found = f"{finding.about} {finding.problem}"
             yield Verdict(grade, server.label, what, found, remedy=finding.consequence)
         if not findings:
-            yield Verdict(Grade.OK, server.label, what, "all there")
+            yield Verdict(Grade.OK, server.label, what, "all present")
         for each in CHECKS:
             yield from each(server, axis)
     except DriveError as error:

@@ -220,8 +220,8 @@ def _judge_refresh(seen: Moved, what: str, step: float, name: str) -> Verdict:
         check,
         f"every {every:.3g} SYNCs ({1000 * time:.3g} ms)",
         "with every SYNC",
-        f"set sync_period: {time:.3g} in the drives file and sample_period in the plan, or let the"
-        " drive renew it faster: the readings between are old",
+        f"set sync_period: {time:.3g} in the drives file and sample_period in the plan, or let "
+        "the drive update it faster",
     )
 
 
@@ -236,7 +236,7 @@ def _judge_velocity(seen: Moved) -> Verdict:
         "velocity scale",
         f"{abs(worst):.4g} {unit}/s",
         f"commanded: {wanted:.4g} {unit}/s",
-        "correct velocity_unit; where the way was too short for it, move farther",
+        "correct velocity_unit; if the distance was too short, move farther",
     )
 
 
@@ -254,8 +254,8 @@ def _judge_sign(seen: Moved) -> Verdict:
         "sign of the current",
         found,
         bound,
-        "the current counts against the position: set current.sign: "
-        f"{-seen.drive.current.sign} in the drives file",
+        f"current and position have opposite signs: set current.sign: {-seen.drive.current.sign} "
+        "in the drives file",
     )
 
 
@@ -317,10 +317,10 @@ def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
     wrong = -float(np.mean([_torque(gravity, seen, -q) for q in passed]))
     unit = drive.effort_unit
     found = f"gravity {measured:+.3g} {unit}"
-    bound = f"model: {right:+.3g} {unit}, turned round {wrong:+.3g} {unit}"
+    bound = f"model: {right:+.3g} {unit}, reversed {wrong:+.3g} {unit}"
     apart = abs(right - wrong)
     if apart < SEPARATION * error + LEFT_OVER * abs(seen.friction[0]):
-        remedy = "both are too near to each other here: bring the arm to where it is not upright"
+        remedy = "both are too similar here: move the arm to a position that is not upright"
         return undecided(place, DIRECTION, found, remedy, bound)
     if abs(measured - right) < CLOSE * apart:
         return Verdict(Grade.OK, place, DIRECTION, f"confirmed, {found}", bound)

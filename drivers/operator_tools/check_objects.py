@@ -125,7 +125,7 @@ def _judge_gear(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
     factors = PositionFactors.read(server.find)
     check, stated, gear = GEAR, axis.gear_ratio, factors.gear
     if gear is None or gear == 1:
-        yield unknown(server.label, check, f"gear_ratio {stated:g} shows by eye alone, in a move")
+        yield unknown(server.label, check, f"gear_ratio {stated:g} can be seen only in a move")
     elif not list(another_gear(factors, axis)):
         yield grade_check(
             math.isclose(float(gear), stated, rel_tol=SAME_GEAR),
@@ -134,7 +134,7 @@ def _judge_gear(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
             check,
             f"{float(gear):g}",
             f"file: {stated:g}",
-            "an electronic gear of the drive, or correct gear_ratio: it shows by eye, in a move",
+            "an electronic gear of the drive, or correct gear_ratio: check by eye, in a move",
         )
 
 
@@ -147,10 +147,10 @@ _SHUT_DOWN = {0: COASTS, 1: _RAMPS[1]}
 _FAULT = {0: COASTS} | _RAMPS | _LIMITS
 _CONNECTION = {0: GOES_ON, 1: "goes into a fault", 2: COASTS, 3: "makes a quick stop"}
 
-_FALLS = "the axis coasts, and one that hangs falls until its brake has closed"
-_CONSEQUENCES = {COASTS: _FALLS, GOES_ON: "the axis goes on"}
+_FALLS = "the axis coasts, and a hanging axis falls until its brake has closed"
+_CONSEQUENCES = {COASTS: _FALLS, GOES_ON: "the axis keeps moving"}
 _SET = "set it with the maker's tool"
-_WRITTEN = "hil run writes another option over it, every other master meets this one"
+_WRITTEN = "hil run overwrites this option; other masters find it so"
 
 
 def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
@@ -182,12 +182,12 @@ def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdi
             f"brake ({delay.entry.place})",
             f"{delay.value(counts):g} s",
             f"file: {axis.brake_delay:g} s",
-            "the voltage goes before the brake has closed: an axis that hangs sags; state it as "
-            "brake_delay",
+            "the voltage is removed before the brake has closed: a hanging axis sags; state this "
+            "time as brake_delay",
         )
     active = safe_torque_off(server)
     if active:
-        remedy = "release it before you agree to motion: while it is active nothing powers on"
+        remedy = "release it before you agree to motion: while active, nothing powers on"
         yield Verdict(Grade.WARNING, server.label, "interlock", active, remedy=remedy)
     elif server.find(objects.DIGITAL_INPUTS) is not None:
         yield Verdict(Grade.OK, server.label, "interlock (60FD)", "none")
@@ -200,16 +200,16 @@ def check_limits(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]
         found = server.find(bound.entry)
         if found is not None:
             own_holds = (
-                "the drive's own is tighter and holds: plan within it, lower"
-                f" limits.{bound.key}, correct the unit in the drives file if that is wrong, or"
-                " widen it with the maker's tool"
+                "the drive's limit is tighter and applies: plan within it, lower "
+                f"limits.{bound.key}, correct the unit in the drives file if that is wrong, or "
+                "widen it with the maker's tool"
             )
             yield _judge(server.label, bound, found, own_holds)
     key, measure = "following_error_window", measures(axis)[Quantity.DISTANCE]
     window = Bound(objects.FOLLOWING_ERROR_WINDOW, key, axis.following_error_window, measure)
     found = server.find(window.entry)
     if found is not None:
-        remedy = f"the drive allows less than the file: lower {key}, or the file's is written"
+        remedy = f"the drive allows less than the file: lower {key}, or hil run writes that"
         yield _judge(server.label, window, found, remedy)
 
 
@@ -219,7 +219,7 @@ def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
     stated = f"file: [{limits.q_min:.4g}, {limits.q_max:.4g}]"
     low, high = ends
     if wrap_of(range_of(server.find), axis, server.label) is not None:
-        kept = "the driver alone keeps the axis's range, since the drive's positions wrap around"
+        kept = "only the driver enforces the axis's range: the drive's positions wrap around"
         return Verdict(Grade.WARNING, server.label, check, "no use (607B)", stated, kept)
     if low is None or high is None:
         return Verdict(
@@ -239,10 +239,10 @@ def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
         check,
         f"[{q_low:.4g}, {q_high:.4g}] {axis.unit}",
         stated,
-        f"the tighter of both holds, [{q_low_held:.4g}, {q_high_held:.4g}] {axis.unit}: plan"
-        " within it, or widen the drive's limits with the maker's tool"
+        f"the tighter of both applies, [{q_low_held:.4g}, {q_high_held:.4g}] {axis.unit}: plan "
+        "within it, or widen the drive's limits with the maker's tool"
         if overlap
-        else "the two have nothing in common: correct sign, zero and gear in the drives file",
+        else "the two do not overlap: correct sign, zero and gear in the drives file",
     )
 
 

@@ -314,13 +314,13 @@ def _ask_direction(
     """Ask for direction and size of the motion, which only the operator can see."""
     moved, check = format_coordinate(drive, way, "+.3g"), "sign and size of the motion"
     if not operator.present:
-        remedy = "nobody was asked: see that a jog turns the joint as the robot file has it"
+        remedy = "not asked: check that a jog turns the joint as in the robot file"
         return Verdict(Grade.WARNING, label, check, moved, remedy=remedy)
     key = answer(
         axes,
         operator,
-        f"{label}: moved {moved} and back. Was that so, by the robot file's sense of rotation? "
-        "[y]es, [o]pposite direction, [w]rong amount",
+        f"{label}: moved {moved} and back. Was that correct, by the sense of rotation in the "
+        "robot file? [y]es, [o]pposite direction, [w]rong amount",
         "yow",
     )
     remedies = {

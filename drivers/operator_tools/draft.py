@@ -74,7 +74,8 @@ def draft_drives(axes: Sequence[DraftedAxis], rules: BusRules, bitrate: int | No
     sources = ", ".join(dict.fromkeys(axis.dictionary.source for axis in axes))
     lines = [
         comment(f"Drafted from {sources}."),
-        f"# What nobody but you can know is marked {UNSTATED}: replace each mark and its text by",
+        f"# Values unknown to drive and file are marked {UNSTATED}: replace each mark and its "
+        "text by",
         "# the value, joint side and SI unless said otherwise. Until then the file is refused.",
         *_shared(axes, bitrate),
         "",
@@ -88,7 +89,7 @@ def draft_drives(axes: Sequence[DraftedAxis], rules: BusRules, bitrate: int | No
 def refuse_unfit(axes: Sequence[DraftedAxis]) -> None:
     """Refuse unsuitable drives, and impossible or repeated nodes (`DriveRefused`)."""
     problems = [
-        f"{axis.dictionary.source}: cannot serve: {refusal}"
+        f"{axis.dictionary.source}: cannot be used: {refusal}"
         for axis in {axis.dictionary.source: axis for axis in axes}.values()
         for refusal in axis.review.refusals
     ]
@@ -118,7 +119,7 @@ def _shared(axes: Sequence[DraftedAxis], bitrate: int | None) -> Iterator[str]:
     yield "sync_period: 0.004 # s, a choice: the plan's sample_period"
     yield "master_node: 127 # our own number on the bus, a choice"
     yield "heartbeat_period: 0.1 # s, a choice"
-    yield "heartbeat_timeout: 0.5 # s, a choice: how long after our death the drives stop"
+    yield "heartbeat_timeout: 0.5 # s, a choice: time until the drives stop after a crash"
     yield "quick_stop_option: 2 # 605A, a choice: quick stop ramp, then off"
 
 
@@ -155,7 +156,7 @@ def _axis(number: int, axis: DraftedAxis, rules: BusRules) -> Iterator[str]:
         body.append(_line("brake_delay", f"{delay.value(counts):g}", said, ""))
     why = rules.unwatched(dictionary)
     if why is not None:
-        hint = f"what else stops the axis when our process dies, in words: {why}"
+        hint = f"what else stops the axis after a crash of this program: {why}"
         body.append(_line("allow_no_heartbeat", None, "", hint))
     if axis.review.tpdos is not None:
         words = (", ".join(f"0x{word:08X}" for word in each) for each in axis.review.tpdos)

@@ -85,8 +85,8 @@ def _refuse_unfit(pairs: Sequence[tuple[RemoteDictionary, FoundDrive]]) -> None:
             if differs := difference(drive.identity, read_identity(server)):
                 problems.append(
                     DriveRefused(
-                        f"{server.label}: another drive than the file is about: {differs}; check"
-                        " node numbers and wiring, or take the file of this drive"
+                        f"{server.label}: not the drive of the file: {differs}; check node "
+                        "numbers and wiring, or use the file of this drive"
                     )
                 )
             else:

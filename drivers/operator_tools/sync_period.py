@@ -139,7 +139,7 @@ def judge_wake_ups(found: WakeUps, *, real_time: bool, by_kernel: bool = False) 
         "wake-ups for SYNC",
         f"{found.missed:.2%} too late at {wanted:.4g} Hz; "
         + ("no usual rate is kept" if best is None else f"keeps {best:g} Hz")
-        + ("; SYNC is the kernel's, only supervision comes late" if by_kernel else ""),
+        + ("; SYNC is sent by the kernel, only supervision is late" if by_kernel else ""),
         f"at most {1.0 - IN_TIME:.1%} later than {TOO_LATE:g} of the period",
         ", or ".join(remedies),
     )

@@ -60,7 +60,7 @@ def measure_offsets(
             unit = axis.stated.effort_unit
             found.append(
                 f"{axis.label}: {when} its current reads {torque:.3g} {unit}, at most "
-                f"{bound:.3g} {unit} allowed; the torques of this axis carry that offset: have "
-                "it adjusted, and measure the axis again if it was not there from the start"
+                f"{bound:.3g} {unit} allowed; all torques of this axis include this offset: have "
+                "it adjusted, and measure the axis again if the offset is new"
             )
     return found

@@ -248,10 +248,10 @@ class Trips:
         to_joint = axis.scale.position_from_counts
         ends = sorted((to_joint(self._lows[n]), to_joint(self._highs[n])))
         return Tripped(
-            f"{axis.label}: at {to_joint(positions[n]):.4g} {unit}, outside"
-            f" {ends[0]:.4g} ... {ends[1]:.4g} {unit}, where its set-point leads (following error"
-            f" window {axis.drive.following_error_window:g} {unit}); check sign, gear ratio,"
-            " brake, encoder and load"
+            f"{axis.label}: at {to_joint(positions[n]):.4g} {unit}, outside {ends[0]:.4g} ... "
+            f"{ends[1]:.4g} {unit} around the set-point (following error window "
+            f"{axis.drive.following_error_window:g} {unit}); check sign, gear ratio, brake, "
+            "encoder and load"
         )
 
     def _judge_speed(
@@ -278,10 +278,10 @@ class Trips:
             if lasted > axis.drive.trip.torque_time:
                 per_count, unit = abs(axis.scale.torque), axis.drive.effort_unit
                 return Tripped(
-                    f"{axis.label}: {abs(current) * per_count:.4g} {unit} for"
-                    f" {lasted:.3g} s, more than {bound * per_count:.4g} {unit} may not last longer"
-                    f" than {axis.drive.trip.torque_time:g} s (trip.torque); the axis is"
-                    " blocked or overloaded: check brake, load and obstacles"
+                    f"{axis.label}: {abs(current) * per_count:.4g} {unit} for {lasted:.3g} s, at "
+                    f"most {axis.drive.trip.torque_time:g} s above {bound * per_count:.4g} "
+                    f"{unit} allowed (trip.torque); the axis is blocked or overloaded: check "
+                    "brake, load and obstacles"
                 )
         return None
 
@@ -290,7 +290,7 @@ def _suspect_cause(step: int, axis: Axis) -> str:
     """Return the cause, other than motion, of a step in position [increments], in words."""
     limits = axis.drive.limits
     if step * axis.per_count > limits.q_max - limits.q_min:
-        return "somebody else mapped its process data anew, which carry no position any more"
+        return "another master changed the mapping of its process data"
     turn = 1 << round(math.log2(step))
     wraps = f", or wraps around at {turn} counts (607B)" if abs(step / turn - 1) < WRAPS else ""
     return f"its encoder jumps{wraps}"

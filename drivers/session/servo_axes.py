@@ -129,7 +129,7 @@ def _switch_off_unpowered(connection: Connection, outcome: Outcome) -> None:
             connection.life_sign.cease()
             outcome.problems.append(
                 f"{server.label}: not shown to be off ({error}); its watchdog stays armed and "
-                f"{connection.life_sign.name} has ceased"
+                f"{connection.life_sign.name} has stopped"
             )
 
 

@@ -208,8 +208,8 @@ class Session:
         if any(values is not None for values in stated):
             if not self._feed_forward:
                 raise DriveRefused(
-                    "the drives were not set up to take what is fed forward; open the bus with"
-                    " feed_forward=True"
+                    "the drives were not set up for feed-forward; open the bus with "
+                    "feed_forward=True"
                 )
             fed = [
                 np.zeros_like(points) if values is None else np.asarray(values, dtype=float)
@@ -290,9 +290,9 @@ class Session:
         if elapsed > self._unsupervised and profile.active:
             self.stopping.fail(
                 Tripped(
-                    f"nobody supervised the axes in motion for {elapsed:.3g} s, at most "
-                    f"{self._unsupervised:.3g} s allowed (half the heartbeat timeout); come back "
-                    "to sample() sooner, or free the computer of other work"
+                    f"axes in motion were not supervised for {elapsed:.3g} s, at most "
+                    f"{self._unsupervised:.3g} s allowed (half the heartbeat timeout); call "
+                    "sample() sooner, or stop other programs"
                 )
             )
         failed = (
@@ -385,8 +385,8 @@ class Session:
         ago = self._process_data.now() - at
         if ago <= LATE_FOR:
             trouble = type(trouble)(
-                f"{1e3 * ago:.2g} ms before this a SYNC came {1e3 * gap:.3g} ms after the last one"
-                f" instead of {1e3 * self._period:.3g} ms: this computer was late, so relieve it of"
-                f" other work or use --realtime first; then: {trouble}"
+                f"{1e3 * ago:.2g} ms earlier a SYNC was {1e3 * gap:.3g} ms after the previous "
+                f"one instead of {1e3 * self._period:.3g} ms: this computer was late; stop other "
+                f"programs or use --realtime first; then: {trouble}"
             )
         self.stopping.fail(trouble)

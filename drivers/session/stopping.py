@@ -112,8 +112,8 @@ class Stopping(Shutdown):
         left = [axis.label for axis in self._axes if not self.off[axis.index]]
         if left:
             raise DriveFault(
-                f"{', '.join(left)}: not shown to be off, so nothing is powered on again; leave, "
-                "and check the drive"
+                f"{', '.join(left)}: not confirmed off, so nothing is powered on again; leave "
+                "the session, and check the drive"
             )
         note(self.problems)
         self.forget()

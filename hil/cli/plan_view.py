@@ -67,7 +67,7 @@ def _present_parameters(robot: Robot) -> Table:
 
 
 def _base_parameters(base: BaseParameters) -> Table:
-    columns = ("", Column("what it is", folds=True), "unit", Column("expression", folds=True))
+    columns = ("", Column("meaning", folds=True), "unit", Column("expression", folds=True))
     parts = [
         Part(
             tuple(
@@ -199,7 +199,7 @@ def _print_precision(
     title: str, columns: dict[str, list[str]], found: Precision, robot: Robot
 ) -> None:
     """Print figures by group, effects on torques, and imprecise parameters."""
-    what = Column("what it is", folds=True)
+    what = Column("meaning", folds=True)
     heads: tuple[str | Column, ...] = ("", what, *figures(*columns), "unit")
     parts = [
         Part(

@@ -188,8 +188,8 @@ def _refuse_foreign(run: Run, model: Model, limits: Limits) -> None:
     now_there = run.plan.digest, sessions[-1].started if sessions else ""
     if (made_from.plan_digest, made_from.measured) != now_there or made_from.together_with:
         raise Mismatch(
-            f"{run.path}: its model was made from other recordings than this run's as it is now;"
-            f" identify it anew with: hil identify {run.path}"
+            f"{run.path}: the model does not match the run's present recordings; identify the "
+            f"run anew with: hil identify {run.path}"
         )
     if limits.robot != run.robot.name:
         raise Mismatch(
@@ -214,7 +214,7 @@ def _checks(run: Run, model: Model, limits: Limits) -> Iterator[Check]:
         known = axis <= model.robot.n_joints
         unit = model.robot.torque_unit(axis - 1) if known else "N m"
         left = float(model.residual[axis - 1]) if known else None
-        yield _check(f"torque left by the fit, axis {axis}", unit, left, most)
+        yield _check(f"residual torque of the fit, axis {axis}", unit, left, most)
     titles = dict(zip(model.names, base_parameters(model.robot).titles, strict=True))
     for each in limits.quantities:
         kind: Kind = "inertia parameter" if each.axis is None else "friction level"

@@ -70,10 +70,10 @@ def diagnose(run: Run) -> Diagnosis:
     """
     if run.imported:
         raise Mismatch(
-            f"{run.path}: was imported, and a diagnosis compares measurements of one element at a"
-            " time, which only hil run makes; to test a link parameter by imported recordings, add"
-            " it to the parameters in the robot file, import and identify again, and see whether"
-            " its interval holds zero"
+            f"{run.path}: is an imported run; hil diagnose needs measurements of single "
+            "elements, made by hil run; to test a link parameter by imported recordings, add it "
+            "to the robot file, import and identify again, and check whether its interval "
+            "contains zero"
         )
     recordings = list(recorded(run))
     robot = run.robot
@@ -240,11 +240,11 @@ def load_diagnosis(folder: Run) -> DiagnosisFile | None:
 def candidates(found: DiagnosisFile) -> Table:
     """Return the table of absent parameters, strongest evidence first."""
     return table(
-        "What the robot file leaves out, ranked by evidence",
-        ("parameter", *figures("value", "std. error", "t", "p", "t beside found")),
+        "Effects missing in the robot file, ranked by evidence",
+        ("parameter", *figures("value", "std. error", "t", "p", "t, others in")),
         (_candidate(each, found) for each in found.candidates[:SHOWN]),
-        "Value over standard error, t, and the chance p of one at least as great. The last column"
-        " has t again beside those that were found: what only resembled them loses its evidence.",
+        "t: value over standard error; p: probability of such a t by chance. Last column: t with "
+        "the effects found added to the model, small for an effect that only resembled them.",
     )
 
 
@@ -266,19 +266,19 @@ def sentences(found: DiagnosisFile) -> Iterator[str]:
         yield f"Significant ({below}) is {', '.join(found.found)}: add it to the robot file."
     else:
         yield (
-            f"None is significant ({below}): the robot file leaves out nothing that these"
-            " measurements show."
+            f"None is significant ({below}): these measurements show no effect missing in the "
+            "robot file."
         )
     if found.phase is not None:
         shift = signed(f"{math.degrees(found.phase.phase().shift):.1f}")
         yield (
-            f"It moves the phase of g{found.phase.axis} over q{found.phase.over} by {shift} degrees"
-            " where that sinusoid is largest."
+            f"Phase of g{found.phase.axis} over q{found.phase.over} shifted by {shift} degrees "
+            "where that sinusoid is largest."
         )
     if names := "; ".join(f"{each.name}: {each.expression}" for each in found.needless):
         yield f"Not needed by the data: {names}."
     if found.absorbed:
-        yield f"Cannot show, whatever is measured: {', '.join(found.absorbed)}."
+        yield f"Invisible in any measurement: {', '.join(found.absorbed)}."
     if found.unmeasured:
         yield f"Not shown by these measurements: {', '.join(found.unmeasured)}."
 
@@ -308,12 +308,12 @@ def file_outcome(kept: DiagnosisFile, robot: Robot) -> Outcome:
         plot = Plot(
             "phase",
             partial(shifted_sinusoid, kept.phase.phase(), ", ".join(kept.found), robot),
-            "A gravity torque over a joint angle: sinusoids of the robot file and with what was"
-            " found, and measurements.",
-            "Where what was found shifts a gravity torque most (the paper's Fig. 7): sinusoids at"
-            " the measured configuration where the stated one is largest. Measurements at other"
-            " configurations are brought to this one by the extended model, and what is the same in"
-            " all of them is taken off.",
+            "A gravity torque over a joint angle: measurements, model of the robot file, and "
+            "model with the effects found.",
+            "Gravity torque with the largest phase shift by the effects found (the paper's Fig. "
+            "7), at the measured configuration of largest amplitude. Measurements at other "
+            "configurations are transferred to this one by the extended model; their common "
+            "offset is removed.",
         )
         plots = (plot,)
     return Outcome((candidates(kept),), sentences=tuple(sentences(kept)), plots=plots)
@@ -323,7 +323,7 @@ def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
     """Draw Fig. 7 of the paper: gravity torque with and without the `found` parameters."""
     angle = np.linspace(-np.pi, np.pi, 181)
     shown = np.degrees(angle)
-    name = found if len(found) < 40 else "what was found"  # letters that a legend has room for
+    name = found if len(found) < 40 else "effects found"  # letters that a legend has room for
     error = 2.0 * np.nan_to_num(phase.standard_error)
     return chart(
         Panel(

@@ -296,7 +296,7 @@ def _fleet(part: Path) -> Fleet:
         for name, kind, unit, axis, speed, meaning in kinds
     )
     size = 4 * 8 * len(runs["run"]) * len(found)
-    refuse_beyond(part, size, f"{len(runs['run'])} runs of {len(found)} quantities")
+    refuse_beyond(part, size, f"{len(runs['run'])} runs with {len(found)} quantities")
     # a run that was identified anew comes last and takes the place of the earlier model
     cells = _select(
         part,
@@ -321,10 +321,10 @@ def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
     machines = sorted({each.run for each in changes})
     n = sum(len(fleet.machines) for fleet in fleets.values())
     text = (
-        f"{len(machines)} of {n} machines departed: {', '.join(machines[:5])}"
+        f"{len(machines)} of {n} machines deviate: {', '.join(machines[:5])}"
         + (", ..." if len(machines) > 5 else "")
         if changes
-        else f"none of {n} machines departed significantly"
+        else f"none of {n} machines deviates significantly"
     )
     word = "changed" if changes else "unchanged"
     return Outcome(
@@ -353,9 +353,9 @@ def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Departures], rate:
             )
             for name, fleet in fleets.items()
         ),
-        f"The mean of the newest {NEWEST} runs of a machine is compared with that of its first"
-        f" {FIRST}, as its peers changed meanwhile, and with the level of its peers. A machine"
-        f" that did not change has at most {rate:g} false alarms in ten years.",
+        f"The mean of a machine's newest {NEWEST} runs is compared with that of its first "
+        f"{FIRST}, less the change of the other machines, and with the level of the other "
+        f"machines. An unchanged machine has at most {rate:g} false alarms in ten years.",
     )  # fmt: skip
 
 
@@ -369,8 +369,8 @@ def _plots(fleets: dict[str, Fleet], tested: dict[str, Departures]) -> Iterator[
             yield Plot(
                 f"departures-{name}",
                 partial(month_chart, fleet, shown),
-                "Departed quantities over time, a panel each",
-                "Departed quantities over time with 95 % intervals, and the median of the fleet.",
+                "Deviating quantities over time, one panel each",
+                "Deviating quantities over time with 95 % intervals, and the median of the fleet.",
             )
 
 

@@ -167,8 +167,8 @@ def fit_friction(
         of = Model.load(model_folder)
         if of.names != base_parameters(robot).names:
             raise Mismatch(
-                f"{model_folder}: its model is about {of.robot.name}, whose parameters are not"
-                f" those of {robot.name}; give a run of this robot"
+                f"{model_folder}: is a model of {of.robot.name}, with other parameters than "
+                f"{robot.name}; give a run of {robot.name}"
             )
         gravity = GravityModel(of.values, of.covariance)
     found, left_out = points(robot, chosen, gravity)
@@ -235,7 +235,7 @@ def load_friction(run: Run) -> FrictionFile:
     """
     path = run.path / NAME
     if not path.exists():
-        raise FileError(f"{path}: not there yet; make it with: hil friction {run.path}")
+        raise FileError(f"{path}: does not exist yet; make it with: hil friction {run.path}")
     return load_yaml(path, FrictionFile)
 
 
@@ -259,7 +259,7 @@ def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:
     found = load_friction(run)
     source = f"{run.path}/{NAME}"
     if found.robot_digest != robot.digest:
-        raise Mismatch(f"{source}: is about {found.robot}, not about this {robot.name}")
+        raise Mismatch(f"{source}: is a result of {found.robot}, not of this {robot.name}")
     tested = {record.axis: record.symmetry for record in found.axes if record.symmetry}
     failed = [(axis, test) for axis, test in tested.items() if not test.passed]
     if failed:
@@ -268,9 +268,9 @@ def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:
             for axis, test in failed
         )
         raise AsymmetricFriction(
-            f"{source}: friction differs by direction by more than {100 * failed[0][1].bound:g} %:"
-            f" {asymmetries}; look for a current sensor's offset or a worn gear, or go on without"
-            " the gate"
+            f"{source}: friction differs by direction by more than {100 * failed[0][1].bound:g} "
+            f"%: {asymmetries}; look for a current sensor's offset or a worn gear, or continue "
+            "without this check"
         )
     if not tested:
         raise AsymmetricFriction(
@@ -303,9 +303,9 @@ def models(result: FrictionResult) -> Table:
             Column("parameters with std. errors", folds=True),
         ),
         (Part(tuple(_models(fit))) for fit in result.axes),
-        "Linear is eq. (1), cube-root eq. (2), arctan eq. (3). Root of the mean quadratic"
-        " error, of the fit and at speeds held out of it. Chosen is the simplest model that"
-        " none beats by more than chance at speeds held out.",
+        "Linear: eq. (1); cube-root: eq. (2); arctan: eq. (3). Root mean square errors of the "
+        "fit and at held-out speeds. The simplest model is chosen unless another is "
+        "significantly better at held-out speeds.",
         tuple(
             f"axis {fit.axis + 1}, {kind}: {word}"
             for fit in result.axes

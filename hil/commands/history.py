@@ -179,21 +179,19 @@ def history_of(
     factors: list[Rescaled] = []
     common: dict[tuple[str, str], float] = {}
     if len(runs) == 1:
-        notes.append("one run alone: there is nothing to compare it with; give more runs")
+        notes.append("one run alone cannot be compared; give two or more")
     if not dated:
-        notes.append(
-            "not every run states when it was measured, so their order is that of the arguments"
-        )
+        notes.append("some runs have no time of measurement: the order of the arguments is used")
     if len(methods := sorted({run.model.method for run in runs})) > 1:
         notes.append(
-            f"identified by different methods ({', '.join(methods)}), whose own errors may show as"
-            " changes; identify all with the same one: hil identify RUN --method"
-            f" {runs[0].model.method!r}"
+            f"runs identified by different methods ({', '.join(methods)}): differences between "
+            "methods may appear as changes; identify all runs by one method: hil identify RUN "
+            f"--method {runs[0].model.method!r}"
         )
     if not all(run.model.friction_law.known for run in runs):
         notes.append(
-            "models of earlier versions, and of few measurements, know no friction; identify these"
-            " runs anew to compare it, or measure them more often"
+            "some models hold no friction (earlier version, or few measurements); to compare "
+            "friction, identify these runs anew, or measure more"
         )
     for k, run in enumerate(runs):
         # the reference and the run before
@@ -217,8 +215,8 @@ def history_of(
         last = others[-1] if others else run
         drives = zip(run.model.provenance.drives, last.model.provenance.drives, strict=False)
         notes += [
-            f"{run.label}: the drive of axis {axis} is another one than in {last.label}: {its},"
-            f" before {then}"
+            f"{run.label}: the drive of axis {axis} differs from that in {last.label}: {its}, "
+            f"before {then}"
             for axis, (its, then) in enumerate(drives, start=1)
             if its != then
         ]
@@ -248,10 +246,12 @@ def compare_causes(
     """
     before = before.parent if before.is_file() else before
     if not (before / "run.json").exists():
-        return (f"recordings show what changed beside earlier ones, and {before} holds none",)
+        return (f"causes of a change need recordings of both runs, and {before} holds none",)
     earlier = Run.open(before)
     if different := _difference(earlier.robot, after[0].robot):
-        return (f"causes of a change stay open: {before} has another robot file, in {different}",)
+        return (
+            f"causes of a change are not tested: the robot file of {before} differs in {different}",
+        )
     if any(same_recordings(earlier, each) for each in after):
         return ()
     proof = changed(earlier.robot, Pooled([earlier]), Pooled(after), known)
@@ -301,8 +301,8 @@ def outcome(found: History) -> Outcome:
         plots=tuple(_plots(found)),
         title=f"{found.robot.name}: condition over time",
         simulated=any(run.model.provenance.any_simulated for run in found.runs),
-        note="Anything of a run of an unchanged machine is marked with a probability of"
-        f" {SIGNIFICANT:.0%} at most.",
+        note="A run of an unchanged machine has a marked quantity with a probability of at most "
+        f"{SIGNIFICANT:.0%}.",
     )
 
 
@@ -384,10 +384,10 @@ def runs_table(found: History) -> Table:
             Column("named first", folds=True),
         ),
         (_run(found, run) for run in found.runs),
-        f"Each run is compared with {found.reference} and with the one before. Of an unchanged"
-        f" machine anything is marked in at most {SIGNIFICANT:.0%} of the runs. Friction: what"
-        f" that of all axes differs by together from {found.reference}, which is put down to"
-        " the temperature of the machine.",
+        f"Each run is compared with {found.reference} and with the previous run. At most "
+        f"{SIGNIFICANT:.0%} of the runs of an unchanged machine have a marked quantity. "
+        f"Friction: common change of all axes since {found.reference}, attributed to the "
+        "machine's temperature.",
         found.notes,
     )
 
@@ -429,8 +429,8 @@ def condition(found: History) -> Table:
             )
             for quantity, old, new in each
         ),
-        "Values with intervals of 95 %, of errors that are the run's own; what all runs share"
-        " (torque constants, rotor inertias) does not count. Friction is the level at no load.",
+        "Values with 95 % intervals from the errors of the single run; errors common to all runs "
+        "(torque constants, rotor inertias) are not included. Friction: level at no load.",
     )
 
 
@@ -440,7 +440,9 @@ def _cells(read: Reading | None) -> tuple[str, str]:
     return uncertain(read.value, read.half_width)
 
 
-_CAPTION = "Values with intervals of 95 %, thin lines with what temperature may add to friction."
+_CAPTION = (
+    "Values with 95 % intervals; thin lines include the possible effect of temperature on friction."
+)
 
 
 def _plots(found: History) -> Iterator[Plot]:
@@ -455,7 +457,7 @@ def _plots(found: History) -> Iterator[Plot]:
             yield Plot(
                 kind.replace(" ", "-"),
                 partial(time_chart, found, places),
-                f"{name} over time, a panel each",
+                f"{name} over time, one panel each",
                 f"{name} over time. {_CAPTION}",
             )
 

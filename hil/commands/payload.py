@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 PAGE = "payload.html"
 OF_MAPS = (
-    "Gains are over those that the map states, 1 where these are right; one that the map leaves"
-    " unknown is N m or N for one unit of the signal."
+    "Gains are relative to those of the map: 1 where the map is right. Gains unknown in the map "
+    "are in N m or N per unit of the signal."
 )
 
 
@@ -55,10 +55,10 @@ def changes(load: LoadFile) -> Table:
             Column("of the load", folds=True, symbols=True),
         ),
         map(_change, load.changes),
-        "Base parameters without (A) and with the load (B), in"
-        f" {' and '.join(filter(None, (', '.join(units[:-1]), *units[-1:])))}."
-        " Expected is what the load below changes by the expressions of the base parameters; z"
-        " is how far the change found is off it, in standard errors.",
+        "Base parameters without (A) and with the load (B), in "
+        f"{' and '.join(filter(None, (', '.join(units[:-1]), *units[-1:])))}. Expected: change "
+        "by the load below, from the expressions of the base parameters; z: change found less "
+        "expected, in standard errors.",
     )
 
 
@@ -78,7 +78,7 @@ def torque_constants(load: LoadFile) -> Table:
         (
             "axis",
             *figures(*(f"{head}{unit_of}" for head in ("assumed", "corrected", "std. error"))),
-            *figures("off by, %", "std. error, %"),
+            *figures("deviation, %", "std. error, %"),
         ),
         map(_gain, load.gains),
         f"{stated} {OF_MAPS}" if load.imported else stated,
@@ -101,8 +101,8 @@ def goodness_of_fit(load: LoadFile) -> str:
     if not load.degrees_of_freedom:
         return ""
     return (
-        f"A rigid load leaves χ² = {load.chi_squared:.1f} of the differences with"
-        f" {load.degrees_of_freedom} degrees of freedom (p = {p:.2g})"
+        f"Fit of a rigid load to the differences: χ² = {load.chi_squared:.1f} with "
+        f"{load.degrees_of_freedom} degrees of freedom (p = {p:.2g})"
         + ("." if p > LOOSE else f": something else changed between the runs{_or_gains(load)}.")
     )
 
@@ -111,22 +111,21 @@ def _or_gains(load: LoadFile) -> str:
     """Name wrong gains of a map as a further cause of changes; empty for other runs."""
     if not load.imported or load.gains:
         return ""
-    return ", or the gains are wrong, which --mass and --gains find"
+    return ", or the gains are wrong (find them with --mass and --gains)"
 
 
 def not_shown(load: LoadFile) -> str:
     """State the parameters of the load that the runs do not show; empty if none."""
     said = []
     if load.unseen:
-        remedy = "add what it has to that link" if load.imported else "hil diagnose tests them"
+        remedy = "add these parameters to that link" if load.imported else "hil diagnose tests them"
         said.append(
-            f"Not observed are {', '.join(load.unseen)} of the load, absent from the last link in"
-            f" the robot file and taken as zero; {remedy}."
+            f"Not observed: {', '.join(load.unseen)} of the load, absent from the last link in "
+            f"the robot file and taken as zero; {remedy}."
         )
     if load.unidentifiable:
         said.append(
-            f"Not identifiable are {', '.join(load.unidentifiable)} of the load: no torque of these"
-            " recordings shows them."
+            f"Not identifiable from these recordings: {', '.join(load.unidentifiable)} of the load."
         )
     return " ".join(said)
 
@@ -166,7 +165,7 @@ def file_outcome(kept: LoadFile, robot: Robot) -> Outcome:
         Plot(
             f"load-{kind.name}",
             partial(load_chart, kept.elements_without, kept.elements_loaded, kind, robot),
-            f"{elements} without and with load over configuration number, one panel an axis.",
+            f"{elements} without and with load over configuration number, one panel per axis.",
             f"{elements} without and with load, measured and modelled ({kind.figure}).",
         )
         for kind, elements in ((kind, kind.elements.capitalize()) for kind in kinds)

@@ -57,8 +57,8 @@ def played(model: Model, runs: Sequence[Run], words: str = "") -> Played:
         lambda: torque_chart(chosen, model.robot),
         "Measured and predicted torque of every axis over time with its interval of 95 %, and"
         " their difference below.",
-        f"Measured and predicted torque, after the low-pass; below it the residual. {words}Each"
-        " axis in a recording with large torques.",
+        f"Measured and predicted torque, low-passed; below, the residual. {words}Each axis in a "
+        "recording with large torques.",
     )
     robot = model.robot
     picture = arm(robot, first_pose(robot, shown[0].recording))

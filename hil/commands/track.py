@@ -173,15 +173,15 @@ def trajectories(run: Run) -> list[tuple[Trajectory, Recording]]:
 def errors(found: Tracking) -> Table:
     """Return the table of following errors."""
     return table(
-        "Following errors, by what is fed forward",
+        "Following errors by kind of feed-forward",
         ("axis", *figures(*PASSES, "factor"), "unit"),
         (
             Part(tuple(_row(axis, getattr(axis, size)) for axis in found.axes), size)
             for size in ("rms", "peak")
         ),
-        "What was planned less what was measured while the trajectory was in motion, with"
-        " neither velocity nor torque fed forward, with velocity, and with both; factor by"
-        " which torque makes the error of velocity alone smaller.",
+        "Planned less measured position during motion: without feed-forward (neither), with "
+        "velocity, and with velocity and torque (both). Factor: error with velocity over error "
+        "with both.",
         notes(found),
     )
 
@@ -192,8 +192,8 @@ def notes(found: Tracking, wrong: float = 0.25) -> tuple[str, ...]:
     The stated delay may differ from the estimated delay by `wrong` SYNC periods.
     """
     lines = [
-        f"median over the axes: velocity makes errors {found.gain('neither', 'velocity'):.3g} times"
-        f" smaller, torque beside it {found.gain('velocity', 'both'):.3g} times more"
+        f"median over the axes: errors {found.gain('neither', 'velocity'):.3g} times smaller "
+        f"with velocity, a further {found.gain('velocity', 'both'):.3g} times with torque"
     ]
     if abs(found.shown_delay - found.delay) > wrong:
         lines.append(
@@ -203,8 +203,8 @@ def notes(found: Tracking, wrong: float = 0.25) -> tuple[str, ...]:
     worse = [axis.axis for axis in found.axes if axis.rms["velocity"] > axis.rms["neither"]]
     if worse:
         lines.append(
-            f"axis {', '.join(map(str, worse))}: velocity makes the errors larger; the drive feeds"
-            " its demand's velocity forward by itself: set that to zero with the maker's tool"
+            f"axis {', '.join(map(str, worse))}: velocity makes the errors larger: the drive has a "
+            "velocity feed-forward of its own; set that to zero with the maker's tool"
         )
     return tuple(lines)
 
@@ -231,9 +231,10 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
     plot = Plot(
         "errors",
         partial(error_chart, runs, delay),
-        "Following error of every axis over time with neither, velocity and both fed forward.",
-        "Following errors over the first period of the first trajectory, by what is fed forward;"
-        " below, the smaller ones by themselves.",
+        "Following error of every axis over time: without feed-forward, with velocity, and with "
+        "velocity and torque.",
+        "Following errors over the first period of the first trajectory, by kind of "
+        "feed-forward; below, the smaller errors enlarged.",
     )
     run, words = runs[PASSES[0]], "Velocity and torque were fed forward. "
     return Outcome(

@@ -78,7 +78,10 @@ def remarks(model: Model, run: Run) -> tuple[str, ...]:
     """Return remarks that restrict a validation: a plan used for the model too."""
     if model.provenance.plan_digest != run.plan.digest:
         return ()
-    return ("the model was made from this very plan: record another motion to judge it",)
+    return (
+        "the model was identified with this plan: record another motion for a test on "
+        "held-out data",
+    )
 
 
 def write_validation(run: Run, model: Model, model_path: Path, found: Validation) -> Path:
@@ -113,11 +116,11 @@ def scores(found: Validation, notes: tuple[str, ...] = ()) -> Table:
     if fitted:
         heads += ["friction fitted, %", "inside, %"]
         explained = (
-            " All with the friction that the model states, but the gain and the last two columns:"
-            " ratio and share inside with friction fitted in this recording."
+            " The last two columns repeat ratio and share inside with friction fitted to this "
+            "recording; the gain too is found so."
         )
     return table(
-        "Torques predicted of this recording",
+        "Predicted torques of this recording",
         ("axis", *figures(*heads)),
         (
             (
@@ -132,9 +135,9 @@ def scores(found: Validation, notes: tuple[str, ...] = ()) -> Table:
             )
             for each in found.axes
         ),
-        "Root mean squares of torque and residual, and their ratio; the same ratio where the"
-        " axis's mean torque is the prediction; share of samples inside the predicted intervals"
-        " of 95 %; factor of what the model states that would fit best." + explained,
+        "Root mean squares of torque and residual, and their ratio; mean: the same ratio for a "
+        "constant prediction, the axis's mean torque; share of samples inside the predicted 95 % "
+        "intervals; gain: best-fitting factor of the predicted torque." + explained,
         notes,
     )
 

@@ -87,12 +87,11 @@ def watched(found: Watched) -> Table:
             *figures("still, %", "blind, %", "dim, %"),
         ),
         map(_row, found.axes),
-        "Thresholds of means over windows that end 20 ms and 0.1 s after a push began, medians"
-        " over the time in motion; a dash where an axis has moved too little. Still is the"
-        " share of all the time in which the axis stood, and showed only what exceeds its"
-        " friction. Blind is the share, around reversals and at rest, in which a tenth of the"
-        " torque limit would not be seen within 20 ms, dim that in which a twentieth would not"
-        " be seen within 0.1 s.",
+        "Smallest external torques detected 20 ms and 0.1 s after their start, medians over the "
+        "time in motion; a dash: too little motion. Still: share of time at rest, where only "
+        "torques above friction are detected. Blind: share of time, around reversals and at "
+        "rest, in which a tenth of the torque limit is not detected within 20 ms; dim: a "
+        "twentieth within 0.1 s.",
         (f"thresholds learned from {clock(found.learned)} of motion", *hardly_watched(found)),
     )
 
@@ -120,8 +119,8 @@ def alarms(found: Watched, most: int = 20) -> Table:
             )
             for each in found.alarms[:most]
         ),
-        "When an alarm began, the mean torque from outside that showed it and the threshold of"
-        " its window; largest torque until it was over.",
+        "Start of the alarm, external torque seen (mean over the window) and its threshold; "
+        "peak: largest external torque during the alarm.",
         (f"{left} more alarms in the file",) if left > 0 else (),
     )
 

@@ -91,15 +91,16 @@ TAKEN = {
     "u": "v over the axis's speed, with |v| clipped to its speeds where these are not null",
     "sgn(v)": f"0 where |v| is below {STILL} of the axis's speed",
     "beyond its speeds": "slope_beyond (|v| - clipped |v|) sgn(v) is added",
-    "presliding": "after a reversal sgn(v) turns round over the axis's presliding_distance x as"
-    " dz/dq = (1 - z sgn(v)) / x; 0: at once. The sum of the directed terms and of slope_beyond is"
-    " then clipped to its size at |v| in a constant direction",
+    "presliding": "after a reversal z replaces sgn(v), with dz/dq = (1 - z sgn(v)) / x over the "
+    "axis's presliding_distance x; x = 0: at once. The sum of the directed terms "
+    "and of slope_beyond is then clipped to its size at |v| in a constant direction",
     "directed": ", ".join(DIRECTED),
 }
 """Rules for evaluating the formulas."""
 WARMTH = {
-    "level": "the directed terms, all that change their sign with v, times 1 + slope (clip(w, seen)"
-    " - reference); w is the warmth, from 0 cold to 1 warm, and reference that of the terms",
+    "level": "the directed terms, all that change their sign with v, times 1 + slope (clip(w, "
+    "seen) - reference); w is the warmth, from 0 cold to 1 warm, reference the warmth "
+    "at which the terms hold",
     "state": f"dw/dt = (1 - w) x / ({REFERENCE} warming) - w / cooling, with x = |v| over the"
     " velocity limit; w = 0 for a rested axis",
     "directed": list(DIRECTED),
@@ -187,11 +188,11 @@ def _plain(simple: SimpleFriction) -> dict[str, object]:
 
 NOTES = (
     "joint side, SI: N m, N m s/rad, kg m2; for prismatic joints N, N s/m, kg",
-    "joints are named joint1 and on: rename them after your URDF, in the same order",
-    "torque to command = rigid bodies + armature * acceleration + friction below; armature is the"
-    " rotor inertia that the robot file states, one that was identified counts with the bodies",
-    "static friction and the Stribeck velocity replace coulomb and viscous where your controller"
-    " knows Stribeck's curve; do not add both",
+    "joints are named joint1, joint2, ...: rename them after your URDF, in the same order",
+    "torque to command = rigid bodies + armature * acceleration + friction below; armature is "
+    "the rotor inertia of the robot file; an identified rotor inertia is part of the rigid bodies",
+    "static friction and the Stribeck velocity replace coulomb and viscous in a controller with "
+    "a Stribeck curve; do not add both",
     "over-compensated Coulomb friction makes a joint creep or oscillate: begin with half of it, and"
     " blend it in over a velocity a few times the noise of your velocity signal",
     "an effort interface takes these torques; with a current interface divide by torque_constant"

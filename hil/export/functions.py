@@ -64,7 +64,7 @@ ARGUMENTS = {
     "load": "torques of the rigid bodies",
     "warmth": "warmth of the gears",
     "tau": "torques of the drives",
-    "before": "positions of the call before",
+    "before": "positions of the previous call",
     "turned": "directions of friction",
     "later": "directions of friction over a longer distance",
     "sooner": "directions of friction over a shorter distance",
@@ -80,7 +80,7 @@ def functions(model: Model) -> tuple[Function, ...]:
     """Return the functions with all required model parts identified."""
     has_friction = len(model.axes_without_friction) < model.robot.n_joints
     lack = ", ".join(map(str, model.axes_without_friction))
-    known = f", which is unknown and left out of axis {lack}" if lack else ""
+    known = f"(unknown and left out for axis {lack})" if lack else ""
     parts = f"rigid bodies, motors{f' and friction{known}' if has_friction else '; no friction'}"
     found = [
         _made(model, "gravity", "Gravity torques g(q), with springs where there are any.", "q"),
@@ -91,7 +91,7 @@ def functions(model: Model) -> tuple[Function, ...]:
         ),
     ]  # fmt: skip
     if has_friction:
-        purpose = f"Torques of friction{known}; at rest their offset alone."
+        purpose = f"Torques of friction{known}; at rest only the offset."
         found.append(_made(model, "friction", purpose, "q", "qd", "load"))
     if has_friction and any(known_warmth(model)):
         purpose = "Torques of friction at a warmth of the gears from 0 cold to 1 warm."

@@ -326,12 +326,12 @@ _SOFTMOTION = (
     " (namespace SMDYN, 4.13 to 4.18) with its method AxesStateToTorque and the structure"
     " DynamicsParams; AXISPOS_REF of SM3_Transformation (a0 to a5); torques in N m or N at the"
     " gearbox output (SMC_ChangeDynamicLimits).",
-    "NOT VERIFIED: names, types and order of the method's arguments, which the pages found did not"
-    " show. Let CODESYS declare the method (context menu of the block: Implement interfaces), and"
-    " take over the lines below with the names that it declares.",
-    "Gravity and load are those of the run that was identified: params is not read.",
-    "SoftMotion asks for states in any order, so friction reverses at once here. Along a motion,"
-    " call {name}_dynamics in each cycle.",
+    "NOT VERIFIED: names, types and order of the method's arguments, not given in that "
+    "documentation. Let CODESYS declare the method (context menu of the block: Implement "
+    "interfaces), and take over the lines below with the names that it declares.",
+    "Gravity and load are those of the identified run: params is ignored.",
+    "SoftMotion requests states in any order, so friction reverses here without presliding. "
+    "Along a motion, call {name}_dynamics in each cycle.",
 )
 
 

@@ -138,12 +138,12 @@ def _motors(root: ET.Element, robot: SimulatedRobot) -> None:
 def _left_out(model: Model, robot: SimulatedRobot) -> Iterator[str]:
     if any(joint.friction is not None for joint in robot.joints):
         yield (
-            f"mj_inverse reverses the friction of a joint that brakes with a [rad/s2 or m/s2] below"
-            f" {number(STEP)} a [rad/s or m/s]; with another timestep set each solreffriction to"
-            f" {number(-IMPEDANCE)} over it"
+            "in mj_inverse friction changes sign too early while a joint brakes with "
+            f"acceleration a [rad/s2 or m/s2]: at {number(STEP)} a [rad/s or m/s]; for another "
+            f"timestep set each solreffriction to {number(-IMPEDANCE)} / timestep"
         )
     springs = [name for name in model.robot.added_parameters if name.startswith(("kc", "ks"))]
     if springs:
         yield f"counterbalances {', '.join(springs)} are left out: MJCF has linear springs"
     if any(joint.stiffness for joint in robot.joints):
-        yield "springs are taken for slack at q = 0"
+        yield "springs are assumed slack at q = 0"

@@ -296,8 +296,8 @@ class _Mjcf:
         self._text, self._model = self.chain.text, self.chain.model
         if self._text.uses_geom_inertias:
             raise Mismatch(
-                f'{path}: inertiafromgeom="true" of the compiler: inertials would not count; set it'
-                ' to "auto"'
+                f'{path}: inertiafromgeom="true" of the compiler: inertials would be ignored; '
+                'set it to "auto"'
             )
         for one, other in pairwise(self.chain.bodies):
             if one == other:
@@ -429,7 +429,7 @@ def _chain_of(path: Path, robot: Robot) -> MjcfChain:
     """Find the chain of a robot in an MJCF."""
     from hil.model.readers.mjcf import read_chains  # noqa: PLC0415 - MuJoCo is an extra
 
-    why = "it has fewer joints in a row"
+    why = "the longest chain has fewer joints"
     for chain in read_chains(path, robot.n_joints):
         why = difference(chain, robot)
         if not why:

@@ -57,8 +57,9 @@ def write_ranges(model: Model, origin: tuple[str, ...], given: Given | None = No
     remarks = friction_remarks(model, offsets='in the file as "offset"')
     if unbounded:
         remarks += (
-            f"{unbounded} of {SAMPLES} samples have no bodies of {1 / HEAVIER:.2g} to {HEAVIER:g}"
-            " times the model's masses: theirs are those usual for such links",
+            f"{unbounded} of {SAMPLES} samples have no physically consistent links with "
+            f"{1 / HEAVIER:.2g} to {HEAVIER:g} times the model's masses: usual masses of such "
+            "links are used",
         )
     content = {
         "origin": [*origin, *remarks],

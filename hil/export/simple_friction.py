@@ -158,8 +158,8 @@ def friction_remarks(model: Model, offsets: str = "") -> tuple[str, ...]:
         found = [*misfits(model, simple), *_offsets(model, simple, offsets)]
     except NotEnoughData:
         return (
-            "no friction is stated, since the model has no law of it: identify a run anew that"
-            " moves all axes (hil identify)",
+            "no friction is stated, because the model has no friction law: identify a run that "
+            "moves all axes (hil identify)",
         )
     return (*found, *presliding_left_out(model))
 
@@ -173,11 +173,11 @@ def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -
     return [
         *((f"FRICTION UNKNOWN: {lack}",) if lack and not state else ()),
         *(
-            f"axis {each.axis + 1}{state}: Coulomb {significant(each.coulomb, 3)} and viscous"
-            f" {significant(each.viscous, 3)} {model.robot.torque_unit(each.axis)}"
-            f" s/{model.robot.position_unit(each.axis)} miss the law by"
-            f" {significant(each.misfit, 2)} {model.robot.torque_unit(each.axis)} rms"
-            f" ({percent(each.misfit, each.size)} % of it){_load_remark(model, each.axis)}"
+            f"axis {each.axis + 1}{state}: Coulomb {significant(each.coulomb, 3)} and viscous "
+            f"{significant(each.viscous, 3)} {model.robot.torque_unit(each.axis)} "
+            f"s/{model.robot.position_unit(each.axis)} differ from the law by "
+            f"{significant(each.misfit, 2)} {model.robot.torque_unit(each.axis)} rms "
+            f"({percent(each.misfit, each.size)} % of friction){_load_remark(model, each.axis)}"
             for each in simple
         ),
     ]
@@ -211,4 +211,4 @@ def _load_remark(model: Model, axis: int) -> str:
     if law is None or "load" not in law.terms:
         return ""
     share = significant(law.terms["load"].value, 2)
-    return f"; friction of the load, {share} of its size, is left out"
+    return f"; load-dependent friction, {share} of the load, is left out"

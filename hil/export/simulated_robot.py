@@ -120,7 +120,9 @@ def simulated_robot(model: Model, chain: UrdfChain | None = None) -> SimulatedRo
     """
     robot, consistent = model.robot, model.consistent
     if consistent is None:
-        raise ValueError("the model has no bodies; find them by find_consistent_robot first")
+        raise ValueError(
+            "the model has no physically consistent links; run find_consistent_robot first"
+        )
     friction = friction_of_joints(model)
     added = np.array([consistent.added[name] for name in robot.added_parameters])
     rotors = np.diag(robot.reflected_inertia) + np.tensordot(added, added_inertias(robot), 1)

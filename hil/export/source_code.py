@@ -104,7 +104,7 @@ def description(
         *(f"{each.name}({', '.join(each.arguments)}): {each.purpose}" for each in functions),
         *missing(model, functions),
         "",
-        "Base parameters, which the numbers below were made from:",
+        "Base parameters used for the numbers below:",
         *_parameters(model),
     ]
     return tuple(lines)
@@ -116,13 +116,13 @@ def missing(model: Model, functions: Sequence[Function]) -> tuple[str, ...]:
     said = []
     if "friction" not in there:
         said.append(
-            "No friction: the model has no law of it for all axes; identify the run anew with: hil"
-            " identify"
+            "No friction: the model lacks a friction law for some axis; identify the run anew "
+            "with: hil identify"
         )
     else:
         if lack := lacking(model):
             said.append(f"FRICTION UNKNOWN: {lack}")
-        but = " of all but dynamics" if "dynamics" in there else ""
+        but = " of all functions except dynamics" if "dynamics" in there else ""
         said += presliding_left_out(model, but)
     if "current" not in there:
         said.append(

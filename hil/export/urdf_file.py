@@ -70,7 +70,7 @@ def given_urdf(path: Path | str, robot: Robot) -> Given:
         No chain has the frames of the robot.
     """
     reader = UrdfReader(path := Path(path))
-    whys = ["it has fewer joints that move in a row"]
+    whys = ["the longest chain has fewer moving joints"]
     chains = _chains(reader, robot.n_joints)
     for chain in sorted(chains, key=lambda each: np.array_equal(each.revolute, robot.revolute)):
         found = difference(chain, robot)
@@ -127,8 +127,8 @@ def inertial_faults(given: Given, robot: Robot) -> Iterator[str]:
             yield _fault(
                 given.reader,
                 joint.link,
-                f"{also}: mass and inertia spread the mass by {far:.3g} m root mean square, of"
-                f" {radius:.3g} m at most; state kg and kg m2, not g mm2, and <origin> in m",
+                f"{also}: mass and inertia give a radius of gyration of {far:.3g} m, at most "
+                f"{radius:.3g} m allowed; state kg and kg m2, not g mm2, and <origin> in m",
             )
         elif mass > MOST_MASS:
             yield _fault(
@@ -297,14 +297,14 @@ def _update(robot: SimulatedRobot, given: Given) -> tuple[ET.Element, list[str]]
         of_name[joint.link].insert(0, _inertial(joint))
         _set_dynamics(joints[joint.name], joint)
         if attached[1:]:
-            remarks.append(f"the body of {joint.link} is that of {', '.join(attached[1:])} too")
+            remarks.append(f"the inertial of {joint.link} includes {', '.join(attached[1:])}")
         below = (edge.element for name in attached for edge in given.reader.below.get(name, ()))
         others = [str(e.get("name")) for e in below if e.get("type") != "fixed"]
         others = [name for name in others if name not in chain]
         if others:
             remarks.append(
-                f"what joints {', '.join(others)} carry keeps its inertials; remove those if it was"
-                f" mounted while the robot moved, since it counts in {joint.link} then"
+                f"links of joints {', '.join(others)} keep their inertials; remove these if the "
+                f"links were mounted during measurement: {joint.link} includes them then"
             )
     return root, remarks
 
@@ -349,14 +349,16 @@ def urdf_remarks(model: Model, robot: SimulatedRobot) -> Iterator[str]:
     if robot.rotors.any():
         each = ", ".join(f"{joint.name} {joint.armature:.6g}" for joint in robot.joints)
         yield (
-            "a URDF has no rotor inertia: give it to the simulator as armature, on the joint side"
-            f" [kg m2 or kg]: {each}"
+            "a URDF has no rotor inertia: set it in the simulator as armature, on the joint side "
+            f"[kg m2 or kg]: {each}"
         )
     if robot.coupled:
         yield f"motors turn with two joints; their inertia: {robot.rotors.tolist()}"
     size = float(np.linalg.norm(robot.gravity))
     if abs(size - 9.81) >= 1e-9:
-        yield f"identified with gravity of {number(size)} m/s2: state the same in the simulator"
+        yield (
+            f"identified with gravity of {number(size)} m/s2: set the same gravity in the simulator"
+        )
     springs = [name for name in model.robot.added_parameters if name.startswith("k")]
     if springs:
         yield f"a URDF has no springs: {', '.join(springs)} are left out"
@@ -367,4 +369,4 @@ def _missing_limits(robot: SimulatedRobot) -> Iterator[str]:
     unknown = [joint.name for joint in robot.joints if np.isnan(joint.effort + joint.velocity)]
     if unknown:
         names = ", ".join(unknown)
-        yield f"effort or velocity of {names} is unknown; {UNLIMITED:g} stands in its place"
+        yield f"effort or velocity of {names} is unknown; {UNLIMITED:g} is written instead"

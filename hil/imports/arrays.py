@@ -37,7 +37,7 @@ _OF_MAPS = {
     " of its file": ", counted from 1",
     "name the column of its torque": "pass its torque",
     "name another column, or record it": "pass another column",
-    "write kind: free": "leave alone out",
+    "write kind: free": "omit alone=",
     "are unit, per_unit and position_side right?": "are they in SI, on the joint side?",
     "are unit, gain and torque_side right?": "are they in SI, on the joint side?",
 }
@@ -206,7 +206,7 @@ def _columns(name: str, values: ArrayLike, n_samples: int, n_joints: int) -> Arr
         found = found[:, None]
     if found.shape != (n_samples, n_joints):
         raise InvalidArray(
-            f"{name} has shape {found.shape}; it must be ({n_samples}, {n_joints}): a row a time"
-            " stamp, a column a joint"
+            f"{name} has shape {found.shape}; it must be ({n_samples}, {n_joints}): one row per "
+            "time stamp, one column per joint"
         )
     return found

@@ -61,10 +61,10 @@ def clock_suspicions(
         yield Suspicion(
             "velocity",
             ("time",),
-            f"samples come at {1 / period:.5g} Hz by the map, but recorded velocities of"
-            f" {'joint' if len(ratio) == 1 else 'joints'} {joints} are {common:.4g} times the"
-            f" derivatives of the positions: at {common / period:.5g} Hz all of them fit; correct"
-            " the rate or the unit of time, or the velocities' common unit",
+            f"the map states {1 / period:.5g} Hz, but recorded velocities of "
+            f"{'joint' if len(ratio) == 1 else 'joints'} {joints} are {common:.4g} times the "
+            f"derivatives of the positions: at {common / period:.5g} Hz all of them fit; correct "
+            "the rate or the unit of time, or the velocities' common unit",
             certain=len(ratio) > 1 and abs(np.log(common)) > np.log(OTHER),
         )
     elif explained or abs(np.log(common)) > np.log(OTHER) or shown.sum() < 2:
@@ -74,10 +74,10 @@ def clock_suspicions(
         yield Suspicion(
             "velocity",
             ("time",),
-            "samples are not even in time: by the recorded velocities of joints"
-            f" {joints} a tenth of the rows come {1e3 * low * period:.2g} ms or less after the row"
-            f" before, a tenth {1e3 * high * period:.2g} ms or more, {1e3 * period:.3g} ms on"
-            " average; record a time stamp with each row, and name its column in place of the rate",
+            f"samples are not equidistant: by the recorded velocities of joints {joints}, a "
+            f"tenth of the sampling periods are below {1e3 * low * period:.2g} ms, a tenth above "
+            f"{1e3 * high * period:.2g} ms, mean {1e3 * period:.3g} ms; record a time stamp with "
+            "each row, and name its column in place of the rate",
             certain=False,
         )
 

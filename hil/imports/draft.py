@@ -101,7 +101,8 @@ def draft_map(path: Path, name: str) -> str:
         [
             comment(f"Map of {name}, drafted from its first {looked_at} rows."),
             *(comment(f"{note.capitalize()}.") for note in table.notes),
-            f"# What only you know is marked {UNSTATED}: replace each mark and its text.",
+            f"# Values that the file does not state are marked {UNSTATED}: replace each mark and "
+            "its text.",
             "# Columns and what they hold:",
             *(f"#   {one_line(described(column), 400)}" for column in columns),
             *_left_out_lines(others),
@@ -184,11 +185,13 @@ def _segment_lines(time: Sequence[SeenColumn], looked_at: int) -> Iterator[str]:
         return
     if looked_at >= LOOKED_AT:
         rows = ", ".join(str(begin + 1) for begin in time[0].begins[:5])
-        yield f"rows: {UNSTATED} segments, such as [[1, 500], ...]; stamps begin anew in row {rows}"
+        yield (
+            f"rows: {UNSTATED} segments, such as [[1, 500], ...]; time stamps restart in row {rows}"
+        )
         return
     edges = [0, *time[0].begins, looked_at]
     segments = ", ".join(f"[{first + 1}, {last}]" for first, last in pairwise(edges))
-    yield f"rows: [{segments}] # stamps begin anew with each"
+    yield f"rows: [{segments}] # time stamps restart with each"
 
 
 def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
@@ -249,12 +252,12 @@ def _not_placed(
     for column in columns:
         if column.number not in placed:
             found.setdefault(_meaning(column)[0], []).append(column.name or str(column.number))
-    if_one = "if one is what was measured of a joint, name it there as column"
+    if_one = "name a measured signal of a joint above, as column"
     return {
         ", ".join(names): {
-            "": f"nothing known by the name; {if_one} of its position, velocity or torque",
-            _OTHER: f"a set point, or a time, by the name; {if_one}",
-        }.get(kind, f"a {kind} by the name, and no position has its numbers; {if_one}")
+            "": f"meaning of the name unknown; {if_one} of its position, velocity or torque",
+            _OTHER: f"set point or time, by the name; {if_one}",
+        }.get(kind, f"{kind} by the name, without a position of equal number; {if_one}")
         for kind, names in found.items()
     }
 
@@ -301,7 +304,7 @@ def _joint(joint: dict[str, SeenColumn], *, from_ros: bool) -> Iterator[str]:
 def _unit(key: str, column: SeenColumn | None, *, from_ros: bool) -> str:
     if from_ros:
         turning = {"position": "rad", "velocity": "rad/s", "torque": "N m"}[key]
-        return f"{turning} # as ROS has it for joints that turn"
+        return f"{turning} # ROS unit of revolute joints"
     return mark_unstated(f"{_UNITS[key]}{_guess(key, column)}")
 
 
@@ -313,7 +316,7 @@ def _guess(key: str, column: SeenColumn | None) -> str:
     if match := _UNIT_IN_NAME.search(column.name):
         return f"; up to {most:.4g}, and its name says {one_line(match[1] or match[2], 40)}"
     if key != "position":
-        guessed = "" if _meaning(column)[0] else ", guessed since it is numbered like the positions"
+        guessed = "" if _meaning(column)[0] else ", guessed: numbered like the positions"
         return f"; up to {most:.4g}{guessed}"
     likely = "rad or m" if most < 7 else "deg" if most <= 400 else "counts or mm"
     return f"; up to {most:.4g} looks like {likely}"

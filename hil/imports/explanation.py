@@ -58,10 +58,10 @@ def _checks(robot: Robot, excerpts: Sequence[Excerpt], evidence: Evidence) -> It
         yield f"check range: reaches {_each(100 * limited)} % of limits of speed or torque"
     noise = np.max([each.extent.noise for each in excerpts], axis=0)
     over = np.ptp(evidence.q, axis=0) / noise.clip(1e-300)
-    yield f"check still: ways over noise of the positions {_each(over)}"
+    yield f"check still: distance moved over position noise {_each(over)}"
     shown = compared(evidence)
     if not shown.any():
-        yield "check velocity: no recorded velocity beyond the noise of velocity and position"
+        yield "check velocity: no recorded velocity above the noise of velocity and position"
     for joint in np.flatnonzero(shown):
         own, other = evidence.recorded_qd[:, joint], evidence.qd[:, joint]
         size = float(np.linalg.norm(own) * np.linalg.norm(other))
@@ -74,8 +74,8 @@ def _checks(robot: Robot, excerpts: Sequence[Excerpt], evidence: Evidence) -> It
     if timed.any():
         ratio, error = common_ratio(excerpts, evidence, timed)
         yield (
-            f"check time: velocities say that the rate is {ratio:.4g} times that of the map, known"
-            f" to {100 * error:.2g} %"
+            f"check time: sampling rate by the velocities is {ratio:.4g} times that of the map, "
+            f"uncertain by {100 * error:.2g} %"
         )
     power = np.sqrt(np.mean(evidence.qdd**2, axis=0))
     poor = [str(joint + 1) for joint in np.flatnonzero(coarse(evidence) & evidence.moves)]

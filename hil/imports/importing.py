@@ -183,14 +183,14 @@ def _refuse_differing(maps: Sequence[MapFile], robots: Sequence[Robot]) -> None:
         if robot.digest != robots[0].digest:
             raise the_map.wrong(
                 ("robot",),
-                f"{robot.name} differs from the robot of {maps[0].path}, or their gains'"
-                " uncertainties do; a run is of one robot: import them into two",
+                f"{robot.name} differs from the robot of {maps[0].path}, or the uncertainties of "
+                "gains differ; a run has one robot: import the maps into two runs",
             )
         if the_map.unknown_gains != maps[0].unknown_gains:
             raise the_map.wrong(
                 ("joints",),
-                f"gains are unknown of other joints than in {maps[0].path}; an axis has one gain:"
-                " state it in both, or leave it unknown in both",
+                f"joints of unknown gain differ from those in {maps[0].path}; state the gain of "
+                "a joint in both maps, or in neither",
             )
 
 

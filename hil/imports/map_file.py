@@ -92,7 +92,7 @@ def _gain(value: object) -> object:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"{value!r} must be a number, torque or force for one unit, or unknown")  # noqa: TRY004 - pydantic expects ValueError
     if not value > 0:
-        raise ValueError(f"{value:g} must be positive; what is turned round has sign: -1")
+        raise ValueError(f"{value:g} must be positive; for a reversed direction state sign: -1")
     return value
 
 
@@ -117,8 +117,8 @@ class Torque(FileModel):
             )
         if self.unknown and self.gain_uncertainty:
             raise ValueError(
-                f"gain_uncertainty {self.gain_uncertainty:g} belongs to a gain that is stated;"
-                " remove it where the gain is unknown"
+                f"gain_uncertainty {self.gain_uncertainty:g} needs a stated gain; remove "
+                "gain_uncertainty where the gain is unknown"
             )
         if not self.gain_uncertainty < 0.5 * self.gain_value:
             raise ValueError(
@@ -192,13 +192,13 @@ class Time(FileModel):
     @model_validator(mode="after")
     def _either(self) -> Time:
         if (self.column is None) == (self.rate is None):
-            raise ValueError("needs a column, or a rate in Hz: one of the two")
+            raise ValueError("needs either a column, or a rate in Hz")
         if self.plus is not None and self.column is None:
-            raise ValueError("plus is added to a column, and a rate has none; remove it")
+            raise ValueError("plus belongs to a column of time, not to a rate; remove it")
         if self.plus is not None and SECONDS[self.plus.unit] >= SECONDS[self.unit]:
             raise ValueError(
-                f"plus in {self.plus.unit} must be in a smaller unit than {self.unit}: it is the"
-                " part of a stamp below one of these; exchange the two columns"
+                f"unit of plus, {self.plus.unit}, must be smaller than the column's unit, "
+                f"{self.unit}: plus is the fraction of a stamp; exchange the two columns"
             )
         return self
 
@@ -282,7 +282,7 @@ class RecordingMap(FileModel):
                 f"kind: back_and_forth {self.kind} must be one of the {len(self.joints)} joints"
             )
         if self.rows is not None and self.time_range is not None:
-            raise ValueError("rows and time_range exclude each other; leave one of them out")
+            raise ValueError("rows and time_range exclude each other; remove one")
         return self
 
 

@@ -118,9 +118,9 @@ def mechanical_suspicions(
         yield Suspicion(
             "shape",
             ("joints", 0, "torque"),
-            f"the model, friction included, leaves {100 * share[shown].min():.0f} % of the "
-            "variance of the torques of all joints that move unexplained at least: torques do "
-            "not match this motion; name the torque columns of the same recording and robot",
+            f"the model with friction leaves at least {100 * share[shown].min():.0f} % of the "
+            "torque variance of every moving joint unexplained: torques do not match this "
+            "motion; name the torque columns of the same recording and robot",
         )
         return
     misread = _misread(robot, excerpts, prepared, solver, shown & (share > NOTHING))
@@ -177,8 +177,9 @@ def _misread(
     if left <= (LEAVES if contradicted else 1.0 / 9.0):
         place = ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],)
         message = (
-            f"{located([axis + 1 for axis in axes], words)}: the model leaves"
-            f" {100 * left:.2g} % of the mean squares then; {CAUSES[cause].remedy}"
+            f"{located([axis + 1 for axis in axes], words)}: the model leaves only "
+            f"{100 * left:.2g} % of the mean square residual with this corrected; "
+            f"{CAUSES[cause].remedy}"
         )
         return [Suspicion("shape", place, message)]
     if drives and likely:

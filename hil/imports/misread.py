@@ -203,8 +203,8 @@ def _twice(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicio
                 yield Suspicion(
                     "still",
                     ("joints", j, key),
-                    f"is the same as that of joint {i + 1} in all samples; one of the two columns"
-                    " is another's: correct it",
+                    f"is the same as that of joint {i + 1} in all samples; one of the two "
+                    "columns belongs to another joint: correct it",
                 )
 
 
@@ -220,9 +220,9 @@ def _unsigned_torques(excerpts: Sequence[Excerpt]) -> Iterator[Suspicion]:
         yield Suspicion(
             "still",
             ("joints", joints[0], "torque"),
-            f"torques of joints {', '.join(str(joint + 1) for joint in joints)} come to zero"
-            f" {sum(found.values())} times and never cross it: they have lost their signs, as sizes"
-            " of currents have; name columns with signs",
+            f"torques of joints {', '.join(str(joint + 1) for joint in joints)} reach zero "
+            f"{sum(found.values())} times and never change sign, like absolute values of "
+            "currents; name columns with signs",
         )
 
 
@@ -252,10 +252,10 @@ def small(
         yield Suspicion(
             "range",
             ("joints", widest, key),
-            f"{'moves by' if key == 'position' else 'has up to'} {most[widest]:.3g} {unit},"
-            f" {100 * shares[widest]:.2g} % of its"
-            f" {'range' if key == 'position' else 'limit'}, and no joint a greater share; are unit,"
-            f" {'per_unit' if key == 'position' else 'gain'} and {key}_side right?",
+            f"{'moves by' if key == 'position' else 'has up to'} {most[widest]:.3g} {unit}, "
+            f"{100 * shares[widest]:.2g} % of its {'range' if key == 'position' else 'limit'}, "
+            "the largest share of all joints; are unit, "
+            f"{'per_unit' if key == 'position' else 'gain'} and {key}_side right?",
             certain=False,
         )
 

@@ -70,11 +70,11 @@ def _suspicion(samples: Samples, rows: Integers, mixed: _Mixed) -> Suspicion:
     return Suspicion(
         "spikes",
         ("files", file),
-        f"rows alternate between two sources: {mixed.rows} of {len(rows)} rows, the first of them"
-        f" row {row - samples.begins[file] + 1}, are away from those before and after by"
-        f" {mixed.distance[joint]:.3g} rad or m of joint {joint + 1} and form a smooth signal of"
-        " their own, as of two publishers on one topic, commanded and measured states, or two"
-        " merged files; record or export one of them alone",
+        f"rows alternate between two sources: {mixed.rows} of {len(rows)} rows, the first in row "
+        f"{row - samples.begins[file] + 1}, differ from their neighbours by "
+        f"{mixed.distance[joint]:.3g} rad or m of joint {joint + 1} and form a smooth signal of "
+        "their own, like two publishers on one topic, commanded and measured states, or two "
+        "merged files; record or export only one source",
     )
 
 

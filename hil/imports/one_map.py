@@ -135,7 +135,7 @@ def interpret(
     moving = None if alone is None else alone - 1
     found = suspicions(excerpts, evidence, robot, moving, the_map.unknown_gains)
     if (held := timing.counts.held) > 1:  # what shows in the rate then is of the rows that are left
-        repeat = f"values repeat over {held} rows each; without those that repeat, "
+        repeat = f"values repeat over {held} rows each; without repeated rows, "
         found = [
             replace(s, message=repeat + s.message) if s.location == ("time",) else s for s in found
         ]
@@ -208,8 +208,8 @@ def numbered_pieces(the_map: MapFile, samples: Samples, timing: Timing) -> list[
     if timing.period > SLOWEST:
         raise the_map.wrong(
             ("time",) if the_map.content.time else (),
-            f"a sample each {timing.period:.3g} s shows no motion of a robot, which takes one each"
-            f" {SLOWEST:g} s or more; correct the unit of time or the rate",
+            f"sampling period {timing.period:.3g} s, at most {SLOWEST:g} s allowed for a robot's "
+            "motion; correct the unit of time or the rate",
         )
     alone = the_map.content.kind
     found: list[Numbered] = []
@@ -237,17 +237,17 @@ def _nothing_left(the_map: MapFile, timing: Timing) -> Exception:
     if the_map.content.kind is not None and longest >= SHORTEST:
         return the_map.wrong(
             ("kind",),
-            f"joint {the_map.content.kind} makes no stroke forward with one back after it; write"
-            " kind: free, or choose other rows",
+            f"joint {the_map.content.kind} has no forward stroke with a backward stroke after "
+            "it; write kind: free, or choose other rows",
         )
     at = ("rows",) if the_map.content.rows else ("time",) if the_map.content.time else ()
     if len(timing.stretches) == 1 and not timing.counts.gaps:
         rows = "the chosen rows last" if the_map.content.rows else "the recording lasts"
         return the_map.wrong(
             at,
-            f"{rows} {longest:.3g} s, {timing.counts.rows} rows at {1 / timing.period:.5g} Hz, and"
-            f" a motion takes {SHORTEST:g} s at least: record longer, or correct the unit of time"
-            " or the rate if it did last longer",
+            f"{rows} {longest:.3g} s, {timing.counts.rows} rows at {1 / timing.period:.5g} Hz; "
+            f"at least {SHORTEST:g} s needed: record longer, or correct the unit of time or the "
+            "rate",
         )
     return the_map.wrong(
         at,

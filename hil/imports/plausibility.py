@@ -97,9 +97,9 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
             yield Suspicion(
                 "still",
                 (*at, "position"),
-                f"moves by {way:.2g} {unit} only, no more than noise or other joints make it:"
-                f" nothing can be found of joint {joint + 1} save what gravity shows; is it the"
-                " right column, in the right unit?",
+                f"moves by only {way:.2g} {unit}, within noise or the effect of other joints: "
+                f"only gravity parameters of joint {joint + 1} can be identified; are column and "
+                "unit right?",
                 certain=alone is not None,
             )
         # other joints may move by 2 % of the moving joint's distance: servos yield
@@ -107,8 +107,9 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
             yield Suspicion(
                 "still",
                 ("kind",),
-                f"joint {alone + 1} is to move alone, but joint {joint + 1} moves by {way:.3g}"
-                f" {robot.position_unit(joint)}; write kind: free, or choose other rows",
+                f"joint {alone + 1} should move alone, but joint {joint + 1} moves "
+                f"by {way:.3g} {robot.position_unit(joint)}; write kind: free, or choose other "
+                "rows",
             )
 
 
@@ -121,10 +122,10 @@ def _held(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicion
                 yield Suspicion(
                     "still",
                     ("joints", joint, key),
-                    f"repeats the value of the row before in {100 * share:.0f} % of the rows in"
-                    f" which joint {joint + 1} moves: its values are held, and come every"
-                    f" {1.0 / (1.0 - share):.2g} rows on average, late by half of that; record it"
-                    " as often as the others, or keep the rows in which it changes",
+                    f"repeats the value of the previous row in {100 * share:.0f} % of the rows "
+                    f"in which joint {joint + 1} moves: a held signal, new every "
+                    f"{1.0 / (1.0 - share):.2g} rows and delayed by half of that on average; "
+                    "record it at the rate of the others, or keep only rows with new values",
                     certain=False,
                 )
 
@@ -142,8 +143,8 @@ def _coarse(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
         yield Suspicion(
             "velocity",
             ("joints", joint, "position"),
-            f"scatters so far that accelerations are known to ±{evidence.noise_qdd[joint]:.2g}"
-            f" {unit}/s² only, more than the motion has; take the encoder's own resolution, or"
-            " record faster motion",
+            f"is too noisy: accelerations are uncertain by ±{evidence.noise_qdd[joint]:.2g} "
+            f"{unit}/s², more than those of the motion; record the encoder's full resolution, or "
+            "faster motion",
             certain=False,
         )

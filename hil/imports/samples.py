@@ -147,7 +147,7 @@ def _restore_signs(values: Array, efforts: Array, unsigned: Mask) -> Iterator[st
         if (found := signed(recorded.round())) is not None:
             with_signs, words = found
             torques += np.outer(with_signs - recorded, efforts[joint])
-            yield f"torques of joint {joint + 1} are read as {words}: they are smooth so alone"
+            yield f"torques of joint {joint + 1} are read as {words}: smooth only in this reading"
 
 
 def _file_blocks(
@@ -196,8 +196,8 @@ def _refuse_used(the_map: MapFile, location: Location, used: set[int], table: Ta
         name = f" ({table.names[index]})" if table.names[index] else ""
         raise the_map.wrong(
             location,
-            f"column {index + 1}{name} of {table.path} is used before in this map, and holds one"
-            " thing only; correct one of the two",
+            f"column {index + 1}{name} of {table.path} is used twice in this map; correct one of "
+            "the two places",
         )
 
 
@@ -207,7 +207,8 @@ def _opened(
     beside = column is not None and column.file is not None
     if beside and len(the_map.content.files) > 1:
         raise the_map.wrong(
-            location, "a column of another file needs files to be one alone: rows must fit"
+            location,
+            "a column of another file needs exactly one file under files: rows must correspond",
         )
     at = location if beside else ("files", number)
     path = the_map.resolve(source, at)

@@ -53,4 +53,4 @@ def signed(x: Array) -> tuple[Array, str] | None:
     best, second = sorted(steps, key=lambda words: steps[words])[:2]
     if best == "as they are" or steps[best] > LEAVES * steps[second]:
         return None
-    return readings[best], f"{best}: from {half:.0f} on they are negative"
+    return readings[best], f"{best}: values from {half:.0f} on are negative"

@@ -90,14 +90,14 @@ def spike_suspicions(
         units = (unit, "N m" if unit == "rad" else "N", f"{unit}/s")
         value = float(samples.values[spikes.first, column])
         file = int(np.searchsorted(samples.begins, spikes.first, side="right")) - 1
-        many = "samples stand" if spikes.count > 1 else "sample stands"
+        many = "samples differ" if spikes.count > 1 else "sample differs"
         yield Suspicion(
             "spikes",
             ("joints", joint, ("position", "torque", "velocity")[kind]),
-            f"{spikes.count} {many} out from those just before and after, the first with"
-            f" {value:.4g} {units[kind]} in row {spikes.first - samples.begins[file] + 1} of its"
-            f" file: {100 * share:.2g} % of the sum of squares of all"
-            f" {'accelerations' if kind == 0 else 'values'}; remove these rows, or choose others",
+            f"{spikes.count} {many} from neighbouring samples, the first with {value:.4g} "
+            f"{units[kind]} in row {spikes.first - samples.begins[file] + 1} of its file: "
+            f"{100 * share:.2g} % of the sum of squares of all "
+            f"{'accelerations' if kind == 0 else 'values'}; remove these rows, or choose others",
             certain=share > REFUSED,
         )
 

@@ -115,9 +115,11 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
         raise WrongStamps("no two rows with all columns present; choose other columns or rows")
     period = _period([samples.time[rows] for rows in usable])
     if period < 0:
-        raise WrongStamps("time runs backwards; choose another column of time, or turn the rows")
+        raise WrongStamps("time runs backwards; choose another column of time, or reverse the rows")
     if not period > 0:
-        raise WrongStamps("time does not pass; choose another column of time, or state its rate")
+        raise WrongStamps(
+            "time stamps do not increase; choose another column of time, or state its rate"
+        )
     ordered = [_ordered(samples, rows, period, counts) for rows in usable]
     ordered = [_drop_repeats(samples, rows, counts) for rows in ordered]
     counts.held = held_of(samples, ordered)
@@ -200,7 +202,7 @@ def _wrapped(fall: float, period: float) -> str:
         for unit, seconds in SECONDS.items():
             if abs(fall - 2.0**bits * seconds) < 2.5 * period:
                 return (
-                    f": a counter of {bits} bits in {unit} began anew, add {2**bits} from there on"
+                    f": a counter of {bits} bits in {unit} overflowed, add {2**bits} from there on"
                 )
     return ""
 

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from hil.planning.free_motion import FreeMotion
 
 _INSTANTS = {
-    "even": "are even as they are",
-    "counted": "are counted, since positions are smoother so",
-    "stamped": "are the stamps, resampled by cubics, since positions are smoother so",
+    "even": "equidistant as recorded",
+    "counted": "replaced by equidistant ones, which make positions smoother",
+    "stamped": "used with resampling by cubics, which makes positions smoother",
 }
 
 
@@ -85,24 +85,24 @@ class Statement:
         timing, counts = self.timing, self.timing.counts
         files = ", ".join(self.the_map.content.files)
         yield (
-            f"{files}: {counts.rows} rows at {1 / timing.period:.5g} Hz,"
-            f" jitter {1e3 * counts.jitter:.2g} ms; instants {_INSTANTS[timing.instants]}"
+            f"{files}: {counts.rows} rows at {1 / timing.period:.5g} Hz, jitter "
+            f"{1e3 * counts.jitter:.2g} ms; time stamps {_INSTANTS[timing.instants]}"
         )
 
     def _left_out(self) -> Iterator[str]:
         counts = self.timing.counts
         if counts.held > 1:
             yield (
-                f"held samples, the same values again: positions over {counts.held} rows each;"
-                f" {counts.repeated} rows that repeat positions are left out"
+                f"held samples: each position repeats over {counts.held} rows; {counts.repeated} "
+                "repeated rows are left out"
             )
         gaps, short = f"{counts.lost:.3g} s in all", f"{counts.short_time:.3g} s in all"
         for number, one, many in (
             (counts.missing, "row lacks a number", "rows lack a number"),
-            (counts.doubled, "row has the stamp of another", "rows have the stamp of another"),
+            (counts.doubled, "row has a duplicate time stamp", "rows have duplicate time stamps"),
             (counts.repeating, *self._repeating()),
             (counts.disordered, "row was out of order in time", "rows were out of order in time"),
-            (self.wraps, "step of a whole turn is undone", "steps of whole turns are undone"),
+            (self.wraps, "jump of a whole turn is removed", "jumps of whole turns are removed"),
             (counts.bridged, "missing sample is interpolated", "missing samples are interpolated"),
             (counts.gaps, f"gap, {gaps}, is left out", f"gaps, {gaps}, are left out"),
             (counts.short, f"stretch is too short, {short}", f"stretches are too short, {short}"),

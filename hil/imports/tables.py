@@ -107,7 +107,7 @@ def column_of(table: Table, column: int | str) -> int:
     if isinstance(column, int):
         if column <= len(table.names):
             return column - 1
-        raise NoColumn(f"{table.path} has {len(table.names)} columns, none of number {column}")
+        raise NoColumn(f"{table.path} has {len(table.names)} columns, but no column {column}")
     found = [index for index, name in enumerate(table.names) if name == column]
     if len(found) == 1:
         return found[0]
@@ -128,7 +128,7 @@ def _offered(names: Sequence[str], wanted: str) -> str:
         return f"its {len(names)} columns have no names: give numbers from 1"
     near = difflib.get_close_matches(wanted, named, n=3, cutoff=0.5)
     if near:
-        return f"near to it: {', '.join(near)}"
+        return f"similar names: {', '.join(near)}"
     more = f" and {len(named) - _SHOWN} more" if len(named) > _SHOWN else ""
     return f"it has {', '.join(named[:_SHOWN])}{more}"
 

@@ -244,7 +244,7 @@ class TimeColumns:
         if low < 0 or high * self._units[1] >= self._units[0]:
             raise self._map.wrong(
                 ("time", "plus"),
-                f"has values from {low:.10g} to {high:.10g}, which must be at least 0 and below"
-                f" {self._units[0] / self._units[1]:.10g}, one unit of column; correct unit or"
-                " column, or leave plus out where it is a whole stamp",
+                f"has values from {low:.10g} to {high:.10g}, at least 0 and below "
+                f"{self._units[0] / self._units[1]:.10g} (one unit of column) allowed; correct "
+                "unit or column, or remove plus where it is a whole stamp",
             )

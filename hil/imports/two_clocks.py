@@ -149,9 +149,9 @@ def _words(name: str, found: _Lags) -> str:
         )
     plural = {"torque": "torques", "velocity": "velocities"}[name]
     return (
-        f"{plural} of all joints are by another clock than the positions: their lag {change}; no"
-        " shift of columns corrects that: merge the two sources by stamps of one clock, or choose"
-        " rows in which the lag is constant"
+        f"{plural} of all joints have another clock than the positions: their lag {change}; a "
+        "constant shift does not correct this: merge the two sources by stamps of one clock, or "
+        "choose rows with constant lag"
     )
 
 

@@ -197,8 +197,8 @@ class Background:
         while self._tasks.qsize() >= self._waiting_max:
             if time.monotonic() > ends:
                 raise FileError(
-                    f"the disk has finished no file for {self._patience:g} s with"
-                    f" {self._waiting_max} waiting; see what holds it up, then go on with --resume"
+                    f"no file was written to disk for {self._patience:g} s, with "
+                    f"{self._waiting_max} waiting; check the disk, then continue with --resume"
                 )
             # looks for a place every 5 ms
             time.sleep(0.005)

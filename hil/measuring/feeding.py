@@ -118,7 +118,7 @@ class BusInFront:
         """
         # checked once: the protocol check reads all attributes of a bus
         if not isinstance(self._bus, StreamingBus):
-            raise DriveRefused("these drives follow no stream of set-points")
+            raise DriveRefused("these drives accept no cyclic set-points")
         self._bus.stream(path, velocity, torque, holding)
         self._streaming = self._bus
 
@@ -203,17 +203,17 @@ def refuse_beyond_torque(trajectory: Trajectory, robot: Robot, predict: Predict)
     t = np.linspace(0.0, trajectory.period, 2000)  # far more than harmonics have extremes
     q, qd, qdd = trajectory.motion(t)
     for tau, what in (
-        (predict(q, qd, qdd), "needs"),
-        (added_torque(predict, q, qd, qdd), "adds"),
+        (predict(q, qd, qdd), "needs a torque of"),
+        (added_torque(predict, q, qd, qdd), "needs an added torque of"),
     ):
         beyond = np.abs(tau) - robot.torque_limit
         at, axis = np.unravel_index(int(beyond.argmax()), beyond.shape)
         if beyond[at, axis] > 0:
             unit = robot.torque_unit(int(axis))
             raise LimitExceeded(
-                f"{trajectory.id}: axis {axis + 1} {what} {tau[at, axis]:.4g} {unit} after"
-                f" {t[at]:.3g} s by the model, its limit is {robot.torque_limit[axis]:.4g} {unit};"
-                " plan a slower trajectory"
+                f"{trajectory.id}: axis {axis + 1} {what} {tau[at, axis]:.4g} {unit} at "
+                f"{t[at]:.3g} s by the model, at most {robot.torque_limit[axis]:.4g} {unit} "
+                "allowed; plan a slower trajectory"
             )
 
 

@@ -187,6 +187,6 @@ def refuse_other_bus(plan: Plan, robot: Robot, bus: DriveBus) -> None:
         )
     if abs(bus.period - plan.sample_period) > 1e-9:
         raise DriveRefused(
-            f"the bus samples every {bus.period:g} s, the plan wants {plan.sample_period:g} s;"
-            " make sample_period in the plan and sync_period in drives.yaml alike"
+            f"the bus samples every {bus.period:g} s, the plan wants {plan.sample_period:g} s; "
+            "set sample_period in the plan and sync_period in drives.yaml to one value"
         )

@@ -90,8 +90,8 @@ def _followed(bus: DriveBus, trajectory: Trajectory, slow: float) -> Iterator[tu
     """Yield samples with the index of the set-points active from their SYNC on."""
     if not isinstance(bus, StreamingBus):
         raise DriveRefused(
-            f"{trajectory.id}: these drives follow no stream of set-points; plan measurements of"
-            " strokes instead"
+            f"{trajectory.id}: these drives accept no cyclic set-points; plan measurements of "
+            "strokes instead"
         )
     path = trajectory.path(slow * bus.period)
     bus.stream(path.tolist())
@@ -105,6 +105,6 @@ def _followed(bus: DriveBus, trajectory: Trajectory, slow: float) -> Iterator[tu
         if sample.time - arrived > GRACE:
             bus.halt()
             raise MoveFailed(
-                f"{trajectory.id}: not at rest {GRACE:g} s after its end; see whether an axis is"
-                " blocked or its position window too small"
+                f"{trajectory.id}: not at rest {GRACE:g} s after its end; check for a blocked "
+                "axis or too small a position window"
             )

@@ -164,9 +164,9 @@ def until_reached(
         if sample.time > deadline:
             bus.halt()
             raise MoveFailed(
-                f"{what}: not at rest at the target after {sample.time - begin:.3g} s, expected"
-                f" {expected:.3g} s; see whether an axis is blocked or its position window and"
-                " velocity limit are too small"
+                f"{what}: not at rest at the target after {sample.time - begin:.3g} s, expected "
+                f"{expected:.3g} s; check for a blocked axis, or too small a position window or "
+                "velocity limit"
             )
         idle = (deadline if due is None else min(due, deadline)) - sample.time
         limit = max(1, int(idle / bus.period))
@@ -183,7 +183,7 @@ def _check_box(robot: Robot, here: Sequence[float], target: Sequence[float]) -> 
             )
         if not low - SLACK <= here[index] <= high + SLACK:
             raise LimitExceeded(
-                f"axis {index + 1}: stands at {here[index]:.4g} {unit}, outside {low:.4g} ..."
-                f" {high:.4g} {unit}; bring it inside with the drive's own tool, or check its"
-                " position offset in drives.yaml"
+                f"axis {index + 1}: is at {here[index]:.4g} {unit}, outside {low:.4g} ... "
+                f"{high:.4g} {unit}; move the axis inside with the drive's own tool, or check "
+                "the position offset in drives.yaml"
             )

@@ -402,7 +402,7 @@ def _wrong_springs(robot: RobotArrays) -> Iterator[Problem]:
             at = ("springs", index, "joint")
             yield at, f"{spring.joint} must be one of the {robot.n_joints} joints"
         elif spring in stated[:index]:
-            yield ("springs", index), "stands twice; remove one of them"
+            yield ("springs", index), "is stated twice; remove one"
         elif spring.shape != "linear" and not robot.revolute[spring.joint - 1]:
             at = ("springs", index, "shape")
             yield at, f"{spring.shape} must be linear at a joint that slides"

@@ -83,7 +83,7 @@ class Joint(FileModel):
     def _check_parameters(cls, value: tuple[LinkParameter, ...]) -> tuple[LinkParameter, ...]:
         twice = [name for name in LINK_PARAMETERS if value.count(name) > 1]
         if twice:
-            raise ValueError(f"{twice[0]} stands twice; remove one of them")
+            raise ValueError(f"{twice[0]} is stated twice; remove one")
         return tuple(name for name in LINK_PARAMETERS if name in value)
 
     @field_validator("q_min", "q_max")

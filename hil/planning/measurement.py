@@ -269,7 +269,7 @@ _TABLE = (
     ElementKind(
         Inertia,
         "Axis {axis} accelerates back and forth",
-        "The torque needed per acceleration is the moment of inertia about the axis.",
+        "Torque per acceleration is the moment of inertia about the axis.",
         DIAGONAL, "i", 80, "M", "inertia", "kg m²", pair=False, colour="#d9730d",
         marker="s",
         elements="moments of inertia",
@@ -280,13 +280,13 @@ _TABLE = (
     ElementKind(
         Coupling,
         "Axis {axis} creeps while axis {partner} accelerates back and forth",
-        "The torque that the creeping axis takes from the other is their coupling inertia.",
+        "Torque on the creeping axis per acceleration of the other is their coupling inertia.",
         OFF_DIAGONAL, "c", 16, "M", "inertia", "kg m²", pair=True, colour="#3f8f5f",
         marker="^",
         elements="coupling inertias",
         figure="",
-        caption="Couplings: off-diagonal elements of M(q) by eq. (21), read on the axis that creeps"
-        " while its partner accelerates.",
+        caption="Couplings: off-diagonal elements of M(q) by eq. (21), measured on the creeping "
+                "axis while the partner accelerates.",
     ),
     Kind(
         Friction,
@@ -296,7 +296,7 @@ _TABLE = (
     Kind(
         Trajectory,
         "The axes follow one smooth path together",
-        "Torques of all axes at once, with every inertia and friction in them.",
+        "Torques of all axes at once, by all inertias, gravity and friction.",
     ),
 )  # fmt: skip
 KINDS: dict[str, Kind] = {kind.name: kind for kind in _TABLE}

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _IN_A_PLAN = (
     "plan again with --workspace, choose another configuration or order, or correct box or capsule"
 )
-_AT_THE_START = "correct box or capsule, or bring the arm out of there with hil drives jog"
+_AT_THE_START = "correct box or capsule, or move the arm away with hil drives jog"
 
 
 class JointBoxes:
@@ -100,15 +100,15 @@ def refuse_travel(
     here = np.array([start])
     for hit in find_hits(robot, workspace, JointBoxes(here, here)).values():
         raise LimitExceeded(
-            f"the arm stands in {workspace.boxes[hit.box].name} or too near to it:"
-            f" {_describe(hit, robot, workspace, _AT_THE_START)}"
+            f"the arm is inside {workspace.boxes[hit.box].name} or too near: "
+            f"{_describe(hit, robot, workspace, _AT_THE_START)}"
         )
     sweep = travels(here, np.array([end]), fraction, robot)
     for hit in find_hits(robot, workspace, sweep).values():
         where = ", ".join(f"{q:.3g}" for q in start)
         raise LimitExceeded(
-            f"travel from ({where}): {_describe(hit, robot, workspace)}; bring the robot nearer"
-            " to its next configuration with hil drives jog"
+            f"travel from ({where}): {_describe(hit, robot, workspace)}; move the robot closer "
+            "to the next configuration with hil drives jog"
         )
 
 

@@ -85,8 +85,8 @@ class Plan(FileModel):
     def _is_a_plan(cls, given: object) -> object:
         if isinstance(given, dict) and "map_digest" in given:
             raise ValueError(
-                "lists motions that were recorded and imported, of which there is nothing left to"
-                " measure; identify their folder with hil identify, or make a plan with hil plan"
+                "lists imported recordings, with nothing to measure; identify the run folder "
+                "with hil identify, or make a plan with hil plan"
             )
         return given
 

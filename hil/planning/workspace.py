@@ -74,7 +74,7 @@ class Workspace(FileModel):
         names = [box.name for box in value]
         for name in names:
             if names.count(name) > 1:
-                raise ValueError(f"{name} stands twice; give each box a name of its own")
+                raise ValueError(f"{name} is stated twice; give each box a name of its own")
         return value
 
 

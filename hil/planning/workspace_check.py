@@ -108,9 +108,9 @@ def remarks(workspace: Workspace | None, robot: Robot) -> list[str]:
         nearest = math.hypot(*np.clip(0.0, box.low, box.high))
         if nearest > farthest + workspace.margin:
             lines.append(
-                f"box {box.name} guards nothing: it begins {nearest:.3g} m from the base frame's"
-                f" origin, and the links checked against it reach {farthest:.3g} m; see whether"
-                " its place, its unit (m) and its ignore_links are right"
+                f"box {box.name} has no effect: {nearest:.3g} m or more from the origin of the "
+                f"base frame, reach of the checked links {farthest:.3g} m; check its place, unit "
+                "(m) and ignore_links"
             )
     return lines
 
@@ -150,8 +150,9 @@ def _check_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
     if edge < SMALLEST * reach:
         yield (
             ("high",),
-            f"{box.name} is nowhere wider than {edge:.2g} m, at least {SMALLEST * reach:.2g} m"
-            f" can be guarded ({SMALLEST:g} of the reach of {robot.name}); lengths are in m",
+            f"{box.name} has a largest edge of {edge:.2g} m, must be at least "
+            f"{SMALLEST * reach:.2g} m ({SMALLEST:g} of the reach of {robot.name}); lengths are "
+            "in m",
         )
 
 
@@ -168,8 +169,8 @@ def _always_inside(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, 
             assumed = not all(capsules(robot).stated[k - 1] for k in links)
             yield (
                 ("boxes", number),
-                f"{box.name} holds {which} of {robot.name} at every configuration"
-                f"{' (with a capsule that is assumed)' if assumed else ''}, so nothing could be"
-                f" measured; correct its corners, or where the arm is fixed to it state"
-                f" ignore_links: {[*box.ignore_links, *links]}",
+                f"{box.name} contains {which} of {robot.name} at every "
+                f"configuration{' (with an assumed capsule)' if assumed else ''}, so nothing "
+                "could be measured; correct its corners, or where the arm is fixed to it state "
+                f"ignore_links: {[*box.ignore_links, *links]}",
             )

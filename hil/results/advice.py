@@ -121,8 +121,8 @@ def budget_table(terms: Sequence[ErrorTerm]) -> Table:
             )
             for term in terms
         ),
-        "Error of the torques on a free motion, and share of the sum of the squares; noise is the"
-        " rest. What is accounted for would do that if it were not.",
+        "Error of the torques on a free motion, and share of the sum of the squares; the rest is "
+        "noise. Causes accounted for: error without their compensation.",
     )
 
 
@@ -171,7 +171,7 @@ def _measured(campaign: CampaignResult) -> Iterator[Reservation]:
         findings = "; ".join(finding.message for finding in measured.findings)
         yield doubtful(
             f"kept with findings after {measured.attempts} attempts: {findings}",
-            f"mend the cause, {resume}",
+            f"remove the cause, {resume}",
             measured.measurement.id,
         )
 
@@ -196,9 +196,9 @@ def _timing(campaign: CampaignResult) -> Iterator[Reservation]:
     share = float(np.concatenate(flags).mean()) if flags else 0.0
     if share > TIMELY:
         yield (doubtful if share > UNTIMED else good)(
-            f"the instants of {share:.1%} of all samples are uncertain, since this computer was"
-            " late while it sent SYNC; they are left out",
-            "relieve it of other work, use --realtime or sample more slowly, and measure anew",
+            f"{share:.1%} of all samples have uncertain time stamps, because this computer sent "
+            "SYNC late, and are left out",
+            "stop other programs, use --realtime or sample more slowly, and measure anew",
             "timing",
         )
 
@@ -214,9 +214,9 @@ def _outliers(campaign: CampaignResult) -> Iterator[Reservation]:
         # times
         for value in (v for v in alike if v.residual > 4.0 * usual > 0):
             yield doubtful(
-                f"scatters by {value.residual:.2g} {campaign.robot.torque_unit(axis)},"
-                f" {value.residual / usual:.0f} times as much as {kind} measurements of axis"
-                f" {axis + 1} do",
+                f"residual {value.residual:.2g} {campaign.robot.torque_unit(axis)}, "
+                f"{value.residual / usual:.0f} times the usual residual of {kind} measurements "
+                f"of axis {axis + 1}",
                 "look for a cause (contact, saturation, a cable), move its recording away and"
                 " --resume",
                 value.id,
@@ -231,10 +231,10 @@ def _misfit(campaign: CampaignResult) -> Reservation | None:
         return None
     left = ", ".join(f"{100 * share[axis]:.1f} %" for axis in axes)
     return doubtful(
-        f"local models leave {left} of the torque limit: something is not modelled, and neither"
-        " standard errors nor hil diagnose know of it",
-        "look in recordings for torques that ring after the corners of a motion, and for encoders"
-        " of few increments, whose accelerations are noise",
+        f"residual {left} of the torque limit within single measurements: an unmodelled effect, "
+        "not included in standard errors and not tested by hil diagnose",
+        "check the recordings for torque oscillations after corners of a motion, and for coarse "
+        "encoders (noisy accelerations)",
         _axes((axes + 1).tolist()),
     )
 
@@ -279,7 +279,7 @@ def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
     ][-1]
     candidates = [m for m in plan.measurements if m.kind == kind]
     if not candidates:
-        return f"{kind} measurements, of which there are none (hil plan chooses them)"
+        return f"{kind} measurements; the plan has none (hil plan chooses them)"
     W = group_observations(plan, robot, group, sought[group])
     G = inverse(W.T @ W)
     at = sought[group].index(k)
@@ -297,7 +297,8 @@ def _correlations(campaign: CampaignResult) -> Iterator[Reservation]:
     # as uncertain as it were if the other was known, 1 / sqrt(1 - 0.9^2)
     for i, j in np.argwhere(np.triu(np.abs(found) > 0.9, 1)):
         yield doubtful(
-            f"correlation {signed(f'{found[i, j]:.2f}')}: more certain together than apart",
+            f"correlation {signed(f'{found[i, j]:.2f}')}: the sum or difference is more certain "
+            "than each parameter",
             "configurations in which they act differently (hil robot shows where they occur)",
             f"{titles[i]}, {titles[j]}",
         )
@@ -312,9 +313,9 @@ def _drives(campaign: CampaignResult) -> Reservation | None:
     if not exact:
         return None
     return good(
-        "taken as exact; their errors shift parameters, show in no residual and are not in the"
-        " intervals",
-        "state their uncertainty in the robot file to have it carried to the parameters",
+        "taken as exact; their errors shift parameters, but appear neither in residuals nor in "
+        "intervals",
+        "state their uncertainty in the robot file to include it in the intervals",
         " and ".join(exact),
     )
 
@@ -329,8 +330,8 @@ def _offsets(campaign: CampaignResult) -> Reservation | None:
         return None
     shares = ", ".join(signed(f"{100 * share:.2g}") for share in found.values())
     return good(
-        f"half-sums are off by {shares} % of friction on average: it differs by direction, or the"
-        " current sensor has an offset",
+        f"half-sums of both directions deviate by {shares} % of friction on average: friction "
+        "differs by direction, or the current sensor has an offset",
         CAUSES[UNLIKE].remedy,
         ", ".join(found),
     )

@@ -58,7 +58,7 @@ MEANINGS: dict[Kind, str] = {
     "gravity parameter": "a load, counterweight, spring or cable, or the torque constant",
     "inertia parameter": "something mounted, shifted or loose, or the torque constant",
     "friction level": "bearing, gear, seal, lubricant, a dragging brake or a loose screw",
-    "offset": "the zero of the torque or current sensor, or a constant force such as a hose",
+    "offset": "an offset of the torque or current sensor, or a constant force such as a hose",
 }
 """Possible reasons for a change, by the kind of quantity."""
 
@@ -127,9 +127,9 @@ class Change(NamedTuple):
         half = rounded(self.half_width, self.half_width)
         share = f" ({signed(significant(100 * self.relative, 2))} %)" if self.relative else ""
         return (
-            f"{self.run}: {self.quantity.title} changed by {size} ± {half}"
-            f" {unit(self.quantity.unit)}{share} since {self.against}, p {_stated(self.adjusted)};"
-            f" it may come from: {self.meaning}"
+            f"{self.run}: {self.quantity.title} changed by {size} ± {half} "
+            f"{unit(self.quantity.unit)}{share} since {self.against}, p "
+            f"{_stated(self.adjusted)}; possible cause: {self.meaning}"
         )
 
 

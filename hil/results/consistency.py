@@ -121,14 +121,13 @@ def bodies(robot: Robot, found: ConsistentRobot) -> Table:
     """Return mass, centre and spread of every link."""
     binding = {each.name: each.distance_without for each in found.binding}
     return table(
-        "Nearest robot that consists of bodies",
+        "Nearest physically consistent robot",
         ("link", *figures("mass, kg", "centre, m", "spread, mm", "without")),
         (_link(number, body, binding) for number, body in enumerate(found.links, start=1)),
-        "Bodies whose base parameters are nearest to the estimate in the metric of its"
-        " covariance. The mass spreads root mean square about its centre, in its three"
-        " principal directions. The last column: the distance if this link need not be a"
-        " body, where that condition binds. What no torque decides, masses among it, is taken"
-        f" from {found.likely}.",
+        "Links whose base parameters are nearest to the estimate in the metric of its "
+        "covariance. Spread: root mean square distance of the mass from its centre, along the "
+        "three principal axes. Without: distance without the condition on this link, if active. "
+        f"Parameters without effect on torques, such as some masses, come from {found.likely}.",
         tuple(statements(robot, found)),
     )
 
@@ -138,7 +137,7 @@ def changed_parameters(robot: Robot, found: ConsistentRobot, least: float = 0.01
     base = base_parameters(robot)
     each = zip(base.names, base.meanings, found.values, found.change, base.units, strict=True)
     return table(
-        "Base parameters of these bodies where they differ",
+        "Base parameters changed by physical consistency",
         (*NAMED, *figures("value", "change, std. errors"), "unit"),
         (
             (
@@ -158,7 +157,7 @@ def torque_costs(robot: Robot, found: ConsistentRobot) -> Table:
     """Return the change of torques caused by the change of parameters."""
     costs = enumerate(found.torque if found.binding else ())
     return table(
-        "What bodies cost in torque",
+        "Change of torque by physical consistency",
         ("axis", *figures("change", "std. error", "torque"), "unit"),
         (
             (
@@ -170,8 +169,8 @@ def torque_costs(robot: Robot, found: ConsistentRobot) -> Table:
             )
             for axis, each in costs
         ),
-        "Root mean squares over the run's motions: change of the torques, standard error of"
-        " those that the estimate predicts, and these torques of the rigid bodies.",
+        "Root mean squares over the run's motions: change of the rigid-body torques, standard "
+        "error of their prediction by the estimate, and the torques themselves.",
     )
 
 
@@ -193,8 +192,8 @@ def statements(robot: Robot, found: ConsistentRobot) -> Iterator[str]:
     """Yield sentences on distance, binding conditions and changed torques."""
     if not found.binding:
         yield (
-            "the identified base parameters belong to bodies as they are: distance 0, no"
-            " condition binds"
+            "the identified base parameters are physically consistent: distance 0, no active "
+            "condition"
         )
     else:
         yield from _distance(robot, found)
@@ -206,8 +205,8 @@ def statements(robot: Robot, found: ConsistentRobot) -> Iterator[str]:
         )
     if found.binding and found.contradicted:
         yield (
-            "the data contradict bodies: look for what the model leaves out (hil diagnose), for"
-            " torque constants and rotor inertias that are stated wrongly, or export nothing"
+            "the data contradict physical consistency: look for effects missing in the model "
+            "(hil diagnose) and for wrong torque constants and rotor inertias, or export nothing"
         )
 
 
@@ -221,11 +220,11 @@ def _distance(robot: Robot, found: ConsistentRobot) -> Iterator[str]:
         for axis, each in enumerate(found.torque)
     ]
     yield (
-        f"nearest robot that consists of bodies: distance {found.distance:.4g}, a chi-square of"
-        f" at most {found.degrees_of_freedom} degrees of freedom, p {probability(found.p_value)};"
-        f" {found.distance_complete:.4g} if the robot file left no link parameter out"
+        f"nearest physically consistent robot: distance {found.distance:.4g}, a chi-square of at "
+        f"most {found.degrees_of_freedom} degrees of freedom, p {probability(found.p_value)}; "
+        f"{found.distance_complete:.4g} with all link parameters in the robot file"
     )
-    yield f"conditions that bind: {', '.join(binding)}"
+    yield f"active conditions: {', '.join(binding)}"
     if moved:
         yield f"moved most, in standard errors: {', '.join(moved)}"
     if costs:

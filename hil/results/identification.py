@@ -168,8 +168,8 @@ def identify(
             given = {"t": t, "q": q, "tau": tau}
             lacking = [name for name, each in given.items() if each is None]
             raise InvalidArray(
-                f"arrays go with a robot, not with a run, all of t, q and tau; missing:"
-                f" {', '.join(lacking) or 'a robot'}"
+                "arrays need a robot, not a run, and all of t, q and tau; missing: "
+                f"{', '.join(lacking) or 'a robot'}"
             )
         robot = run if isinstance(run, Robot) else Robot.load(run)
         run = run_from_arrays(robot, t, q, tau, qd, alone, cut_off, accept)
@@ -322,8 +322,8 @@ def experience(folders: Sequence[Run]) -> Levels:
     raw, _ = prepare(pooled(folders))
     if not raw:
         raise NotEnoughData(
-            f"{folders[0].path}: no measurement of gravity, inertia or coupling is there; measure"
-            " some with --resume"
+            f"{folders[0].path}: holds no measurement of gravity, inertia or coupling; measure "
+            "some with --resume"
         )
     drive_train = find_drive_train(robot, raw)
     return noise_levels(

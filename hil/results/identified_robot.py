@@ -236,8 +236,8 @@ class IdentifiedRobot(ByName):
         own = sorted((each.time, each.friction) for each in self.local if each.axis == axis - 1)
         if not own:
             raise NotEnoughData(
-                f"the model of {self.robot.name}: no friction over time is known of axis {axis};"
-                " measure strokes (hil plan), or identify the run anew"
+                f"the model of {self.robot.name}: friction over time is unknown for axis {axis}; "
+                "measure strokes (hil plan), or identify the run anew"
             )
         time, level = np.array(own).T
         return time, level

@@ -92,9 +92,9 @@ class BareRun:
         run, robot = self.run, self.run.robot
         if run.imported:
             raise Mismatch(
-                f"{run.path}: was imported, and measurements with a load are chosen by a run of the"
-                " same drives; import a recording with the load and take: hil payload WITHOUT"
-                " LOADED"
+                f"{run.path}: is an imported run; measurements with a load can be chosen only "
+                "for a run of hil run; import a recording with the load and use: hil payload "
+                "WITHOUT LOADED"
             )
         load_columns(robot)
         found = self.estimate
@@ -297,7 +297,7 @@ def require_load(found: Load, absent: float = 0.01) -> None:
 def _found(runs: _Runs, mass: float | None, *, gains: bool = False) -> tuple[Load, Fit]:
     """Identify the load, check significance and stated mass, and return the load with its fit."""
     if gains and mass is None:
-        raise InvalidValue("gains are found by the load's mass; state it too")
+        raise InvalidValue("gains need the mass of the load; state the mass too")
     with named(runs.loaded[-1]):
         fit = runs.fit()
         if runs.is_open:
@@ -368,8 +368,8 @@ class _Runs:
         self.alike = len({run.imported for run in (*bare.runs, *loaded)}) == 1
         if gains and not self.alike:
             raise Mismatch(
-                f"{loaded[-1].path}: gains of a run that was measured and of one that was imported"
-                " are not the same: find them from two runs of one kind, or leave --gains out"
+                f"{loaded[-1].path}: gains cannot be found from a measured and an imported run "
+                "together: give two runs of one kind, or omit --gains"
             )
         self._gathered = self._gather(self.robot)
         every = [run.found.unknown_gains for run in self._gathered if run]
@@ -377,8 +377,8 @@ class _Runs:
         self.is_open = any(run and run.scaling.unknown != self.unknown for run in self._gathered)
         if len(set(every)) > 1:
             raise Mismatch(
-                f"{loaded[-1].path}: gains are unknown of other axes than in {bare.run.path}; an"
-                " axis has one gain: state it in the maps of both runs or of neither"
+                f"{loaded[-1].path}: axes of unknown gain differ from those in {bare.run.path}; "
+                "state the gain of an axis in the maps of both runs, or of neither"
             )
 
     def fit(self, robot: Robot | None = None) -> Fit:

@@ -42,8 +42,8 @@ def verdict(found: Load, advice: Mapping[str, str] | None = None) -> tuple[str, 
         lines += _unsure_lines(found, advice or {})
     if found.unseen:
         lines.append(
-            f"taken as zero: {', '.join(found.unseen)}, absent from the last link in the robot"
-            " file; add what the load has of them there, or test them with hil diagnose"
+            f"taken as zero: {', '.join(found.unseen)}, absent from the last link in the robot "
+            "file; add these parameters there, or test them with hil diagnose"
         )
     return tuple(lines)
 
@@ -63,7 +63,7 @@ def advised(bare: WithoutLoad, plans: Sequence[Plan], found: Load) -> dict[str, 
 
 
 def _advice(robot: Robot, pose: Pose) -> str:
-    to = f"to {100 * pose.share:.0f} % of its error by one more measurement, as predicted"
+    to = f"predicted error after one more measurement: {100 * pose.share:.0f} % of the present one"
     if pose.position is None:
         return f"measure again with more strokes of axis {pose.axis} ({to})"
     turns = bool(robot.revolute[pose.axis - 1])
@@ -106,25 +106,24 @@ def _rigidity_lines(found: Load) -> list[str]:
         return []
     chance, least = found.rigid_chance, found.least_inertia()
     doubt, remedy = (
-        "not rigid, not fixed, or friction changed with it: ",
+        "load not rigid, not fixed, or friction changed: ",
         ("; fasten the load and its cables, empty what can flow, and measure again"),
     )
     if least is not None and found.is_no_body:
         return [
-            f"{doubt}no body has the inertia that was found, with {_worded(least[0])} about an"
-            f" axis through the centre{remedy}"
+            f"{doubt}the inertia found is physically impossible, {_worded(least[0])} about an "
+            f"axis through the centre{remedy}"
         ]
     if not found.is_loose:
         axes = ", ".join(str(each.axis) for each in found.misfit)
         seen = f"rigid and fixed, as far as axes {axes} show (p = {chance:.2g})"
         if (sag := _hidden_sag(found)) is not None:
-            seen += f"; a centre that sags by up to {1e3 * sag:.2g} mm is not excluded"
+            seen += f"; sag of the centre of mass up to {1e3 * sag:.2g} mm not excluded"
         return [seen]
     worst = min(found.misfit, key=lambda each: each.p_value)
     return [
-        f"{doubt}measurements of axis {worst.axis} contradict one another"
-        f" {math.sqrt(worst.ratio):.2g} times as much as without the load (p = {chance:.2g})"
-        f"{remedy}"
+        f"{doubt}measurements of axis {worst.axis} scatter {math.sqrt(worst.ratio):.2g} times as "
+        f"much as without the load (p = {chance:.2g}){remedy}"
     ]
 
 

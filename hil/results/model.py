@@ -65,7 +65,7 @@ class Model(IdentifiedRobot):
         """
         path = file_of(Path(path))
         if not path.exists():
-            raise FileError(f"{path}: not there yet; make it with: hil identify {path.parent}")
+            raise FileError(f"{path}: does not exist yet; make it with: hil identify {path.parent}")
         return cls(**read_model_file(path).identified(path))
 
     def save(self, path: Path | str) -> None:
@@ -347,8 +347,8 @@ class Model(IdentifiedRobot):
         M, state = self.mass_matrix(q, parts), warmth_of(self, warmth, q)
         if not (np.linalg.eigvalsh(M) > 0).all():
             raise NotEnoughData(
-                f"the model of {self.robot.name}: its mass matrix is not positive definite at q,"
-                f" of {', '.join(parts)}; take all parts, or see hil.Model.verdict"
+                f"the model of {self.robot.name}: the mass matrix of {', '.join(parts)} is not "
+                "positive definite at q; use all parts, or see hil.Model.verdict"
             )
         qdd = np.zeros_like(tau)
         for _ in range(ROUNDS):  # once without friction of load, which depends on accelerations
@@ -357,8 +357,8 @@ class Model(IdentifiedRobot):
                 return qdd
             qdd = qdd + np.linalg.solve(M, left[..., None])[..., 0]
         raise NotEnoughData(
-            f"the model of {self.robot.name}: friction grows with the load as fast as the load, so"
-            ' accelerations do not settle; take parts=("rigid bodies", "motors")'
+            f"the model of {self.robot.name}: load-dependent friction is as large as the load:"
+            ' accelerations do not converge; use parts=("rigid bodies", "motors")'
         )
 
     def torque_interval(

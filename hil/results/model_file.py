@@ -281,8 +281,8 @@ def read_model_file(path: Path, same: float = 1e-6) -> ModelFile:
         ):
             line = line_of(text, ("parameters", number, "value"))
             raise FileError(
-                f"{path}:{line}: {each.name}: value, standard error and interval do not belong"
-                f" together, so the file was edited; {remedy}"
+                f"{path}:{line}: {each.name}: value, standard error and interval are "
+                f"inconsistent (edited file?); {remedy}"
             )
     return kept
 

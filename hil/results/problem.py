@@ -138,19 +138,17 @@ def regression(
         raise UnknownName(f"friction {friction!r} must be auto, or a law: {'; '.join(LAWS)}")
     if friction != "auto" and not any(run.imported for run in (*runs, *loaded)):
         raise Mismatch(
-            f"friction {friction!r}: 0 of {len(runs)} runs were imported, and friction of what was"
-            " measured here is found anew in each measurement; leave it at 'auto'"
+            f"friction {friction!r}: needs imported runs, and 0 of {len(runs)} runs are; runs of "
+            "hil run fit friction anew in each measurement; use 'auto'"
         )
     named = (nuisance,) if isinstance(nuisance, str) else tuple(nuisance)
     options = Options(friction, named, covariance, prior)
     if loaded and method is not None:
-        raise Mismatch(f"method {method!r}: a load is found by a recipe of its own; leave it out")
+        raise Mismatch(f"method {method!r}: not applicable to a load; omit method")
     if loaded and prior is not None:
-        raise Mismatch(
-            "prior: of a robot's links; a load is found by recordings alone; leave it out"
-        )
+        raise Mismatch("prior: applies to links of the robot, not to a load; omit prior")
     if not loaded and (mass is not None or gains):
-        raise NotEnoughData("0 runs with a load, whose mass or gains are asked for: loaded=[run]")
+        raise NotEnoughData("0 runs with a load, needed for mass or gains: loaded=[run]")
     if loaded:
         return LoadProblem(BareRun(*runs, options=options), tuple(loaded), mass, gains)
     problem = RegressionProblem(runs, options, method)

@@ -184,9 +184,9 @@ def filter_recording(model: Model, recording: Recording) -> Along:
     rates, used = motion.rates, motion.used
     if not used.any():
         raise NotEnoughData(
-            f"{recording.n_samples} samples in {recording.n_samples * recording.period:.3g} s are"
-            f" fewer than the low-pass at {motion.processing.cut_off:.3g} Hz reaches; give a longer"
-            " recording"
+            f"{recording.n_samples} samples in {recording.n_samples * recording.period:.3g} s "
+            f"are too few for the low-pass at {motion.processing.cut_off:.3g} Hz; give a longer "
+            "recording"
         )
 
     def coarse(x: Array) -> Array:
@@ -375,8 +375,8 @@ def processing_of(model: Model) -> Processing:
     fit = model.details
     if not isinstance(fit, FreeMotionFit):
         raise NotEnoughData(
-            f"the model ({model.method} method) holds no settings of free motions by which a"
-            " recording is filtered; take model.torque, or identify imported recordings"
+            f"the model ({model.method} method) holds no filter settings for free motions; use "
+            "model.torque, or identify imported recordings"
         )
     taken = np.zeros(model.robot.n_joints, dtype=bool)
     taken[[axis - 1 for axis in fit.recorded_velocity]] = True

@@ -113,7 +113,7 @@ class BandResidual(FileModel):
     def __str__(self) -> str:
         shown = self.relative_smoothed
         worst = int(np.nanargmax(shown)) if np.isfinite(shown).any() else -1
-        away = f", of axis {worst + 1} {_percent(shown[worst])} in motion" if worst >= 0 else ""
+        away = f", axis {worst + 1} in motion {_percent(shown[worst])}" if worst >= 0 else ""
         return (
             f"residual up to {self.band:g} Hz {_percent(self.overall)} of the torque (unfiltered"
             f" {_percent(self.overall_unfiltered)}){away}"
@@ -137,11 +137,10 @@ def unexplained(found: BandResidual | None, limit: Array, accuracy: float) -> It
     for axis in np.argsort(-left, kind="stable").tolist():
         if left[axis] > accuracy:
             yield doubtful(
-                f"the model explains {100 * max(0.0, 1.0 - left[axis]):.0f} % of axis "
-                f"{axis + 1}: {_percent(left[axis])} of its torque remain up to {found.band:g} "
-                f"Hz, at most {_percent(accuracy)} allowed (--accuracy)",
-                "record motions like those that are to be predicted, or check what the model lacks:"
-                " springs, ripple, friction that depends on more than speed",
+                f"axis {axis + 1}: residual {_percent(left[axis])} of the torque up to "
+                f"{found.band:g} Hz, at most {_percent(accuracy)} allowed (--accuracy)",
+                "record motions like those to be predicted, or check for effects missing in the "
+                "model: springs, ripple, friction that depends on more than speed",
             )
 
 

@@ -86,9 +86,8 @@ def warmth_of(model: IdentifiedRobot, warmth: ArrayLike | None, q: Array) -> Arr
     identified = np.array([each is not None for each in known_warmth(model)])
     if not identified.any():
         raise NotEnoughData(
-            f"warmth is stated, but the model of {model.robot.name} knows of no axis how friction"
-            " depends on it: leave warmth out, or identify longer runs together (hil identify RUN"
-            " --with RUN)"
+            f"warmth is given, but in the model of {model.robot.name} no friction depends on "
+            "warmth: omit warmth, or identify longer runs together (hil identify RUN --with RUN)"
         )
     try:
         found = np.broadcast_to(np.asarray(warmth, dtype=np.float64), q.shape)

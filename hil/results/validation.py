@@ -335,17 +335,17 @@ def _uncovered(
         if np.mean(distance > law.exposure.widest) > HALF:
             most = float(TWICE * np.sqrt(np.mean(law.exposure.deviation(distance) ** 2)))
             said.append(
-                "it has moved more, or rested longer, than in any of them, so that friction may"
-                f" differ by {most:.0%}"
+                "more motion, or longer rest, than in any of these recordings: friction may "
+                f"differ by {most:.0%}"
             )
     # samples of both directions: gravity and asymmetric friction cancel
     level, _ = level_at(law, float(np.clip(speed.mean(), low, high)))
     off = float(np.mean(left * np.sign(qd))) / level if level > 0 else 0.0
     if abs(off) > law.wander:
         said.append(
-            "the rigid bodies hold, the friction that the model states does not: it is"
-            f" {abs(off):.0%} {'more' if off > 0 else 'less'} than the law's, in none of theirs by"
-            f" more than {law.wander:.0%}"
+            f"rigid bodies are confirmed, the model's friction is not: friction {abs(off):.0%} "
+            f"{'above' if off > 0 else 'below'} the law, at most {law.wander:.0%} in these "
+            "recordings"
         )
     return "; ".join(said)
 
@@ -368,8 +368,8 @@ def _judge_axes(scores: Scores, n_joints: int) -> Iterator[Reservation]:
     """Yield the objections to the model; each rule names the worst axis."""
     if not scores:
         yield failed(
-            "no axis has enough samples in motion that can be used: away from reversals, faster"
-            " than a few percent of its speed limit and clear of both ends of the recording",
+            "no axis has enough usable samples in motion: away from reversals, faster than a few "
+            "percent of its speed limit and clear of both ends of the recording",
             "record a longer or faster motion",
         )
         return
@@ -388,17 +388,17 @@ def _naive(scores: Scores) -> Reservation | None:
     why = "the model does not hold for this motion"
     if worst.uncertain > TOLERANCE:
         why = (
-            "the recordings that the model was made from do not excite what this motion needs:"
-            f" standard errors amount to {worst.uncertain:.0%} of its torque"
+            "the model's recordings do not excite the parameters of this motion: standard errors "
+            f"are {worst.uncertain:.0%} of the torque"
         )
     if worst.rigid_error < min(most * worst.naive, worst.relative):
         why = (
-            f"with friction fitted in this recording it is off by {worst.rigid_error:.0%}: the"
-            " bodies hold, the friction that the model states does not; identify it anew"
+            f"with friction fitted to this recording the error is {worst.rigid_error:.0%}: rigid "
+            "bodies are confirmed, the model's friction is not; identify friction anew"
         )
     return failed(
-        f"axis {worst.axis}: the prediction is off by {worst.relative:.0%} of the torque, the"
-        f" mean torque alone by {worst.naive:.0%}; {why}"
+        f"axis {worst.axis}: the prediction has an error of {worst.relative:.0%} of the torque, "
+        f"a constant torque {worst.naive:.0%}; {why}"
     )
 
 
@@ -408,7 +408,7 @@ def _narrow(scores: Scores) -> Reservation | None:
     s = min(scores, key=lambda each: (each.inside >= INSIDE, bool(each.uncovered), each.inside))
     if s.inside >= INSIDE:
         return None
-    held, remedy = f"{s.inside:.0%} of the samples lie inside the predicted intervals of 95 %", ""
+    held, remedy = f"{s.inside:.0%} of the samples are inside the predicted 95 % intervals", ""
     if s.uncovered:
         return doubtful(
             f"axis {s.axis}: not covered by the model's recordings, {s.uncovered}; {held}",
@@ -416,20 +416,19 @@ def _narrow(scores: Scores) -> Reservation | None:
         )
     if s.relative <= TOLERANCE:
         why = (
-            f"{held}, {INSIDE:.0%} are needed at least; these are too narrow for this motion, whose"
-            f" torque is predicted within {s.relative:.1%}"
+            f"{held}, at least {INSIDE:.0%} needed; the intervals are too narrow for this motion "
+            f"(torque predicted within {s.relative:.1%})"
         )
     elif s.own_friction and s.relative > WORSE * s.rigid_error:
         why = (
-            "the rigid bodies hold, the friction that the model states does not; with it the torque"
-            f" is off by {s.relative:.0%}, and {held}: warmer, differently loaded, or other speeds"
-            " than where it was identified"
+            f"rigid bodies are confirmed, the model's friction is not: error {s.relative:.0%} of "
+            f"the torque, and {held}; temperature, load or speeds differ from the identification"
         )
         remedy = "identify friction anew before torques are fed forward"
     elif s.asymmetry**2 > HALF:
         why = (
-            f"friction asymmetric, {s.asymmetry:.0%} of the residual changes its sign with the"
-            f" direction, and {held}; friction is not that of the identification"
+            f"friction asymmetric, {s.asymmetry:.0%} of the residual changes its sign with the "
+            f"direction, and {held}; friction differs from the identification"
         )
     elif s.worse > WORSE:
         why = (
@@ -437,7 +436,10 @@ def _narrow(scores: Scores) -> Reservation | None:
             " does not generalise to this motion's range of speeds and positions"
         )
     else:
-        why = f"{held}, {INSIDE:.0%} are needed at least; its torque is off by {s.relative:.0%}"
+        why = (
+            f"{held}, at least {INSIDE:.0%} needed; error of the prediction {s.relative:.0%} "
+            "of the torque"
+        )
     return doubtful(f"axis {s.axis}: {why}", remedy)
 
 
@@ -445,28 +447,28 @@ RULES: tuple[Rule[Scores], ...] = (
     _naive,
     When(
         _worst(lambda s: s.limited, LEVEL),
-        "axis {0.axis}: saturated, {0.limited:.0%} of the samples are at one and the same greatest"
-        " torque; the drive was at its limit",
+        "axis {0.axis}: saturated, {0.limited:.0%} of the samples are at the same largest "
+        "torque; the drive was at its limit",
         "record a slower motion",
     ),
     When(
         _worst(lambda s: min(s.uncertain, s.shown), TOLERANCE),
-        "axis {0.axis}: not excited, standard errors of the prediction amount to {0.uncertain:.0%}"
-        " of this motion's torque, of which {0.shown:.0%} show;"
-        f" at most {TOLERANCE:.0%} may be",
+        "axis {0.axis}: not excited, standard errors of the prediction are {0.uncertain:.0%} of "
+        f"this motion's torque ({{0.shown:.0%}} seen in the residual); at most {TOLERANCE:.0%} "
+        "allowed",
         "measure motions that show these parameters (hil plan --refine)",
     ),
     When(
         _worst(lambda s: abs(s.gain - 1.0) - SURE * s.gain_error, TOLERANCE),
-        "axis {0.axis}: gains inconsistent, measured torques are {0.gain:.2f} times those"
-        f" predicted, at most {TOLERANCE:.0%} may be missing; torque constant or gain differ from"
-        " those identified",
+        "axis {0.axis}: gains inconsistent, measured torques are {0.gain:.2f} times those "
+        f"predicted, at most {TOLERANCE:.0%} deviation allowed; torque constant or gain differ "
+        "from those identified",
     ),
     _narrow,
     When(
         lambda scores: ", ".join(str(s.axis) for s in scores if not s.own_friction),
-        "axis {0}: the model states no friction, so that it does not predict what the drive has to"
-        " give; judged with friction fitted in this recording",
+        "axis {0}: the model has no friction and cannot predict the drive's torque; judged with "
+        "friction fitted to this recording",
     ),
 )
 """Rules in order: faults of the recording come before errors of the parameters."""

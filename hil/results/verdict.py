@@ -104,8 +104,8 @@ def _unexplained(fit: FreeMotionFit) -> Reservation | None:
     if not worst or ratios[worst] ** 2 <= HALF:
         return None
     return failed(
-        f"axis {worst}: the model leaves {fit.relative_residual[worst - 1]:.0%} of the torque"
-        f" unexplained, the mean torque alone {fit.naive_residual[worst - 1]:.0%}",
+        f"axis {worst}: the model leaves {fit.relative_residual[worst - 1]:.0%} of the torque "
+        f"unexplained, a constant torque {fit.naive_residual[worst - 1]:.0%}",
         "check columns, signs and units of the recording, and the direction of gravity",
     )
 
@@ -122,8 +122,8 @@ def _impossible(model: Model) -> Iterator[Reservation]:
         else:
             yield doubtful(
                 f"{_stated(each)}: not positive definite, within its uncertainty",
-                "add recordings with greater acceleration; hil export --to urdf writes the nearest"
-                " bodies",
+                "add recordings with greater acceleration; hil export --to urdf writes the "
+                "nearest physically consistent links",
             )
     for each in impossible_links(model):
         if each.certain:
@@ -172,7 +172,7 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
     ),
     When(
         lambda fit: _axes(fit.driving),
-        "axis {0}: identified friction is negative: it adds power to the motion",
+        "axis {0}: negative friction identified, which adds power to the motion",
         "check the sign of its torque, and for a missing spring, lag or inertia",
     ),
     When(

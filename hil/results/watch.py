@@ -131,10 +131,10 @@ class Watched(FileModel):
     def verdict(self) -> Verdict:
         """Judgement on reliability, alarms and response times."""
         if not self.watched:
-            return Verdict("doubtful", "doubtful", "nothing was watched, watch for longer")
+            return Verdict("doubtful", "doubtful", "no motion watched; watch for longer")
         count = f"{len(self.alarms) or 'no'} {'alarm' if len(self.alarms) == 1 else 'alarms'}"
         word = "doubtful" if self.alarms or hardly_watched(self) else "good"
-        return Verdict(word, word, f"{count} in {clock(self.watched)}, {self.rate:.3g} an hour")
+        return Verdict(word, word, f"{count} in {clock(self.watched)}, {self.rate:.3g} per hour")
 
 
 def hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:
@@ -144,6 +144,6 @@ def hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:
         return ()
     axes = f"{'axis' if len(blind) == 1 else 'axes'} {', '.join(str(axis.axis) for axis in blind)}"
     return (
-        f"{axes}: hardly watched, because still for most of the time or too little seen before;"
-        " a plan that moves every axis all the time watches them, such as a trajectory",
+        f"{axes}: hardly watched: at rest most of the time, or too little motion before; use a "
+        "plan that moves every axis all the time, such as a trajectory",
     )

@@ -105,8 +105,9 @@ def _change(eds: configparser.RawConfigParser, change: ObjectChange, name: str) 
     if section not in eds:
         if change.type is None:
             raise FileError(
-                f"personality {name}: the drive has no object {change.index:04X}:"
-                f"{change.subindex:02X} to change; correct it, or give its type to have it added"
+                f"personality {name}: the drive has no object "
+                f"{change.index:04X}:{change.subindex:02X} to change; correct the index, or "
+                "state a type to add the object"
             )
         _declare(eds, change.index, change.subindex, "Additional object", mappable=False)
     if change.type is not None:

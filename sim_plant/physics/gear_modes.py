@@ -77,9 +77,9 @@ def _modes(arm: Arm, const: Array, flaws: Array, reach: Array) -> Iterator[tuple
         M[own, own] += mass_matrix(arm, q)
         if np.linalg.eigvalsh(M)[0] <= 0:
             raise ValueError(
-                "links on soft gears have no motor to lend them inertia, and at q ="
-                f" {np.round(q, 2).tolist()} M(q) by itself is not positive definite; give the"
-                " links parameters of real bodies, or leave stiffness out"
+                "M(q) of the links without motors, decisive on soft gears, is not positive "
+                f"definite at q = {np.round(q, 2).tolist()}; state physically consistent link "
+                "parameters, or omit stiffness"
             )
         yield M, K, D
 

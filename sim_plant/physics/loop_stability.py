@@ -112,9 +112,9 @@ def refuse_unstable(loops: Loops, inertia: ReflectedInertia) -> None:
         slower = next((x for x in halves if is_stable(replace(tuned, velocity=x), inertia)), None)
         raise Unstable(
             ("loops", "velocity"),
-            f"{loops.velocity:g} 1/s makes the loops unstable in steps of"
-            f" {1e3 * loops.step:g} ms, whatever load_inertia; "
-            + (f"{slower:.3g} 1/s holds the arm" if slower else "make all three smaller"),
+            f"{loops.velocity:g} 1/s makes the loops unstable in steps of {1e3 * loops.step:g} "
+            "ms for any load_inertia; "
+            + (f"{slower:.3g} 1/s is stable" if slower else "reduce all three gains"),
         )
     for axis, stated in enumerate(loops.loads):
         if not is_stable(tuned.replace_load(axis, stated), inertia):
@@ -194,7 +194,7 @@ def refuse_hard_brakes(const: Array, inertia: ReflectedInertia, step: float) -> 
         present = 1 / const[axis, st.PER_BRISTLE]
         raise Unstable(
             ("axes", axis, "friction", "presliding"),
-            f"{present:g} makes the closed brake too stiff for steps of {1e3 * step:g} ms, with"
-            f" an inertia of {inertia.least[axis]:.3g} behind it; at least"
-            f" {present * (share[axis] / FOLLOWED) ** 2:.2g} can be followed",
+            f"{present:g} makes the closed brake too stiff for steps of {1e3 * step:g} mswith an "
+            f"inertia of {inertia.least[axis]:.3g}; must be at least "
+            f"{present * (share[axis] / FOLLOWED) ** 2:.2g}",
         )

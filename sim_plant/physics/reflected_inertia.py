@@ -103,8 +103,8 @@ def reflected_inertia(arm: Arm, motors: Array, reach: Array) -> ReflectedInertia
     if worst.min() <= 0:
         where = np.round(q[worst.argmin()], 2).tolist()
         raise NotPositive(
-            f"M(q) of links and motors is not positive definite at q = {where}; give the links"
-            " parameters of real bodies"
+            f"M(q) of links and motors is not positive definite at q = {where}; state physically "
+            "consistent link parameters"
         )
     free = 1 / np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2)
     held = np.diagonal(masses, axis1=1, axis2=2)

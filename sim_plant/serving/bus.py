@@ -83,7 +83,9 @@ class PlantBus(can.BusABC):
             The bus is shut down, or the frame is no classical CAN frame.
         """
         if msg.is_fd:
-            raise can.CanOperationError("the plant's drives know no CAN FD: send classical frames")
+            raise can.CanOperationError(
+                "the plant's drives do not support CAN FD: send classical frames"
+            )
         plant = self._plant or self._opened()
         plant.transmit(msg, self._inbox, self._echo)
 

@@ -60,8 +60,8 @@ class PlantOptions:
         unknown = [name for name in given if name not in known]
         if unknown:
             raise can.CanInitializationError(
-                f"{', '.join(unknown)}: the simulated plant knows no such option; it knows"
-                f" {', '.join(known)} and receive_own_messages"
+                f"{', '.join(unknown)}: unknown option of the simulated plant; options: "
+                f"{', '.join(known)} and receive_own_messages"
             )
         return cls(**{name: _read(name, value) for name, value in given.items()})  # type: ignore[arg-type]
 
@@ -76,8 +76,8 @@ class PlantOptions:
             wanted, present = _read(option, value), getattr(self, option)
             if option != "bitrate" and wanted != present:
                 raise can.CanInitializationError(
-                    f"{name}: is open in this process with {option}={present}, "
-                    f"not {option}={wanted}; leave {option} out or shut the other bus down"
+                    f"{name}: is open in this process with {option}={present}, not "
+                    f"{option}={wanted}; omit {option} or shut the other bus down"
                 )
 
 
@@ -102,7 +102,7 @@ def _number(option: str, value: object, least: int) -> int:
         number = least - 1
     if number < least:
         raise can.CanInitializationError(
-            f"{option}={value!r}: must be a whole number from {least} up"
+            f"{option}={value!r}: must be an integer of at least {least}"
         )
     return number
 

@@ -44,7 +44,7 @@ def open_interface(interface: str) -> socket.socket:
     try:
         wire = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETHERTYPE))
     except PermissionError as error:
-        raise OSError("raw Ethernet frames are for root, or with CAP_NET_RAW") from error
+        raise OSError("raw Ethernet frames need root or CAP_NET_RAW") from error
     try:
         wire.bind((interface, ETHERTYPE))
     except OSError as error:

@@ -107,8 +107,8 @@ def _loops(motors: Array, loads: Array, inertia: ReflectedInertia) -> LoopsOfFil
         if is_stable(Loops(motors, loads, *gains, STEP), inertia):
             return slower
     raise NoLinks(
-        "the inertias that the motors turn differ too much over the workspace for loops of fixed"
-        " gains; state a rotor_inertia and a gear_ratio for each joint"
+        "inertias at the motors vary too much over the workspace for control loops of fixed "
+        "gains; state a rotor_inertia and a gear_ratio for each joint"
     )
 
 

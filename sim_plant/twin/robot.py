@@ -26,7 +26,7 @@ _TIE = re.compile(r"^\s*([A-Za-z]+)(\d+)\s*=\s*([A-Za-z]+)(\d+)\s*$")
 
 def _stated(value: object) -> object:
     if value == UNKNOWN:
-        raise ValueError("is unknown; state it, since nothing moves without it")
+        raise ValueError("is unknown; state it: needed to move the twin")
     return value
 
 
@@ -108,7 +108,7 @@ class RobotDescription(FileModel):
     @classmethod
     def _none_coupled(cls, couplings: tuple[object, ...] | None) -> tuple[object, ...] | None:
         if couplings:
-            raise ValueError("the virtual plant has no coupled motors; leave them out for a twin")
+            raise ValueError("the virtual plant has no coupled motors; remove them for a twin")
         return couplings
 
     @field_validator("ties")

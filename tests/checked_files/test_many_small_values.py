@@ -84,7 +84,7 @@ def test_values_of_yaml_are_counted_while_they_are_read(monkeypatch: pytest.Monk
 def test_a_list_of_json_without_objects_is_refused_at_its_first_item(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow")
     (tmp_path / "a.json").write_text("[[],[],")
-    with pytest.raises(FileError, match=r"a\.json: is no list .*holds list"):
+    with pytest.raises(FileError, match=r"a\.json: is neither .*holds list"):
         open_table(tmp_path / "a.json", Format())
 
 

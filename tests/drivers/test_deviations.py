@@ -357,7 +357,7 @@ def test_a_drive_that_sends_no_emergencies_is_noted() -> None:
     can_bus, drive_bus = build({2: {(0x1014, 0): ("u32", OFF | 0x82)}})
     with can_bus, drive_bus:
         pass
-    assert any("no emergencies come" in note for note in drive_bus.notes)
+    assert any("no emergency messages" in note for note in drive_bus.notes)
 
 
 def test_two_drives_with_one_identifier_of_emergencies_are_refused_with_both() -> None:

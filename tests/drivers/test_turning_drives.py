@@ -76,7 +76,10 @@ def test_axes_pass_the_end_of_the_range_as_if_there_were_none(tmp_path: Path) ->
             if name == "turning":
                 assert min(bus._session.connection.process_data._inner.positions) > 0
                 assert min(bus._session.connection.process_data.positions) < 0
-                assert sum("the driver plans its ways and alone keeps" in n for n in bus.notes) == 6
+                assert (
+                    sum("the driver plans all motion, and only the driver" in n for n in bus.notes)
+                    == 6
+                )
     assert ways[0] == pytest.approx(ways[1], abs=1e-9)
     assert np.abs(np.diff(ways[0], axis=0)).max() < 0.01
 
@@ -97,7 +100,9 @@ def test_an_axis_that_leaves_its_way_beyond_the_end_of_the_range_is_stopped(
 
 def test_a_range_that_leaves_an_axis_no_room_beyond_its_limits_is_refused(tmp_path: Path) -> None:
     with (
-        pytest.raises(DriveRefused, match=r"take \d+ of 600001 positions, so the axis could stand"),
+        pytest.raises(
+            DriveRefused, match=r"take \d+ of 600001 positions, so the place of the axis"
+        ),
         turning(tmp_path, position_range=[0, 600_000]),
     ):
         pass

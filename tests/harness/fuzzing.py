@@ -101,7 +101,7 @@ class Outcome:
         if self.how not in {"read", "refused"}:
             return f"{self.how}: {self.text}"
         if self.memory > self.bound:
-            return f"{self.memory / 1e6:.0f} MB, at most {self.bound / 1e6:.0f} MB may be"
+            return f"{self.memory / 1e6:.0f} MB, at most {self.bound / 1e6:.0f} MB allowed"
         return f"written outside: {', '.join(self.outside)}" if self.outside else ""
 
 

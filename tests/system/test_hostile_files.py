@@ -264,7 +264,7 @@ MERGES = "a: &a {x: 1, y: 2}\n" + "".join(
         ("\nbitrate: .nan", r":2: bitrate: nan"),
         ("\na:\n\t- b", r":3: .*cannot start any token"),
         ("\na: \x00", r":2: .*(?:control|special) characters are not allowed"),
-        ("bitrate: 1\nbitrate: 2", r":2: bitrate: stands twice"),
+        ("bitrate: 1\nbitrate: 2", r":2: bitrate: is stated twice"),
         ("", r":1: must hold keys and values, not nothing"),
         ("- a", r":1: must hold keys and values, not list"),
     ],

@@ -145,7 +145,7 @@ def test_drives_that_differ_in_the_unit_of_current_differ_by_rounding_alone(
     ("name", "words"),
     [
         ("no-current", ["6078:00", "torques cannot be measured without it", "drives file"]),
-        ("no-watchdog", ["1016:01", "goes on when our process dies", "allow_no_heartbeat"]),
+        ("no-watchdog", ["1016:01", "keeps moving after a crash", "allow_no_heartbeat"]),
         ("wrong-pdos", ["1A00:02", "is fixed at 60610008h, 60640020h is needed"]),
     ],
 )
@@ -182,14 +182,14 @@ def notes(folder: Path, name: str) -> list[str]:
         ("two-entries", ["state tpdos: [[0x60410010, 0x60640020], [0x60780010]]"]),
         (
             "event-tpdo",
-            ["TPDO 2 cannot be switched off: it goes on to be sent under 281h on event"],
+            ["TPDO 2 cannot be switched off: still sent under 281h on event"],
         ),
         ("wide-range", ["(607D) are fixed at [-29219, 29219] rad, those of the drives file are"]),
         ("sync-counter", []),
         ("held-acknowledge", []),
         (
             "life-guarding",
-            ["no heartbeats both ways", "watches our guarding requests", "for 0.5 s"],
+            ["no heartbeats both ways", "node guarding is used", "after 0.5 s without"],
         ),
         ("rounding", ["128 instead of 100 in object 1017:00", "(2.9999 rad/s instead of 3 rad/s)"]),
         ("clipping", ["2500 instead of 3422 in object 6065:00", "(0.036523 rad instead of 0.0"]),

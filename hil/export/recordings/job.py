@@ -71,8 +71,8 @@ class Job:
 README = "README.txt"
 NOTES = (
     "Time begins anew in each session; the index states the session of each measurement.",
-    "A cell that is empty, or NaN: no sample came at this SYNC.",
-    "Velocities are there where they were recorded; drives report none.",
+    "An empty cell, or NaN: no sample at this SYNC.",
+    "Velocities only where recorded; drives report none.",
     "Derived columns were not recorded: set-points follow from the plan and from the strokes.",
 )
 

@@ -40,10 +40,10 @@ TOPICS = {"/joint_states": JOINT_STATE, "/set_points": JOINT_STATE, "/events": L
 ABOUT = (
     "/joint_states: sensor_msgs/JointState at every sample, recorded; torques as effort, no"
     " velocities where none were recorded",
-    "/set_points: sensor_msgs/JointState with positions alone, derived, where they were planned",
+    "/set_points: sensor_msgs/JointState with positions only, derived, for planned motions",
     "/events: rcl_interfaces/Log on measurements, findings, repeated attempts and notes",
-    "Stamps: the computer's clock when a session began plus the bus's time; what is imported"
-    " begins at 0.",
+    "Stamps: the computer's clock when a session began plus the bus's time; imported recordings "
+    "begin at 0.",
 )
 
 
@@ -169,6 +169,6 @@ def _begun(run: Run, session: int) -> int:
         return round(datetime.fromisoformat(stated).timestamp()) * SECOND
     except ValueError as error:
         raise FileError(
-            f"{run.path / 'run.json'}: {stated!r} is no instant at which a session began; put the"
-            " run's own file back"
+            f"{run.path / 'run.json'}: {stated!r} is not a start time of a session; restore the "
+            "run's own file"
         ) from error

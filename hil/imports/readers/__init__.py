@@ -67,8 +67,8 @@ def _sole_bag(path: Path) -> Path:
     if len(bags) > 1:
         names = ", ".join(str(path / each.name) for each in bags)
         raise FileError(
-            f"{path}: is a folder without the metadata.yaml of rosbag2, as a killed recorder leaves"
-            f" it; name its files in their order: {names}"
+            f"{path}: is a rosbag2 folder without metadata.yaml (recorder killed?); name its "
+            f"files in order: {names}"
         )
     return bags[0] if bags else path
 
@@ -77,12 +77,12 @@ def _refuse_unreadable(path: Path) -> None:
     with file_errors(path, "read"):
         if path.is_dir() and not (path / "metadata.yaml").exists():
             raise FileError(
-                f"{path}: is a folder, and no rosbag2 without its metadata.yaml; name a file"
+                f"{path}: is a folder without the metadata.yaml of rosbag2; name a file"
             )
         if path.is_dir():
             return
         if not stat.S_ISREG(path.stat().st_mode):
-            raise FileError(f"{path}: is a pipe or a device, which is read but once; save a file")
+            raise FileError(f"{path}: is a pipe or a device, not a file; save its data to a file")
         with path.open("rb") as file:
             if not file.read(1):
                 raise FileError(
@@ -99,8 +99,8 @@ def _reader(path: Path) -> Callable[[Path, Format], Table]:
             reader = getattr(import_module(f"hil.imports.readers.{module}"), function)
             return cast("Callable[[Path, Format], Table]", reader)
     raise FileError(
-        f"{path}: {path.suffix or 'no ending'} is no known format; known are {', '.join(KNOWN)},"
-        " and folders of rosbag2"
+        f"{path}: {path.suffix or 'no ending'} is an unknown format; known: {', '.join(KNOWN)}, "
+        "and rosbag2 folders"
     )
 
 
@@ -138,5 +138,5 @@ class SoundTable:
             for block in self._table.blocks(columns):
                 size += block.nbytes
                 if size > most:
-                    refuse_beyond(self.path, size, "what has been read so far")
+                    refuse_beyond(self.path, size, "the part read so far")
                 yield block

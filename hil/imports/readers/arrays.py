@@ -45,7 +45,7 @@ def open_arrays(path: Path, _: Format) -> ArrayTable:
             with loaded:
                 arrays = dict(_unpacked(loaded, left_out))
     except (ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise FileError(f"{path}: is no file of NumPy's arrays: {error}") from error
+        raise FileError(f"{path}: is not a NumPy file: {error}") from error
     return table_of(path, arrays, left_out)
 
 
@@ -90,7 +90,7 @@ def _unpacked(archive: Any, left_out: dict[str, str]) -> Iterator[tuple[str, np.
         try:
             yield name, archive[name]
         except ValueError:
-            left_out[name] = "an array of Python's objects, which are never unpickled"
+            left_out[name] = "an array of Python objects (not unpickled, for safety)"
 
 
 def _columns(
@@ -160,4 +160,4 @@ def hdf5_of(path: Path) -> h5py.File:
         return h5py.File(path, "r")
     except OSError as error:
         reason = error.strerror or str(error)
-        raise FileError(f"{path}: is no file of HDF5, or is damaged: {reason}") from error
+        raise FileError(f"{path}: is not an HDF5 file, or is damaged: {reason}") from error

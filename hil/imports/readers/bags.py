@@ -162,8 +162,8 @@ class OpenBag:
             data = unpacked(data, unpackers()["zstd"], MESSAGE_MAX)
         if len(data) > MESSAGE_MAX:
             raise FileError(
-                f"{self._path}: has a message of more than {MESSAGE_MAX} bytes, as joint states"
-                " never are; name another topic in format: topic"
+                f"{self._path}: has a message of more than {MESSAGE_MAX} bytes, too long for "
+                "joint states; name another topic in format: topic"
             )
         return data
 
@@ -202,7 +202,7 @@ def _refuse_other_chunks(indexed: Sequence[Any], there: dict[int, Chunk]) -> Non
         for each in indexed
     }
     if len(found) < len(indexed) or not found.items() <= there.items():
-        raise ValueError("its index names chunks that are not there, or one of them twice")
+        raise ValueError("its index lists a missing chunk, or a chunk twice")
 
 
 def _unpacked_chunk(file: Path, otherwise: Callable[[bytes], bytes], data: bytes) -> bytes:
@@ -228,8 +228,8 @@ def _refuse_links(folder: Path) -> None:
     for each in folder.iterdir():
         if not each.resolve().is_relative_to(inside):
             raise FileError(
-                f"{each}: leads to {each.resolve()}, outside of the bag's folder; copy the file"
-                " into the folder, or name it in the map in place of the folder"
+                f"{each}: is a link to {each.resolve()}, outside the bag's folder; copy the file "
+                "into the folder, or name it in the map in place of the folder"
             )
 
 
@@ -243,6 +243,6 @@ def mendable(path: Path) -> Iterator[None]:
     except Exception as error:
         mended = _MENDED.get(path.suffix, _MENDED[".db3"])
         raise FileError(
-            f"{path}: cannot be read as a bag: {error or type(error).__name__}; what a recorder"
-            f" that was killed left of it may be mended: {mended}"
+            f"{path}: cannot be read as a bag: {error or type(error).__name__}; if the recorder "
+            f"was killed, repair the bag with: {mended}"
         ) from error

@@ -80,7 +80,7 @@ def open_diadem(path: Path, text: str) -> ArrayTable:
         except (KeyError, ValueError) as error:
             left_out[name] = f"a channel whose header lacks, or misstates, {one_line(str(error))}"
     if not explicit:
-        raise FileError(f"{path}: no channel of it has values{listed(left_out)}")
+        raise FileError(f"{path}: has no channel with values{listed(left_out)}")
     return ArrayTable(path, columns, left_out)
 
 
@@ -139,8 +139,8 @@ def _values(path: Path, channel: Header, n_stored: int, swapped: bool) -> Array:
     known = stored in _TYPES and channel["213"] in {"BLOCK", "CHANNEL"}
     if not known or int(channel.get("222") or 0):  # a header before the values
         raise _NotRead(
-            f"values as {one_line(stored, 20)}, stored by {one_line(channel['213'], 20)}, of which"
-            " no reader is there; export them as REAL64, or as CSV"
+            f"values as {one_line(stored, 20)}, stored by {one_line(channel['213'], 20)}: not "
+            "supported; export them as REAL64, or as CSV"
         )
     file, first = _find_file(path, name), int(channel["221"]) - 1
     apart = n_stored if channel["213"] == "BLOCK" else 1
@@ -148,8 +148,8 @@ def _values(path: Path, channel: Header, n_stored: int, swapped: bool) -> Array:
     there, last = file.stat().st_size // kind.itemsize, first + apart * (n - 1)
     if not 0 <= first <= last < there:
         raise _NotRead(
-            f"{n} values, number {first + 1} to {last + 1} of {one_line(name, 60)}, which holds"
-            f" {there}; copy that file again, whole"
+            f"{n} values, number {first + 1} to {last + 1} of {one_line(name, 60)}, which holds "
+            f"only {there}; copy that file again"
         )
     return np.memmap(file, kind, "r")[first : last + 1 : apart]
 

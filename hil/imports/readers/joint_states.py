@@ -55,7 +55,7 @@ class JointStates:
         self.names = (*_TIMES, *self._joints())
         present = {name.partition("/")[0] for name in self.names}
         self.left_out: Mapping[str, str] = {
-            part: f"without values in all messages as {self._topic}"
+            part: f"without values in some messages on {self._topic}"
             for part in PARTS
             if part not in present
         }
@@ -89,9 +89,11 @@ class JointStates:
     def _notes(self) -> Iterator[str]:
         columns = self.names[len(_TIMES) :]
         if columns and all(column.partition("/")[2].isdigit() for column in columns):
-            yield f"its messages name no joints: columns are {columns[0]} and so on, in their order"
+            yield (
+                f"its messages have no joint names: columns are {columns[0]} and so on, in order"
+            )
         if self._bag.lacks_end:
-            yield "it has no end, as after a recorder was killed: all whole messages are read"
+            yield "it is truncated (recorder killed?): all complete messages are read"
 
 
 def _numbers(n: int) -> tuple[str, ...]:
@@ -117,14 +119,14 @@ def _topic_of(path: Path, bag: Bag, stated: str | None) -> str:
         others = ", ".join(sorted(opened.topics))
         has = f"its topics are {others}" if others else "it has no topics"
         if bag.lacks_end:
-            has = f"it has no end, as after a recorder was killed, and in what is whole {has}"
+            has = f"it is truncated (recorder killed?), and before the cut {has}"
         raise FileError(f"{path}: has no topic of {TYPE}; {has}")
     if stated is None and len(topics) > 1:
         raise FileError(
-            f"{path}: has joint states as {' and '.join(topics)}; name one in format: topic"
+            f"{path}: has joint states on {' and '.join(topics)}; name one in format: topic"
         )
     if stated is not None and stated not in topics:
-        raise FileError(f"{path}: has no joint states as {stated}, but as {', '.join(topics)}")
+        raise FileError(f"{path}: has no joint states on {stated}, but on {', '.join(topics)}")
     return stated or topics[0]
 
 

@@ -106,7 +106,7 @@ def _read_apart(path: Path, tables: Sequence[str] = ()) -> tuple[dict[str, Any],
             named = any(file.read(20))
         # zeros are unnamed variables, skipped one by one without end by older readers
         if not named and not tables:
-            raise FileError(f"{path}: is no file of MATLAB, or is damaged: it begins with zeros")
+            raise FileError(f"{path}: is not a MATLAB file, or is damaged: it begins with zeros")
         refuse_inflated_variables(path)
         with tempfile.TemporaryFile() as found:
             arguments = [str(path.absolute()), str(found.fileno()), *tables]
@@ -118,11 +118,13 @@ def _read_apart(path: Path, tables: Sequence[str] = ()) -> tuple[dict[str, Any],
                 check=False,
             )
             if done.returncode:
-                last = (done.stderr.strip().splitlines() or ["its reader ended"])[-1]
+                last = (done.stderr.strip().splitlines() or ["the reader ended without a message"])[
+                    -1
+                ]
                 if "MemoryError" in last:
                     raise exceeded(path, "reading it")
                 why = one_line(last.partition(": ")[2] or last)
-                raise FileError(f"{path}: is no file of MATLAB, or is damaged: {why}")
+                raise FileError(f"{path}: is not a MATLAB file, or is damaged: {why}")
             found.seek(0)
             with np.load(found, allow_pickle=False) as arrays:
                 names, left_out = json.loads(str(arrays["contents"]))
@@ -168,7 +170,7 @@ def _write_apart(path: Path, descriptor: int, tables: Sequence[str]) -> None:
 def _object(name: str, kind: str) -> str:
     """Describe an object of MATLAB, with the command that saves its numbers."""
     saved = _SAVED.get(kind, _ELSE).format(name)
-    return f"a {kind} of MATLAB, an object, which is not read; in MATLAB write {saved}"
+    return f"a MATLAB {kind}, an object: not supported; in MATLAB run {saved}"
 
 
 class _Contents:
@@ -296,7 +298,7 @@ class _Contents:
             refuse_beyond(self._path, len(elements) * elements[0].nbytes, together)
             self.arrays[together] = np.array([np.ravel(element) for element in elements])
         elif len(elements) > SEPARATE:
-            self.left_out[together] = f"{len(elements)} elements that are no arrays of one size"
+            self.left_out[together] = f"{len(elements)} elements that are not arrays of one size"
         else:
             for number, element in enumerate(elements, start=1):
                 add(one_by_one(number), element)

@@ -134,7 +134,7 @@ def open_parquet(path: Path, _: Format) -> ParquetTable:
         with file_errors(path, "read"):
             return ParquetTable(path, ParquetFile(path, memory_map=True))
     except ArrowException as error:
-        raise FileError(f"{path}: is no file of Parquet, or is damaged: {error}") from error
+        raise FileError(f"{path}: is not a Parquet file, or is damaged: {error}") from error
 
 
 class _Lines:
@@ -158,7 +158,8 @@ def open_json(path: Path, _: Format) -> ParquetTable:
             table = read_json(_lines(path, path.read_text(encoding="utf-8")) or path)
     except (ArrowException, ValueError, AttributeError, RecursionError) as error:
         raise FileError(
-            f"{path}: is no list or lines of objects of JSON, one a sample: {error}"
+            f"{path}: is neither a JSON list of objects nor JSON lines, one object per sample: "
+            f"{error}"
         ) from error
     return ParquetTable(path, _Lines(table))
 
@@ -205,7 +206,7 @@ class _Cells:
     def add(self, row: object) -> None:
         """Count an object."""
         if not isinstance(row, dict):
-            raise ValueError(f"holds {type(row).__name__} in the place of an object")  # noqa: TRY004
+            raise ValueError(f"holds {type(row).__name__} instead of an object")  # noqa: TRY004
         self._slots[()] += 1
         self._within((), row)
 

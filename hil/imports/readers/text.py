@@ -157,8 +157,8 @@ class TextTable:
                 return float(np.datetime64(instant(cell), "ns").astype(np.int64))
         name = f" ({self.names[column]})" if self.names[column] else ""
         raise FileError(
-            f"{at}: '{one_line(cell, 40)}' in column {column + 1}{name}, row {row}, is no"
-            " number; choose another column or rows, or state the file's layout in format"
+            f"{at}: '{one_line(cell, 40)}' in column {column + 1}{name}, row {row}, is not a "
+            "number; choose another column or rows, or state the file's layout in format"
         )
 
 
@@ -196,7 +196,7 @@ def open_text(path: Path, stated: Format) -> Table:
         head = file.read(_HEAD)
     _refuse_binary(path, head)
     if b"\r" in head and b"\n" not in head:
-        raise FileError(f"{path}: has lines that end in CR alone; convert them to LF or CR LF")
+        raise FileError(f"{path}: has lines that end in only CR; convert them to LF or CR LF")
     if len(head) == _HEAD:
         head = head.rpartition(b"\n")[0]
     text = _decoded(head)
@@ -237,7 +237,7 @@ def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:
             block, begin = block + end, b""
             _refuse_binary(path, block)
             if len(end) == BLOCK:
-                raise FileError(f"{path}: has a line of more than {BLOCK} bytes: it is no table")
+                raise FileError(f"{path}: has a line of more than {BLOCK} bytes: not a table")
             yield block
 
 
@@ -249,8 +249,8 @@ def _count(text: bytes, mark: bytes) -> int:
 def _refuse_binary(path: Path, block: bytes) -> None:
     if b"\0" in block:
         raise FileError(
-            f"{path}: holds zero bytes: it is no text in UTF-8; save it as such, or give the file"
-            " the ending of its format"
+            f"{path}: holds NUL bytes: not UTF-8 text; save the file as UTF-8, or name it with "
+            "the extension of its format"
         )
 
 

@@ -103,7 +103,7 @@ def refuse_overlapping_chunks(path: Path) -> None:
         end, entries = 0, 0
         for begin, n in sorted(places):
             if begin < end:
-                raise ValueError("its index reads a place twice")
+                raise ValueError("its index refers twice to one place")
             file.seek(begin)
             _fields(file)
             file.seek(_size(file), 1)
@@ -151,10 +151,12 @@ def refuse_inflated_tables(path: Path) -> None:
                 total += int(bag.execute(length).fetchone()[0])
                 refuse_beyond(path, total, "its values")
         if computed:
-            raise FileError(f"{path}: {computed[0]!r} is computed; a bag holds values, record anew")
+            raise FileError(
+                f"{path}: {computed[0]!r} is computed, not stored as in a bag; record anew"
+            )
         (n, different) = bag.execute("SELECT count(*), count(DISTINCT id) FROM topics").fetchone()
         if n != different:
-            raise ValueError("two topics have one number")
+            raise ValueError("two topics have the same id")
 
 
 def refuse_inflated_variables(path: Path) -> None:
@@ -183,8 +185,8 @@ def refuse_elsewhere(path: Path, name: str, dataset: Any) -> None:
     """
     if dataset.is_virtual or dataset.external:
         raise FileError(
-            f"{path}: {name} has its values in other files, which are not read; write them into"
-            " this one (h5repack)"
+            f"{path}: {name} has its values in other files, which are not read; copy the values "
+            "into this file (h5repack)"
         )
     if dataset.chunks:
         size = math.prod(dataset.chunks) * dataset.dtype.itemsize
@@ -199,8 +201,9 @@ def _refuse_inflated_filters(path: Path, name: str, dataset: Any) -> None:
     unpacking = [each for each in filters if each not in _PLAIN_FILTERS]
     if len(unpacking) > 1 or not set(unpacking) <= _RATIOS.keys():
         raise FileError(
-            f"{path}: {name} is compressed by filter {' and '.join(map(str, unpacking))}, whose"
-            " result cannot be bounded before; write it anew: h5repack -f GZIP=4 FILE MENDED"
+            f"{path}: {name} is compressed by filter {' and '.join(map(str, unpacking))}, whose "
+            "unpacked size is unknown in advance; compress it otherwise: h5repack -f GZIP=4 FILE "
+            "MENDED"
         )
     most = allowed(path)
     large = []

@@ -59,11 +59,11 @@ def open_xml(path: Path, _: Format) -> ArrayTable:
     _walk(text, lambda place, _: counts.update([place]), lambda *_: None)
     found = _Rows(path, _repeated(counts))
     if error := _walk(text, found.begin, found.end):
-        found.notes = (f"from line {error} on it is no XML: what stands before is read",)
+        found.notes = (f"invalid XML from line {error} on: only the part before is read",)
     columns = {found.names.get(n, n): np.array(values) for n, values in found.columns.items()}
     if not columns:
-        where = f"; it is no XML in line {error}" if error else ""
-        raise FileError(f"{path}: has no elements that repeat, with numbers in them{where}")
+        where = f"; invalid XML in line {error}" if error else ""
+        raise FileError(f"{path}: has no repeated elements with numbers{where}")
     table = table_of(path, columns, dict.fromkeys(found.words, "text"))
     table.notes = found.notes
     return table

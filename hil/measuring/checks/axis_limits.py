@@ -77,7 +77,7 @@ def _whose(robot: Robot, axes: Sequence[AxisInfo]) -> Iterator[str]:
             # limits of drive and robot file may differ by 0.1 % without being named
             if key in axis.own_limits and abs(holds - planned) > 1e-3 * max(1.0, abs(planned)):
                 yield (
-                    f"joint {j + 1} ({axis.name}): {key} {holds:.4g} is the drive's own limit"
-                    f" {axis.own_limits[key]}, {planned:.4g} in the robot file; plan within it, or"
-                    " widen it with the maker's tool"
+                    f"joint {j + 1} ({axis.name}): {key} of the drive {holds:.4g} "
+                    f"({axis.own_limits[key]}), of the robot file {planned:.4g}; plan within the "
+                    "drive's limit, or widen this limit with the maker's tool"
                 )

@@ -103,9 +103,9 @@ def refuse_jumps(
         instant, size, most, axis = min(found)
         unit = units[axis] if units else "rad"
         raise Tripped(
-            f"axis {axis + 1}: its position jumps by {size:.2g} {unit} at {instant:.3f} s, at most"
-            f" {most:.2g} {unit} can be motion; check encoder and cable, and reference the axis"
-            " anew before measuring again"
+            f"axis {axis + 1}: its position jumps by {size:.2g} {unit} at {instant:.3f} s, at "
+            f"most {most:.2g} {unit} possible by motion; check encoder and cable, and reference "
+            "the axis anew before measuring again"
         )
 
 

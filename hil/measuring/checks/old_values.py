@@ -70,10 +70,9 @@ def mark_old_values(
         old[:, k], every = _old_positions(recording.q[:, k], least)
         if every > 1:
             raise DriveRefused(
-                f"{axis.name}: its position is renewed only every {every} SYNCs of"
-                f" {1e3 * period:.3g} ms, must be with each; set sync_period: {every * period:.3g}"
-                " or more in the drives file and sample_period in the plan; hil drives check"
-                " measures it"
+                f"{axis.name}: position updated only every {every} SYNCs of {1e3 * period:.3g} "
+                f"ms, must be every SYNC; set sync_period: {every * period:.3g} or more in the "
+                "drives file and sample_period in the plan; hil drives check measures it"
             )
         old[:, k] |= _old_torques(recording.tau[:, k])
     if not old.any():

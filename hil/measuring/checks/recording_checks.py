@@ -75,15 +75,15 @@ def _gaps(recording: Recording, measurement: Measurement, robot: Robot) -> Itera
     if missing + left_out > bound:
         axes = _axes(recording, SampleFlag.MISSING)
         lacking = f"{missing} of {recording.n_samples} samples lack a telegram of axis {axes}"
-        late = f"{left_out} SYNCs came too late and were left out"
+        late = f"{left_out} SYNCs were too late and are left out"
         lost = " and ".join([lacking] * (missing > 0) + [late] * (left_out > 0))
         every = _answered(recording)
         held_back = (
-            f"its drive answers only every {every}. SYNC: set its inhibit time (1800:03) to 0 with"
-            f" the maker's tool, or sync_period: {every * recording.period:.3g}"
+            f"the drive answers only every {every} SYNCs: set the inhibit time (1800:03) to 0 "
+            f"with the maker's tool, or sync_period: {every * recording.period:.3g}"
         )
         wiring = "check wiring, termination and bus load" if every == 1 else held_back
-        remedies = [wiring] * (missing > 0) + ["relieve this computer or sample more slowly"] * (
+        remedies = [wiring] * (missing > 0) + ["stop other programs or sample more slowly"] * (
             left_out > 0
         )
         yield Finding(
@@ -112,9 +112,9 @@ def _timing(recording: Recording, measurement: Measurement, robot: Robot) -> Ite
     if share > UNTIMED:
         yield Finding(
             "timing",
-            f"this computer was interrupted while it sent {share:.1%} of the SYNCs, so their "
-            f"instants are uncertain, at most {UNTIMED:.0%} allowed; relieve it of other work, "
-            "run with --realtime or sample more slowly",
+            f"this computer was interrupted during {share:.1%} of the SYNCs, whose times are "
+            f"uncertain, at most {UNTIMED:.0%} allowed; stop other programs, run with --realtime "
+            "or sample more slowly",
             share,
             UNTIMED,
         )
@@ -134,7 +134,7 @@ def renewal(recording: Recording, measurement: Measurement, robot: Robot) -> Ite
         yield Finding(
             "renewal",
             f"{share:.0%} of the samples in motion repeat a position or current of axis "
-            f"{_axes(recording, SampleFlag.OLD)}, renewed only every {every} SYNCs, at most "
+            f"{_axes(recording, SampleFlag.OLD)}, updated only every {every} SYNCs, at most "
             f"{TOLERATED:.0%} allowed; only fresh samples are used: set sync_period: "
             f"{every * period:.3g} in the drives file and sample_period in the plan",
             share,
@@ -154,8 +154,8 @@ def _saturation(recording: Recording, measurement: Measurement, robot: Robot) ->
     plan = "plan a smaller acceleration or another configuration"
     when, remedy = "", plan
     if after:
-        when = f", {after} of them" * (after < saturated) + " after SYNCs that came too late"
-        remedy = "relieve this computer, run with --realtime or sample more slowly"
+        when = f", {after} of them" * (after < saturated) + " after late SYNCs"
+        remedy = "stop other programs, run with --realtime or sample more slowly"
         remedy += f"; {plan}" * (after < saturated)
     yield Finding(
         "saturation",
@@ -201,7 +201,7 @@ def _frozen(tau: Array, axis: int, unit: str) -> Iterator[Finding]:
         yield Finding(
             "current",
             f"the current of axis {axis} reads {tau[begin]:.4g} {unit} in {longest} consecutive "
-            f"samples, at most {bound} allowed; its sensor is stuck, clipped or too coarse: "
+            f"samples, at most {bound} allowed; the sensor is stuck, clipped or too coarse: "
             "check the drive's current measurement and its range",
             longest,
             bound,

@@ -31,9 +31,8 @@ SIGNIFICANT = 4.0
 """Minimum of negative friction in standard errors for a wrong sign."""
 UNITS = "check the drive's velocity and acceleration units and limits"
 PACING = (
-    "with SYNCs at their period it would be right, so the pacing is the cause: take --pacing"
-    " lock-step for a plant whose time is SYNC; on a real bus relieve this computer, or use"
-    " --realtime"
+    "correct if computed with the nominal SYNC period, so late SYNCs are the cause: use --pacing "
+    "lock-step for a plant timed by SYNC; on a real bus stop other programs, or use --realtime"
 )
 LAG = 0.02
 """Time for averaging the highest velocity [s]."""
@@ -112,7 +111,7 @@ def half_sums(recording: Recording, measurement: Strokes, robot: Robot) -> Itera
         yield Finding(
             "half-sums",
             f"half-sums of successive strokes differ by {spread:.3g} {unit}, at most {bound:.3g} "
-            f"{unit} allowed; friction is not steady: warm up longer, or plan more cycles",
+            f"{unit} allowed; friction is not stationary: warm up longer, or plan more cycles",
             spread,
             bound,
         )
@@ -132,9 +131,9 @@ def opposed(recording: Recording, measurement: Strokes, robot: Robot) -> Iterato
         unit, friction = robot.torque_unit(measurement.index), float(frictions.mean())
         yield Finding(
             "sign",
-            f"the torque of axis {measurement.axis} counts against its motion: friction is"
-            f" {friction:.3g} {unit}, must be positive; turn current.sign of this axis in the"
-            " drives file, see that hil drives check agrees, and measure anew",
+            f"the torque of axis {measurement.axis} has the wrong sign: friction {friction:.3g} "
+            f"{unit}, must be positive; reverse current.sign of this axis in the drives file, "
+            "confirm with hil drives check, and measure anew",
             friction,
             0.0,
         )
@@ -172,8 +171,8 @@ def stuck(recording: Recording, measurement: Strokes, robot: Robot) -> Iterator[
         if slowest < bound:
             yield Finding(
                 "stuck",
-                f"{_name(stroke)}: the creeping axis falls to {slowest:.3g} {unit}, must stay above"
-                f" {bound:.3g} {unit}; creep faster or let the partner accelerate less",
+                f"{_name(stroke)}: the creeping axis slows to {slowest:.3g} {unit}, must stay "
+                f"above {bound:.3g} {unit}; creep faster or let the partner accelerate less",
                 slowest,
                 bound,
             )

@@ -267,7 +267,7 @@ def _header(names: list[str], at: str) -> tuple[list[str], dict[str, str]]:
                 " stand behind alpha, theta, a and d: alpha [deg]"
             )
         if key in keys:
-            raise FileError(f"{at}: {key} stands twice; remove one of the columns")
+            raise FileError(f"{at}: {key} is stated twice; remove one of the columns")
         keys.append(key)
         if unit and units.setdefault(_UNITS[key], unit) != unit:
             raise FileError(f"{at}: {unit} of {key} must be {units[_UNITS[key]]}, as before")

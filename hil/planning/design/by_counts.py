@@ -125,8 +125,8 @@ def _refuse_few(robot: Robot, counts: Mapping[str, int]) -> None:
         group = ELEMENT_KINDS[name].group
         if count < len(groups[group]):
             raise ValueError(
-                f"{count} measurements for the {group} group must be at least"
-                f" {len(groups[group])}, one for each of its parameters; raise that count"
+                f"{count} measurements for the {group} group must be at least "
+                f"{len(groups[group])}, one for each parameter; raise the count"
             )
 
 

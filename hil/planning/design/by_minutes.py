@@ -225,8 +225,8 @@ def _count_fitting(
     needed = total_duration(robot, _tour(robot, chosen[:least]))
     if needed > budget:
         raise ValueError(
-            f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for"
-            f" {least} of them and the ways between them; give more time"
+            f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for "
+            f"{least} measurements and the travel between; give more time"
         )
     fits, exceeds = least, len(chosen) + 1
     while exceeds - fits > 1:

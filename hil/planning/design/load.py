@@ -225,9 +225,9 @@ def slow_plan(
     if not fitting:
         load = "" if heaviest is None else f"a load of {heaviest:g} kg, its centre up to {REACH:g}"
         raise InvalidValue(
-            f"{load and load + ' m from the last frame, overloads an axis: '}every slow stroke"
-            f" calls for more than {HOLD:.0%} of a torque limit; mount a lighter load, or correct"
-            " torque_limit in the robot file"
+            f"{load and load + ' m from the last frame, overloads an axis: '}every slow stroke "
+            f"needs more than {HOLD:.0%} of a torque limit; mount a lighter load, or correct "
+            "torque_limit in the robot file"
         )
     return _choose(bare, fitting, bare.before(fitting), 60 * SLOW_SHARE * minutes)
 
@@ -246,8 +246,8 @@ def fast_plan(
     """
     if LINK_PARAMETERS[MASS] in found.unidentifiable:
         raise NotEnoughData(
-            f"{bare.robot.name}: the slow strokes leave the mass of the load open, so that nothing"
-            " says how fast it may be moved; measure again with more --minutes, or without --pose"
+            f"{bare.robot.name}: the slow strokes do not identify the mass of the load, so its "
+            "safe speed is unknown; measure again with more --minutes, or without --pose"
         )
     fitting = _within_torque(bare, _options(bare, poses), _possible(found))
     if not fitting:
@@ -414,7 +414,8 @@ def _choose(bare: WithoutLoad, options: Sequence[Option], known: Array, seconds:
         order, known = tried, known + worth[best]
     if not order:
         raise InvalidValue(
-            f"{seconds:.0f} s are too short for a measurement and the way to it; give more minutes"
+            f"{seconds:.0f} s are too short for a measurement and the travel before; give more "
+            "minutes"
         )
     plan = make_plan(robot, assign_ids(order, set()), 0.0, workspace)
     return plan.model_copy(update={"sample_period": bare.plan.sample_period})

@@ -142,10 +142,10 @@ def coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
             left = tried.cruise.duration - tried.lacking
             unit = robot.position_unit(j)
             raise ValueError(
-                f"axis {j + 1} can creep for {left:.2g} s in {creep['stroke']:.3g} {unit}, must be"
-                f" at least {tried.cruise.duration:.2g} s while axis {i + 1} goes back and forth:"
-                " strokes cannot show their coupling; widen its range, or plan a trajectory (hil"
-                " plan --kind trajectory)"
+                f"axis {j + 1} can creep for {left:.2g} s in {creep['stroke']:.3g} {unit}, must "
+                f"be at least {tried.cruise.duration:.2g} s while axis {i + 1} goes back and "
+                "forth: strokes cannot show this coupling; widen the range, or plan a trajectory "
+                "(hil plan --kind trajectory)"
             )
         strokes = {j: creep["stroke"], i: partner.stroke}
         return Element(j, i, strokes, _inertia_row(robot, j, i, columns), measure)

@@ -63,9 +63,9 @@ def guarded_tour(robot: Robot, workspace: Workspace, measurements: Sequence[M]) 
     for stray in sorted(set(range(len(measurements))) - set(tour)):
         if not ways.insert(tour, stray):
             raise ValueError(
-                f"{measurements[stray].id}: no clear travel leads there and on; make boxes or"
-                " margin smaller, or narrow the joint ranges of the workspace to one side of the"
-                " obstacle"
+                f"{measurements[stray].id}: no collision-free travel to it and onwards; make "
+                "boxes or margin smaller, or narrow the joint ranges of the workspace to one "
+                "side of the obstacle"
             )
     return [measurements[number] for number in tour]
 

@@ -142,8 +142,8 @@ class Basis:
     ) -> None:
         if harmonics < 2:
             raise ValueError(
-                f"{harmonics} harmonics must be at least 2, for a period to begin at rest; take"
-                " more harmonics"
+                f"{harmonics} harmonics must be at least 2, for a period that begins at rest; "
+                "use more harmonics"
             )
         self._robot, self._period = robot, period
         self._n_samples = SAMPLES * harmonics

@@ -188,8 +188,8 @@ def _describe_coarse(axes: Indices, lost: Array) -> str:
     listed = ", ".join(str(axis + 1) for axis in axes)
     shares = ", ".join(f"{100 * lost[axis]:.2g}" for axis in axes)
     return (
-        f"; increments of the encoders make more of it at axis {listed}, where inertias come out"
-        f" about {shares} % too small besides, which no standard deviation counts"
+        f"; encoder increments are a larger noise at axis {listed}, and bias inertias there by "
+        f"about -{shares} %, not included in standard deviations"
     )
 
 
@@ -212,9 +212,9 @@ def _or(stated: Sequence[float | None], expected: Array) -> Array:
 
 def _source(stated: Sequence[bool]) -> str:
     if all(stated):
-        return "noise as the robot file states it"
+        return "noise as stated in the robot file"
     expected = (
-        f"noise expected: {TORQUE_NOISE:.2%} of the torque limit, friction that wanders by"
-        f" {FRICTION_WANDER:.1%} of it in a minute"
+        f"expected noise: torque {TORQUE_NOISE:.2%} of the torque limit, wander of friction "
+        f"{FRICTION_WANDER:.1%} of the torque limit per minute"
     )
-    return f"{expected}, where the robot file states none" if any(stated) else expected
+    return f"{expected}, where not stated in the robot file" if any(stated) else expected

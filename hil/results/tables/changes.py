@@ -23,11 +23,11 @@ def changed_table(changes: Sequence[Change], title: str = "What changed", of: st
             *figures("change", "± 95 %"),
             "unit",
             *figures("change, %", "p"),
-            Column("may come from", folds=True),
+            Column("possible cause", folds=True),
         ),
         map(_change, changes),
-        "The interval holds by how much temperature may move friction; p is the probability of"
-        " such a change by chance, for all tests of the run together (Holm).",
+        "The interval includes the possible effect of temperature on friction; p: probability of "
+        "such a change by chance, over all tests of the run (Holm).",
     )
 
 

@@ -20,7 +20,7 @@ NEVER, FOUND = "-", "found"
 """Cells in place of a size, for an invisible cause and for a found cause."""
 
 
-KEY = f"{NEVER} never shows; in brackets: larger than is usual"
+KEY = f"{NEVER}: invisible at any size; in brackets: larger than usual"
 
 
 def excluded(
@@ -30,17 +30,17 @@ def excluded(
     axes = (f"axis {axis}" for axis in range(1, n_joints + 1))
     return table(
         title,
-        ("cause beyond", "unit", *figures(*axes, "worth, %")),
+        ("cause larger than", "unit", *figures(*axes, "worth, %")),
         _rows(proof, n_joints),
-        f"Sizes that would be found with a probability of 80 %, in {proof.tests} tests that find"
-        " anything with 5 % where nothing is wrong, and the torque that such a size makes at most.",
+        "Sizes found with a probability of 80 %, at a probability of 5 % for a false alarm in "
+        f"{proof.tests} tests together; worth: largest torque of a cause of such a size.",
         (note,),
     )
 
 
 def foreseen(proof: Excluded, n_joints: int, source: str) -> Table:
     """Return the detectable sizes for a plan; `source`: origin of the expected base parameters."""
-    note = f"found with a probability of 80 %; {KEY}; noise as above, parameters {source}"
+    note = f"sizes found with a probability of 80 %; {KEY}; noise as above, parameters {source}"
     return excluded(proof, n_joints, "What this plan will exclude", note)
 
 
@@ -49,11 +49,11 @@ def change_by_cause(
 ) -> tuple[Table | str, ...]:
     """Return the causes that changed since a run, named by folder, and detectable sizes."""
     if proof is None:
-        return (f"too little was recorded to show by cause what changed since {before}",)
-    besides = "".join(f", beside the {each}" for each in known)
-    said = [f"differs from {before} by cause{besides}: {each}" for each in proof.found]
-    nothing = f"no lasting cause by which it differs from {before} shows{besides}"
-    title = "What these recordings would show of a change"
+        return (f"too few recordings to find causes of a change since {before}",)
+    besides = "".join(f", besides the {each}" for each in known)
+    said = [f"cause of the difference from {before}{besides}: {each}" for each in proof.found]
+    nothing = f"no lasting cause of a difference from {before} found{besides}"
+    title = "Changes that these recordings would show"
     return excluded(proof, n_joints, title), *(said or [nothing])
 
 
@@ -114,11 +114,11 @@ def distinguished(found: Distinguished, source: str) -> Table:
         for before, after in zip(found.before, found.after, strict=True)
     )  # fmt: skip
     note = (
-        "smallest sizes that are found, and that are set apart from each other cause named, with a"
-        f" probability of 80 %; {NEVER} never; parameters {source}"
+        "smallest sizes found, and smallest sizes distinguished from the cause most alike "
+        f"(apart), with a probability of 80 %; {NEVER}: at no size; parameters {source}"
     )
     return table(
-        "What this plan will distinguish",
+        "Causes that this plan will distinguish",
         ("cause", "unit", *figures(*heads), "most alike"),
         rows,
         notes=(note,),
@@ -129,15 +129,16 @@ def distinguishing(found: Distinguished) -> Iterator[str]:
     """Yield sentences on added measurements, and on causes still not distinguished."""
     before, after = map(clock, found.durations)
     ids = f" ({', '.join(found.added)})" if found.added else ""
-    yield f"{len(found.added)} measurements added{ids}: {after} in place of {before}"
+    yield f"{len(found.added)} measurements added{ids}: {after} instead of {before}"
     for each in found.after:
         if each.remedy:
-            yield f"{each.name}: no measurement of strokes shows it; {each.remedy}"
+            yield f"{each.name}: invisible in measurements of strokes; {each.remedy}"
         elif not each.enough:
-            size = f"{significant(each.usual, 2)} {each.unit}" if each.usual else "what is found"
+            size = f"{significant(each.usual, 2)} {each.unit}" if each.usual else "a visible size"
             yield (
-                f"{each.name}: {size} is not distinguished from {each.like or 'nothing at all'} in"
-                " twice the time of the plan; measure more (--gravity, --inertia, --coupling)"
+                f"{each.name}: {size} cannot be distinguished from "
+                f"{each.like or 'nothing at all'} in twice the time of the plan; measure more "
+                "(--gravity, --inertia, --coupling)"
             )
 
 

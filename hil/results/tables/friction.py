@@ -34,9 +34,9 @@ def campaign_friction(model: IdentifiedRobot) -> Table:
             *figures("wander, %"),
         ),
         (_law(model, axis, own) for axis, own in laws if own is not None),
-        "Friction forward at no load with the standard error that counts in predicted torques, at"
-        " the slowest and the fastest of the speeds; how far its level was from the law in any one"
-        " measurement.",
+        "Forward friction at no load and its standard error in predicted torques, at the slowest "
+        "and the fastest speed; wander: deviation of the level from the law in single "
+        "measurements.",
     )
 
 
@@ -68,8 +68,8 @@ def symmetry(tests: Mapping[int, Symmetry]) -> Table:
             )
             for axis, test in tests.items()
         ),
-        "The difference in n measurements as a share of the friction level; p-values of no"
-        " asymmetry at all, and of one within the bound.",
+        "Asymmetry in n measurements as a share of the friction level; p-values of no asymmetry, "
+        "and of an asymmetry within the bound.",
     )
 
 
@@ -81,13 +81,12 @@ def drift(drifts: Iterable[Drift]) -> Table:
     found = list(drifts)
     parts = (Part(tuple(_drift(each))) for each in found)
     return table(
-        "Friction's variance in time",
+        "Change of friction over time",
         ("axis", "time constant", *figures("value, s", "std. error, s", "effect")),
         (part for part in parts if part.rows),
-        "Time constants, estimated from the friction level over time: of warming up (effect:"
-        " the change of the level by warming up as far as the axis did), of the lubricant's"
-        " settling at rest (from stirred to settled), and of its stirring up again in motion at"
-        " half the speed limit.",
+        "Time constants, estimated from the friction level over time: warming up (effect: change "
+        "of the level by the warming reached), settling of the lubricant at rest (effect: from "
+        "stirred to settled), and stirring in motion at half the speed limit.",
         tuple(_unidentifiable(found)),
     )
 
@@ -114,4 +113,4 @@ def _unidentifiable(drifts: Sequence[Drift]) -> Iterator[str]:
             for names, axes in which.items()
             if names
         )
-        yield f"Time constants that are not identifiable: {each}: {reason}."
+        yield f"Time constants not identifiable: {each}: {reason}."

@@ -34,15 +34,15 @@ def friction(fit: FreeMotionFit, robot: Robot) -> Table:
             Column("law", folds=True),
             Column("coefficients with std. errors", folds=True),
             Column("as Coulomb and viscous alone", folds=True),
-            Column("held out, other laws", folds=True),
+            Column("held-out error, other laws", folds=True),
         ),
         (*(_axis(robot, *each) for each in enumerate(fit.axes)), *map(_coupled, fit.coupled)),
-        "Terms of the velocity: viscous friction per unit of velocity, all others as the torque"
-        " or force at the speed that the axis hardly ever exceeds. Chosen is the simplest law"
-        " that none beats by more than chance on blocks held out; of others the error is stated"
-        " over that of the law chosen. Presliding is the way over which friction turns round"
-        " after a reversal. Levels are those of friction at instants spread evenly over the"
-        " time recorded, over their mean. Ripple of motors is not listed.",
+        "Viscous friction per unit of velocity; other terms as torque or force at the reference "
+        "speed, hardly ever exceeded by the axis. The simplest law is chosen unless another is "
+        "significantly better on held-out blocks; held-out errors are relative to that of the "
+        "law chosen. Presliding: distance over which friction changes sign after a reversal. "
+        "Levels: friction at times spread evenly over the recording, relative to the mean. "
+        "Torque ripple is not listed.",
     )
 
 
@@ -88,7 +88,7 @@ def left_by_fit(model: IdentifiedRobot) -> Table:
     if isinstance(fit, MeasurementFit):
         return table("", (), ())
     free = isinstance(fit, FreeMotionFit)
-    samples = "all samples" if free else "strokes away from their reversals"
+    samples = "all samples" if free else "strokes without reversals"
     rows = [
         (str(axis), significant(left, 3), "" if share is None else significant(100 * share, 3))
         for axis, (left, share) in enumerate(
@@ -98,10 +98,10 @@ def left_by_fit(model: IdentifiedRobot) -> Table:
     ]
     together = significant(float(np.sqrt(np.nansum(model.residual**2))), 3)
     return table(
-        f"Torque left by the fit, {samples}",
+        f"Residual torque of the fit, {samples}",
         ("axis", *figures("rms, N m or N", "% of the torque")),
         (*rows, ("all", together, significant(100 * fit.overall_residual, 3))),
-        "Root mean square of the residual after the low-pass, and over the torque's.",
+        "Root mean square of the low-passed residual, and ratio to that of the torque.",
     )
 
 
@@ -113,21 +113,22 @@ def statements(fit: FreeMotionFit) -> Iterator[str]:
         else "no dead zone"
     )
     yield (
-        f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), of torques {fit.band:.3g} Hz; {zone}"
+        f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), for torques {fit.band:.3g} Hz; "
+        f"{zone}"
     )
     yield _velocities(fit)
     for axis, each in enumerate(fit.lag, start=1):
         if each.value:
             value, error = uncertain(1e3 * each.value, 1e3 * each.standard_error)
             yield (
-                f"torque of axis {axis} recorded {value} ± {error} ms after the position; the lag"
-                " is taken back, in residuals and predictions of recordings too"
+                f"torque of axis {axis} recorded {value} ± {error} ms after the position; the "
+                "lag is corrected, in residuals and predictions of recordings too"
             )
     for axis, soft in fit.compliance.items():
         value, error = uncertain(1e6 * soft.value, 1e6 * soft.standard_error)
         yield (
-            f"gear of axis {axis} gives way by {value} ± {error} millionths of a rad/(N m) or m/N,"
-            " in residuals and predictions of recordings; model.torque has it rigid"
+            f"compliance of axis {axis}: {value} ± {error} millionths of a rad/(N m) or m/N, "
+            "used in residuals and predictions of recordings, not in model.torque"
         )
     for gain in fit.gains:
         value, error = uncertain(gain.value, gain.standard_error)
@@ -140,8 +141,8 @@ def statements(fit: FreeMotionFit) -> Iterator[str]:
         yield "the mass matrix is positive definite along the motion"
     else:
         yield (
-            "the mass matrix is not positive definite along the motion: no simulator runs with"
-            " these parameters"
+            "the mass matrix is not positive definite along the motion: these parameters cannot "
+            "be simulated"
         )
     yield from fit.remarks
 
@@ -162,17 +163,17 @@ def _velocities(fit: FreeMotionFit) -> str:
 
 def _bias(fit: FreeMotionFit) -> str:
     if fit.bias_test is None:
-        return "too few blocks for the test whether noise of the motion shifts least squares"
+        return "too few blocks to test for a bias of least squares by noise of the positions"
     tested = (
         f"test of Durbin, Wu and Hausman, p {probability(fit.bias_test.p_value)}, at most"
         f" {fit.bias_test.shift:.2g} standard errors"
     )
     if fit.bias_test.biased:
         return (
-            f"noise of the positions shifts least squares ({tested}): state a lower cut_off in the"
-            " map, or take --method 'instrumental variables'"
+            f"noise of the positions biases least squares ({tested}): state a lower cut_off in "
+            "the map, or take --method 'instrumental variables'"
         )
-    return f"noise of the positions does not shift least squares ({tested})"
+    return f"noise of the positions does not bias least squares ({tested})"
 
 
 def curves(fit: BackAndForthFit) -> Table:
@@ -181,9 +182,9 @@ def curves(fit: BackAndForthFit) -> Table:
         "Friction over the speed",
         ("axis", *figures("speed, rad/s or m/s", "friction, N m or N", "± 95 %", "pairs")),
         (Part(tuple(_point(curve, point) for point in curve.points)) for curve in fit.curves),
-        "Half the difference of the torques forth and back at the same position, less the rigid"
-        " bodies' part of it. Mean over the pairs of strokes; the interval is that of the mean"
-        " and comes from the scatter between pairs, drift included.",
+        "Half the difference of forward and backward torque at the same position, less that of "
+        "the rigid bodies. Mean over the pairs of strokes, with its interval from the scatter "
+        "between pairs, drift included.",
     )
 
 
@@ -201,12 +202,12 @@ def plain(fit: BackAndForthFit, robot: Robot) -> Table:
         (
             "axis",
             Column("as offset, Coulomb and viscous alone", folds=True),
-            Column("the same forth and back, and no rigid body's", folds=True),
+            Column("equal in both directions, without rigid bodies", folds=True),
         ),
         (_plain(robot, curve) for curve in fit.curves),
-        "The first by least squares over samples at all speeds, base parameters given. The"
-        " second is part of the fit: a constant, which may be an offset of the torque, and a"
-        " part that grows with the speed. Torque ripple is not listed.",
+        "Second column: least squares over samples at all speeds, with fixed base parameters. "
+        "Third column, part of the fit: a constant, such as an offset of the torque, and a part "
+        "that grows with speed. Torque ripple is not listed.",
     )
 
 
@@ -231,14 +232,14 @@ def statements_of_strokes(fit: BackAndForthFit) -> Iterator[str]:
     low, high = (f"{each:.3g}" for each in fit.cut_off)
     cut_off = low if low == high else f"{low} to {high}"
     yield (
-        f"{fit.pairs} pairs of strokes; friction is any odd function of the velocity, of each pair"
-        f" its own; cut-off {cut_off} Hz ({fit.cut_off_reason})"
+        f"{fit.pairs} pairs of strokes; friction: any odd function of the velocity, one for each "
+        f"pair; cut-off {cut_off} Hz ({fit.cut_off_reason})"
     )
     if fit.not_identified:
         yield (
-            f"not identified: {', '.join(fit.not_identified)}, zero in the model; it holds for one"
-            " axis that moves by itself at configurations like the recorded ones. Couplings show"
-            " where several axes move: import such recordings as free motions"
+            f"not identified: {', '.join(fit.not_identified)}, zero in the model, which is valid "
+            "for motion of a single axis at configurations like the recorded ones; to identify "
+            "couplings, import free motions of several axes"
         )
     if fit.combinations:
         sums = "; ".join(f"{each.name} for {each.stands_for}" for each in fit.combinations)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 DISAGREEMENT = 3.0
 """Difference between two methods, in standard errors, above which it is marked."""
-NAMED = Column("", symbols=True), Column("what it is", folds=True)
+NAMED = Column("", symbols=True), Column("meaning", folds=True)
 """First columns of a table of base parameters."""
 NOT_IDENTIFIED = "not identified"
 IN_FULL = "95 % interval", "d.o.f."
@@ -134,7 +134,7 @@ def residuals(model: IdentifiedRobot) -> Table:
     unit = model.robot.torque_units
     each = zip(model.residual.tolist(), model.robot.torque_limit.tolist(), strict=True)
     return table(
-        "Torque left by the fit",
+        "Residual torque of the fit",
         ("axis", *figures(f"limit, {unit}", f"rms, {unit}", "% of limit")),
         (
             (str(axis), f"{limit:g}", "not measured", "")
@@ -142,8 +142,8 @@ def residuals(model: IdentifiedRobot) -> Table:
             else (str(axis), f"{limit:g}", significant(left, 3), percent(left, limit))
             for axis, (left, limit) in enumerate(each, start=1)
         ),
-        "Root mean square of what is left of the torque after the method's low-pass, friction"
-        " fitted anew in each measurement.",
+        "Root mean square of the low-passed residual, with friction fitted anew in each "
+        "measurement.",
     )
 
 
@@ -174,13 +174,13 @@ def band_residual(found: BandResidual | None, robot: Robot, what: str) -> Table:
     together = (found.overall, np.nan, found.overall_unfiltered)
     shares = ("" if math.isnan(each) else significant(100 * each, 2) for each in together)
     return table(
-        f"Torque left {what}, up to {found.band:g} Hz",
-        ("axis", *figures("torque", "left", "left, %", "in motion, %", "unfiltered, %")),
+        f"Residual torque {what}, up to {found.band:g} Hz",
+        ("axis", *figures("torque", "residual", "residual, %", "in motion, %", "unfiltered, %")),
         (*rows, ("all", "", "", *shares)),
-        "Root mean squares of the torque and of what model.torque leaves of it, positions and"
-        " torques low-passed alike (Butterworth, order 4, forth and back). In motion: away from"
-        " rest, the prediction low-passed too, so that friction jumps at a reversal in neither;"
-        " models are judged by that. Unfiltered: of the torque as it was recorded.",
+        "Root mean squares of the torque and of measured less predicted torque, positions and "
+        "torques low-passed alike (Butterworth, order 4, zero phase). In motion: without rest, "
+        "and with the prediction low-passed too, so that friction has no jump at a reversal; "
+        "models are judged by this figure. Unfiltered: of the torque as recorded.",
     )
 
 

@@ -103,11 +103,11 @@ def answers(*, size: int | None = None, twice: bool = False) -> str:
 
 def test_a_node_number_that_two_devices_have_is_named() -> None:
     message = answers(twice=True)
-    assert message.startswith("joint 2 (node 2): two telegrams came for each of 10 SYNCs in a row")
+    assert message.startswith("joint 2 (node 2): two telegrams for each of 10 SYNCs in a row")
     assert "give each node a number of its own" in message
 
 
 def test_a_tpdo_of_another_length_is_named() -> None:
     message = answers(size=2)
     assert "TPDO 182h has 2 bytes, 8 were mapped" in message
-    assert "somebody else maps it" in message
+    assert "another master changed the mapping" in message

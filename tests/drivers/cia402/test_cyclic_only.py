@@ -106,4 +106,4 @@ def test_a_drive_with_velocity_and_torque_modes_alone_is_refused() -> None:
     assert (
         "neither profile position nor cyclic synchronous position mode (6502 = 00000300h" in message
     )
-    assert "keep no position" in message
+    assert "hold no position" in message

@@ -317,7 +317,7 @@ def test_axes_in_motion_that_nobody_looks_at_are_stopped(can_bus: Any) -> None:
         drive_bus.move({0: Move(1.5, 0.5, 10.0)})
         samples(drive_bus, 3)
         time.sleep(1.1)
-        with pytest.raises(Tripped, match=r"nobody supervised .* at most 1 s allowed"):
+        with pytest.raises(Tripped, match=r"were not supervised .* at most 1 s allowed"):
             drive_bus.sample()
     assert all_off(can_bus)
 

@@ -89,7 +89,7 @@ def test_a_refusal_that_is_over_is_not_the_reason_why_a_drive_stays_on() -> None
     shutdown.conclude()
     assert shutdown.problems[0] == (
         "axis 2: does not switch off, it shows OPERATION ENABLED; its watchdog stays armed and our "
-        "heartbeat has ceased"
+        "heartbeat has stopped"
     )
 
 

@@ -155,7 +155,7 @@ def test_a_drive_that_takes_set_points_on_arrival_only_is_served_and_the_jitter_
         len([note for note in notes if "RPDO 1 carries its set-points, of type 255" in note]) == 6
     )
     assert notes[-1].startswith("joint 1 (node 1), joint 2 ")
-    assert "set-points acted when they arrived, up to 0 ms after SYNC" in notes[-1]
+    assert "set-points acted on arrival, up to 0 ms after SYNC" in notes[-1]
 
 
 def stalled(seed: int, share: float, longest: float) -> tuple[np.ndarray, str]:
@@ -193,7 +193,9 @@ def test_a_path_that_hardly_goes_on_any_more_is_ended_with_the_reason(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("drivers.cia402.cyclic_position.LOOKED_AT", 2.0)
-    with pytest.raises(MoveFailed, match=r"path passed at [01]\.\d\d% of its own pace for 2 s"):
+    with pytest.raises(
+        MoveFailed, match=r"path passed at [01]\.\d\d% of its nominal speed for 2 s"
+    ):
         stalled(0, 1.0, 0.08)
 
 
@@ -207,6 +209,6 @@ def test_a_trip_soon_after_a_late_sync_says_that_first() -> None:
         drives._session._trips._lows = [10**7] * 6
         with pytest.raises(
             Tripped,
-            match=r"^[0-9.e-]+ ms before this a SYNC came [0-9.]+ ms after .* 4 ms: this computer",
+            match=r"^[0-9.e-]+ ms earlier a SYNC was [0-9.]+ ms after .* 4 ms: this computer",
         ):
             list(iter(drives.sample, None))

@@ -90,7 +90,7 @@ def test_what_lies_on_the_unsafe_side_is_not_accepted(
         ((0x607F, 0), 200000, "607F:00 .* reads back 200000 after 130379 was written .*rad/s"),
         ((0x6065, 0), 100000, "6065:00 .* reads back 100000 after 3259 was written .*rad instead"),
         ((0x1017, 0), 500, "1017:00 .* reads back 500 after 100 was written; "),
-        ((0x1016, 1), 127 << 16, "1016:01 .*reads back .* goes on when our process dies"),
+        ((0x1016, 1), 127 << 16, "1016:01 .*reads back .* keeps moving after a crash"),
         ((0x607D, 2), 200000, "607D:02 .* reads back 200000 after 130380 was written .*rad inst"),
     ],
 )

@@ -171,7 +171,7 @@ def test_listed_objects_without_a_section_are_taken_as_the_standard_has_them() -
     text = sheet({(0x6084, 0): None}) + "\n[OptionalObjects]\nSupportedObjects=1\n1=0x6084\n"
     found = parsed(text)
     assert found.find(0x6084) is not None
-    assert found.notes == ("lists 6084 without describing them: taken as the standard has them",)
+    assert found.notes == ("lists 6084 without a description: that of the standard is used",)
 
 
 def test_arrays_may_be_written_in_short() -> None:

@@ -102,15 +102,15 @@ def test_of_a_device_that_is_no_drive_nothing_else_is_told() -> None:
     ("changes", "remark"),
     [
         ({(0x6072, 0): {"AccessType": "ro"}}, "6072:00 (max torque) cannot be written (ro)"),
-        ({(0x6066, 0): {"LowLimit": 0, "HighLimit": 0}}, "takes no value but 0"),
-        ({(0x605D, 0): {"LowLimit": 2, "HighLimit": 3}}, "takes no value but 2 to 3"),
+        ({(0x6066, 0): {"LowLimit": 0, "HighLimit": 0}}, "accepts only 0"),
+        ({(0x605D, 0): {"LowLimit": 2, "HighLimit": 3}}, "accepts only values 2 to 3"),
         ({(0x1800, 1): {"AccessType": "ro"}}, "TPDO 1 cannot be switched off"),
         ({(0x1801, 1): {"AccessType": "ro"}}, "TPDO 2 cannot be switched off"),
         ({(0x1A00, 0): {"HighLimit": 2}}, "TPDO 1 has no room for 3 objects: the current goes"),
         ({(0x607D, 1): {"AccessType": "ro", "DefaultValue": -9}}, "607D:01 (min position limit)"),
         (
             {(0x1016, 1): None, (0x100C, 0): {"DataType": 6}, (0x100D, 0): {"DataType": 5}},
-            "1016:01 (consumer heartbeat time) is missing: it watches our guarding requests",
+            "1016:01 (consumer heartbeat time) is missing: node guarding (100C, 100D) is used",
         ),
         ({(0x1600, sub): None for sub in range(2, 9)}, "RPDO 1 declares room for 1 objects"),
     ],

@@ -85,7 +85,7 @@ def test_arrays_are_expanded(tmp_path: Path) -> None:
         ("<EtherCATConfig/>", "not <EtherCATInfo>"),
         ("<EtherCATInfo/>", "none of its 0 devices has an object dictionary"),
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><EtherCATInfo/>", "declares an entity"),
-        ("no xml", "is no XML"),
+        ("no xml", "invalid XML"),
     ],
 )
 def test_other_files_are_refused(tmp_path: Path, text: str, message: str) -> None:

@@ -586,7 +586,7 @@ def test_a_file_about_another_drive_stops_a_session_before_anything_is_written(
         can_bus.drives[1].node.set_data(0x1018, 4, (1).to_bytes(4, "little"))
         can_bus.sent.clear()
         before = path.read_bytes()
-        with pytest.raises(DriveRefused, match=r"another drive was set to.*1018:04"):
+        with pytest.raises(DriveRefused, match=r"settings of another drive.*1018:04"):
             CanopenDriveBus(
                 can_bus, drives_file(), keeper=SettingsKeeper(path, write_file)
             ).__enter__()
@@ -710,7 +710,7 @@ def test_a_limit_of_the_drives_own_is_never_widened(place: tuple[int, int]) -> N
         assert can_bus.drives[1].value(*place) == value
         (note,) = [n for n in axes.notes if n.startswith("joint 1") and f"({place[0]:04X})" in n]
     assert "tighter than the drives file's limits." in note
-    assert "the drive's holds" in note
+    assert "the drive's limit applies" in note
 
 
 @pytest.mark.parametrize("place", OBJECTS)
@@ -768,7 +768,7 @@ def test_a_target_beyond_the_drives_own_range_is_refused_by_its_object(
             axes.move({node - 1: Move(outside, 0.5, 5.0)})
         axes.move({node - 1: Move(inside, 0.5, 5.0)})
     (note,) = [n for n in axes.notes if "607D" in n]
-    assert "are narrower than the drives file's [-2, 2] rad; what holds is" in note
+    assert "are narrower than the drives file's [-2, 2] rad; used:" in note
 
 
 def test_a_streamed_path_beyond_the_drives_own_range_is_refused_by_its_object() -> None:

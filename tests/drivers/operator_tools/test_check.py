@@ -109,7 +109,7 @@ def test_limits_of_a_drive_that_are_tighter_than_the_files_hold_and_are_noted(
     assert refusals(verdicts) == {}
     found = of_grade(Grade.WARNING, verdicts)
     assert "[-1.745, 1.745] rad (file: [-2.88, 2.88])" in found["software limits (607D)"]
-    assert "the tighter of both holds, [-1.745, 1.745] rad" in found["software limits (607D)"]
+    assert "the tighter of both applies, [-1.745, 1.745] rad" in found["software limits (607D)"]
     assert "lower limits.torque" in found["max torque (6072)"]
     assert "drive's own is tighter and holds" in found["max motor speed (6080)"]
 
@@ -129,7 +129,7 @@ def test_ranges_of_drive_and_file_without_anything_in_common_are_refused_without
     with bench() as bus:
         found = refusals(checked(bus, drives_of(1, limits=beside)))
         assert not bus.powered
-    assert "have nothing in common" in found["software limits (607D)"]
+    assert "do not overlap" in found["software limits (607D)"]
 
 
 def test_what_power_on_will_write_is_listed_beforehand_and_only_what_differs() -> None:
@@ -206,7 +206,7 @@ def test_which_way_the_joint_turned_is_asked_of_the_operator(
 def test_where_nobody_can_be_asked_the_direction_is_a_warning() -> None:
     with bench() as bus:
         warnings = of_grade(Grade.WARNING, checked(bus, drives_of(1)))
-    assert "nobody was asked" in warnings["sign and size of the motion"]
+    assert "not asked" in warnings["sign and size of the motion"]
 
 
 def test_a_velocity_unit_of_another_size_ends_the_move_at_once() -> None:

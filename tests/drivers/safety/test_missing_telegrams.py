@@ -24,7 +24,7 @@ class Watched:
             0.004,
             silence="no TPDO for {} SYNCs in a row",
             wiring="",
-            doubling="two telegrams came for each of {} SYNCs in a row; give each node a number",
+            doubling="two telegrams for each of {} SYNCs in a row; give each node its own",
         )
 
     def _collect(self) -> None:
@@ -83,5 +83,5 @@ def test_ten_doubled_telegrams_in_a_row_are_two_nodes_of_one_number() -> None:
     watched, doubled = Watched(), (HERE, int(SampleFlag.DOUBLED), HERE)
     assert watched.look(*[doubled] * 9, ALL_HERE, *[doubled] * 9) == []
     (error,) = watched.look(doubled)
-    assert str(error).startswith("axis 2: two telegrams came for each of 10 SYNCs in a row;")
+    assert str(error).startswith("axis 2: two telegrams for each of 10 SYNCs in a row;")
     assert watched.collected == 0

@@ -58,7 +58,7 @@ def test_only_drives_that_are_shown_to_be_off_get_their_settings_back() -> None:
     assert not outcome.complete
     assert "press the emergency stop" in outcome.message
     assert "drive 1: not shown to be off" in outcome.message
-    assert "its watchdog stays armed and our heartbeat has ceased" in outcome.message
+    assert "its watchdog stays armed and our heartbeat has stopped" in outcome.message
 
 
 def test_where_all_are_off_nothing_ceases_and_nothing_is_wrong() -> None:

@@ -63,7 +63,7 @@ CASES = (
     ),
     Case(
         "every TPDO doubled", f"{_STOPS}: two nodes may share a number",
-        (fault(What.TPDO_DOUBLED),), Tripped, "two telegrams came for each of 10 SYNCs",
+        (fault(What.TPDO_DOUBLED),), Tripped, "two telegrams for each of 10 SYNCs",
         flags=True,
     ),
     Case(
@@ -168,22 +168,22 @@ CASES = (
     Case(
         "current clipped", "repeats the recording, then keeps it with its finding",
         (fault(What.CURRENT_CLIPPED, size=PER_MILLE),), None,
-        "its sensor is stuck, clipped", finding="current",
+        "the sensor is stuck, clipped", finding="current",
     ),
     Case(
         "current stuck for 0.1 s", "repeats the recording",
         (fault(What.CURRENT_STUCK, lasts=Span(time=0.1)),), None,
-        "its sensor is stuck, clipped", finding="current",
+        "the sensor is stuck, clipped", finding="current",
     ),
     Case(
         "position renewed every 20 ms", "refuses to measure after the first motion",
         (fault(What.POSITION_SLOW, When(time=0), size=20),), DriveRefused,
-        "its position is renewed only every 5 SYNCs",
+        "position updated only every 5 SYNCs",
     ),
     Case(
         "current renewed every 20 ms", "flags repeated readings, which no estimate uses",
         (fault(What.CURRENT_SLOW, When(time=0), size=20),), None,
-        "renewed only every 5 SYNCs", finding="renewal",
+        "updated only every 5 SYNCs", finding="renewal",
     ),
     Case(
         "position stands still for good", "stops when the stroke exceeds its time",

@@ -44,7 +44,7 @@ def test_a_validation_that_is_not_good_names_what_changed(hil: Hil, runs: Path) 
     status, out, _ = hil("validate", runs / "loaded", "--model", runs / "bare" / "model.yaml")
     assert (status, "doubtful: " in out) == (0, True)
     assert FOUND in out
-    assert "What these recordings would show of a change" in out
+    assert "Changes that these recordings would show" in out
 
 
 def test_a_history_names_what_changed_in_the_newest_run(hil: Hil, runs: Path) -> None:
@@ -69,7 +69,7 @@ def test_a_robot_that_is_not_accepted_is_compared_with_that_of_the_limits(
 
 def test_what_no_load_explains_is_looked_for_beside_it(hil: Hil, runs: Path) -> None:
     _, out, _ = hil("payload", runs / "bare", runs / "loaded")
-    assert "differs from" not in out
+    assert "cause of the difference" not in out
     _, out, _ = hil("payload", runs / "bare", runs / "other_arm")
     assert "something else changed between the runs" in out
     assert "beside the load" in out
@@ -82,4 +82,4 @@ def test_a_reference_that_cannot_be_compared_is_stated(
     model = tmp_path / "model.yaml"
     model.write_bytes((runs / "bare" / "model.yaml").read_bytes())
     _, out, _ = hil("validate", runs / "loaded", "--model", model)
-    assert f"recordings show what changed beside earlier ones, and {tmp_path} holds none" in out
+    assert f"need recordings of both runs, and {tmp_path} holds none" in out

@@ -45,8 +45,8 @@ def identified(measured: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
 def test_identify_keeps_bodies_beside_the_estimate(hil: Hil, folder: Path) -> None:
     status, shown, _ = hil("identify", folder, "--consistent")
     assert status == 0
-    assert "Nearest robot that consists of bodies" in shown
-    assert "belong to bodies as they are" in shown
+    assert "Nearest physically consistent robot" in shown
+    assert "are physically consistent" in shown
     model = Model.load(folder)
     assert model.consistent is not None
     np.testing.assert_allclose(model.consistent.p, model.values, rtol=1e-6)
@@ -71,13 +71,17 @@ def test_what_binds_what_it_costs_and_what_the_data_say_against_it_is_shown_and_
     assert found.contradicted
     assert np.abs(found.change).max() > 1.0
     assert max(each.change / each.standard_error for each in found.torque) > 1.0
-    for words in ("conditions that bind", "greatest mass of link 2", "the data contradict bodies"):
+    for words in (
+        "active conditions",
+        "greatest mass of link 2",
+        "the data contradict physical consistency",
+    ):
         assert words in " ".join(shown.split())
     assert np.abs(model.values - found.p).max() > 0.1
     assert hil("report", folder)[0] == 0
     report = (folder / "report.html").read_text()
-    assert "Nearest robot that consists of bodies" in report
-    assert "What bodies cost in torque" in report
+    assert "Nearest physically consistent robot" in report
+    assert "Change of torque by physical consistency" in report
 
 
 def test_what_bodies_cost_is_the_change_of_the_torques_over_the_recorded_motion(
@@ -107,7 +111,7 @@ def test_export_finds_bodies_and_states_what_they_cost(
     )
     assert status == 0
     text = (tmp_path / "arm.urdf").read_text()
-    assert "conditions that bind" in text
+    assert "active conditions" in text
     assert "torques change, rms over the run's motions: axis 1" in text
     assert "no validation passed" in text
     assert "no validation passed" in shown

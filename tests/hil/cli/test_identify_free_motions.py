@@ -33,7 +33,7 @@ def test_the_method_is_chosen_by_what_was_recorded_and_stated(hil: Hil, folder: 
     assert status == 0
     assert "free motion method: all recordings are of motions that somebody else chose" in shown
     assert "Friction" in shown
-    assert "Torque left by the fit, all samples" in shown
+    assert "Residual torque of the fit, all samples" in shown
     assert (folder / "model.yaml").exists()
 
 
@@ -51,7 +51,7 @@ def test_strokes_of_one_axis_at_a_time_have_a_method_of_their_own(hil: Hil, tmp_
     assert status == 0
     assert "back and forth method: in all recordings one axis moves back and forth by" in shown
     assert "Friction over the speed" in shown
-    assert "friction is any odd function of the velocity" in shown
+    assert "friction: any odd function of the velocity" in shown
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ def test_a_run_is_made_and_what_was_found_is_stated(hil: Hil, folder: Path) -> N
     status, printed, errors = hil("import", "map.yaml", "-o", "runs/x")
     assert (status, errors) == (0, "")
     assert printed.splitlines() == [
-        "map.yaml: data.csv: 801 rows at 200 Hz, jitter 0 ms; instants are even as they are",
+        "map.yaml: data.csv: 801 rows at 200 Hz, jitter 0 ms; time stamps equidistant as recorded",
         "map.yaml: 1 motion, map-01: 4 s in 4 blocks",
         "runs/x: a run of pair; go on with: hil identify runs/x",
     ]
@@ -105,7 +105,7 @@ def test_a_draft_is_never_written_over_a_file(hil: Hil, folder: Path) -> None:
 def test_maps_or_a_draft(hil: Hil, folder: Path, arguments: tuple[str, ...]) -> None:
     status, _, errors = hil("import", *arguments, "-o", "x")
     assert status == 2
-    assert "one of the two" in errors
+    assert "needs either a column, or a rate" in errors
     assert not (folder / "x").exists()
 
 

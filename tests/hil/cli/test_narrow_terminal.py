@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from command_line import Hil
 
 LONG = "shoulder_pan_joint_left"
-WHAT, STEPS = Column("what it is", folds=True), Column("expression", folds=True, symbols=True)
+WHAT, STEPS = Column("meaning", folds=True), Column("expression", folds=True, symbols=True)
 TABLES = {
     "parameters": table(
         "14 base parameters of a robot",
@@ -42,7 +42,7 @@ TABLES = {
     ),
     "causes": table(
         "What these recordings exclude",
-        ("cause beyond", "unit", *figures(*(f"axis {k}" for k in range(1, 13)), "worth, %")),
+        ("cause larger than", "unit", *figures(*(f"axis {k}" for k in range(1, 13)), "worth, %")),
         [("drift of torque constant", "N m/rad", *(f"({k}.0094)" for k in range(12)), "5.01")],
     ),
     "drives": table(

@@ -138,5 +138,5 @@ def test_a_motion_is_measured_for_the_purpose(
     first, _ = folders
     status, out, _ = hil("validate", tmp_path / "check", "--model", first, "--measure")
     assert status in (0, 3)  # the model is of made-up recordings, the motion of the virtual plant
-    assert "Torques predicted of this recording" in out
+    assert "Predicted torques of this recording" in out
     assert (tmp_path / "check" / "recordings" / "validation.h5").exists()

@@ -42,7 +42,7 @@ def head(*changes):
         (
             INERTIA,
             'ixx="2e5" iyy="2e5" izz="2e5"',
-            r"spread the mass by 548 m root mean sq.* g mm2",
+            r"give a radius of gyration of 548 m.* g mm2",
         ),
         ('<mass value="1"/>', '<mass value="-1"/>', "mass -1 kg must be positive"),
         ('<mass value="1"/>', '<mass value="0"/>', "mass 0 kg must be positive"),

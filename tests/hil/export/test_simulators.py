@@ -151,8 +151,8 @@ def test_the_file_states_origin_distance_and_cost_at_its_head(name):
     text = written(consistent(Robot.load("tests/robots/ur10e.yaml")), name)
     head = text[: text.index("-->")]
     assert "origin" in head
-    assert "nearest robot that consists of bodies: distance" in head
-    assert "conditions that bind: link" in head
+    assert "nearest physically consistent robot: distance" in head
+    assert "active conditions: link" in head
 
 
 @pytest.mark.parametrize("name", ["urdf", "mjcf"])
@@ -199,7 +199,7 @@ def test_a_given_urdf_keeps_everything_but_inertials_and_dynamics_of_the_chain(a
     bodies = bodies_of(given_urdf(after, model.robot), model.robot)
     np.testing.assert_allclose(bodies, model.consistent.bodies, rtol=1e-9, atol=1e-12)
     assert "the body of link4 is that of tool too" in text
-    assert "what joints grip carry keeps its inertials" in text
+    assert "links of joints grip keep their inertials" in text
 
 
 def test_what_is_wrong_with_inertials_of_a_given_urdf_is_remarked_and_stands_in_the_file(arm):

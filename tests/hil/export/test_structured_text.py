@@ -221,4 +221,7 @@ def test_a_robot_of_seven_axes_has_no_block_for_softmotion_and_the_remarks_say_s
 
 def test_presliding_is_stated_where_it_is_left_out() -> None:
     said = " ".join(write_st(model_of("SCARA"), ()).remarks)
-    assert "presliding is left out of all but dynamics: axis 1 over 0.050 rad, axis 2" in said
+    assert (
+        "presliding is left out of all functions except dynamics: axis 1 over 0.050 rad, axis 2"
+        in said
+    )

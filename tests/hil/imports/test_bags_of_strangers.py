@@ -100,7 +100,7 @@ def test_a_compressed_bag_is_read(tmp_path: Path, mode: str) -> None:
 @pytest.mark.parametrize("mode", sorted(MODES.keys() - {"MESSAGE"}))
 def test_a_bag_that_unpacks_beyond_the_budget_is_refused(tmp_path: Path, mode: str) -> None:
     path = MODES[mode](tmp_path, 3000)
-    with pytest.raises(FileError, match=r"would take .* at most 0.05 MB may be .*HIL_READ_LIMIT"):
+    with pytest.raises(FileError, match=r"would take .* at most 0.05 MB allowed .*HIL_READ_LIMIT"):
         positions(path)
 
 
@@ -149,7 +149,7 @@ def test_an_mcap_is_read_chunk_by_chunk_where_all_together_exceed_the_budget(
     moved = (int.from_bytes(shifted, "little") + 1).to_bytes(8, "little")
     path.write_bytes(content.replace(shifted, moved))
     monkeypatch.undo()
-    with pytest.raises(FileError, match="its index names chunks that are not there"):
+    with pytest.raises(FileError, match="its index lists a missing chunk"):
         positions(path)
 
 
@@ -161,7 +161,7 @@ def test_an_index_of_ros_1_that_reads_a_chunk_twice_is_refused(tmp_path: Path) -
     about = content.rindex(b"chunk_pos=")
     begin = content.rindex(b"ver=", 0, content.index(b"chunk_pos=", about - 200)) - 8
     path.write_bytes(content + content[begin:])
-    with pytest.raises(FileError, match="its index reads a place twice"):
+    with pytest.raises(FileError, match="its index refers twice to one place"):
         positions(path)
 
 
@@ -192,7 +192,7 @@ TABLES = {
     "its values would take": [
         f"ALTER TABLE messages ADD COLUMN more TEXT DEFAULT '{'x' * 2000}'",
     ],
-    "two topics have one number": [
+    "two topics have the same id": [
         "ALTER TABLE topics RENAME TO old",
         "CREATE TABLE topics AS SELECT * FROM old UNION ALL SELECT * FROM old",
     ],

@@ -50,7 +50,7 @@ def test_what_becomes_larger_than_the_budget_is_refused_with_the_remedy(
     tmp_path: Path, name: str
 ) -> None:
     WRITERS[name](tmp_path / name)
-    with pytest.raises(FileError, match=r"MB, at most .* MB may be .* set HIL_READ_LIMIT=\d+"):
+    with pytest.raises(FileError, match=r"MB, at most .* MB allowed .* set HIL_READ_LIMIT=\d+"):
         for _ in open_table(tmp_path / name, Format()).blocks([0]):
             pass
 
@@ -132,7 +132,7 @@ def test_a_bag_whose_file_is_a_link_to_elsewhere_is_refused(tmp_path: Path) -> N
     bag.mkdir()
     (bag / "metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
     (bag / "a.db3").symlink_to(tmp_path / "notes.db3")
-    with pytest.raises(FileError, match=r"outside of the bag's folder; copy the file"):
+    with pytest.raises(FileError, match=r"outside the bag's folder; copy the file"):
         open_table(bag, Format())
     (bag / "a.db3").unlink()
     (bag / "a.db3").symlink_to(bag / "b.db3")

@@ -54,15 +54,15 @@ USED_TWICE = {
 @pytest.mark.parametrize("case", USED_TWICE)
 def test_a_column_is_one_thing_only(tmp_path, case):
     write_csv(tmp_path / "data.csv", COLUMNS)
-    assert "is used before in this map" in refusal(tmp_path, USED_TWICE[case])
+    assert "is used twice in this map" in refusal(tmp_path, USED_TWICE[case])
 
 
 TIMES = {
     "seconds that are milliseconds": (
-        {"t": 1e3 * COLUMNS["t"]}, {"column": "t"}, "map.yaml:4: time: a sample each 10 s shows"),
-    "minutes for seconds": ({}, {"column": "t", "unit": "min"}, "time: a sample each 0.6 s shows"),
+        {"t": 1e3 * COLUMNS["t"]}, {"column": "t"}, "map.yaml:4: time: sampling period 10 s"),
+    "minutes for seconds": ({}, {"column": "t", "unit": "min"}, "time: sampling period 0.6 s"),
     "time that runs backwards": ({"t": COLUMNS["t"][::-1]}, {"column": "t"}, "runs backwards; cho"),
-    "time that stands": ({"t": 0 * COLUMNS["t"]}, {"column": "t"}, "time: time does not pass"),
+    "time that stands": ({"t": 0 * COLUMNS["t"]}, {"column": "t"}, "time stamps do not increase"),
 }  # fmt: skip
 
 
@@ -84,7 +84,7 @@ TEXTS = {
         lambda s: s.replace("\n1.0,", "\n1,000.0,", 1),
         "data.csv:102: has 8 cells, the first row 7; a decimal comma or a separator of thousands"),
     "line ends of CR alone": (
-        lambda s: s.replace("\n", "\r"), "data.csv: has lines that end in CR alone; convert them"),
+        lambda s: s.replace("\n", "\r"), "data.csv: has lines that end in only CR; convert them"),
 }  # fmt: skip
 
 
@@ -151,7 +151,7 @@ def test_a_file_that_is_damaged_within(tmp_path, name, write):
 @pytest.mark.parametrize("name", ["data.csv", "data.mcap", "data.h5"])
 def test_a_pipe_is_not_waited_for(tmp_path, name):
     os.mkfifo(tmp_path / name)
-    message = f"files.0: {name}: is a pipe or a device, which is read but once"
+    message = f"files.0: {name}: is a pipe or a device, not a file"
     assert message in refusal(tmp_path, a_map(name))
 
 
@@ -184,7 +184,7 @@ def test_radians_taken_for_degrees_in_all_joints_are_remarked(tmp_path):
     write_csv(tmp_path / "data.csv", COLUMNS)
     content = changed(0, "position", unit="deg")
     content["joints"][1]["position"]["unit"] = "deg"
-    assert "of its range, and no joint a greater share; are unit" in imported(tmp_path, content)
+    assert "of its range, the largest share of all joints; are unit" in imported(tmp_path, content)
 
 
 def test_names_cannot_command_the_terminal():

@@ -43,7 +43,7 @@ def test_rows_that_are_uneven_by_all_velocities_are_named(tmp_path):
     steps = np.random.default_rng(3).choice([0.004, 0.008], 4000, p=[0.75, 0.25])
     columns = table(time=np.concatenate([[0.0], np.cumsum(steps)]))
     (one,) = stated(tmp_path, columns, time={"rate": 200}).suspicions
-    assert "samples are not even in time: by the recorded velocities of joints 1, 2" in one.message
+    assert "samples are not equidistant: by the recorded velocities of joints 1, 2" in one.message
     assert "record a time stamp with each row" in one.message
 
 
@@ -83,7 +83,7 @@ def test_rows_that_hold_values_give_way_to_the_rate_at_which_these_change(tmp_pa
     held["t"] = np.arange(len(held["t"])) / RATE
     found = stated(tmp_path, held)
     assert found.timing.period == pytest.approx(0.02)
-    assert " over 4 rows each" in "\n".join(found.lines())
+    assert " over 4 rows;" in "\n".join(found.lines())
 
 
 def test_a_robot_that_rests_repeats_no_rows(tmp_path):
@@ -102,7 +102,7 @@ def test_a_robot_that_rests_repeats_no_rows(tmp_path):
 def test_a_column_that_is_held_is_named(tmp_path, name, key):
     columns = table(20.0, rate=RATE)
     columns[name] = np.repeat(columns[name][::4], 4)[: len(columns["t"])]
-    found = [s for s in stated(tmp_path, columns).suspicions if "values are held" in s.message]
+    found = [s for s in stated(tmp_path, columns).suspicions if "a held signal" in s.message]
     assert [s.location for s in found] == [("joints", int(name[1]) - 1, key)]
     assert re.search("(75|69) % of the rows", found[0].message)
 
@@ -124,7 +124,7 @@ def test_what_was_understood_is_explained_joint_by_joint(tmp_path):
 def test_a_counter_that_begins_anew_is_named_with_its_bits(tmp_path):
     columns = table(20.0, rate=RATE)
     columns["t"] = np.round((1e6 * columns["t"] + 2**32 - 8e6) % 2**32)
-    words = r"row 1601: a counter of 32 bits in us began anew, add 4294967296 from there on; choose"
+    words = r"row 1601: a counter of 32 bits in us overflowed, add 4294967296 from there on; choose"
     with pytest.raises(FileError, match=words):
         stated(tmp_path, columns, time={"column": "t", "unit": "us"})
 

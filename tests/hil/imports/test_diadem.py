@@ -95,7 +95,7 @@ def test_what_cannot_be_read_is_said_with_the_remedy(tmp_path, changes, said):
         values.write_bytes(values.read_bytes()[: 8 * 801])
         assert any(said in words for words in open_table(path, Format()).left_out.values())
         return
-    with pytest.raises(FileError, match=f"no channel of it has values; .*{said}"):
+    with pytest.raises(FileError, match=f"has no channel with values; .*{said}"):
         open_table(path, Format())
 
 

@@ -55,7 +55,7 @@ def test_the_only_other_columns_with_the_joints_numbers_are_drafted_as_torques(t
     write_csv(tmp_path / "a.csv", columns | {"mode": 0 * columns["t"]})
     found = drafted(tmp_path / "a.csv")
     assert [joint["torque"]["column"] for joint in found["joints"]] == names.split()
-    assert "guessed since it is numbered" in found["joints"][0]["torque"]["unit"]
+    assert "guessed: numbered like" in found["joints"][0]["torque"]["unit"]
 
 
 def test_columns_of_no_joint_are_left_out_with_the_reason(tmp_path):
@@ -63,8 +63,8 @@ def test_columns_of_no_joint_are_left_out_with_the_reason(tmp_path):
     columns = dict(zip(names, table().values(), strict=True))
     write_csv(tmp_path / "a.csv", columns | {"q_ref1": columns["q1"], "qd7": columns["a1"]})
     text = draft_map(tmp_path / "a.csv", "a.csv")
-    for line in ("a1, a2, b1, b2: nothing known by the name; if one is", "q_ref1: a set point, or",
-                 "qd7: a velocity by the name, and no position has its numbers"):  # fmt: skip
+    for line in ("a1, a2, b1, b2: meaning of the name unknown; name a", "q_ref1: set point or",
+                 "qd7: velocity by the name, without a position of equal number"):  # fmt: skip
         assert f"#   {line}" in text
 
 
@@ -126,7 +126,7 @@ def test_text_in_a_column_is_no_column_of_numbers(tmp_path):
     (tmp_path / "a.csv").write_text("t,mode,q\n" + "".join(f"{k},run,{k}\n" for k in range(50)))
     text = draft_map(tmp_path / "a.csv", "a.csv")
     assert "#   3 q: 0 to 49, rising" in text
-    assert "# Left out:\n#   mode: 'run' in column 2 (mode), row 1, is no number\n" in text
+    assert "# Left out:\n#   mode: 'run' in column 2 (mode), row 1, is not a number\n" in text
     assert text.count("mode") == 2
 
 

@@ -351,7 +351,7 @@ def test_structures_and_cells_of_matlab_7_3_are_columns(tmp_path):
     assert found.left_out["name"] == "text"
     assert "writetable(T, 'FILE.csv')" in found.left_out["T"]
     assert not {"T", "none", "name"} & set(found.names)
-    with pytest.raises(NoColumn, match=r"no column 'T\.q1': T is a table of MATLAB, an object"):
+    with pytest.raises(NoColumn, match=r"no column 'T\.q1': T is a MATLAB table, an object"):
         column_of(found, "T.q1")
 
 
@@ -385,7 +385,7 @@ def test_objects_of_matlab_are_named_with_their_class_and_how_to_save_them(tmp_p
     with pytest.raises(FileError) as refused:
         open_table(tmp_path / "a.mat", Format())
     for name in ("first", "second"):
-        assert f"{name}: a {kind} of MATLAB, an object, which is not read; in" in str(refused.value)
+        assert f"{name}: a MATLAB {kind}, an object: not supported; in" in str(refused.value)
     assert capfd.readouterr() == ("", "")
 
 
@@ -401,7 +401,7 @@ def test_arrays_that_are_no_columns_are_left_out_by_name(tmp_path, name):
     assert left_out["image"] == "an array of 9 x 9 x 9 numbers"
     assert "not of numbers" in left_out["note"]
     if name == "a.npz":
-        assert left_out["thing"] == "an array of Python's objects, which are never unpickled"
+        assert left_out["thing"] == "an array of Python objects (not unpickled, for safety)"
 
 
 def test_an_empty_file_says_so(tmp_path):

@@ -33,7 +33,7 @@ MEASURED = ("q1", "q2", "v1", "v2", "m1", "m2")
 def test_a_recording_published_too_often_is_that_of_its_measurements(tmp_path, rows):
     columns = table(20.0, RATE)
     run, stated = made(tmp_path, held(columns, rows, *MEASURED), velocity=True)
-    assert f"positions over {rows} rows each; " in stated
+    assert f"each position repeats over {rows} rows; " in stated
     recording = run["map-01"].recording
     assert recording.period == pytest.approx(rows / RATE)
     taken = slice(None, recording.n_samples * rows, rows)
@@ -47,7 +47,7 @@ def test_a_publisher_that_is_late_now_and_then_makes_no_difference(tmp_path):
     at = np.repeat(np.cumsum(lengths) - lengths, lengths)[: len(columns["t"])]
     late = {name: x if name == "t" else x[at] for name, x in columns.items()}
     _, stated = made(tmp_path, late)
-    assert "positions over 4 rows each; " in stated
+    assert "each position repeats over 4 rows;" in stated
 
 
 def test_what_stands_still_in_between_leaves_no_gap(tmp_path):
@@ -63,8 +63,8 @@ def test_torques_alone_that_are_held_are_stated_and_nothing_is_left_out(tmp_path
     columns = table(20.0, RATE)
     run, stated = made(tmp_path, held(columns, 4, "m1", "m2"))
     for joint in (1, 2):
-        held_torque = rf"torque: repeats the value .* joint {joint} moves: its values are held, and"
-        assert re.search(held_torque + " come every 4 rows", stated)
+        held_torque = rf"torque: repeats the value .* joint {joint} moves: a held signal,"
+        assert re.search(held_torque + " new every 4 rows", stated)
     assert "left out" not in stated
     assert run["map-01"].recording.n_samples == 4001
 

@@ -228,7 +228,7 @@ def test_angles_that_were_kept_within_a_turn_go_on(tmp_path, monkeypatch, rows):
     assert np.abs(np.diff(q)).max() < 0.05
     turns = (q[:1900] - table()["q1"][:1900]) / (2 * np.pi)
     np.testing.assert_allclose(turns, round(turns[0]), atol=0.01)
-    assert "steps of whole turns are undone" in stated
+    assert "jumps of whole turns are removed" in stated
 
 
 # --- velocities -----------------------------------------------------------------------------------
@@ -329,7 +329,7 @@ def test_long_ones_are_cut_between_pairs(tmp_path):
 def test_another_joint_that_moves_is_refused(tmp_path):
     columns, _ = back_and_forth()
     columns["q2"] = columns["q1"] + 0.1
-    with pytest.raises(FileError, match=r"joint 1 is to move alone, but joint 2 moves by 0.4"):
+    with pytest.raises(FileError, match=r"joint 1 should move alone, but joint 2 moves by 0.4"):
         made(tmp_path, columns, kind={"back_and_forth": 1})
 
 

@@ -31,7 +31,7 @@ def sines(seed):
 @pytest.mark.parametrize("seed", range(5))
 def test_torques_that_lost_their_signs_are_named(seed):
     (suspicion,) = found(np.abs(sines(seed)))
-    assert suspicion.message.startswith("torques of joints 1, 2 come to zero")
+    assert suspicion.message.startswith("torques of joints 1, 2 reach zero")
     assert found(sines(seed)) == []
 
 
@@ -74,7 +74,7 @@ def test_noise_is_no_torque(tmp_path):
     rng = np.random.default_rng(1)
     noise = {name: 10 * rng.standard_normal(len(columns["t"])) for name in ("m1", "m2")}
     message = refusal(tmp_path, columns | noise)
-    assert "joints that move unexplained at least: torques do not match this motion" in message
+    assert "moving joint unexplained: torques do not match this motion" in message
 
 
 def test_positions_too_coarse_to_be_differentiated_are_remarked(tmp_path):
@@ -83,4 +83,4 @@ def test_positions_too_coarse_to_be_differentiated_are_remarked(tmp_path):
     write_csv(tmp_path / "data.csv", columns | coarse)
     stated = []
     import_recordings([write_map(tmp_path, a_map())], tmp_path / "run", stated.append)
-    assert "scatters so far that accelerations are known to" in stated[0].suspicions[0].message
+    assert "is too noisy: accelerations are uncertain by" in stated[0].suspicions[0].message

@@ -32,7 +32,7 @@ def test_coded_torques_become_those_of_the_joint_and_are_stated(tmp_path, words,
     run = import_recordings([write_map(tmp_path, content)], tmp_path / "run", found.append)
     np.testing.assert_allclose(run["map-01"].recording.tau[:, 1], gain * right, atol=1e-9)
     np.testing.assert_allclose(run["map-01"].recording.tau[:, 0], columns["m1"], atol=1e-9)
-    said = f"torques of joint 2 are read as {words}: from {half} on they are negative"
+    said = f"torques of joint 2 are read as {words}: values from {half} on are negative"
     assert said in "\n".join(found[0].lines())
 
 

@@ -34,20 +34,20 @@ def test_five_samples_of_no_joint_are_refused(tmp_path, column, key, value):
     with pytest.raises(FileError) as refused:
         statement(tmp_path, with_spikes(column, value))
     (message,) = str(refused.value).splitlines()
-    assert f"joints.{int(column[1]) - 1}.{key}: 5 samples stand out from those" in message
+    assert f"joints.{int(column[1]) - 1}.{key}: 5 samples differ from neighbouring" in message
     assert "in row 212 of its file" in message
     assert "remove these rows, or choose others" in message
 
 
 def test_spikes_of_three_samples_are_spikes_too(tmp_path):
     at = [k + j for k in AT for j in range(3)]
-    with pytest.raises(FileError, match="15 samples stand out"):
+    with pytest.raises(FileError, match="15 samples differ"):
         statement(tmp_path, with_spikes("m1", 5e3, at))
 
 
 def test_a_few_small_ones_are_stated_and_do_no_harm(tmp_path):
     (suspicion,) = statement(tmp_path, with_spikes("m1", 150.0, AT[:2])).suspicions
-    assert suspicion.message.startswith("2 samples stand out")
+    assert suspicion.message.startswith("2 samples differ")
     assert not suspicion.certain
 
 

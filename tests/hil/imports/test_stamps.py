@@ -119,7 +119,7 @@ def test_time_that_begins_anew_is_refused_with_its_row():
 
 
 def test_time_that_stands_still_is_refused():
-    with pytest.raises(WrongStamps, match="time does not pass"):
+    with pytest.raises(WrongStamps, match="time stamps do not increase"):
         found(np.ones(100))
 
 

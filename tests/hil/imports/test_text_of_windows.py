@@ -63,7 +63,7 @@ def test_a_measurement_file_of_labview_is_read(tmp_path):
 def test_control_characters_of_names_and_cells_are_escaped_once(tmp_path):
     (tmp_path / "a.csv").write_text("t,man\x1b\n0,1\n1,2\n2,wo\x1b\n")
     table = open_table(tmp_path / "a.csv", Format())
-    with pytest.raises(NoColumn, match=r"no column 'men\\x1b'; near to it: man\\x1b"):
+    with pytest.raises(NoColumn, match=r"no column 'men\\x1b'; similar names: man\\x1b"):
         column_of(table, r"men\x1b")
     with pytest.raises(FileError, match=r"a.csv:4: 'wo\\x1b' in column 2 \(man\\x1b\), row 3"):
         list(table.blocks([1]))

@@ -52,8 +52,8 @@ def test_one_clock_raises_no_suspicion_whatever_the_lag(manutec, lag):
 )  # fmt: skip
 def test_a_lag_that_changes_is_of_another_clock(manutec, lag, words):
     ((torques, _, changes),) = said(manutec, lag_of_tau=lag)
-    assert torques == "torques of all joints are by another clock"
+    assert torques == "torques of all joints have another clock"
     assert re.fullmatch(words, changes), changes
     ((velocities, _, changes),) = said(manutec, lag_of_qd=lag)
-    assert velocities == "velocities of all joints are by another clock"
+    assert velocities == "velocities of all joints have another clock"
     assert re.fullmatch(words, changes), changes

@@ -86,7 +86,7 @@ def _without_gain(folder: Path) -> Model:
 def test_maps_that_disagree_on_an_unknown_gain_make_no_run(tmp_path: Path) -> None:
     imported(tmp_path)
     known = write_map_of(tmp_path, a_map(), "known.yaml")
-    with pytest.raises(FileError, match=r"known.yaml:\d+: joints: gains are unknown of other"):
+    with pytest.raises(FileError, match=r"known.yaml:\d+: joints: joints of unknown gain differ"):
         import_recordings([tmp_path / "map.yaml", known], tmp_path / "both")
     assert not (tmp_path / "both").exists()
 

@@ -49,9 +49,9 @@ MAPS = {
         a_map(joints=a_map()["joints"][:1]), "joints: 1 joints must be 2, one for each joint of"),
     "a column that is not there": (
         with_joint(1, A, column="q3"),
-        "joints.1.position.column: data.csv has no column 'q3'; near to it: q"),
+        "joints.1.position.column: data.csv has no column 'q3'; similar names: q"),
     "a column beyond the last": (
-        with_joint(0, B, column=9), "joints.0.torque.column: data.csv has 7 columns, none of"),
+        with_joint(0, B, column=9), "joints.0.torque.column: data.csv has 7 columns, but no"),
     "column 0": (with_joint(0, A, column=0), "columns are numbered from 1"),
     "a column that is true": (with_joint(0, A, column=True), "True must be a column's number"),
     "an unknown unit": (
@@ -63,10 +63,10 @@ MAPS = {
     "amperes without a gain": (
         with_joint(0, B, unit="A"), "joints.0.torque: A need a gain: N m (or N) for one unit"),
     "a negative gain": (
-        with_joint(0, B, unit="A", gain=-2), "-2 must be positive; what is turned round has sign"),
+        with_joint(0, B, unit="A", gain=-2), "-2 must be positive; for a reversed direction"),
     "an uncertainty of an unknown gain": (
         with_joint(0, B, unit="A", gain="unknown", gain_uncertainty=0.1),
-        "gain_uncertainty 0.1 belongs to a gain that is stated; remove it"),
+        "gain_uncertainty 0.1 needs a stated gain; remove"),
     "a gain that is hardly known": (
         with_joint(0, B, unit="A", gain=1, gain_uncertainty=0.6), "must be below half the gain"),
     "counts without their worth": (with_joint(0, A, unit="counts"), "counts need per_unit"),
@@ -83,14 +83,14 @@ MAPS = {
     "rows that overlap": (
         a_map(rows=[[1, 400], [300, 700]]), "300 follows 400: segments must rise"),
     "too few rows": (
-        a_map(rows=[10, 50]), "the chosen rows last 0.2 s, 41 rows at 200 Hz, and a motion takes"),
+        a_map(rows=[10, 50]), "the chosen rows last 0.2 s, 41 rows at 200 Hz; at least"),
     "times beyond the end": (
         a_map(time_range=[10, 20]), "has no samples; the recording has times from 0 to 4 s"),
     "rows and times": (
         a_map(rows=[1, 500], time_range=[0, 2]), "rows and time_range exclude each other"),
     "no time": (a_map(time=None), "time: missing, and data.csv has no stamps of its own"),
     "time and a rate": (
-        a_map(time={"column": "t", "rate": 200}), "needs a column, or a rate in Hz: one of"),
+        a_map(time={"column": "t", "rate": 200}), "needs either a column, or a rate in Hz"),
     "a rate that is none": (a_map(time={"rate": 0}), "time.rate: 0: "),
     "milliseconds for seconds": (
         a_map(time={"column": "t", "unit": "ms"}), "map.yaml:4: time: the recording lasts 0.004 s"),
@@ -99,7 +99,7 @@ MAPS = {
         a_map(kind={"back_and_forth": 3}), "must be one of the 2 joints"),
     "an unknown kind": (a_map(kind="fast"), "'fast' must be free, or {back_and_forth: JOINT}"),
     "what is no motion back and forth": (
-        a_map(kind={"back_and_forth": 2}), "joint 2 is to move alone, but joint 1 moves"),
+        a_map(kind={"back_and_forth": 2}), "joint 2 should move alone, but joint 1 moves"),
     "a motor's side without gears": (
         a_map(robot="gearless.yaml", torque_side="motor"), "motor needs the gear ratio of joint 1"),
     "a list for a map": ("- 1\n- 2\n", "map.yaml:1: must hold keys and values, not list"),
@@ -176,29 +176,29 @@ FILES = {
         "a.csv", lambda p: p.write_text("t,q1,q2,m1,m2\n"), "a.csv: has no row of numbers"),
     "words": ("a.csv", lambda p: p.write_text("to be\nor not\n"), "a.csv: has no row of numbers"),
     "text among numbers": (
-        "a.csv", text_in_numbers, "a.csv:101: 'oops' in column 2 (q1), row 100, is no number"),
+        "a.csv", text_in_numbers, "a.csv:101: 'oops' in column 2 (q1), row 100, is not a number"),
     "nothing but NaN": (
         "a.csv", all_missing, "joints.0.position.column: column q1 holds no number in any of 801"
         " rows; name another"),
     "numbers of two columns in turn": (
         "a.csv", in_turn, "columns present; choose other columns or rows; 401 of 801 rows hold no"
         " number in q1; 400 of 801 rows hold no number in m1"),
-    "bytes": ("a.csv", binary, "a.csv: holds zero bytes: it is no text"),
-    "10 GiB of nothing": ("a.csv", sparse, "a.csv: holds zero bytes"),
-    "10 GiB of nothing after a table": ("a.csv", sparse_after_a_table, "a.csv: holds zero bytes"),
-    "10 GiB of nothing as arrays": ("a.npy", sparse, "a.npy: is no file of NumPy's arrays"),
-    "10 GiB of nothing as HDF5": ("a.h5", sparse, "a.h5: is no file of HDF5, or is damaged"),
-    "10 GiB of nothing as Parquet": ("a.parquet", sparse, "a.parquet: is no file of Parquet"),
-    "10 GiB of nothing as MATLAB": ("a.mat", sparse, "a.mat: is no file of MATLAB, or is damaged"),
+    "bytes": ("a.csv", binary, "a.csv: holds NUL bytes: not UTF-8 text"),
+    "10 GiB of nothing": ("a.csv", sparse, "a.csv: holds NUL bytes"),
+    "10 GiB of nothing after a table": ("a.csv", sparse_after_a_table, "a.csv: holds NUL bytes"),
+    "10 GiB of nothing as arrays": ("a.npy", sparse, "a.npy: is not a NumPy file"),
+    "10 GiB of nothing as HDF5": ("a.h5", sparse, "a.h5: is not an HDF5 file, or is damaged"),
+    "10 GiB of nothing as Parquet": ("a.parquet", sparse, "a.parquet: is not a Parquet file"),
+    "10 GiB of nothing as MATLAB": ("a.mat", sparse, "a.mat: is not a MATLAB file, or is damaged"),
     "10 GiB of nothing as a bag": ("a.mcap", sparse, "a.mcap: cannot be read as a bag"),
     "10 GiB of nothing, compressed": ("a.csv.gz", sparse, "a.csv.gz: cannot be unpacked"),
     "half of a compressed file": ("a.csv.gz", half_gz, "a.csv.gz: cannot be unpacked"),
-    "half of an HDF5 file": ("a.h5", damaged_hdf5, "a.h5: is no file of HDF5, or is damaged"),
+    "half of an HDF5 file": ("a.h5", damaged_hdf5, "a.h5: is not an HDF5 file, or is damaged"),
     "arrays of other lengths": ("a.npz", other_lengths, "columns must have equal numbers of rows"),
-    "an unknown format": ("a.docx", binary, "a.docx: .docx is no known format; known are .csv"),
-    "a folder": ("a.csv", lambda p: p.mkdir(), "a.csv: is a folder, and no rosbag2 without"),
+    "an unknown format": ("a.docx", binary, "a.docx: .docx is an unknown format; known: .csv"),
+    "a folder": ("a.csv", lambda p: p.mkdir(), "a.csv: is a folder without the metadata.yaml"),
     "pickles": (
-        "a.npy", lambda p: np.save(p, np.array([{}]), allow_pickle=True), "is no file of NumPy's"),
+        "a.npy", lambda p: np.save(p, np.array([{}]), allow_pickle=True), "is not a NumPy file"),
 }  # fmt: skip
 
 
@@ -281,8 +281,8 @@ def test_a_locked_joint_of_a_noisy_encoder_stands_still(tmp_path):
     the_map = write_map(tmp_path, a_map(velocity=True))
     import_recordings([the_map], tmp_path / "run", stated.append)
     (suspicion,) = stated[0].suspicions
-    assert suspicion.message.endswith("is it the right column, in the right unit?")
-    assert "nothing can be found of joint 2" in suspicion.message
+    assert suspicion.message.endswith("are column and unit right?")
+    assert "only gravity parameters of joint 2" in suspicion.message
     assert not suspicion.certain
 
 

@@ -55,7 +55,7 @@ def test_a_position_that_is_renewed_too_rarely_is_refused_with_the_period(
     sound = stepped(SOUND[kind][1])
     q = sound.q.copy()
     q[:, 0] = held(q[:, 0], every)
-    with pytest.raises(DriveRefused, match="joint 1: its position is renewed only every") as caught:
+    with pytest.raises(DriveRefused, match="joint 1: position updated only every") as caught:
         mark_old_values(replace(sound, q=q), ACCELERATION, AXES)
     assert f"set sync_period: {every * PERIOD:.3g} or more" in str(caught.value)
 

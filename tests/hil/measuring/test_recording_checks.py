@@ -189,12 +189,12 @@ def test_a_limit_after_a_late_set_point_is_the_computers() -> None:
     found = {each.check: each for each in check(late, MEASUREMENT, ROBOT)}
     assert found["saturation"].value == 3
     assert (
-        "in 3 samples after SYNCs that came too late, must be 0; relieve this computer"
+        "in 3 samples after late SYNCs, must be 0; stop other programs"
         in found["saturation"].message
     )
     flags[300, 0] = SampleFlag.LIMIT
     found = {each.check: each for each in check(late, MEASUREMENT, ROBOT)}
-    assert "in 4 samples, 3 of them after SYNCs that came too late" in found["saturation"].message
+    assert "in 4 samples, 3 of them after late SYNCs" in found["saturation"].message
     assert "plan a smaller acceleration" in found["saturation"].message
 
 
@@ -204,7 +204,7 @@ def test_a_drive_that_answers_only_some_syncs_from_the_middle_on_is_named(every:
     flags, half = sound.flags.copy(), sound.n_samples // 2
     flags[half:, 0] |= np.uint8(SampleFlag.MISSING) * (np.arange(len(flags) - half) % every > 0)
     (finding,) = (f for f in ALWAYS[0](replace(sound, flags=flags), MEASUREMENT, ROBOT))
-    assert f"answers only every {every}. SYNC: set its inhibit time (1800:03)" in finding.message
+    assert f"answers only every {every} SYNCs: set the inhibit time (1800:03)" in finding.message
 
 
 def test_telegrams_that_are_lost_at_random_are_no_inhibit_time() -> None:

@@ -232,7 +232,7 @@ def flagged(flag: SampleFlag, axis: int) -> Tamper:
             "g1",
             lambda s: s._replace(time=s.time + 0.2 * (s.time > 2.5)),
             "gaps",
-            "50 SYNCs came too late",
+            "50 SYNCs were too late",
         ),
         ("i1", flagged(SampleFlag.LIMIT, 2), "saturation", "axis 3 is at its internal limit"),
         ("g1", flagged(SampleFlag.LATE, 4), "telegrams", "telegrams of axis 5"),
@@ -247,13 +247,13 @@ def flagged(flag: SampleFlag, axis: int) -> Tamper:
             "g1",
             lambda s: s._replace(tau=tuple(t * (1 + 0.1 * s.time) for t in s.tau)),
             "half-sums",
-            "friction is not steady",
+            "friction is not stationary",
         ),
         (
             "c1",
             lambda s: s._replace(q=(s.q[0] - math.sin(80 * s.q[0]) / 80, *s.q[1:])),
             "stuck",
-            "the creeping axis falls to",
+            "the creeping axis slows to",
         ),
         (
             "c1",
@@ -355,7 +355,7 @@ def test_a_torque_that_counts_against_the_motion_ends_the_run_at_once_and_is_kep
     before: list[Any] = [None]
     ideal_bus.tamper = reversed_friction
     events: list[Event] = []
-    with pytest.raises(DriveRefused, match=r"counts against its motion.*turn current\.sign"):
+    with pytest.raises(DriveRefused, match=r"has the wrong sign.*reverse current\.sign"):
         events.extend(_each(small_plan, manutec, ideal_bus, events))
     (kept,) = recorded(events).values()
     assert (kept.attempts, kept.findings[0].check) == (1, "sign")

@@ -121,7 +121,7 @@ def test_doubled_and_late_telegrams_may_be_one_in_a_hundred(flag: SampleFlag) ->
     assert found(flagged(sound, flag, 0.015)) == {"telegrams"}
 
 
-@pytest.mark.parametrize(("every", "cause"), [(8, "every 8. SYNC: set its inhibit time"), (0, "")])
+@pytest.mark.parametrize(("every", "cause"), [(8, "every 8 SYNCs: set the inhibit time"), (0, "")])
 def test_a_drive_that_answers_now_and_then_by_rule_names_its_inhibit_time(
     every: int, cause: str
 ) -> None:

@@ -147,7 +147,7 @@ def test_motors_turn_with_the_joints_that_they_are_coupled_to() -> None:
             r"couplings.0.ratio: 0 must be within \+-100 and not 0",
         ),
         (SPRINGS.replace("joint: 3", "joint: 7"), r":13: springs.1.joint: 7 must be one of the 6"),
-        (SPRINGS.replace("joint: 3}", "joint: 2, shape: sine}"), r"springs.1: stands twice"),
+        (SPRINGS.replace("joint: 3}", "joint: 2, shape: sine}"), r"springs.1: is stated twice"),
         (
             LIFT + "springs: [{joint: 1, shape: sine}]",
             r"springs.0.shape: sine must be linear at a joint that slides",

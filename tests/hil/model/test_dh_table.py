@@ -210,7 +210,7 @@ WRONG = {
     "two units": ("alpha [deg],a,d,theta [rad]\n", r"t.csv:1: rad of theta must be deg"),
     "a missing column": ("alpha [deg],a,theta\n", r"t.csv:1: has no column d"),
     "an unknown column": ("alpha [deg],a,d,theta,mass\n", r"t.csv:1: 'mass' must be one of alpha"),
-    "a column twice": ("alpha [deg],a,a,theta,d\n", r"t.csv:1: a stands twice"),
+    "a column twice": ("alpha [deg],a,a,theta,d\n", r"t.csv:1: a is stated twice"),
     "a short row": (HEAD + "0,0,0\n", r"t.csv:2: 3 cells must be 5"),
     "text": (HEAD + "0,0,0,0,R\n\n0,long,0,0,R\n", r"t.csv:4: joints.1.a: 'long' must be a number"),
     "no number": (HEAD + "0,1 m,0,0,R\n", r"t.csv:2: joints.0.a: '1 m' is no expression"),

@@ -140,7 +140,7 @@ def test_frames_may_be_written_in_lengths_and_pi(chains):
         ("{l1: 0.50", "{m3: 0.50, l1: 0.50", "'m3' cannot name a length"),
         ("gravity: [0, 0, -9.81]", "gravity: [0, 0, -9810]", "it is 9.81 on Earth"),
         ("gravity: [0, 0, -9.81]", "gravity: [0, -9.81]", "missing; add this key"),
-        ("parameters: [Izz]", "parameters: [Izz, Izz]", "Izz stands twice; remove one"),
+        ("parameters: [Izz]", "parameters: [Izz, Izz]", "Izz is stated twice; remove one"),
         ("parameters: [Izz]", "parameters: [Jzz]", "must be 'Ixx'"),
         ("Iyy6 = Ixx6", "Iyy6 = Iyy1", "Iyy1 is not present; add it to its joint's parameters"),
         ("Iyy6 = Ixx6", "Iyy6 = sz6", "Iyy6 and sz6 have different units"),

@@ -229,8 +229,8 @@ def with_xacro(element: str) -> str:
 @pytest.mark.parametrize(
     ("text", "tip", "message"),
     [
-        ("", None, "1: is no XML"),
-        ("<robot><link", None, "1: is no XML"),
+        ("", None, "1: invalid XML"),
+        ("<robot><link", None, "1: invalid XML"),
         ("<sdf/>", None, "1: <sdf> must be <robot>"),
         ('<robot><link name="a"/></robot>', None, "no chain of joints that move: it has 0 joints"),
         (with_fingers(), None, "2 chains have 3 moving joints, to left, right; choose"),

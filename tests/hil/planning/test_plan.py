@@ -167,6 +167,6 @@ def test_a_plan_with_too_few_joints_is_refused(
 def test_a_list_of_recorded_motions_is_no_plan(tmp_path):
     listed = tmp_path / "motions.yaml"
     listed.write_text("format: 1\nmap_digest: abc\nmeasurements: [{kind: free}]\n")
-    with pytest.raises(FileError, match=r"nothing left to measure; identify .* hil identify") as no:
+    with pytest.raises(FileError, match=r"nothing to measure; identify .* hil identify") as no:
         load_plan(listed)
     assert len(str(no.value).splitlines()) == 1

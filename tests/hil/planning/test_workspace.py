@@ -200,7 +200,7 @@ def test_the_drives_get_the_narrowed_ranges_as_their_limits() -> None:
         ),
         (
             "boxes: [{name: a, low: [0.0006, 0, 0], high: [0.0012, 0.0006, 0.001]}]",
-            "a is nowhere wider than 0.001 m, at least 0.0",
+            "a has a largest edge of 0.001 m, must be at least 0.0",
         ),
         (
             "boxes: [{name: floor, low: [-3, -3, -1.5], high: [3, 3, -0.4]}]",
@@ -253,7 +253,7 @@ def test_a_box_that_no_link_can_reach_is_stated_with_both_distances(
     found = remarks(Workspace(boxes=(box,)), manutec)
     assert len(found) == (0 if guards else 1)
     if not guards:
-        assert f"box {box.name} guards nothing: it begins" in found[0]
+        assert f"box {box.name} has no effect:" in found[0]
 
 
 @settings(max_examples=50)
@@ -279,7 +279,7 @@ def test_commands_state_a_box_that_guards_nothing(
     ):
         with pytest.raises(SystemExit):
             cli.main([*command, *cell])
-        assert "box pit guards nothing" in " ".join(capsys.readouterr().out.split())
+        assert "box pit has no effect" in " ".join(capsys.readouterr().out.split())
 
 
 def test_an_arm_that_stands_in_a_box_is_not_moved(
@@ -288,7 +288,7 @@ def test_an_arm_that_stands_in_a_box_is_not_moved(
     with ideal_bus:
         list(measure(reaching(small_plan, AT_POST), manutec, ideal_bus))
         moves = len(ideal_bus.moves)
-        with pytest.raises(LimitExceeded, match=r"the arm stands in post or .* hil drives jog"):
+        with pytest.raises(LimitExceeded, match=r"the arm is inside post or .* hil drives jog"):
             list(measure(guarded(reaching(small_plan, UP), POST), manutec, ideal_bus))
         assert len(ideal_bus.moves) == moves
 

@@ -308,7 +308,7 @@ class TestAdvice:
         odd = next(value for value in local if value.kind == "inertia")
         worse = [replace(v, residual=90 * v.residual) if v is odd else v for v in local]
         items = self.advised(folder, replace(found["improved"], local=tuple(worse)))
-        assert re.search(r"scatters by .* N m, \d+ times as much", items[odd.id].reason)
+        assert re.search(r"residual .* N m, \d+ times the usual residual", items[odd.id].reason)
         assert not {v.id for v in local if v is not odd} & set(items)
 
     def test_axes_on_which_the_local_models_do_not_fit_are_stated(self, folder, found):
@@ -340,7 +340,7 @@ class TestAdvice:
     def test_friction_that_differs_by_direction_is_of_note(self, folder, found):
         items = self.advised(folder, found["improved"])
         (subject,) = [s for s in items if s.startswith("axis 2")]
-        assert "half-sums are off by" in items[subject].reason
+        assert "half-sums of both directions deviate by" in items[subject].reason
         assert items[subject].word == "good"
 
     def test_drives_taken_as_exact_are_of_note(self, folder, found):

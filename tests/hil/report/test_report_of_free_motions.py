@@ -25,7 +25,7 @@ def test_it_states_parameters_friction_and_what_is_left(text: str) -> None:
     for words in (
         "identified dynamics",
         "Friction",
-        "Torque left by the fit, all samples",
+        "Residual torque of the fit, all samples",
     ):
         assert words in text
     assert "cut-off" in text

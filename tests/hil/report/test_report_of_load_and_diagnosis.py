@@ -119,7 +119,7 @@ class TestLoad:
         assert torque.count(">measured<") or torque.count("measured</span>")
         assert [f"axis {k}, " in torque for k in range(1, 7)] == [True] * 6
         assert "gravity of axis 5" in page
-        assert "A rigid load leaves" in page
+        assert "Fit of a rigid load to" in page
         assert 'id="carried"' in page
 
     def test_its_tables_fit_a_terminal_of_80_columns(self, kept):

@@ -99,8 +99,8 @@ def test_its_bodies_hold_on_a_machine_whose_friction_is_another(run: Run, tmp_pa
     found = scored(identify(run), predicted_torques(identify(run), of_run(other)))
     assert all(each.refitted is not None and each.refitted < 0.05 for each in found.axes)
     assert found.word == "failed"
-    assert "; with friction fitted in this recording it is off by" in found.reason
-    assert "the bodies hold, the friction that the model states does not" in found.reason
+    assert "; with friction fitted to this recording the error is" in found.reason
+    assert "rigid bodies are confirmed, the model's friction is not" in found.reason
 
 
 def test_a_whole_and_a_partial_estimate_are_reported(run: Run, partial: Run) -> None:

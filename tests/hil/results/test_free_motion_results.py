@@ -96,7 +96,7 @@ def test_a_model_without_friction_says_so(model: Model) -> None:
     bare = replace(model, details=NO_DETAILS, friction_law=FrictionLaw.absent(2))
     with pytest.raises(NotEnoughData, match="no law of friction"):
         bare.predict(0.0, 0.0, 0.0)
-    with pytest.raises(NotEnoughData, match=r"no settings of free motions .* take model\.torque"):
+    with pytest.raises(NotEnoughData, match=r"no filter settings .* use model\.torque"):
         predict_recording(bare, recorded(arm(), TRUTH, n=1)[0][1])
 
 

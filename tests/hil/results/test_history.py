@@ -280,7 +280,7 @@ def test_runs_stand_in_the_order_in_which_they_were_measured() -> None:
 def test_one_run_alone_is_stated_as_such() -> None:
     found = history_of([("only", measured(machine(), 1, 1))])
     assert not found.changes
-    assert any("nothing to compare" in note for note in found.notes)
+    assert any("cannot be compared" in note for note in found.notes)
 
 
 def test_different_methods_are_stated() -> None:

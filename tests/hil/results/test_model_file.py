@@ -101,7 +101,7 @@ def test_the_printed_method_says_so(copy):
 
 
 def test_without_model_the_remedy_is_named(copy):
-    with pytest.raises(FileError, match="not there yet; make it with: hil identify"):
+    with pytest.raises(FileError, match="does not exist yet; make it with: hil identify"):
         Model.load(copy)
 
 

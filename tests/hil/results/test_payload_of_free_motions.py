@@ -141,7 +141,7 @@ def test_unknown_gains_of_both_runs_are_found_with_the_load(runs: Path) -> None:
 @pytest.mark.parametrize(("second", "error", "words"), [
     ("bare", Mismatch, "has the same recordings as"),
     ("again", NoLoad, r"load not significant: its mass would be"),
-    ("unknown-loaded", Mismatch, "gains are unknown of other axes"),
+    ("unknown-loaded", Mismatch, "axes of unknown gain differ"),
 ])  # fmt: skip
 def test_what_is_no_pair_of_runs_is_refused(
     runs: Path, second: str, error: type[Exception], words: str
@@ -179,7 +179,7 @@ def test_a_copy_of_the_same_run_is_the_same_run(runs: Path, tmp_path: Path) -> N
 def test_a_diagnosis_of_an_imported_run_is_refused_with_the_way_to_test_a_parameter(
     runs: Path,
 ) -> None:
-    with pytest.raises(Mismatch, match="add it to the parameters in the robot file"):
+    with pytest.raises(Mismatch, match="add it to the robot file"):
         diagnose(Run.open(runs / "bare"))
 
 

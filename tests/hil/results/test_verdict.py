@@ -224,7 +224,9 @@ def test_a_model_that_was_edited_or_cut_off_is_refused(model: Model, tmp_path: P
     value = f"value: {float(model.values[0])}"
     assert value in whole
     path.write_text(whole.replace(value, "value: 12.0", 1), encoding="utf-8")
-    with pytest.raises(FileError, match=r"model.yaml:\d+: p1: .* was edited; .*hil identify"):
+    with pytest.raises(
+        FileError, match=r"model.yaml:\d+: p1: .* \(edited file\?\); .*hil identify"
+    ):
         Model.load(path)
     path.write_text(whole[: whole.index("drive_covariance") - 9], encoding="utf-8")
     with pytest.raises(

@@ -87,7 +87,7 @@ def test_times_that_do_not_ascend_are_refused(model: Model) -> None:
 
 def test_a_model_that_knows_of_no_warmth_says_so() -> None:
     cold = stated_model(Robot.load("manutec-r15"))
-    with pytest.raises(NotEnoughData, match="leave warmth out"):
+    with pytest.raises(NotEnoughData, match="omit warmth"):
         friction(cold, 0.5)
     with pytest.raises(NotEnoughData):
         friction(replace(cold, friction_law=FrictionLaw.absent(6)), 0.5)

@@ -39,7 +39,7 @@ def test_it_is_refused_before_anything_of_it_is_read(
     _write(tmp_path / "a.h5", instead)
     read: list[object] = []
     monkeypatch.setattr("hil.runs.recording_file._array", lambda *at: read.append(at))
-    words = "MB may be" if instead == "declared" else "a link to another file"
+    words = "MB allowed" if instead == "declared" else "a link to another file"
     with pytest.raises(FileError, match=words):
         read_measured(tmp_path / "a.h5")
     assert read == []

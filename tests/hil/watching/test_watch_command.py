@@ -139,7 +139,7 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
     folder, done = pushed
     assert "from outside at" in done.output
     assert "2 alarms in" in done.output
-    assert "no lasting cause by which it differs from" in done.output  # pushes are over soon
+    assert "no lasting cause of a difference from" in done.output  # pushes are over soon
     page = (folder / "watch.html").read_text()
     assert "<svg viewBox" in page
     assert ">SIMULATED<" in page

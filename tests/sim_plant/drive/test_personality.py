@@ -303,7 +303,7 @@ def test_an_unknown_personality_is_refused_with_those_that_are_known() -> None:
 def test_a_change_of_an_object_that_is_not_there_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "odd.yaml"
     path.write_text("name: odd\nobjects: [{index: 0x6123, access: ro}]\n")
-    with pytest.raises(FileError, match=r"odd: the drive has no object 6123:00 .* give its type"):
+    with pytest.raises(FileError, match=r"odd: the drive has no object 6123:00 .* state a type"):
         load_machine("manutec-r15", personality=str(path))
 
 

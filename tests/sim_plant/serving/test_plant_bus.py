@@ -212,7 +212,7 @@ def test_an_unknown_channel_is_refused_with_the_known_ones() -> None:
         ({"seed": "x"}, "seed='x'"),
         ({"seed": -1}, "seed=-1"),
         ({"cycle": "0"}, "cycle='0'"),
-        ({"colour": "red"}, "colour: the simulated plant knows no such option"),
+        ({"colour": "red"}, "colour: unknown option of the simulated plant"),
         ({"clock": "sundial"}, "sync, wall"),
         ({"bitrate": 0}, "bitrate=0"),
     ],
