@@ -186,7 +186,7 @@ class DriveBus(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Remarks for the operator that stop nothing; the tuple grows."""
+        """Remarks for the operator without effect on the session; the tuple grows."""
 
     def __enter__(self) -> Self:
         """Check, configure and power on every drive."""

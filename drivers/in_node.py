@@ -142,7 +142,7 @@ def find_axes(has: Callable[[int, int], bool]) -> Sequence[InNode]:
     number = 1
     while number < AXES and all(has(i + number * _PER_AXIS, 0) for i in (0x6040, 0x6041)):
         number += 1
-    # PDOs in blocks of 64 or of 4 an axis if the drive has them, else its first 4 are divided
+    # PDOs in blocks of 64 or of 4 per axis if the drive has them, else its first 4 are divided
     for each in (_PDOS_OF_PROFILE, PDOS):
         firsts = [each * axis + 1 for axis in range(number)]
         if number == 1 or all(has(0x17FF + first, 1) for first in firsts[1:]):

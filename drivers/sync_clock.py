@@ -202,7 +202,7 @@ class WallClock(SyncClock):
         took = now - self._sending if self._sending is not None else 0.0
         self._sending = None
         self.uncertain = took > 2 * CERTAIN * self._period
-        # in whole microseconds, as logs of frames have it, or a replay would differ
+        # in whole microseconds, as in logs of frames; otherwise a replay would differ
         instant = round(now - took / 2, 6)
         self._late(instant)
         self._deadline += self._period

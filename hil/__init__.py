@@ -116,7 +116,9 @@ _LATER = {
     "validate": "hil.results.validation",
 }
 _MODULES = ("errors", "export", "report")
-"""Modules and packages among the public names; the last two are callable as functions, too."""
+"""Modules and packages among the public names; `export` and `report` are callable as functions,
+too.
+"""
 
 
 def _refuse_strangers() -> None:

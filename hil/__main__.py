@@ -31,8 +31,8 @@ def main() -> None:
     _keep_streams()
     # matrices are small here: threads would wait for one another, at a third more processor time
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # with Python's 700 new objects loading and estimating spend a tenth of their processor time on
-    # looking for cycles (`hil identify` of 152 measurements: 0.4 of 4.6 s)
+    # by default Python collects garbage after 700 new objects: loading and estimating then spend a
+    # tenth of their processor time on cycles (`hil identify` of 152 measurements: 0.4 of 4.6 s)
     gc.set_threshold(50_000)
     try:
         from hil.cli import main as command_line  # noqa: PLC0415 - takes a while, see above
@@ -48,7 +48,7 @@ def main() -> None:
 
 
 class _Patient(io.FileIO):
-    """Output stream for completing runs and results without a reader."""
+    """Output stream that lets a run finish, and keep its results, after its reader has gone."""
 
     def write(self, content: Any) -> int:
         """Write content, or discard content without a reader."""
@@ -63,7 +63,7 @@ def _keep_streams() -> None:
     """Make every text writable: to closed streams, without a reader, and in ASCII."""
     for number, name in STREAMS.items():
         stream = getattr(sys, name)
-        if stream is None:  # closed by the caller; a file that is opened next would get its number
+        if stream is None:  # closed by the caller; the next opened file would get its number
             _discard(number)
         kept = io.TextIOWrapper(
             io.BufferedWriter(_Patient(number, "w", closefd=False)),

@@ -20,7 +20,7 @@ def library(module: str, name: str) -> ctypes.CDLL:
     Raises
     ------
     ModuleNotFoundError
-        No C compiler was there at installation.
+        No C compiler was available at installation.
     """
     for suffix in EXTENSION_SUFFIXES:
         built = Path(module).with_name(f"{name}{suffix}")

@@ -1,4 +1,4 @@
-"""Fixtures that several test modules share."""
+"""Fixtures shared by several test modules."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices, and a worker on every core
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices are small, and each core has a worker
 
 import canopen
 import numpy as np
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
     from drivers.drive_bus import Move
 
 FOUND = Path(__file__).parents[1] / ".hypothesis" / "found"
-"""Where examples that fail are kept by `ci-long`, which tries them first the next time."""
+"""Folder of failed examples, kept by `ci-long` and tried first in its next run."""
 
 settings.register_profile("repeatable", deadline=None, derandomize=True, print_blob=True)
 settings.register_profile(
     "ci-long", deadline=None, print_blob=True, database=DirectoryBasedExampleDatabase(FOUND)
 )
-settings.load_profile("repeatable")  # another by --hypothesis-profile
+settings.load_profile("repeatable")  # select another profile by --hypothesis-profile
 
 LONG = (
     "benchmarks",
@@ -112,14 +112,15 @@ LONG = (
     "drivers/test_two_processes.py",
     "drivers/can_bus/test_frame_log.py",
 )  # fmt: skip
-"""Folders and files of tests that go through everything, whole sessions, studies, tutorials; those
-that take longest first, so that no worker is left alone with one of them at the end."""
+"""Folders and files of long tests (whole sessions, studies, tutorials), the longest first, so that
+no worker is alone with one of them at the end.
+"""
 LONG_FIXTURES = {"browser"}
-"""Fixtures whose tests are long wherever they stand; a file names those that its tests use."""
+"""Fixtures whose tests are long; the long files name those fixtures that their tests use."""
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave files out before they are imported that hold none of the tests asked for."""
+    """Skip the import of files without any of the requested tests."""
     asked, long = config.option.markexpr, _place(collection_path) is not None
     if asked == "not long":
         return True if long else None
@@ -130,7 +131,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark long tests; coverage, which makes them three times as slow, counts the others alone."""
+    """Mark long tests, and exclude them from coverage, which makes them three times as slow."""
     for item in items:
         fixtures = LONG_FIXTURES.intersection(getattr(item, "fixturenames", ()))
         if item.get_closest_marker("long") or fixtures or _place(item.path) is not None:
@@ -140,25 +141,26 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Keep tests and libraries out of the garbage collector's rounds, and have fewer of these.
+    """Exclude tests and libraries from garbage collection, and collect less often.
 
     They took an eighth of all time. A campaign thaws when it ends what is frozen while it measures,
     which would be tests and libraries as well.
     """
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000)  # 700 of Python: the tests make and drop much
+    gc.set_threshold(50_000)  # Python's default is 700; tests create and delete many objects
     gc.freeze = gc.unfreeze = lambda: None  # type: ignore[assignment]
 
 
 @cache
 def _place(path: Path) -> str | None:
-    """Return which of `LONG` a path lies in."""
+    """Return the entry of `LONG` that contains a path."""
     within = (place for place in LONG if path.is_relative_to(Path(__file__).parent / place))
     return next(within, None)
 
 
-SdoClient.RESPONSE_TIMEOUT = 30.0  # canopen's clients have threads, and a busy machine stalls them
+# the clients of canopen have threads, which a busy machine stalls
+SdoClient.RESPONSE_TIMEOUT = 30.0
 
 
 @pytest.fixture
@@ -168,7 +170,7 @@ def wide_console(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 class _Path:
-    """A trapezoid on the grid of samples."""
+    """Trapezoid of velocity on the grid of samples."""
 
     def __init__(self, begin: int, profile: Trapezoid, period: float) -> None:
         times = np.arange(0.0, profile.duration + period, period)
@@ -183,7 +185,7 @@ class _Path:
 
 
 class IdealBus:
-    """A DriveBus whose axes follow their trapezoids exactly, and that notes its commands.
+    """DriveBus whose axes follow their trapezoids exactly; it keeps its commands.
 
     Torque is 10 N m of friction along the motion, 3 N m of load and a little ripple. `tamper` may
     change each sample before it is returned, or raise; `deaf` axes take set-points and stay where
@@ -255,7 +257,7 @@ class IdealBus:
 
 @pytest.fixture(scope="session", autouse=True)
 def _signals_as_by_default() -> None:
-    """Take signals as from a terminal: nohup and jobs of a script start us with some ignored.
+    """Handle signals as in a terminal: nohup and background jobs of scripts ignore some of them.
 
     A program that a test starts takes over what is ignored, and nothing else.
     """
@@ -267,7 +269,7 @@ def _signals_as_by_default() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _state_of_its_own(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep what runs leave in the user's state directory out of it."""
+    """Redirect the user's state directory to a temporary one."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield
@@ -285,7 +287,7 @@ def ideal_bus(manutec: Robot) -> IdealBus:
 
 @pytest.fixture
 def small_plan(manutec: Robot) -> Plan:
-    """One measurement of each kind; about 20 s."""
+    """Plan with a measurement of each kind; about 20 s."""
     return Plan(
         robot=PlannedRobot(name=manutec.name, digest=manutec.digest),
         measurements=(
@@ -319,18 +321,18 @@ def small_plan(manutec: Robot) -> Plan:
     )
 
 
-# --- the plant's CANopen side, in front of an ideal machine -------------------------------------
+# --- the plant's CANopen side, with an ideal machine --------------------------------------------
 
 
 @pytest.fixture
 def ideal_machine() -> IdealMachine:
-    """Six ideal axes behind nodes 1 to 6."""
+    """Six ideal axes driven by nodes 1 to 6."""
     return IdealMachine()
 
 
 @pytest.fixture
 def ideal_network(ideal_machine: IdealMachine) -> SlaveNetwork:
-    """The plant's drives in front of ideal axes, switched on, time passing by SYNC."""
+    """The plant's drives with ideal axes, switched on; SYNC advances the time."""
     network = SlaveNetwork(ideal_machine)
     network.power_on()
     return network
@@ -338,14 +340,14 @@ def ideal_network(ideal_machine: IdealMachine) -> SlaveNetwork:
 
 @pytest.fixture
 def ideal_channel(monkeypatch: pytest.MonkeyPatch, ideal_machine: IdealMachine) -> str:
-    """Name of a `sim_plant` channel with an ideal machine behind it."""
+    """Name of a `sim_plant` channel with an ideal machine."""
     monkeypatch.setattr(plant_channel, "load_machine", lambda *_: ideal_machine)
     return "ideal"
 
 
 @pytest.fixture
 def master(ideal_channel: str) -> Iterator[canopen.Network]:
-    """canopen's own master on the plant, with a remote node for each drive."""
+    """Master of canopen on the plant, with a remote node for each drive."""
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.02
     network.connect(interface="sim_plant", channel=ideal_channel)
@@ -359,12 +361,14 @@ def master(ideal_channel: str) -> Iterator[canopen.Network]:
 
 
 class ChainBuilder:
-    """Robot files of any serial chain, as text and as robots; limits and drives are all alike."""
+    """Builder of robot files of serial chains, as text and as
+    robots, with equal limits and drives.
+    """
 
     LENGTHS: ClassVar = {"a": 0.3, "b": 0.45}
 
     def joint(self, kind: str = "revolute", parameters: object = None, **frame: object) -> str:
-        """One joint in YAML; `parameters` as a list, or None for all ten."""
+        """Return a joint in YAML; `parameters` is a list, or None for all ten."""
         places = ", ".join(f"{key}: {value}" for key, value in {"alpha": 0, **frame}.items())
         present = "" if parameters is None else f", parameters: [{', '.join(parameters)}]"
         return (
@@ -376,12 +380,14 @@ class ChainBuilder:
     def robot(
         self, *joints: str, gravity: Sequence[float] = (0, 0, -9.81), ties: Sequence[str] = ()
     ) -> Robot:
-        """A robot of these joints."""
+        """Return a robot of these joints."""
         text = f"name: chain\ngravity: {list(gravity)}\nlengths: {self.LENGTHS}\njoints:\n"
         return parse_robot(text + "".join(joints) + f"ties: [{', '.join(ties)}]\n", "chain.yaml")
 
     def random(self, seed: int) -> Robot:
-        """One of one to six joints, rich in parallel and square axes, some with few parameters."""
+        """Return a random robot of one to six joints, many parallel or perpendicular, some with few
+        parameters.
+        """
         rng = np.random.default_rng(seed)
         pick = lambda *choices: choices[rng.integers(len(choices))]  # noqa: E731
         names = np.array(LINK_PARAMETERS)
@@ -407,5 +413,5 @@ def chains() -> ChainBuilder:
 
 @pytest.fixture
 def desk(ideal_network: SlaveNetwork, ideal_machine: IdealMachine) -> Desk:
-    """A synchronous master of the drives in front of ideal axes."""
+    """Synchronous master of the drives with ideal axes."""
     return Desk(ideal_network, ideal_machine)

@@ -1,4 +1,4 @@
-"""Signals in tests: as from a terminal, whoever started the tests."""
+"""Signal handling in tests equals that in a terminal, independent of the caller."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ class FrameLog(can.BusABC):
             raise FileError(f"{path}: cannot be written: {error.strerror}") from error
         try:
             self._writer = can.Logger(path)
-        except Exception as error:  # a format without its library raises what it likes
+        except Exception as error:  # missing libraries of a format raise errors of any type
             path.unlink()
             raise FileError(
                 f"{path}: {error}; choose .asc or .log, which survive a kill best, or .blf"
@@ -109,7 +109,7 @@ class FrameLog(can.BusABC):
         """Return the time since the first call, in whole microseconds [s]."""
         before, self._reading = self._reading, self._now()
         if self._sync is not None and not self.lock_step:
-            # as in `WallClock`, which read the clock immediately before it sent SYNC
+            # as `WallClock`, which reads the clock immediately before sending SYNC
             self._latest = round(self._reading - (self._reading - before) / 2, 6)
             self._log_sync()
         return self._reading
@@ -120,7 +120,7 @@ class FrameLog(can.BusABC):
         self._log_sync()
         if self._begun and not (self.lock_step or is_heartbeat(msg) or msg.arbitration_id == SYNC):
             self._latest = self._now()
-        self._begun = True  # with the driver's zero of time
+        self._begun = True  # after the driver's zero of time
         sent = can.Message(
             arbitration_id=msg.arbitration_id,
             is_extended_id=msg.is_extended_id,
@@ -130,7 +130,7 @@ class FrameLog(can.BusABC):
             is_rx=False,
         )
         if msg.arbitration_id == SYNC:
-            self._sync = sent  # its instant is known when the driver has read the clock
+            self._sync = sent  # its instant is known after the driver has read the clock
         else:
             self._note(sent)
         if len(self._waiting) > WAITING_MAX:
@@ -156,7 +156,7 @@ class FrameLog(can.BusABC):
             if self.lock_step:
                 self._latest = frame.timestamp
             else:
-                # the arrival as the driver saw it: after the frame before, within its wait
+                # arrival as seen by the driver: after the frame before, within its wait
                 now, arrived = self._now(), frame.timestamp - self._epoch
                 arrived = arrived if now - CREDIBLE < arrived <= now else now
                 self._latest = max(self._latest, min(arrived, ends - TICK))
@@ -209,7 +209,7 @@ class FrameLog(can.BusABC):
                 self._empty()
             self._empty()
             self._writer.stop()
-        except Exception as error:  # each format has its own; `recv` raises it
+        except Exception as error:  # each format has its own errors; `recv` raises them
             self._trouble, self._waiting = error, deque(maxlen=0)
             with suppress(Exception):
                 self._writer.stop()

@@ -54,7 +54,7 @@ _STAMPS, _TIMESPEC = 35, struct.Struct("@ll")
 """SO_TIMESTAMPNS of Linux, missing in Python's socket module: seconds, nanoseconds."""
 _ANCILLARY = socket.CMSG_SPACE(_TIMESPEC.size)
 _numbers = count()
-_MEMBER = re.compile(r"\d+-\d+")  # number of the process, number of the bus in it
+_MEMBER = re.compile(r"\d+-\d+")  # process number, and bus number in the process
 _CHANNEL = re.compile(r"\w[\w.-]*")
 
 
@@ -226,7 +226,7 @@ class LocalBus(can.BusABC):
             raise can.CanOperationError(f"{self.channel_info}: this bus is shut down") from error
 
     def _pass(self, frame: bytes, address: Path, peer: socket.socket, patience: float) -> None:
-        """Put a frame into a peer's queue; a hanging peer is not waited for again."""
+        """Put a frame into a peer's queue; do not wait again for a hanging peer."""
         ends = time.monotonic() + (0.0 if address in self._hanging else patience)
         while True:
             try:
@@ -277,7 +277,7 @@ def _ours(path: Path) -> bool:
         return False
     try:
         state = path.lstat()
-    except FileNotFoundError:  # its bus has left meanwhile
+    except FileNotFoundError:  # its bus has left in the meantime
         return False
     return stat.S_ISSOCK(state.st_mode) and state.st_uid == os.getuid()
 
@@ -315,7 +315,7 @@ def _own_folder(channel: str) -> Path:
 def _refuse_changeable(folder: Path) -> None:
     """Refuse a folder whose entries another user can replace."""
     state = folder.stat()
-    # whoever owns / can do everything in any case: root, or the outside of a container
+    # owners of / can do everything in any case: root, or the outside of a container
     trusted = state.st_uid in {0, os.getuid(), Path("/").stat().st_uid}
     if trusted and (state.st_mode & stat.S_ISVTX or not state.st_mode & 0o022):
         return

@@ -104,7 +104,7 @@ class ReplayLog:
         try:
             with can.LogReader(self._path) as reader:
                 yield from reader
-        except Exception as error:  # each format raises its own for damaged places
+        except Exception as error:  # each format raises its own errors for damaged places
             self.damage = f"({error or type(error).__name__})"
 
 

@@ -35,7 +35,7 @@ class CanopenBus(Fieldbus):
     Parameters
     ----------
     bus : can.BusABC
-        An open bus whose frames nobody else receives from this object.
+        Open bus without other receivers of frames from this object.
     pacing : {"auto", "lock-step", "wall-clock"}
         See `drivers.canopen.sync_clock.choose_sync_clock`.
     """

@@ -152,7 +152,7 @@ class CanopenConnection(Connection):
             server.access.go_operational()
 
     def _listen_to_emergencies(self, identifiers: Sequence[int | None]) -> None:
-        """Receive emergencies of the nodes with these identifiers (1014), None where off."""
+        """Receive emergencies with these identifiers (1014); None marks disabled ones."""
         for identifier in self._emergencies:
             self._network.unsubscribe(identifier, self._take_emergency)
         pairs = zip(identifiers, self._nodes, strict=True)
@@ -168,7 +168,7 @@ class CanopenConnection(Connection):
         """Wait until each drive answers SYNC, after the command to start (see `Connection`)."""
         clock, data, heartbeats = self._clock, self.process_data, self.life_sign
         heartbeats.watch(starting=True)
-        heartbeats.hurry()  # a drive starts to supervise with the first heartbeat
+        heartbeats.hurry()  # a drive starts supervision with the first heartbeat
         self.supervision.forget()
         begun = clock.now()
         again = begun + START_AGAIN

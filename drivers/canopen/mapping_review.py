@@ -59,7 +59,7 @@ class PdoOffer:
 
 
 _Tpdos = tuple[PdoOffer | None, PdoOffer | None]
-"""The TPDOs that we would use; None for a missing one."""
+"""Used TPDOs; None for a missing one."""
 
 
 def review_mapping(dictionary: Dictionary, usable: Sequence[CurrentCandidate]) -> ProcessDataReview:

@@ -109,7 +109,7 @@ def _has(access: SdoAccess, index: int, subindex: int) -> bool:
     try:
         access.read(index, subindex)
     except AccessRefused as error:
-        return error.code not in ABSENT  # it exists, and can perhaps only be written
+        return error.code not in ABSENT  # the object exists, and may be write-only
     except NoAnswer:
         return False
     return True
@@ -196,7 +196,7 @@ class BusPicture(Picture):
         elif number in self._tpdos:
             self._take_tpdo(number, data, now)
         elif number & 0x780 == _SDO_ANSWER and number & 0x7F in self._of_node:
-            # an expedited upload of 60FD in four bytes, whoever asked for it
+            # an expedited upload of 60FD in four bytes, requested by anybody
             for axis in self._of_node[number & 0x7F]:
                 request = _upload(axis.drive)
                 if len(data) == 8 and data[0] == _EXPEDITED and data[1:4] == request[1:]:

@@ -34,7 +34,7 @@ STATE, COMMAND = (
 )
 """Objects of the TPDO besides the current, and of the RPDO: target before controlword."""
 AT_SYNC = range(241)
-"""Transmission types of an RPDO that acts at the next SYNC."""
+"""Transmission types of an RPDO with action at the next SYNC."""
 RPDO_TYPES = (254, 0, 1)
 """Accepted types for commands: event-driven (manufacturer), or at the next SYNC."""
 LATER = (Entry(0x1801, 2, "u8", "transmission type of TPDO 2"), mapping_count(0x1A01))
@@ -57,7 +57,7 @@ class Pdo(NamedTuple):
     transmission : int
         1 = at every SYNC, 255 = on event.
     also : collection of int
-        Transmission types accepted where ours is impossible.
+        Transmission types accepted if ours is impossible.
     entries : tuple of Entry
         Mapped objects, in order.
     """

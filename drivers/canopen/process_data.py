@@ -238,7 +238,7 @@ class SyncProcessData(ProcessData):
                 or frame.is_extended_id
             ):
                 self._network.dispatch(frame)
-            elif frames[slot]:  # a second one: if one is owed, the first was that
+            elif frames[slot]:  # of two TPDOs, the first is the owed one
                 if slot in self._owed:
                     self._settle(slot)
                     frames[slot] = data

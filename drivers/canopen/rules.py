@@ -172,7 +172,7 @@ def _remarks(dictionary: Dictionary) -> Iterator[Finding]:
 
 
 def _find_unwatched(dictionary: Dictionary) -> str | None:
-    """Return why a drive can neither supervise our heartbeat nor be guarded, None if it can."""
+    """Return the reason why a drive can neither supervise our heartbeat nor be guarded, or None."""
     watch = cia301.CONSUMER_HEARTBEAT
     known = dictionary.entry(watch) is not None or watch.key in dictionary.unanswered
     return None if known or all(map(dictionary.entry, GUARDING)) else "the drive has no 1016"
@@ -190,7 +190,7 @@ RULES = BusRules(
         )
     ),
     mappings=(0x1600, 0x1A00, 0x1A01),
-    # it may make the drive produce SYNC, which must not happen with our period
+    # the value may make the drive produce SYNC, which must not happen with our period
     late=frozenset({cia301.SYNC_COB_ID.index}),
     watchdogs=WATCHDOGS,
     restore_process_data=restore_process_data,

@@ -134,7 +134,7 @@ def set_up_sync(server: RemoteDictionary, period: float) -> None:
     counter = server.find(cia301.SYNC_COUNTER)
     if counter:
         try:
-            if server.find(cia301.CYCLE_PERIOD):  # the counter can be changed only without one
+            if server.find(cia301.CYCLE_PERIOD):  # the counter can be changed only without a period
                 server.put(cia301.CYCLE_PERIOD, 0)
             server.set(cia301.SYNC_COUNTER, 0)
         except DriveRefused as error:

@@ -62,7 +62,7 @@ class FeedForward:
         if not feeding:
             self.give_back()
         elif not self._found:
-            # switch off the drives' own, and remember their values
+            # switch off the drives' own feed-forward, and remember its settings
             for axis in self._axes:
                 for entry in own_feed_forward(axis.drive):
                     value = axis.server.find(entry)
@@ -93,7 +93,7 @@ def offsets_in_counts(fed: Sequence[Array], axes: Sequence[Axis]) -> Array:
     fed : three ndarrays, shape (n, n_axes)
         Velocity, torque, and the part of the torque that holds the axes [rad/s or m/s, N m or N].
     axes : sequence of Axis
-        In joint order.
+        Axes in joint order.
     """
     velocity, torque, holding = fed
     counts = [

@@ -15,7 +15,7 @@ from drivers.fieldbus import Entry
 if TYPE_CHECKING:
     from drivers.drives_file import AxisDrive
 
-# of CiA 301; every fieldbus of the profile has them
+# CiA 301 objects common to every fieldbus of the profile
 DEVICE_TYPE = Entry(0x1000, 0, "u32", "device type")
 ERROR_HISTORY = Entry(0x1003, 1, "u32", "latest error")
 VENDOR = Entry(0x1018, 1, "u32", "vendor")

@@ -183,7 +183,7 @@ class ProfilePosition:
         phase = command.phase
         controlword = command.step(word, position)
         if self._holds[axis] and isinstance(command, SetPoint) and not motion.under_way:
-            # the handshake may take the whole motion once that has visibly begun
+            # the handshake may take the whole motion once motion has visibly begun
             moved = abs(position - motion.start) > command.window
             if (command.phase is Phase.OFFERED and moved) or command.phase is Phase.TAKEN:
                 motion.under_way = True

@@ -213,13 +213,13 @@ class Shutdown:
         """Let a SYNC pass and command axes that do not obey."""
         synced = False
         for each in self._stopped:
-            command = each.stop.unsent  # before SYNC, since some drives act at it
+            command = each.stop.unsent  # before SYNC, since some drives act at SYNC
             if command is not None:
                 self._command(each, command)
         try:
             self._process_data.sync()
             synced = True
-        except Exception:  # whatever a bus raises, the axes must stop
+        except Exception:  # the axes must stop after any error of the bus
             self._process_data.miss()
         with suppress(DriveError):
             self._life_sign.beat()

@@ -153,7 +153,7 @@ def overdue_phase(phase: StopPhase, shown: Shown) -> StopPhase:
     if phase is not StopPhase.DISABLING:
         return StopPhase.DISABLING
     if shown is Shown.READY:
-        return StopPhase.OFF  # it keeps its voltage, and cannot turn its motor
+        return StopPhase.OFF  # the drive keeps its voltage, but cannot turn its motor
     return StopPhase.UNSEEN if shown is Shown.NOTHING else StopPhase.LOST
 
 
@@ -221,7 +221,7 @@ class AxisStop:
 
     @property
     def ended(self) -> bool:
-        """True if nothing is to be awaited any more."""
+        """True if no further observation is awaited."""
         return self.phase not in AWAITED | {StopPhase.RESTING}
 
     @property

@@ -113,7 +113,7 @@ class Supervision:
     def take_emergency(self, node: int, data: bytes) -> None:
         """Record an emergency of a drive, or the end of its error."""
         if len(data) < CODE_SIZE:
-            return  # neither an error nor the end of one
+            return  # neither an error nor the end of an error
         emergency = decode_emergency(data)
         if emergency.code & 0xFF00:
             self._emergencies[node] = emergency

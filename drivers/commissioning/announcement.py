@@ -114,7 +114,7 @@ def announce(
     """
     check_identity(server, axis)
     usual = _Rehearsal(server, _Layer)
-    compare_statements(usual.shown, axis)  # a limit in a wrong unit says nothing
+    compare_statements(usual.shown, axis)  # a limit in a wrong unit is meaningless
     limits = effective_limits(find or server.find, axis, server.label)
     communicating = copy(communication)
     commission(usual.shown, axis, drives, period, lambda holds, _: holds(), limits, communicating)

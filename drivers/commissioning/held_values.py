@@ -81,7 +81,7 @@ def read_if_held(server: RemoteDictionary, entry: Entry) -> int | None:
     """Read an object, None if it cannot be read."""
     try:
         return server.get(entry)
-    except Aborted:  # missing or write-only: the write itself will report that
+    except Aborted:  # missing or write-only: the write itself will report the reason
         return None
 
 

@@ -157,7 +157,7 @@ def _write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entr
 
 
 def _write(server: RemoteDictionary, entry: Entry, value: int) -> None:
-    """Write an object as required by the table: refuse a drive without the object, or note that."""
+    """Write an object as required by the table; report drives without the object."""
     row = REQUIREMENTS[entry]
     if row.lack is Lack.REFUSED:
         server.set(entry, value)

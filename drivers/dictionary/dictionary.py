@@ -112,9 +112,9 @@ class Dictionary:
     damaged : mapping of (index, sub-index) to str
         Unintelligible declarations; raised on access.
     unanswered : mapping of (index, sub-index) to str
-        Objects that a live drive neither gave nor denied, and its refusal.
+        Refusals of a live drive for objects neither returned nor denied.
     node, bitrate : int or None
-        Of a DCF [-, bit/s].
+        Node number and bit rate of a DCF [-, bit/s].
     bitrates : tuple of int
         Supported bit rates [bit/s].
     vendor, product, revision, serial : int or None

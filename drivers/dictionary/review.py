@@ -77,7 +77,7 @@ class BusRules(RestoringOrder):
     remarks : callable
         Yields further findings on objects of the bus.
     unwatched : callable
-        Returns why a drive cannot supervise us; None if it can, or if that is unknown.
+        Returns the reason why a drive cannot supervise us; None without one, or if unknown.
     """
 
     requirements: Mapping[Entry, Requirement]
@@ -128,7 +128,7 @@ def gaps(
     about, declared = str(row.entry), dictionary.entry(row.entry)
     refused = dictionary.unanswered.get(row.entry.key)
     if declared is not None:
-        # a spare object is not needed if those it could replace are present
+        # a substitute is not needed if the replaceable objects are present
         served = [each for each in table.values() if row.entry in each.instead]
         spare = Use.WRITE in row.use and row.lack is Lack.SILENT and bool(served)
         if not spare or not all(dictionary.entry(each.entry) for each in served):
@@ -409,7 +409,7 @@ class FoundNode:
     node : int
         Node number.
     state, shown_by : str
-        NMT state of the last heartbeat, empty if none was received; on EtherCAT the AL state.
+        NMT state in the last heartbeat, empty if none was received; on EtherCAT the AL state.
     boots, emergencies : int
         Number of boot-ups and emergencies received.
     answers : int

@@ -82,7 +82,7 @@ class LinePicture(Picture):
                     if self._inputs:
                         axis.show(objects.DIGITAL_INPUTS, server.find(objects.DIGITAL_INPUTS) or 0)
                 except DriveError:
-                    continue  # the time of the last answer shows it
+                    continue  # the time of the last answer marks the drive as silent
             time.sleep(PAUSE)
 
     def sync_rate(self, now: float) -> float:

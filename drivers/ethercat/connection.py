@@ -91,7 +91,7 @@ class EthercatConnection(Connection):
         pairs = zip(self._drives, self.communications, strict=True)
         for number, (drive, found) in enumerate(pairs):
             drive.outputs, drive.inputs = found.outputs, found.inputs
-            # the next SYNC0 to which a drive can be set, and its cycle [ns]
+            # the next possible SYNC0 of a drive, and its cycle [ns]
             sync0 = None
             if self._clock is not None and self._clocks is not None:
                 sync0 = self._clock.first_sync0(self._clocks.now())

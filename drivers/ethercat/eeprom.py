@@ -25,8 +25,7 @@ _TIME = 0.5
 """Longest duration of a read [s]; hardware takes 0.3 ms."""
 _MANAGER = struct.Struct("<HHBBBB")
 MAILBOX_LEAST = 32
-"""Smallest mailbox for SDO [bytes]: six of header, two of CoE, eight of a value in four, and room
-for a segment; every slave with CoE has as much."""
+"""Smallest mailbox for SDO [bytes]: 6 of header, 2 of CoE, 8 for an expedited value."""
 
 
 class Area(NamedTuple):

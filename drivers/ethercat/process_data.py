@@ -51,7 +51,7 @@ LOGICAL, APART = 0x0001_0000, 0x1000
 FOREIGN = 3
 """Number of foreign frames attributed to chance."""
 _BOTH, _READ = 3, 1
-"""Working counter of a drive that took outputs (2) and gave inputs (1), or that was only read."""
+"""Working counter of a drive with outputs (2) and inputs (1), or of a drive only read."""
 _ASKED = 20
 """Number of drives whose watchdogs are read by a frame."""
 _TIMES = 4

@@ -156,7 +156,7 @@ class SettingsKeeper:
             if earlier.doubt:
                 server.note(earlier.doubt)
             kept = _reconcile(server, earlier)
-        # the planned values too, for a session that is killed during start-up
+        # planned values too, for a session killed during start-up
         values = {entry.key: value for entry, value in {**found, **planned}.items()}
         kept = _extend(kept, found).hold(lambda each: values.get(each.key, each.written))
         self._settings = self.settings.update_drives([kept])

@@ -164,7 +164,7 @@ def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdi
     ):
         present = server.find(entry)
         if present is not None:
-            # a warning if the axis would coast or go on
+            # a warning if the axis would coast or continue
             meaning = meanings.get(present, "the maker's own, see its manual")
             consequence = _CONSEQUENCES.get(meaning)
             grade = Grade.OK if consequence is None else Grade.WARNING

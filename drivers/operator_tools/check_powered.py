@@ -196,9 +196,9 @@ class SmallMoves:
     Attributes
     ----------
     angle, angular_velocity : float
-        Of revolute axes [rad], [rad/s].
+        Distance and speed of revolute axes [rad], [rad/s].
     length, velocity : float
-        Of prismatic axes [m], [m/s].
+        Distance and speed of prismatic axes [m], [m/s].
     """
 
     angle: float = math.radians(3)
@@ -246,7 +246,7 @@ def check_powered(
     except StoppedByOperator:
         raise
     except DriveError as error:
-        # each line names its axis, if it concerns one; all are off
+        # each line names its axis, if only one is concerned; all axes are off
         labels = [f"{axis.name} (node {axis.node})" for axis in drives.axes]
         for line in str(error).splitlines():
             place = next((label for label in labels if line.startswith(f"{label}: ")), "all axes")

@@ -37,7 +37,7 @@ def measure_offsets(
     ----------
     process_data : ProcessData
     axes : sequence of Axis
-        In joint order.
+        Axes in joint order.
     cycle : callable
         Lets one SYNC pass.
     when : str
@@ -48,7 +48,7 @@ def measure_offsets(
         cycle()
         shown = process_data.words, process_data.currents, process_data.flags
         for readings, word, current, flag in zip(seen, *shown, strict=True):
-            if not (flag & _OLD or word & _ENERGISED):  # another master may have switched it on
+            if not (flag & _OLD or word & _ENERGISED):  # perhaps switched on by another master
                 readings.append(current)
     found = []
     for axis, readings in zip(axes, seen, strict=True):

@@ -51,7 +51,7 @@ class MissingTelegrams:
     Parameters
     ----------
     axes : sequence of Axis
-        In joint order.
+        Axes in joint order.
     collect_late : callable
         Receives late telegrams; called after a gap.
     period : float
@@ -144,7 +144,7 @@ class Trips:
     Parameters
     ----------
     axes : sequence of Axis
-        In joint order.
+        Axes in joint order.
     period : float
         Time between two SYNCs [s].
     """
@@ -192,7 +192,7 @@ class Trips:
         if (
             True in map(lt, map(min, columns), self._lows)
             or True in map(gt, map(max, columns), self._highs)
-            # two steps in a row of at most half the bound stay within the bound
+            # two successive steps of at most half the bound stay within the bound
             or any(
                 True in map(gt, map(abs, map(sub, here, there)), self._half_steps)
                 for here, there in zip(positions, before, strict=False)

@@ -77,7 +77,7 @@ def check_and_configure(
         try:
             announcement = announce(server, axis, drives, period, communication, held, keeper.later)
         except DriveRefused as error:
-            # node numbers may be swapped: then that is the remedy
+            # node numbers may be swapped: then the remedy is to swap them back
             swap = find_swap(server, axis, pairs)
             if swap is None:
                 raise

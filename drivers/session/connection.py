@@ -71,7 +71,7 @@ class Connection(ABC):
         self.written: list[RemoteDictionary] = []
 
     def remarks(self) -> Sequence[str]:
-        """Return remarks on the bus that stop nothing."""
+        """Return remarks on the bus without effect on the session."""
         return ()
 
     def conflicts(self) -> Sequence[DriveRefused]:
@@ -281,5 +281,5 @@ class TimedFieldbus(Fieldbus):
     def jitter(self, period: float) -> float:
         """Return the deviation of SYNC from its period at the drives, for 99 of 100 [s].
 
-        0 if not measured.
+        The result is 0 if not measured.
         """

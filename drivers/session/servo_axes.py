@@ -190,7 +190,7 @@ class ServoAxes:
         self._feed_forward = feed_forward
         self._inside = False
         self._connection: Connection | None = None
-        self._session: Session | None = None  # the last one, even if ended
+        self._session: Session | None = None  # the last session, even if ended
 
     @property
     def period(self) -> float:
@@ -341,7 +341,7 @@ class ServoAxes:
             except KeyboardInterrupt as again:
                 pressed = again
         if pressed is not None:
-            if isinstance(error, DriveError):  # the reason of the stop before the interrupt
+            if isinstance(error, DriveError):  # reason of the stop before the interrupt
                 pressed.add_note(str(error))
             raise pressed
 
@@ -365,7 +365,7 @@ class ServoAxes:
             if outcome.message:
                 log.error("%s", outcome.message)
                 if error is not None:
-                    # less the answer of the bus in parentheses, if the error contains it
+                    # without the answer of the bus in parentheses, if the error contains it
                     message, answer = outcome.message, str(error).rsplit(": ", 1)[-1]
                     if answer:
                         message = re.sub(rf" \([^()]*{re.escape(answer)}\)", "", message)

@@ -124,12 +124,12 @@ class Stopping(Shutdown):
         try:
             speeds = []
             for axis, counts in zip(self._axes, self._process_data.speeds(), strict=True):
-                # an unseen axis (inf) may have its limit; a jump of the encoder is no speed
+                # an unseen axis (inf) may have its limit; a jump of the encoder is not a speed
                 unseen = math.isinf(counts)
                 seen = axis.drive.limits.velocity if unseen else counts * axis.per_count
                 commanded = (each.velocity(axis.index) for each in (self._cyclic, self._profile))
                 speeds.append(max(*commanded, min(seen, fastest(axis.drive))))
-        except Exception:  # nothing may keep the axes from being stopped
+        except Exception:  # no error may prevent the stop of the axes
             return [axis.drive.limits.velocity for axis in self._axes]
         return speeds
 

@@ -177,7 +177,7 @@ def expand_records(command: Callable[P, None]) -> Callable[..., None]:
     Parameters
     ----------
     command : callable
-        Some of its parameters are data classes of options, in the order of the help.
+        Command with data classes of options among its parameters, in the order of the help.
     """
     records: dict[str, type[DataclassInstance]] = {}
     options: list[Parameter] = []
@@ -225,7 +225,7 @@ def refuse_no_channel(interface: str, channel: str | None) -> None:
     Raises
     ------
     typer.BadParameter
-        There is no channel.
+        No channel is given.
     """
     if channel is None and interface != SIMULATED:
         raise typer.BadParameter(
@@ -240,7 +240,7 @@ def bus_options(pairs: Sequence[str] | None) -> dict[str, object]:
     Raises
     ------
     typer.BadParameter
-        Something else than a name, ``=`` and a value.
+        An option is not a name, ``=`` and a value.
     """
     options: dict[str, object] = {}
     for pair in pairs or ():
@@ -268,7 +268,7 @@ def body_bounds(masses: Sequence[str] | None) -> BodyBounds:
     Raises
     ------
     InvalidValue
-        Bounds that no body meets.
+        No body meets the bounds.
     """
     from hil.estimation.consistent.conditions import BodyBounds
 

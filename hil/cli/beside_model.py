@@ -102,7 +102,8 @@ def track(
                 )
             refuse_beyond_torque(measurement, the_robot, predict)
     how = OnBus(**vars(where), realtime=realtime)
-    once = the_plan.model_copy(update={"attempts": 1})  # an error of following is the result
+    # a following error is the result, not a reason to stop
+    once = the_plan.model_copy(update={"attempts": 1})
     for name, velocity, torque in (
         ("both", True, predict),
         ("velocity", True, None),
@@ -155,8 +156,8 @@ def watch(
 ) -> None:
     """Detect external forces while a plan moves the robot.
 
-    Alarms where measured torques leave the thresholds about those of the model; exit status 3
-    where there were any.
+    An alarm is raised if measured torques leave the thresholds around the model's; the exit status
+    is then 3.
     """
     with working("reading plan and model"):
         from hil.cli.measuring import measure

@@ -78,7 +78,7 @@ def _robots() -> list[str]:
 def _plant_of(drives: DrivesFile, name: str) -> str:
     """Find the built-in plant with the same products at the same nodes.
 
-    Other contents of a drives file may be wrong; a plant serves to find that.
+    Other contents of a drives file may be wrong; a plant serves to find such errors.
     """
     asked, robots = {_product(axis) for axis in drives.axes}, _robots()
     for robot in robots:

@@ -1,6 +1,6 @@
 """Commissioning commands for single drives: check, jog, home, reset faults.
 
-Each opens a bus, calls a function of `drivers.operator_tools` and shows what comes back. Motion
+Each command opens a bus, calls a function of `drivers.operator_tools` and shows the result. Motion
 needs the operator's consent, asked for at the terminal or given by ``--yes``; space, q and Esc stop
 it, and Ctrl-C does. Whatever ends a command, the axes stop and are switched off.
 """
@@ -244,7 +244,7 @@ EDGES = (0.0, 50e-6, 100e-6, 200e-6, 500e-6, 1e-3, 2e-3, 5e-3, 10e-3, 20e-3)
 
 
 def show_verdicts(verdicts: Iterable[Verdict], console: Console) -> bool:
-    """Print verdicts by axis and the count per grade; return False if any refuses."""
+    """Print verdicts by axis and the count per grade; return False if any verdict is a refusal."""
     counts: Counter[str] = Counter()
     place = ""
     for verdict in verdicts:

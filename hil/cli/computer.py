@@ -51,7 +51,7 @@ class Readings:
     Attributes
     ----------
     python : tuple of int
-        Version.
+        Version of Python.
     system : str
         Name of the operating system.
     socketcan, vcan : bool
@@ -60,17 +60,17 @@ class Readings:
     administrator : bool
         True if this user may set up interfaces.
     priority : int
-        Highest real-time priority that this user may have; 0 for none.
+        Highest real-time priority permitted to this user; 0 for none.
     resolution : float
         Resolution of the clock [s].
     folder : str
         Folder with the checked free space.
     disk, memory : float
-        Free [bytes].
+        Free disk space and memory [bytes].
     writable : bool
         True if the folder is writable.
     extras : mapping of str to bool
-        Optional packages, and whether each is there.
+        True for each installed optional package, by name.
     """
 
     python: tuple[int, ...]
@@ -172,7 +172,7 @@ def _priority(r: Readings) -> Judged:
 
 def _clock(r: Readings) -> Judged:
     found = f"resolution {1e9 * r.resolution:.0f} ns"
-    if r.resolution > 1e-4:  # s; a coarser clock cannot pace SYNC
+    if r.resolution > 1e-4:  # a coarser clock cannot pace SYNC [s]
         remedy = "use a kernel with high-resolution timers; SYNC on a real bus needs them"
         return Judged("clock", "FAIL", found, remedy)
     return Judged("clock", "OK", found)
@@ -210,7 +210,7 @@ def read_computer(folder: Path, extras: Mapping[str, str]) -> Readings:
     folder : Path
         Folder for runs.
     extras : mapping of str to str
-        Names of optional extras, and a module that each brings.
+        Names of optional extras, with a module from each.
     """
     place = next(each for each in (folder, *folder.absolute().parents) if each.exists())
     return Readings(

@@ -26,7 +26,7 @@ def show_changes(drives: DrivesFile, bus: Fieldbus, keeper: SettingsKeeper) -> N
     Raises
     ------
     DriveError
-        Drives that cannot serve, a line each, after the others' tables.
+        Unsuitable drives, a line each, after the tables of the others.
     """
     keeper.open(drives)
     problems: list[DriveError] = []

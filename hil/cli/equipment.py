@@ -74,7 +74,7 @@ def equip(command: Any, path: str) -> Any:
     command.epilog = epilog(path)
     parameters = command.get_params
     command.get_params = lambda context: name_types(parameters(context), context)
-    paragraphs = (command.help or "").split("\n\n")  # of which rich keeps the ends of lines
+    paragraphs = (command.help or "").split("\n\n")  # rich removes these blanks at line ends
     command.help = "\n\n".join(" ".join(each.split()) for each in paragraphs)
     for name, member in getattr(command, "commands", {}).items():
         equip(member, f"{path} {name}")
@@ -156,6 +156,7 @@ def _write_json(path: str) -> None:
 
         found = {"command": path, **{key: value for key, value in out.given.items() if value}}
         text = json.dumps(found, indent=2, ensure_ascii=False)
-        if not text.replace("\n", "").isprintable():  # JSON escapes them, and means the same
+        # equivalent in JSON, which has escapes for these characters
+        if not text.replace("\n", "").isprintable():
             text = json.dumps(found, indent=2)
         sys.stdout.write(f"{text}\n")

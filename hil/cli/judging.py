@@ -74,8 +74,8 @@ def validate(
 ) -> None:
     """Validate a model on held-out data, or an estimate against a known truth.
 
-    The run must be another than the one that the model was identified from; with --truth it is one
-    of a virtual plant, and its own estimate is compared. Exit status 3 where the model failed.
+    The run must differ from the one of the identification. With --truth the run is from a virtual
+    plant, and its own estimate is compared. Exit status 3 where the model failed.
     """
     if truth is not None and model_path is None:
         if measure or realtime or where != RobotsBus():

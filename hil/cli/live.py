@@ -107,17 +107,17 @@ def listeners(
     Parameters
     ----------
     bus_option : sequence of str, optional
-        Options of the bus: the virtual plant's hand is reached from the page.
+        Options of the bus, for access to the virtual plant's hand from the page.
     folder : Path, optional
         Run folder whose recordings are identified while the page shows the run.
     while_open : bool
-        Stop the run once its page has been closed; its page has the report of `folder` once that is
-        there.
+        Stop the run once its page has been closed, and show the report of `folder` on the page when
+        finished.
 
     Raises
     ------
     typer.BadParameter
-        An address without what is served at it.
+        An address for a display that is not served.
     """
     page = "--live", "the live page", "hil.live.page_server"
     stream = "--foxglove", "the stream to Foxglove", "hil.live.foxglove_server"

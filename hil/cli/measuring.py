@@ -113,7 +113,7 @@ class OnBus(RobotsBus):
     Attributes
     ----------
     listeners : sequence of Listener
-        Processes informed of what happens, not started yet.
+        Processes to be informed of events, not started yet.
     feed : Feed, optional
         Existing feed for listeners, shared with other runs.
     """
@@ -143,11 +143,11 @@ def measure(
     Parameters
     ----------
     source : Path
-        Names the plan in messages.
+        Name of the plan in messages.
     rehearsal : float, optional
-        Share of the speed limits, to pass all ways at it instead of measuring.
+        Share of the speed limits for a rehearsal without measuring.
     in_front : callable, optional
-        Puts a bus in front of that of the drives, which passes everything on and adds its own.
+        Function that wraps the bus of the drives in another bus with additional functions.
     feeds : bool
         True if the drives must accept feed-forward values.
     display : callable, optional
@@ -155,7 +155,7 @@ def measure(
     rounds : int
         Number of repetitions of the plan, as separate measurements.
     watcher : Watcher, optional
-        Whose torques are shown to listeners.
+        Source of the torques shown to listeners.
     """
     from functools import partial
 

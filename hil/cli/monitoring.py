@@ -84,11 +84,11 @@ def follow(
     Parameters
     ----------
     listen : callable
-        Takes frames for so long [s].
+        Function that receives frames for a duration [s].
     draw : callable
-        Returns the table of what was seen until now.
+        Function that returns the table of the present state.
     keys : Keys
-        Entered; p pauses the table and goes on, q ends.
+        Keys, already entered; p pauses and resumes the table, q ends the command.
     console : Console
         Console for the table.
     duration : float or None

@@ -71,12 +71,12 @@ def refuse_no_folder(output: Path) -> None:
 def refuse_unwritable(output: Path) -> None:
     """Refuse a result that could not be saved, before computation.
 
-    A missing folder is not refused here: reading from it has an error of its own.
+    A missing folder is not refused here, because reading from the folder has a separate error.
 
     Raises
     ------
     FileError
-        A folder has its name, or its own folder takes no files.
+        The path is a folder, or the parent folder is not writable.
     """
     if output.is_dir() and not output.is_symlink():
         raise _output_error(f"{output}: is a folder, not a file; move it, or choose another name")

@@ -71,7 +71,7 @@ def two_runs(
 ) -> None:
     """Identify a load from a run without and a run with it; the default command.
 
-    Writes load.yaml into the folder of the second.
+    The command writes load.yaml into the folder of the second run.
     """
     if gains and mass is None:
         raise typer.BadParameter(

@@ -46,7 +46,7 @@ def render_robot(robot: Robot) -> None:
     show(_base_parameters(base), out)
     if robot.file.lengths:
         say(", ".join(f"{name} = {value:g} m" for name, value in robot.file.lengths.items()))
-    widest = 12  # joints up to which the table of M and g can be read on a terminal
+    widest = 12  # maximum number of joints for a readable table of M and g on a terminal
     if robot.n_joints <= widest:
         show(_dependencies(robot, base), out)
     else:

@@ -128,7 +128,7 @@ class Linux:
 def short_slices(system: Linux | None = None) -> Iterator[None]:
     """Run the block with a short time slice, if supported."""
     with ExitStack() as undo:
-        with suppress(OSError, AttributeError, KeyError):  # the latter where no number is known
+        with suppress(OSError, AttributeError, KeyError):  # the latter for an unknown number
             undo.callback((system or Linux()).slice(SLICE))
         yield
 
@@ -140,13 +140,13 @@ def real_time(system: Linux | None = None) -> Iterator[tuple[str, ...]]:
     Parameters
     ----------
     system : Linux, optional
-        This machine's unless given.
+        System calls; by default those of this machine.
 
     Yields
     ------
     tuple of str
-        Scheduling, memory, core, idle states: what was granted of each, or why it was not and what
-        would have to be granted.
+        A sentence each for scheduling, memory, core and idle states: the granted measure, or the
+        reason for its refusal with the missing right.
     """
     system = Linux() if system is None else system
     with ExitStack() as undo:

@@ -120,8 +120,7 @@ def twin(
     output: Annotated[Path, output_option(folder_to_write, "Folder to write both files into.")],
 ) -> None:
     """Write a virtual plant of a robot and a drives file, for rehearsals."""
-    # the plant runs as a separate program: its arm model must stay independent of the model tested
-    # with it
+    # the plant runs as a separate program: its arm model must stay independent of the tested model
     with working("scaling a plant to the limits of the robot"):
         from hil.model.robot import Robot
 

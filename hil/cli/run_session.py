@@ -54,18 +54,19 @@ def carry_out(
     Parameters
     ----------
     rehearsal : float, optional
-        Share of the speed limits, to pass all ways at it instead of measuring.
+        Share of the speed limits for a rehearsal without measuring.
     real_time : callable
-        Makes the context in which the axes are moved; yields what the system granted, if anything.
+        Function returning the context for moving the axes, which yields the granted real-time
+        measures.
     display : callable
-        Makes the context in which events are shown; yields what takes them.
+        Function returning the context for showing events, which yields a function for events.
 
     Raises
     ------
     FileError
         Another process measures into the folder.
     typer.Exit
-        Status 130 when interrupted, 1 when drives, bus or disk failed; everything has been
+        Status 130 after an interruption, 1 after a failure of drives, bus or disk, already
         reported.
     """
     if not folder.missing and rehearsal is None:
@@ -85,7 +86,7 @@ def carry_out(
     with locked(folder.path), interruptible(ended) as refuse_lost:
         try:
             last = _move(events, real_time, refuse_lost, display)
-        except (BrokenPipeError, SystemExit):  # rich turns the one into the other
+        except (BrokenPipeError, SystemExit):  # rich converts an interrupt into another error
             report(f"the output was closed, the axes are off; {_describe_rest(folder)}")
             raise typer.Exit(1) from None
         except (DriveError, FileError) as error:

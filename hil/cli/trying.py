@@ -134,7 +134,7 @@ def try_(
         _report(folder, feed, found)
         say(f"{found}\nresults are in {folder}; continue with: hil report {folder / 'measured'}")
         say("the page is served until it is closed, or until Ctrl-C")
-        with suppress(KeyboardInterrupt):  # which is how the server says that the page is closed
+        with suppress(KeyboardInterrupt):  # the server reports the closed page in this way
             while not shown[0].gone:
                 time.sleep(0.1)
 

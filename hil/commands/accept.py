@@ -201,7 +201,8 @@ def _refuse_foreign(run: Run, model: Model, limits: Limits) -> None:
 def _checks(run: Run, model: Model, limits: Limits) -> Iterator[Check]:
     word = "doubtful" if model.verdict is None else model.verdict.word
     yield _check("identification", "", word, least=limits.outcome)
-    timing = SyncTiming()  # of the recordings: a session that was killed keeps no count for sure
+    # counted in the recordings: the journal of a killed session may lack the count
+    timing = SyncTiming()
     for measured in run:
         timing = timing.add_recording(measured.recording)
     flagged = timing.flagged / max(1, timing.samples)
@@ -271,7 +272,7 @@ def _text(value: float | str | None) -> str:
 def write_limits(path: Path, limits: Limits) -> None:
     """Write limits as YAML, whole or not at all."""
     content = limits.model_dump(mode="json", exclude_none=True)
-    content["residual"] = limits.residual  # JSON knows no numbers as keys
+    content["residual"] = limits.residual  # JSON has no numbers as keys
     write_file(path, yaml.safe_dump(content, sort_keys=False, allow_unicode=True).encode())
 
 

@@ -168,8 +168,7 @@ class DiagnosisFile(FileModel):
     threshold : float
         p-value below which a candidate is significant.
     absorbed, unmeasured : tuple of str
-        Absent parameters that no measurement can show, and those that these measurements do not
-        show.
+        Absent parameters invisible in any measurement, and those invisible in these measurements.
     """
 
     format: Literal[1] = 1
@@ -215,7 +214,8 @@ def write_diagnosis(run: Run, found: Diagnosis) -> DiagnosisFile:
         needless=tuple(
             Needless(name=base.titles[k], expression=base.expressions[k], p_value=float(p_value))
             for k, p_value in enumerate(errors.p_values)
-            if p_value > 0.05  # above which a stated parameter may as well be zero
+            # p-value above which a stated parameter does not differ significantly from zero
+            if p_value > 0.05
         ),
         absorbed=errors.absorbed,
         unmeasured=errors.unmeasured,
@@ -323,7 +323,7 @@ def shifted_sinusoid(phase: Phase, found: str, robot: Robot) -> Chart:
     """Draw Fig. 7 of the paper: gravity torque with and without the `found` parameters."""
     angle = np.linspace(-np.pi, np.pi, 181)
     shown = np.degrees(angle)
-    name = found if len(found) < 40 else "effects found"  # letters that a legend has room for
+    name = found if len(found) < 40 else "effects found"  # maximum number of letters in a legend
     error = 2.0 * np.nan_to_num(phase.standard_error)
     return chart(
         Panel(

@@ -1,9 +1,9 @@
 """`hil fleet`: an index of many machines' models as Parquet, and tests for departed machines.
 
 The index is a folder, ``robot=DIGEST/*.parquet``: one row for each run and quantity, a file for
-each call of `index` and robot. A model that is known by its address and state is not read again.
-DuckDB reads the index, `hil.results.departures` tests it. Addresses of object storage
-(``s3://...``) go through fsspec.
+each call of `index` and robot. A model with known address and state is not read again. DuckDB reads
+the index, `hil.results.departures` tests it. Addresses of object storage (``s3://...``) go through
+fsspec.
 """
 
 from __future__ import annotations
@@ -96,18 +96,18 @@ def index(
     Parameters
     ----------
     folders : sequence of str
-        Folders, or addresses that fsspec knows.
+        Folders, or addresses known to fsspec.
     path : Path
         Folder of the index; made if missing.
     execute : callable
         See `hil.execution`.
     progress : callable
-        Called with a sentence now and then.
+        Function called regularly with a sentence on the progress.
 
     Raises
     ------
     FileError
-        A folder without models, or an index that cannot be written.
+        A folder without models, or an unwritable index.
     """
     parts = {each.parent for each in path.glob("robot=*/*.parquet")}
     known = {key for part in parts for key in _known(part)}
@@ -159,7 +159,7 @@ def read_rows(model: ModelAddress) -> tuple[str, list[tuple[Any, ...]]]:
     import fsspec  # noqa: PLC0415 - an extra
 
     place = model.address.removeprefix("file://")
-    if place != model.address:  # not by fsspec, for which '*' and '::' in a name mean other files
+    if place != model.address:  # opened without fsspec, which expands '*' and '::' in names
         text = read_text(place)
     else:
         try:
@@ -219,7 +219,7 @@ def _select(path: Path, what: str) -> Any:
         import duckdb  # noqa: PLC0415 - an extra
         import pyarrow as pa  # noqa: PLC0415
         from pyarrow import dataset  # noqa: PLC0415
-    # files by pyarrow: DuckDB expands '*', '?' and '[' in the name of a folder
+    # files are opened by pyarrow, because DuckDB expands '*', '?' and '[' in the name of a folder
     files, schema = [str(each) for each in path.glob("*.parquet")], pa.schema(list(FIELDS.items()))
     rows = duckdb.from_arrow(dataset.dataset(files, schema=schema))
     return rows.query("rows", f"SELECT {what}")
@@ -227,7 +227,7 @@ def _select(path: Path, what: str) -> Any:
 
 @contextmanager
 def _readable(part: Path) -> Iterator[None]:
-    """Refuse a robot's part of an index that is not as `write_part` writes, or is too large."""
+    """Refuse a robot's part of an index if too large or not in the format of `write_part`."""
     with needed_for(part, EXTRA):
         import duckdb  # noqa: PLC0415 - an extra
         from pyarrow import ArrowException, parquet  # noqa: PLC0415
@@ -297,7 +297,7 @@ def _fleet(part: Path) -> Fleet:
     )
     size = 4 * 8 * len(runs["run"]) * len(found)
     refuse_beyond(part, size, f"{len(runs['run'])} runs with {len(found)} quantities")
-    # a run that was identified anew comes last and takes the place of the earlier model
+    # a repeated identification of a run comes last and replaces the earlier model
     cells = _select(
         part,
         "dense_rank() OVER (ORDER BY machine, time, run) - 1 AS r,"

@@ -178,7 +178,7 @@ def fit_friction(
         velocity, friction = np.array([(point.velocity, point.friction) for point in own]).T
         limit = float(robot.velocity_limit[axis])
         fits.append(choose(axis, velocity, friction, limit, turns=bool(robot.revolute[axis])))
-        # levels at one speed are compared with one another
+        # only levels at equal speed are compared
         levels = [
             Level(point.time, point.friction, f"{100 * point.velocity / limit:.0f} %")
             for point in own
@@ -245,7 +245,7 @@ def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:
     Returns
     -------
     list of str
-        One sentence with the axes that the test could not judge.
+        Sentence on the axes without a test result, if any.
 
     Raises
     ------

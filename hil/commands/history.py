@@ -141,7 +141,7 @@ def read_history(
     FileError
         A run without a model, or a damaged one.
     Mismatch
-        Runs of different robots, or the same one twice.
+        Runs of different robots, or the same run twice.
     InvalidValue
         A share that is not from 0 up to less than 1.
     """
@@ -194,7 +194,7 @@ def history_of(
             "friction, identify these runs anew, or measure more"
         )
     for k, run in enumerate(runs):
-        # the reference and the run before
+        # the reference and the previous run
         before = [runs[k - 1]] if k and runs[k - 1] is not first else []
         others = [each for each in (first, *before) if each is not run]
         for other in others:
@@ -211,7 +211,7 @@ def history_of(
             own = [each for each in tests if each.against == other.label]
             if factor := rescaled(other.model, own):
                 factors.append(factor)
-        # drives that state to be others than those of the run before, where runs state it
+        # exchanged drives, if both runs state the identities of their drives
         last = others[-1] if others else run
         drives = zip(run.model.provenance.drives, last.model.provenance.drives, strict=False)
         notes += [
@@ -235,9 +235,9 @@ def compare_causes(
     before : Path
         Folder of the earlier run, or a model's file in it.
     after : sequence of Run
-        The later ones.
+        Later runs.
     known : sequence of str
-        Causes that are known to have come, such as a load; what changed besides is looked for.
+        Known changes, such as a load; the test searches for further causes.
 
     Raises
     ------
@@ -464,7 +464,7 @@ def _plots(found: History) -> Iterator[Plot]:
 
 def time_chart(found: History, places: Sequence[int]) -> Chart:
     """Draw the quantities at `places`, one panel per quantity."""
-    # days or hours; numbers of the runs where one states no instant
+    # days or hours; run numbers if a run has no date
     stamps = [run.measured for run in found.runs]
     at, label = np.arange(1.0, len(stamps) + 1), "run"
     if all(stamps):

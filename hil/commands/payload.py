@@ -170,7 +170,7 @@ def file_outcome(kept: LoadFile, robot: Robot) -> Outcome:
         )
         for kind, elements in ((kind, kind.elements.capitalize()) for kind in kinds)
     )
-    # earlier versions kept no verdict
+    # files of earlier versions have no verdict
     said = filter(None, (*(kept.verdict or (not_shown(kept),)), goodness_of_fit(kept)))
     from hil.results.load import quantities  # noqa: PLC0415 - reports of other runs need none
 

@@ -43,7 +43,7 @@ def played(model: Model, runs: Sequence[Run], words: str = "") -> Played:
     pairs: dict[str, tuple[RecordedMotion, Recording]] = {}
     for run in runs:
         own = {motion.id: (motion, recording) for motion, recording in recorded(run)}
-        # a later run takes the place of an earlier one's recordings of the same name
+        # recordings of a later run replace those of an earlier run with the same name
         found = {key: each for key, each in found.items() if key[0] not in own}
         found |= stretches(model, own.values())
         pairs |= own

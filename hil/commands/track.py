@@ -121,7 +121,7 @@ def tracked(runs: dict[str, Run], model: str, delay: float) -> Tracking:
         error, qd = (np.vstack(both) for both in zip(*parts, strict=True))
         found[name] = error
         if name == "both":
-            # delay that is left in the errors of all axes, by least squares [SYNC periods]
+            # remaining delay in the errors of all axes, by least squares [SYNC periods]
             e, v = ((x / run.robot.velocity_limit).ravel() for x in (error, qd))
             left = float(e @ v / (v @ v)) / own[-1][1].period
     return Tracking(

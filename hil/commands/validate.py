@@ -75,7 +75,7 @@ def validate(model: Model, model_path: Path, run: Run, accuracy: float) -> Outco
 
 
 def remarks(model: Model, run: Run) -> tuple[str, ...]:
-    """Return remarks that restrict a validation: a plan used for the model too."""
+    """Return a remark if the plan of the validation was used for the model too."""
     if model.provenance.plan_digest != run.plan.digest:
         return ()
     return (

@@ -54,7 +54,7 @@ _SAME = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidate:
-    """Candidate: similar link parameters missing in the robot file.
+    """Link parameters missing in the robot file, or a group of indistinguishable ones.
 
     Attributes
     ----------

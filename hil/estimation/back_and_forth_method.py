@@ -49,14 +49,14 @@ def fit_back_and_forth(
     ----------
     robot : Robot
     recorded : iterable of (RecordedMotion, Recording)
-        Recordings; those not of a single axis moving back and forth are left out, and listed so.
+        Recordings; those of other motions than a single axis back and forth are skipped and listed.
     covariance : str
         Rule for the scatter over pairs (`hil.least_squares.regression`).
 
     Raises
     ------
     NotEnoughData
-        No such recording, or no usable pair of strokes.
+        No recording of a single axis back and forth, or no usable pair of strokes.
     NotIdentifiable
         No base parameter is excited by the strokes.
     """

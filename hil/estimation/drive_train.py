@@ -209,7 +209,7 @@ def find_drive_train(
             break  # compliances agree with those of the link positions
         placed = train.soft_compliance
         found = _found(robot, accelerated, loaded, train)
-        soft = soft | found.soft  # otherwise two gears might alternate for ever
+        soft = soft | found.soft  # otherwise two gears might alternate forever
     if (soft & ~found.soft).any():
         again = _found(robot, accelerated, loaded, found)
         return replace(again, soft=again.soft & found.soft)
@@ -249,7 +249,7 @@ def _found(
     if before is not None:
         every = replace(every, compliance=every.compliance + before.soft_compliance)
     judged = _judged(robot, every, accelerated, period)
-    # superfluous columns make lags uncertain: rigid gears have none
+    # superfluous columns make lags uncertain: rigid gears have no column
     last_one = found(blocks, judged.soft)
     return replace(
         judged, lag=last_one.lag, lag_error=last_one.lag_error,
@@ -295,7 +295,7 @@ def _add_gear_columns(
     ]
     every = np.concatenate(rows, axis=1)
     ends = np.cumsum([x.shape[1] for x in rows])[:-1]
-    # one call for all measurements: the overhead of a call equals a thousand samples
+    # a single call for all measurements: the overhead of a call equals a thousand samples
     K = iter(np.split(gear_columns(robot, p, [*every[:3]], [*every[3:]]), ends))
     for (_, axes), (_, friction) in zip(stacks, transmitted, strict=True):
         found = []

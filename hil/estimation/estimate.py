@@ -41,7 +41,7 @@ class Estimate:
     method : str
         One of `hil.estimation.identify.METHODS`.
     p : ndarray, shape (n_base,)
-        [kg m^2, kg m or kg].
+        Base parameters [kg m^2, kg m or kg].
     covariance : ndarray, shape (n_base, n_base)
         Covariance of the errors visible in the data.
     degrees_of_freedom : ndarray, shape (n_base,)

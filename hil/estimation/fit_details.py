@@ -11,7 +11,7 @@ from hil.friction.law import TermValue
 
 
 class MeasurementFit(FileModel):
-    """Details of a fit to strokes and trajectories: none.
+    """Details of a fit to strokes and trajectories, which has none.
 
     Friction is fitted anew in each measurement, and the lags and gears of a drive train are not
     part of the model.
@@ -29,7 +29,7 @@ class MeasurementFit(FileModel):
     not_identified: ClassVar[tuple[str, ...]] = ()
 
     def sum_of(self, _name: str) -> str:
-        """Return an empty sum, since no parameter stands for a sum."""
+        """Return an empty sum, since every parameter is identified by itself."""
         return ""
 
 

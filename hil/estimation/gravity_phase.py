@@ -96,7 +96,7 @@ def shifted_most(best: Estimate, errors: ModelErrors, torque_limit: Array) -> Ph
         for over in range(errors.complete.n_joints)
         if over != axis
     ]
-    # smallest amplitude for reading a phase [N m]
+    # smallest usable amplitude for a phase [N m]
     clear = [each for each in largest if each[2].amplitude > 0.5] or largest
     shifts = [abs(extended.phase_against(stated)) for *_, stated, extended in clear]
     if max(shifts, default=0.0) < SEEN:

@@ -36,7 +36,7 @@ def _two_step(method: TwoStepMethod) -> Identify:
 
 def _free_motion(name: str) -> Identify:
     def identify(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
-        # spectra and filters load for half a second, and measurements need none
+        # spectra and filters take half a second to import, and measurements do not use them
         from hil.estimation.free_motion_methods import fit_free_motions  # noqa: PLC0415
 
         return fit_free_motions(robot, recorded, name, options)
@@ -53,7 +53,7 @@ def _joint(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
 def _back_and_forth(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
     from hil.estimation.back_and_forth_method import fit_back_and_forth  # noqa: PLC0415 - the same
 
-    # friction is found without a law, and gears are rigid
+    # friction is estimated without a law, and gears are rigid
     return fit_back_and_forth(robot, recorded, options.covariance)
 
 
@@ -127,11 +127,11 @@ def estimate(
     Raises
     ------
     UnknownName
-        There is no such method.
+        The method does not exist.
     NotIdentifiable
         Base parameters are not excited by the measurements.
     NotEnoughData
-        A method for free motions without any.
+        A method for free motions without free motions.
     Mismatch
         See `refuse_without_effect`.
     """
@@ -145,7 +145,7 @@ def refuse_without_effect(method: str, options: Options) -> None:
     Raises
     ------
     UnknownName
-        There is no such method, or the method takes no prior.
+        The method does not exist, or accepts no prior.
     Mismatch
         Friction, nuisance or covariance without effect; the message lists effective values.
     """

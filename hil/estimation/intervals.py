@@ -34,7 +34,7 @@ class Edge(FileModel):
     Attributes
     ----------
     axis : int
-        From 1.
+        Axis from 1.
     what : str
         Name of the quantity.
     value, bound : float

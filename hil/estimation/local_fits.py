@@ -246,7 +246,7 @@ def _filtered(
         given = [s.qd[:, axis], motor, weight, *([] if columns is None else [columns])]
         return s.filtered(np.column_stack(given))
 
-    # the columns of a measurement are identified by their number
+    # columns of a measurement are labelled by the measurement's number
     n_columns = 0 if columns is None else columns.shape[1]
     found = s.once((_filtered, robot, axis, n_columns), filter_motion)
     shown = np.array(base_parameters(robot).groups[GRAVITY], dtype=int)

@@ -36,7 +36,7 @@ class LocalValue:
     residual : float
         Root mean square residual of the local model [N m].
     believed, believed_error : float
-        Value and standard error after subtraction of further effects found by the estimator
+        Value and standard error after subtraction of further estimated effects
         (`hil.estimation.local_fits.believed_fit`); NaN for methods without such effects.
     """
 

@@ -92,7 +92,7 @@ class _Piece(NamedTuple):
     columns : ndarray, shape (n, n_orders)
         Cosines, with sines as imaginary parts.
     residual : ndarray, shape (n,)
-        [N m].
+        Residual torque [N m].
     """
 
     columns: NDArray[np.complex128]

@@ -60,7 +60,7 @@ ORDER = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signals:
-    """Signals of a measurement on an even time grid, differentiated, not filtered.
+    """Signals of a measurement on an even time grid, differentiated but not filtered.
 
     Attributes
     ----------

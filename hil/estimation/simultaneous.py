@@ -79,7 +79,7 @@ class SimultaneousFit:
         mu, error = self.load_friction
         self._keep(np.nan_to_num(mu / error) > SIGNIFICANT)
         while self.loaded.any() and self.undetermined().any():
-            # for a constant load of an axis, load friction looks like gravity
+            # with a constant load on an axis, load friction resembles gravity
             kept = np.flatnonzero(self.loaded)
             fewer = self.loaded.copy()
             fewer[kept[np.argmin((mu / error)[kept])]] = False

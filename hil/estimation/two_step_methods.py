@@ -133,7 +133,7 @@ def restrict_drive_train(train: DriveTrain, nuisance: Collection[str]) -> DriveT
     if "compliance" not in nuisance:
         train = replace(train, soft=np.zeros_like(train.soft))
     if not {"lag", "compliance"} <= set(nuisance):
-        # a nuisance that is not estimated has no error in the covariance
+        # without an estimate, a nuisance has no error in the covariance
         train = replace(train, covariance=np.zeros_like(train.covariance))
     return train
 
@@ -177,7 +177,7 @@ def measured(
     whole, (share, *_) = balance([own, *imported], names)
     if options.prior is None:
         if not (imported or any(m.streamed for m, _ in raw)):
-            # parameters not excited on purpose are excited by noise, which identifies nothing
+            # parameters excited by noise alone are not identified
             require_all_groups(robot, fits, condition)
         too = " together with the imports" if imported else ""
         require_rank(robot, whole.regression, f"{solver.n_measurements} usable measurements{too}")

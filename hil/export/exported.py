@@ -25,9 +25,9 @@ class Exported(NamedTuple):
     Attributes
     ----------
     files : dict of str to str
-        Content by name, of files beside one another.
+        Contents of files in one folder, by name.
     remarks : tuple of str
-        Sentences on what the format leaves out or changes, for the terminal; the files state them
+        Sentences on omissions and changes by the format, for the terminal; the files contain them
         too.
     """
 

@@ -56,14 +56,14 @@ def export(
     name : str
         Name in `FORMATS` or `SIMULATORS`.
     origin : tuple of str
-        Lines that the files state at their head.
+        Lines for the head of each file.
     given : Given, optional
         A URDF for `SIMULATORS`.
 
     Raises
     ------
     UnknownName
-        There is no such format.
+        The format does not exist.
     """
     refuse_unknown(name)
     origin = tuple(map(shown, origin))
@@ -79,7 +79,7 @@ def refuse_unknown(name: str) -> None:
     Raises
     ------
     UnknownName
-        There is no such format.
+        The format does not exist.
     """
     known = (*FORMATS, *SIMULATORS, *RECORDINGS)
     if name not in known:
@@ -115,7 +115,7 @@ def export_recordings(
     joints : sequence of str, optional
         Names of the joints; ``joint1`` and on unless given.
     progress : callable
-        Takes the id of each measurement before it is written.
+        Function called with the id of each measurement before writing.
 
     Returns
     -------
@@ -125,7 +125,7 @@ def export_recordings(
     Raises
     ------
     FileError
-        There is something in the folder, a recording is damaged, or a package is not installed.
+        The folder is not empty, a recording is damaged, or a package is not installed.
     NotEnoughData
         There are no recordings.
     """

@@ -143,7 +143,8 @@ class _Equations:
         robot, n = model.robot, model.robot.n_joints
         standard = base_parameters(robot).placement @ model.values
         self._graph, self._model, self._robot = graph, model, robot
-        # ten parameters of each link that act as the base parameters do, then those of no link
+        # parameters of each link that act as the base parameters do, then those of the added
+        # parameters
         self._bodies: list[list[float]] = standard[: 10 * n].reshape(n, 10).tolist()
         self._added: list[float] = standard[10 * n :].tolist()
         self._constant = np.tensordot(standard[10 * n :], added_inertias(robot), 1).tolist()
@@ -194,7 +195,7 @@ class _Equations:
             else:
                 level, other = self._presliding(own, at, *(each[axis] for each in directions))
             if warmth is not None and own.warmth is not None:
-                # no further than was seen
+                # clipped to the observed range
                 seen = self._clipped(warmth[axis], *own.warmth.seen)
                 level = level * (1.0 + own.warmth.slope * (seen - own.warmth.reference))
             found.append(level + other)

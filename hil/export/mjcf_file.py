@@ -41,7 +41,8 @@ STEP = 0.001
 """Time step in the file [s], that of controllers at 1 kHz."""
 IMPEDANCE = 0.999
 """Share of the reference acceleration reached by dry friction before slipping. MuJoCo allows
-0.9999. Its default of 0.9 leaves a tenth: a joint held by friction would creep."""
+0.9999. With the default of 0.9, a tenth remains: a joint held by friction would creep.
+"""
 FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
@@ -88,7 +89,7 @@ def _body(parent: ET.Element, joint: SimulatedJoint, *, coupled: bool) -> ET.Ele
     if joint.friction is not None:
         stated["damping"] = number(joint.friction.viscous)
         stated["frictionloss"] = number(joint.friction.coulomb)
-        # stiffness and damping as such: a time constant would be at least two steps
+        # stiffness and damping given directly: a time constant would be at least two steps
         stated["solreffriction"] = numbers((0.0, -IMPEDANCE / STEP))
         stated["solimpfriction"] = numbers((IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0))
     if joint.stiffness:
@@ -126,7 +127,7 @@ def _motors(root: ET.Element, robot: SimulatedRobot) -> None:
             stated["ctrlrange"] = numbers((-joint.effort, joint.effort))
         offset = 0.0 if joint.friction is None else joint.friction.constant
         if offset:
-            # a motor with the bias -offset: what the law's constant torque takes of its command
+            # motor with the bias -offset, which compensates the law's constant torque
             stated |= {
                 "gainprm": "1",
                 "biastype": "affine",

@@ -2,8 +2,8 @@
 
 A sample is drawn from the joint normal distribution of base parameters and friction terms. Its
 links are the bodies nearest to the drawn base parameters (`hil.estimation.consistent`), so every
-sample is physically consistent; what no torque depends on stays near the model's own bodies.
-Friction is simplified as in the other formats of simulators (`hil.export.simple_friction`).
+sample is physically consistent; parameters without effect on torques stay near the model's own
+bodies. Friction is simplified as in the other formats of simulators (`hil.export.simple_friction`).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 SAMPLES = 50
 """Number of samples."""
 HEAVIER = 1.5
-"""Largest ratio of a link's mass to that of the model's own body: torques decide few masses."""
+"""Largest ratio of a link's mass to that of the model's own body: torques determine few masses."""
 SEED = 1
 
 

@@ -55,11 +55,11 @@ class SimpleFriction:
     speeds : ndarray, shape (n,)
         Speeds at which the law is evaluated [rad/s or m/s].
     forward, backward : ndarray, shape (n,)
-        The law at these speeds and at their negatives, at no load [N m or N].
+        Friction by the law at these speeds and at their negatives, at no load [N m or N].
     coulomb, viscous : float
-        Not negative [N m or N; N m s/rad or N s/m].
+        Coefficients, not negative [N m or N; N m s/rad or N s/m].
     misfit : float
-        Root mean square, over both directions, of the law less this [N m or N].
+        Root mean square, over both directions, of the law less this approximation [N m or N].
     stribeck : Stribeck
     """
 
@@ -107,7 +107,7 @@ def simple_friction(model: Model, warmth: float | None = None) -> tuple[SimpleFr
 
 
 def _fit_axis(model: Model, axis: int, law: AxisLaw, warmth: float | None) -> SimpleFriction:
-    # from 5 % of the axis's speed on where the range that the law was found from is not stated
+    # from 5 % of the axis's speed on, if the range of the law's data is unknown
     v = np.linspace(*(law.speeds or (0.05 * law.speed, law.speed)), 50)
     forward, backward = (friction_alone(model, axis, side * v, warmth)[0] for side in (1.0, -1.0))
     odd, even = (forward - backward) / 2, (forward + backward) / 2
@@ -184,7 +184,7 @@ def misfits(model: Model, simple: tuple[SimpleFriction, ...], state: str = "") -
 
 
 def _offsets(model: Model, simple: tuple[SimpleFriction, ...], place: str) -> Iterator[str]:
-    """Yield the constant torque of each axis whose law has one, and where it went."""
+    """Yield the constant torque of each axis, and its place in the exported files."""
     what = f"is {place}" if place else "is left out: add it to the commanded torque"
     for each in simple:
         if each.constant:
@@ -196,7 +196,7 @@ def _offsets(model: Model, simple: tuple[SimpleFriction, ...], place: str) -> It
 
 
 def presliding_left_out(model: Model, where: str = "") -> tuple[str, ...]:
-    """Return axes with presliding, for a format in which friction reverses at once; `where` too."""
+    """Return axes with presliding, for a format without it; `where` adds a place that has it."""
     axes = [
         f"axis {axis} over {significant(own.presliding, 2)} {model.robot.position_unit(axis - 1)}"
         for axis, own in enumerate(model.friction_law.axes, start=1)

@@ -1,7 +1,7 @@
 """Robot for simulators: tree of bodies, with limits, rotors and friction of each joint.
 
-Its bodies are those of `Model.consistent`. Frames are those of the robot file (z of frame j is the
-axis of joint j), or those of a URDF of the same chain, with the names of the URDF.
+Bodies are those of `Model.consistent`. Frames are those of the robot file (z of frame j is the axis
+of joint j), or those of a URDF of the same chain, with the names of the URDF.
 """
 
 from __future__ import annotations
@@ -93,7 +93,8 @@ class SimulatedRobot:
         Gravity in the base link [m/s^2].
     joints : tuple of SimulatedJoint
     rotors : ndarray, shape (n_joints, n_joints)
-        Motors' share of the mass matrix; beside the diagonal where motors turn with two joints.
+        Motors' share of the mass matrix, with off-diagonal elements for motors that turn with two
+        joints.
     """
 
     name: str

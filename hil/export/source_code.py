@@ -60,7 +60,7 @@ def assignments(results: Sequence[Expression], syntax: Syntax) -> tuple[dict[str
     for node in nodes:
         text, hold = _text(node, texts, syntax)
         if hold < ATOM or node.operands:
-            # longer than 84 characters: not written into another expression any more
+            # longer than 84 characters: not inlined into another expression
             shared = uses[node.index] > 1 or len(text) > 84
             if shared and node.operation != "negative":
                 name = f"t{len(named)}"

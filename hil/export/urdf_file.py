@@ -2,9 +2,9 @@
 
 Without a URDF of the robot a new one is made, of links and joints alone. With a URDF, the chain
 with the model's frames is found. Everything in the file stays unchanged, shapes and meshes, limits
-and names, except the inertials and the dynamics of the chain. An identified body is everything that
-moves with a joint, whatever its parts. Therefore the link of the chain gets the body of all links
-attached to it, and the attached links lose their inertials.
+and names, except the inertials and the dynamics of the chain. An identified body includes all parts
+that move with a joint. Therefore the link of the chain gets the body of all links attached to it,
+and the attached links lose their inertials.
 
 A URDF has no rotor inertia and no gravity: the file states both in comments. If gravity of the
 robot file is not along -z, a fixed joint turns the base so that it is.

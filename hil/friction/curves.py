@@ -67,8 +67,8 @@ class FrictionModel(FileModel):
     a : tuple of float
         Parameters in SI.
     standard_error : tuple of float or None
-        From the scatter about the model; None where there are no degrees of freedom or the data do
-        not determine the parameter.
+        Standard errors from the scatter about the model; None without degrees of freedom, and for
+        undetermined parameters.
     units : tuple of str
         Units of `a`.
     error : float
@@ -76,7 +76,7 @@ class FrictionModel(FileModel):
     held_out_error : float, optional
         Root mean square error at held-out speeds [N m or N].
     unidentifiable : tuple of str
-        One sentence for each parameter that the data do not identify.
+        One sentence for each parameter not identified by the data.
     """
 
     kind: Law
@@ -99,7 +99,7 @@ class AxisCurves:
     Attributes
     ----------
     axis : int
-        From 0.
+        Axis from 0.
     velocity, torque : ndarray, shape (n,)
         Fitted points: speeds [rad/s], mean friction of both directions [N m].
     models : dict
@@ -123,13 +123,13 @@ def choose(
     Parameters
     ----------
     axis : int
-        From 0.
+        Axis from 0.
     velocity, torque : ndarray, shape (n,)
         Positive speeds [rad/s], mean friction of both directions [N m].
     limit : float
         The axis's speed limit [rad/s].
     turns : bool
-        Whether the axis is revolute; units of a prismatic axis are m and N.
+        True for a revolute axis; units of a prismatic axis are m and N.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def choose(
     """
     order = np.argsort(velocity)
     speed = np.empty(len(velocity), dtype=np.intp)
-    # drives hold their speed better than within 2 %, so closer points belong to one speed
+    # drives hold their speed within 2 %, so closer points belong to one speed
     speed[order] = np.cumsum(np.diff(np.log(velocity[order]), prepend=-np.inf) > 0.02) - 1
     kinds = [kind for kind in LAWS if speed.max() + 1 > len(_FAMILIES[kind][0])]
     if not kinds:
@@ -178,7 +178,7 @@ def fit_model(
     limit : float
         Speed limit of the axis, which scales the fit [rad/s].
     turns : bool
-        Whether the axis is revolute; units of a prismatic axis are m and N.
+        True for a revolute axis; units of a prismatic axis are m and N.
     """
     names, powers = _FAMILIES[kind]
     scale = float(np.abs(tau).max())
@@ -269,8 +269,8 @@ def _words(a: Array, covariance: Array, bounds: tuple[float, float] | None) -> t
     for k in np.flatnonzero(error[:3] > UNCERTAIN * np.abs(a[:3])):
         others = np.abs(correlated[k]) * (np.arange(len(a)) != k)
         partner = int(np.argmax(others))
-        # correlation with another parameter from which on both are only known together: alone,
-        # each is three times as uncertain, 1 / sqrt(1 - 0.95^2)
+        # correlation with another parameter from which on only their sum counts as known: each is
+        # then three times as uncertain, 1 / sqrt(1 - 0.95^2)
         if others[partner] > 0.95:
             found.append(
                 f"a{k + 1}: standard error {100 * error[k] / max(abs(a[k]), 1e-300):.0f} % of its"

@@ -55,9 +55,9 @@ class Level(NamedTuple):
     Attributes
     ----------
     time : float
-        [s].
+        Instant of the level [s].
     friction : float
-        Positive [N m].
+        Friction level, positive [N m].
     group : str
         Kind and speed; levels of different groups are not compared.
     """
@@ -73,9 +73,9 @@ class TimeConstant(NamedTuple):
     Attributes
     ----------
     name : str
-        warm-up, settling or stirring.
+        Name: warm-up, settling or stirring.
     value, standard_error : float
-        [s].
+        Value and standard error [s].
     word : str
         Reason if the time constant is not identifiable; empty otherwise.
     """
@@ -93,7 +93,7 @@ class Drift:
     Attributes
     ----------
     axis : int
-        From 0.
+        Axis from 0.
     levels : tuple of Level
         Fitted levels.
     fitted : ndarray, shape (n,)

@@ -1,6 +1,6 @@
 """Equation of the improved method for measured or planned motions: columns, samples, unknowns.
 
-Every usable sample of an axis i says
+Every usable sample of an axis i gives the equation
 
     Q_i - Qm_i = A_i(q, qd, qdd) p + F(t) a + G_i(q) b + e
 

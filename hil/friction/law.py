@@ -94,7 +94,7 @@ class AxisLaw(FileModel):
     speed : float
         Reference speed, by which velocities are divided [rad/s or m/s].
     terms : dict of str to TermValue
-        By the names of `hil.friction.terms.TERMS`.
+        Coefficients by the names of `hil.friction.terms.TERMS`.
     covariance : tuple of tuple of float
         Covariance of the coefficients in the order of `terms` [(N m)^2 or N^2]; empty in files of
         earlier versions, whose standard errors count as independent.
@@ -115,7 +115,7 @@ class AxisLaw(FileModel):
         Level of friction relative to its mean, at instants spread evenly over the recorded time,
         both ends included; empty for a constant level.
     one_way : OneWay, optional
-        None for an axis that moves in both directions.
+        Sum of offset and Coulomb friction; None for an axis that moves in both directions.
     wander : float
         Largest relative deviation of the level of a measurement, or at an instant, from the law.
         Counts as one standard deviation, since the level of a measurement is already a mean. By
@@ -276,15 +276,15 @@ def friction_torque(
     Parameters
     ----------
     q, qd : ndarray, shape (n, n_joints) or (n_joints,)
-        [rad or m, and per s].
+        Positions and velocities [rad or m, and per s].
     load : ndarray, shape of `q`
         Torque of the rigid bodies [N m or N].
     directions : sequence (n_joints,) of Direction, optional
         Direction of each axis's friction. By default computed along the rows if these are
         successive samples of a motion, otherwise the sign of the velocity.
     warmth : ndarray, shape of `q`, optional
-        Warmth of the gears; by default the reference of each law. Without effect on axes without an
-        identified warmth.
+        Warmth of the gears; by default the reference of each law. Warmth has no effect on axes
+        without an identified warmth.
     """
     q_rows, qd_rows, loads, warm = _rows(robot, q, qd, load, warmth)
     if directions is None:
@@ -391,8 +391,8 @@ def level_along(law: FrictionLaw, past: History, time: Array) -> Array:
 def level_anywhere(law: FrictionLaw, *, warmth_stated: bool = False) -> Array:
     """Compute the uncertainty of each axis's friction level for an unknown past.
 
-    Relative standard deviation, shape (n_joints,). NaN for axes without an exposure and, if the
-    warmth is stated, for axes with an identified warmth.
+    Relative standard deviations have shape (n_joints,). They are NaN for axes without an exposure
+    and, for a stated warmth, for axes with an identified warmth.
     """
     return np.array(
         [
@@ -420,8 +420,8 @@ def _axis_warmth(warmth: Array | None, axis: int) -> Array | None:
 def level_at(law: AxisLaw, speed: float) -> tuple[float, float]:
     """Return the friction level at a speed [rad/s or m/s], with its standard error [N m or N].
 
-    Half of the difference between forward and backward, without load and without ripple. The speed
-    must be within the range of the samples of the fit.
+    The level is half of the difference between forward and backward friction, without load and
+    ripple. The speed must be within the range of the samples of the fit.
     """
     qd = np.array([speed, -speed])
     forward, back = friction_columns(

@@ -29,7 +29,7 @@ def ripple_orders(robot: Robot, axis: int) -> tuple[int, ...]:
     """Return the orders of `RIPPLE_ORDERS` that an axis (from 0) allows to distinguish."""
     gear = float(robot.gear_ratio[axis])
     turns = gear * float(robot.q_max[axis] - robot.q_min[axis]) / math.tau
-    # within less than one turn of the motor, the orders resemble each other
+    # with less than one turn of the motor, the orders resemble each other
     if not (np.isfinite(gear) and turns >= 1.0):
         return ()
     # rigid-body torques reach twice the joint angle; ripple must have twice that frequency

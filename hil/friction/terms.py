@@ -51,7 +51,7 @@ class Term(NamedTuple):
     column : callable
         Column of the regression for samples.
     directed : bool
-        Whether the term changes sign with the direction and is part of the level of friction.
+        True for a term that changes sign with the direction and is part of the friction level.
     """
 
     formula: str

@@ -236,7 +236,7 @@ def warmth_at(
     ----------
     past : History
     axis : int
-        From 0.
+        Axis from 0.
     warming, cooling : float
         Time constants [s].
     time : ndarray, shape (n,)
@@ -281,9 +281,9 @@ def find_warmth(levels: Blocks, time: Array, past: History, axis: int) -> WarmLa
         Middle of each measurement, ascending [s].
     past : History
     axis : int
-        From 0.
+        Axis from 0.
     """
-    # within a smaller range of warmth the slope would be extrapolated more than twentyfold
+    # with a smaller range of warmth the slope would be extrapolated more than twentyfold
     courses = {
         taus: course
         for taus in product(*TIMES)
@@ -298,7 +298,7 @@ def find_warmth(levels: Blocks, time: Array, past: History, axis: int) -> WarmLa
     fit, warmth = _fitted(levels, courses[taus], STEPS), courses[taus]
     factors = fit.factors(warmth)
     covariance = fit.regression.uncertainty("clusters").covariance
-    if fit.slope >= 0.0 or factors.min() <= 0.0:  # a warm gear has less friction, but not none
+    if fit.slope >= 0.0 or factors.min() <= 0.0:  # warmth reduces friction, but not to zero
         return None
     left = deviations(levels, fit.values) + 1.0 - factors
     found = Warmth(

@@ -194,7 +194,7 @@ def refuse_other_machine(robot: Robot, plant: Plant, path: Path) -> None:
     Raises
     ------
     FileError
-        One line for each difference.
+        One line per difference.
     """
     refuse(str(path), read_text(path), _differences(robot, plant))
 
@@ -234,7 +234,7 @@ def _axis_differences(robot: Robot, k: int, axis: PlantAxis) -> Iterator[tuple[P
             " says; parameters of other frames cannot be compared",
         )
     gear, known = axis.drive.gear_ratio, float(robot.gear_ratio[k])
-    # 1e-6: the relative difference that digits of a file leave; never where the gear is unknown
+    # 1e-6: relative rounding error of digits in a file; an unknown gear ratio (NaN) is not reported
     if abs(gear - known) > 1e-6 * known:
         yield (
             ("axes", k, "drive", "gear_ratio"),
@@ -255,7 +255,7 @@ def refuse_other_plant(run: Run, truth: Path | str) -> None:
     Raises
     ------
     FileError
-        A plant file that cannot be used.
+        An unusable plant file.
     Mismatch
         The run was measured on a real machine, or on a plant with other bodies or drives.
     """

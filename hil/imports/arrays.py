@@ -41,11 +41,11 @@ _OF_MAPS = {
     "are unit, per_unit and position_side right?": "are they in SI, on the joint side?",
     "are unit, gain and torque_side right?": "are they in SI, on the joint side?",
 }
-"""Words of messages about maps, and their replacements for arrays."""
+"""Words in messages about maps, and their replacements for arrays."""
 
 
 class _Arrays(MapFile):
-    """Map of a file with the columns of the arrays; messages name arguments."""
+    """Substitute for a map file, with arrays as columns; messages name arguments."""
 
     accepting = "pass accept=['{}']"
 
@@ -83,7 +83,7 @@ def run_from_arrays(
     cut_off: float | None,
     accept: Sequence[str],
 ) -> MemoryRun:
-    """Make a run of arrays, in memory; see `hil.Run.import_arrays`."""
+    """Make a run from arrays, in memory; see `hil.Run.import_arrays`."""
     recordings = _recordings(robot, t, q, tau, qd)
     the_map = _map(robot, qd is not None, alone, cut_off, accept)
     measured: dict[str, Measured] = {}

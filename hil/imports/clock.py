@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 LEAST = 0.01
-"""Minimum relative error of a rate that is stated.
+"""Minimum relative error of a reported rate.
 
 Accelerations are off by twice as much, the usual error of inertias in a good identification.
 """
@@ -33,7 +33,7 @@ CHANCE = 5.0
 FORETOLD = 0.5
 """Maximum share of the scatter of a joint's steps left by the other joints' velocities.
 
-Where the recorder is uneven. Velocities without information leave 1 or more.
+This holds for an uneven recorder; velocities without information leave 1 or more.
 """
 
 
@@ -55,7 +55,7 @@ def clock_suspicions(
         for each in other_units(robot, joint).values()
         for factor in (each, 1.0 / each)
     ]
-    # a factor that a unit explains is the unit's
+    # a factor explained by a unit is attributed to the unit
     explained = any(abs(common / factor - 1.0) < LEAST for factor in units)
     if agreeing and not explained and abs(np.log(common)) > max(LEAST, float(error.min())):
         yield Suspicion(
@@ -143,7 +143,7 @@ def _uneven(excerpts: Sequence[Excerpt], shown: Mask, common: float) -> Array | 
         qd = (each.qd[1:, shown] + each.qd[:-1, shown]) / (2 * common)
         scale = np.sqrt(np.mean(qd**2, axis=0)) * each.period
         step, speed = np.diff(each.q[:, shown], axis=0) / scale, qd * each.period / scale
-        # speeds of a third of the mean square of one joint, at least, show time
+        # time is shown if velocities reach a third of the mean square of one joint
         fast = (speed**2).sum(axis=1)[:, None] - speed**2 > 1.0 / 3.0
         others = (step * speed).sum(axis=1)[:, None] - step * speed
         power = (speed**2).sum(axis=1)[:, None] - speed**2

@@ -133,10 +133,10 @@ def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, .
     if pair := _stamp_in_two(columns):
         return pair
     rising = [column for column in columns if column.rises]
-    # stamps that begin anew with each episode rise but for that
+    # stamps that restart with each episode rise otherwise
     again = [column for column in columns if column.begins]
     named = [c for c in (*rising, *again) if _TIMES.intersection(words_of(c.name))]
-    # the first column of an array, as Simulink writes it
+    # the first column of an array, as written by Simulink
     unnamed = [column for column in rising if not column.name or column.name.endswith("/1")]
     return tuple([*named, *unnamed][:1])
 
@@ -279,7 +279,7 @@ def _kind(column: SeenColumn, words: Sequence[str]) -> tuple[str, str]:
     if unit := _UNIT_IN_NAME.search(column.name):
         stated = (unit[1] or unit[2]).lower().replace(" ", "")
         return next((key for key, units in _OF_UNIT.items() if stated in units), ""), ""
-    if "state" in words:  # of observations in sets of data for learning
+    if "state" in words:  # of observations in data sets for learning
         return "position", "state"
     alone = bool(words) and all(word.isdigit() or word in _JOINTS for word in words)
     return ("position" if alone and not column.rises else ""), ""
@@ -326,8 +326,7 @@ def _guess(key: str, column: SeenColumn | None) -> str:
 class SeenColumn:
     """Inspected column: number from 1, name, and extremes of the values.
 
-    `begins` are the rows, from 0, with a falling value, if the column rises in nearly all other
-    rows.
+    `begins` are the rows, from 0, with a falling value, for a column that rises in nearly all rows.
     """
 
     number: int
@@ -350,7 +349,7 @@ def look(table: Table) -> tuple[list[SeenColumn], int, dict[str, str]]:
     try:
         values = _first_rows(table, every)
         columns = dict(zip(every, values.T, strict=True))
-    except FileError:  # text in a column, or lengths that differ: column by column
+    except FileError:  # text in a column, or columns of different lengths: read column by column
         columns = {}
         for index in every:
             try:
@@ -389,7 +388,7 @@ def _seen(index: int, name: str, values: Array) -> SeenColumn:
     steps = np.diff(values)
     rises = bool(len(steps) and np.all(steps >= 0) and values[-1] > values[0])
     step = (values[-1] - values[0]) / max(1, len(steps))
-    # stamps that begin anew: a segment has 100 rows at least
+    # restarting stamps: a segment has at least 100 rows
     begins = np.flatnonzero(steps < 0) + 1
     if rises or not 0 < len(begins) <= 0.01 * len(steps):
         begins = begins[:0]

@@ -105,7 +105,7 @@ def excerpts_of(samples: Samples, pieces: Sequence[Piece]) -> list[Excerpt]:
     found = []
     for part in parts:
         q, tau, qd = even_samples(samples, part)
-        # motion is fitted at 3000 points in all excerpts
+        # motion is fitted at 3000 points over all excerpts
         points = max(20, round(3000 * part.duration / whole))
         begin = float(part.grid[0] - pieces[0].grid[0])
         found.append(Excerpt(part.stretch.period, q, tau, qd, points, begin))
@@ -113,7 +113,7 @@ def excerpts_of(samples: Samples, pieces: Sequence[Piece]) -> list[Excerpt]:
 
 
 def _middle(piece: Piece) -> Piece:
-    # length of an excerpt at most [s]
+    # maximum length of an excerpt [s]
     n = min(piece.n, round(10.0 / piece.stretch.period) + 1)
     return Piece(piece.stretch, piece.first + (piece.n - n) // 2, n)
 
@@ -122,9 +122,9 @@ def _middle(piece: Piece) -> Piece:
 class Evidence:
     """Motion and torques of all excerpts: arrays (n, n_joints), SI, joint side.
 
-    Of shape (n_joints,): standard deviations of `qd` and `qdd` from the noise of positions, noise
-    of a sample of the recorded velocity, and whether the joint moves by more than the noise of its
-    position.
+    Values of shape (n_joints,) are the standard deviations of `qd` and `qdd` by the noise of
+    positions, the noise of a recorded velocity sample, and True for joints that move by more than
+    the noise of their position.
     """
 
     q: Array
@@ -165,7 +165,7 @@ def fitted(excerpt: Excerpt) -> tuple[Integers, tuple[Array, ...], Array]:
     values : tuple of ndarray, shape (n, n_joints)
         q, qd, qdd, torque and recorded velocity.
     noise : ndarray, shape (2, n_joints)
-        Standard deviations that noise of positions gives qd and qdd.
+        Standard deviations of qd and qdd by the noise of positions.
     """
     half = half_width(excerpt.period)
     at = np.linspace(half, len(excerpt.q) - 1 - half, excerpt.points).round().astype(int)

@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 EXCERPT = 20_000
 """Rows inspected: shares are known to 1 %."""
 OFTENER = 5.0
-"""Ratio of repetitions to those by chance for held values.
+"""Minimum ratio of repetitions to chance repetitions for held values.
 
-Three rows more than the one in which noise may bring the same value again, and one to spare.
+Noise may repeat a value in one row; held values repeat in three more, with a margin of one.
 """
 SHARE = 0.2
 """Minimum share of repeating rows for held values.
 
-Fewer delay a column by a tenth of a sample on average.
+Below this share, the mean delay of a column is less than a tenth of a sample.
 """
 _HELD = 0.9
 """Minimum share of isolated steps for held values; a recorder is sometimes late."""
@@ -46,7 +46,7 @@ def held_of(samples: Samples, parts: Sequence[Integers]) -> int:
     middle = longest[max(0, len(longest) // 2 - EXCERPT // 2) :][:EXCERPT]
     positions = np.asarray(samples.values[middle])[:, : samples.n_joints]
     found = max(map(rows_held, positions.T))
-    # a joint that is held beside others leaves nothing out
+    # values of a single held joint do not matter if the other joints are new
     return found if found > 1 and len(measured(samples, middle, found)) < 0.7 * len(middle) else 1
 
 
@@ -100,7 +100,7 @@ def repeats(columns: Sequence[Array], moving: Mask) -> float:
 
 
 def measured(samples: Samples, rows: Integers, held: int) -> Integers:
-    """Return the rows of new measurements, each held over `held` rows.
+    """Return the rows of new measurements, one in every `held` rows.
 
     Positions change in these rows, or would change by their number: a joint at rest is measured as
     often as a moving one.

@@ -53,21 +53,22 @@ def import_recordings(
     output : path
         Run folder to be made.
     state : callable
-        Takes what was found of each map's recording.
+        Function that receives the statement about each map's recording.
     progress : callable
-        Takes the file that is read, and how many rows of it were; not called by `execute`.
+        Function that receives the present file and its number of rows read; not called with
+        `execute`.
     execute : callable, optional
-        Imports several maps at once, on this machine or elsewhere (`hil.execution`). By default
-        one is imported after the other, here.
+        Function that imports several maps in parallel, on this machine or elsewhere
+        (`hil.execution`). By default maps are imported in sequence in this process.
     files : sequence of paths
-        Files, and folders of files, that maps may name beside those in their own folders: what
-        they name becomes part of the run, and a map may be somebody else's.
+        Permitted files and folders outside the maps' own folders. Content of named files becomes
+        part of the run, and a map may come from a stranger.
 
     Raises
     ------
     FileError
-        A map or a recording cannot be used, or contradicts itself; nothing is written then. At
-        once, it states what is wrong with each of the maps.
+        A map or a recording cannot be used, or is contradictory; nothing is written. The message
+        states the problems of all maps.
     """
     output = Path(output)
     if output.exists() or output.is_symlink():
@@ -212,7 +213,7 @@ def robot_of(the_map: MapFile) -> Robot:
     Raises
     ------
     FileError
-        There is none, or it cannot be used.
+        The robot is missing or cannot be used.
     """
     stated = the_map.content.robot
     name = str(stated.name)
@@ -232,7 +233,7 @@ def robot_of(the_map: MapFile) -> Robot:
 def _add_uncertainties(the_map: MapFile, robot: Robot) -> Robot:
     """Convert stated uncertainties of gains to uncertainties of torque constants.
 
-    Both scale all torques of the joint, and only the latter is known to estimates.
+    Both scale all torques of the joint; estimates use uncertainties of torque constants only.
     """
     relative = [j.torque.gain_uncertainty / j.torque.gain_value for j in the_map.content.joints]
     if not any(relative) or len(relative) != robot.n_joints:

@@ -39,7 +39,7 @@ class Stretch:
     rows : array (n,) of int
         Rows of the samples, in the order of time.
     instants : array (n,)
-        When they were sampled, rising [s].
+        Instants of the samples, rising [s].
     period : float
         Period of an even grid [s].
     """
@@ -69,7 +69,7 @@ def lost(time: Array, at: Integers, period: float) -> Array:
     ----------
     time : array (n,)
     at : array (m,) of int
-        Samples, none of them the last.
+        Indices of samples, excluding the last one.
     """
     late, last = time - period * np.arange(len(time)), len(time) - 1
     reach = np.minimum((time[at + 1] - time[at]) / period, len(time)).astype(np.int64) + 7
@@ -87,7 +87,7 @@ def instants_of(samples: Samples, parts: list[Integers], period: float) -> Insta
     if all(np.all(np.abs(s - period) < EVEN * period) for s in steps):
         return "even"
     every = np.concatenate(steps)
-    # a clock is coarse where one row in twenty bears the stamp of another one
+    # a clock is coarse if one row in twenty repeats the stamp of another row
     if np.mean(every <= SAME_STAMP * period) > 0.05:
         return "counted"
     rough = np.zeros((2, samples.n_joints))
@@ -100,7 +100,8 @@ def instants_of(samples: Samples, parts: list[Integers], period: float) -> Insta
 
 
 def _some_of(parts: list[Integers]) -> Iterator[Integers]:
-    # samples whose roughness is compared: its variances are known to (2/n)^0.5, 1 %
+    # maximum number of samples for the comparison, whose variances are then known to (2/n)^0.5 = 1
+    # %
     left = 20_000
     for rows in sorted(parts, key=len, reverse=True):
         middle = rows[max(0, len(rows) // 2 - left // 2) :][:left]
@@ -177,10 +178,10 @@ def resampled(instants: Array, values: Array, grid: Array) -> Array:
     Parameters
     ----------
     instants : array (n,)
-        Rising, n of 2 or more [s].
+        Rising instants, at least two [s].
     values : array (n, k)
     grid : array (m,)
-        Within the instants [s]; beyond them the last values hold.
+        Instants of the result [s]; outside of `instants` the end values are used.
 
     Returns
     -------

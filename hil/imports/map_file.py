@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 Check = Literal["range", "velocity", "friction", "shape", "still", "spikes"]
-"""Checks of plausibility whose refusal a map may overrule; `friction` is no longer used."""
+"""Plausibility checks that a map may overrule; `friction` is no longer used."""
 _MOST_PER_COUNT = 1.001 * math.tau
 """Maximum size of a count [rad or m]: a turn of a direct drive, in the three digits of 6.28."""
 
@@ -238,7 +238,7 @@ def _alone(value: object) -> object:
 
 
 class RecordingMap(FileModel):
-    """Map of a recording; docs/reference/recordings.md describes the keys."""
+    """Map of a recording, with the keys described in docs/reference/recordings.md."""
 
     robot: Annotated[
         MappedRobot, BeforeValidator(lambda v: v if isinstance(v, dict) else {"name": v})
@@ -296,7 +296,7 @@ class MapFile:
     text : str
     content : RecordingMap
     allowed : tuple of Path
-        Files, and folders of files, that the map may name beside those in its own folder.
+        Permitted files and folders outside of the map's folder.
     """
 
     path: Path
@@ -325,13 +325,13 @@ class MapFile:
         Raises
         ------
         FileError
-            The file is outside of the map's folder and of what is allowed besides.
+            The file is outside of the map's folder and of all permitted folders.
         """
         path = self.path.parent / name
         try:
             found = path.resolve()
         except (OSError, ValueError, RuntimeError):
-            return path  # which cannot be opened either
+            return path  # such a file cannot be opened either
         if any(found.is_relative_to(each.resolve()) for each in (self.path.parent, *self.allowed)):
             return path
         raise self.wrong(
@@ -353,7 +353,7 @@ def load_map(path: Path | str, allowed: Sequence[Path | str] = ()) -> MapFile:
     Raises
     ------
     FileError
-        It cannot be read or used: one line for each problem, with its place.
+        The map cannot be read or used; the message has one line per problem, with its place.
     """
     text = read_text(path)
     content = parse_yaml(text, RecordingMap, str(path))

@@ -57,7 +57,7 @@ PLACES = {
     "position scale": ("position", "unit"),
     "zero": ("position", "offset"),
 }
-"""Keys of a joint in the map, by cause; other causes concern the whole joint."""
+"""Keys of a joint in the map, by cause; for other causes the place is the whole joint."""
 
 
 MAP_KEYS = {"position scale": "joints", "gravity": "robot"}
@@ -103,14 +103,14 @@ def mechanical_suspicions(
     excerpts : sequence of Excerpt
     robot : Robot
     shown : ndarray of bool, shape (n_joints,)
-        Joints that move, with accelerations beyond their noise: what a model leaves of the torques
-        of others says nothing of the columns.
+        Joints that move, with accelerations beyond their noise; torque residuals of other joints
+        carry no information on the columns.
     """
     excerpts = [_thinned(each) for each in _telling(excerpts)]
     prepared = [_motion(number, each) for number, each in enumerate(excerpts)]
     try:
         solver = SimultaneousFit(robot, prepared)
-    except (NotIdentifiable, np.linalg.LinAlgError):  # nothing moves, or no parameter shows
+    except (NotIdentifiable, np.linalg.LinAlgError):  # no joint moves, or no parameter is visible
         return
     smooth = np.concatenate([s.smoothed(s.tau) for _, s in prepared])
     share = 1.0 / np.maximum(solver.weight * smooth.var(axis=0), np.finfo(float).tiny)
@@ -125,8 +125,8 @@ def mechanical_suspicions(
         return
     misread = _misread(robot, excerpts, prepared, solver, shown & (share > NOTHING))
     yield from misread or ()
-    # lags are searched from 0.3 % of residual variance on: twins of robots leave a third of that,
-    # and five times as much for torques delayed by 50 ms
+    # lags are searched if the residual variance exceeds 0.3 %: twins of robots have a third of
+    # that, and five times as much for torques delayed by 50 ms
     if not misread and (share > 0.003).any():
         another = list(clock_of_torques(excerpts, robot, shown))
         yield from another
@@ -171,9 +171,9 @@ def _misread(
     )
     # torques unrelated to the motion of their axes contradict the map, like impossible mechanics
     contradicted = not stated.possible or (len(axes) == 2 and astray.issuperset(axes))
-    # against a possible map, a reading must leave a ninth of the mean squares, a third of the
-    # residual: on recordings of an arm without a valid model other readings leave 0.22, the right
-    # readings of the maps in `benchmarks/wrong_maps.py` 0.07 at most
+    # against a possible map, a reading must leave at most a ninth of the mean squares, a third of
+    # the residual: on recordings of an arm without a valid model other readings leave 0.22, the
+    # correct readings of the maps in `benchmarks/wrong_maps.py` at most 0.07
     if left <= (LEAVES if contradicted else 1.0 / 9.0):
         place = ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],)
         message = (
@@ -193,7 +193,7 @@ def _misread(
 
 
 def _signed(reading: Reading, axes: Sequence[int]) -> Iterator[Reading]:
-    """Yield a reading with both signs of the torque of each axis: an exchange keeps no signs."""
+    """Yield a reading with both signs of each axis's torque: an exchange may change signs."""
     for signs in product((1.0, -1.0), repeat=len(axes)):
         found = reading
         for axis, sign in zip(axes, signs, strict=True):

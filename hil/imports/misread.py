@@ -88,7 +88,7 @@ def misread_velocities(evidence: Evidence, robot: Robot) -> Iterator[Suspicion]:
             yield Suspicion("velocity", at, _fits_none(evidence, joint, correlation))
             continue
         scale = float(own @ other / (other @ other))
-        # rounding, as dead bands have it, takes up to its own share off
+        # rounding, or a dead band, reduces the velocity by up to its own share
         rounding = float(evidence.noise_recorded[joint] / np.sqrt(np.mean(own**2)))
         if abs(scale - 1) > _NOISE + rounding:
             yield Suspicion(
@@ -179,9 +179,9 @@ def misread_torques(
     for joint in np.flatnonzero(evidence.moves).tolist():
         tau, qd = evidence.tau[:, joint], evidence.qd[:, joint]
         for unit, factor in ({"in SI": 1.0} | other_units(robot, joint)).items():
-            # a velocity recorded as a torque differs by 5 % at most: a parabola through
-            # 2 x `HALF_WIDTH` of positions attenuates a sinusoid by (w T)^2 / 10, 5 % at 5.6 Hz. No
-            # robot has a torque of exactly 1 N m s/rad of viscous friction
+            # a velocity recorded as a torque differs by at most 5 %: a parabola through 2 x
+            # `HALF_WIDTH` of positions attenuates a sinusoid by (w T)^2 / 10, 5 % at 5.6 Hz. No
+            # robot has a viscous friction of exactly 1 N m s/rad alone
             if np.linalg.norm(tau - factor * qd) < 0.05 * np.linalg.norm(tau):
                 yield Suspicion(
                     "still",
@@ -197,7 +197,7 @@ def _twice(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicio
                             ("torque", [e.tau for e in excerpts])):  # fmt: skip
             same = all(np.array_equal(array[:, i], array[:, j]) for array in arrays)
             least = ROUNDED_OFF * max(float(np.abs(array[:, i]).max()) for array in arrays)
-            # joints that rest may have equal positions
+            # joints at rest may have equal positions
             shown = key == "torque" or evidence.moves[i]
             if same and shown and any(np.ptp(array[:, i]) > least for array in arrays):
                 yield Suspicion(
@@ -239,14 +239,14 @@ def small(
     Parameters
     ----------
     key : str
-        Part of the map.
+        Key of the map.
     most, of : ndarray, shape (n_joints,)
-        Ways and ranges, or greatest torques and limits.
+        Distances and ranges, or greatest torques and limits.
     """
     shares = most / of
     widest = int(np.argmax(shares))
-    # in another unit, or on another side, no joint exceeds this share of a limit or a range: it is
-    # between 1/57 of degrees or 1/50 of gears and the shares of useful motions
+    # with a wrong unit or side, no joint exceeds this share of a limit or a range: it is between
+    # 1/57 for degrees or 1/50 for gears and the shares of useful motions
     if np.isfinite(shares).all() and evidence.moves.any() and 0 < shares[widest] < 0.03:
         unit = (robot.position_unit if key == "position" else robot.torque_unit)(widest)
         yield Suspicion(
@@ -288,7 +288,7 @@ def range_suspicions(
             if key == "torque" and joint in unknown_gains:
                 continue
             most = float(np.abs(values[:, joint]).max())
-            # speed, torque or force that no robot has [rad/s, m/s, N m or N]
+            # speed, torque or force beyond any robot [rad/s, m/s, N m or N]
             bound = float(np.fmin(limit[joint], 1e6))
             if most > EXCEEDED * bound:
                 yield Suspicion(

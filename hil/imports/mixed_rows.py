@@ -98,7 +98,7 @@ def _visits(q: Array) -> _Mixed | None:
 
 def _smooth(q: Array, distance: Array) -> bool:
     """Return True if rows of a second source form a smooth signal."""
-    # of alternating rows both sources are among them: every second one is of the same
+    # if two sources alternate, every second row is of the same source
     nearest = np.minimum(np.abs(q[1:-1] - q[:-2]), np.abs(q[2:] - q[:-2]))
     away = distance > 0
     return bool(away.any() and (np.median(nearest, axis=0) < RETURNED * distance)[away].all())
@@ -120,7 +120,7 @@ def _alternating(q: Array, time: Array) -> _Mixed | None:
 
 
 def _least(q: Array, time: Array) -> float:
-    """Root mean square second differences, by count or by stamps, whichever are less."""
+    """Return root mean square second differences, by count or by stamps, whichever are less."""
     period = float(np.median(np.diff(time)))
     if not period > 0:
         period = 1.0

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     Numbered = tuple[Piece, Numbers]
 
 SLOWEST = 0.1
-"""Maximum time between samples for the motion of a robot [s]."""
+"""Maximum time between samples that resolves the motion of a robot [s]."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def import_one(
     the_map, robot = job.the_map, job.robot
     scratch = job.folder / f"{job.stem}.samples"
     samples = read_samples(the_map, robot, scratch, progress)
-    scratch.unlink()  # what is mapped stays until it is no longer used
+    scratch.unlink()  # memory maps remain until their last use
     timing, numbered, found, explained = interpret(the_map, robot, samples)
     recorded = tuple(joint.velocity is not None for joint in the_map.content.joints)
     motions = []
@@ -98,7 +98,7 @@ def import_one(
         path = job.folder / "recordings" / f"{motion.id}.h5"
         write_measured(path, Measured(motion, recording), robot)
         motions.append(motion)
-    timing.stretches = []  # which are as long as the recording
+    timing.stretches = []  # these are as long as the recording
     return Statement(
         the_map,
         timing,
@@ -134,7 +134,8 @@ def interpret(
     evidence = Evidence.join(excerpts)
     moving = None if alone is None else alone - 1
     found = suspicions(excerpts, evidence, robot, moving, the_map.unknown_gains)
-    if (held := timing.counts.held) > 1:  # what shows in the rate then is of the rows that are left
+    # the following checks of the rate use the remaining rows only
+    if (held := timing.counts.held) > 1:
         repeat = f"values repeat over {held} rows each; without repeated rows, "
         found = [
             replace(s, message=repeat + s.message) if s.location == ("time",) else s for s in found
@@ -203,7 +204,7 @@ def numbered_pieces(the_map: MapFile, samples: Samples, timing: Timing) -> list[
     Raises
     ------
     FileError
-        There are none: no stretch is long enough, or no stroke is found.
+        No stretch is long enough, or no stroke is found.
     """
     if timing.period > SLOWEST:
         raise the_map.wrong(

@@ -50,10 +50,10 @@ def suspicions(
         Evidence of all excerpts.
     robot : Robot
     alone : int, optional
-        The joint, from 0, that is stated to move while all others stand still.
+        Joint, from 0, stated to move alone.
     unknown_gains : sequence of int
-        Joints, from 0, of whose torques the size says nothing: then limits of torque and mechanics,
-        which compares the torques of joints, are no checks.
+        Joints, from 0, with torques of unknown scale; torque limits and mechanics, which compare
+        the torques of joints, are then not checked.
     """
     found = [*_still(evidence, robot, alone), *range_suspicions(evidence, robot, unknown_gains)]
     if not any(suspicion.certain for suspicion in found):
@@ -61,7 +61,7 @@ def suspicions(
         most = np.abs(evidence.tau).max(axis=0)
         low = [] if unknown_gains else [*small(evidence, robot, "torque", most, robot.torque_limit)]
         found += low
-    if not any(suspicion.certain for suspicion in found):  # else no equation needs to be tried
+    if not any(suspicion.certain for suspicion in found):  # otherwise no equations are needed
         clock = list(clock_suspicions(excerpts, evidence, robot))
         # a factor common to all velocities is stated once, not for speeds and positions as well
         found = clock + found
@@ -77,7 +77,7 @@ def suspicions(
     if not any(suspicion.certain for suspicion in found):
         ways, ranges = np.ptp(evidence.q, axis=0), robot.q_max - robot.q_min
         found += small(evidence, robot, "position", ways, ranges) if alone is None else ()
-        # rotor inertias that are stated contradict torques of another unit or side
+        # stated rotor inertias contradict torques of another unit or side
         shown = evidence.moves & ~coarse(evidence)
         found += () if unknown_gains or low else mechanical_suspicions(excerpts, robot, shown)
     return sorted(found, key=lambda suspicion: not suspicion.certain)
@@ -102,7 +102,7 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
                 "unit right?",
                 certain=alone is not None,
             )
-        # other joints may move by 2 % of the moving joint's distance: servos yield
+        # other joints may move by 2 % of the moving joint's distance, because servos yield
         if alone is not None and joint != alone and moves and way > 0.02 * ways[alone]:
             yield Suspicion(
                 "still",

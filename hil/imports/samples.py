@@ -40,20 +40,20 @@ class Samples:
     Attributes
     ----------
     time : array (n,)
-        Stamps [s]; those of a date count from the first one.
+        Stamps [s]; dates are relative to the first stamp.
     values : array (n, 3 n_joints)
-        Positions, torques and velocities of all joints, SI, joint side; NaN where one is missing,
-        and throughout for velocities that were not recorded. On the disk.
+        Positions, torques and velocities of all joints, SI, joint side, on the disk; NaN for
+        missing values, and for all velocities if none were recorded.
     complete : array (n,) of bool
-        Rows in which nothing that was recorded is missing.
+        Rows without missing recorded values.
     begins : tuple of int
         First row of each file.
     from_date : bool
         True if stamps count from a date.
     wraps : int
-        Steps of positions by more than half a turn: angles that were kept within one turn.
+        Number of position steps above half a turn: angles wrapped to one turn.
     numbers : tuple of int
-        Number of numbers in the columns of the map, in the order of `columns_of`.
+        Count of numbers in each column of the map, in the order of `columns_of`.
     notes : tuple of str
         Notes on files as a whole.
     """
@@ -92,9 +92,9 @@ def read_samples(
     the_map : MapFile
     robot : Robot
     scratch : Path
-        File to be made, for the samples.
+        Path of a new file for the samples.
     progress : callable
-        Takes the file that is read and how many rows of it were.
+        Function that receives the present file and its number of rows read.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def read_samples(
                     complete.append(np.isfinite(time) & conversion.complete(values))
                     q = values[:, : robot.n_joints]
                     steps = np.diff(q, axis=0, prepend=last)
-                    # no robot makes more than half a turn within a sample; nor half of 6 m
+                    # no robot moves by more than half a turn, or half of 6 m, between samples
                     wraps += int(np.count_nonzero(np.abs(steps) > np.pi))
                     last, n = q[-1:], n + len(time)
                 progress(path, n - begins[-1])

@@ -127,7 +127,7 @@ def pieces_of(stretch: Stretch) -> list[Piece]:
 
 def block_counts(durations: Sequence[float]) -> list[int]:
     """Return the number of blocks of all motions of a recording, from durations [s]."""
-    # blocks last 30 s at most; of a whole recording 8 at least, where blocks of `SHORTEST` allow it
+    # blocks last at most 30 s; a whole recording has at least 8, if blocks of `SHORTEST` permit
     longest = min(30.0, max(SHORTEST, sum(durations) / 8))
     return [
         max(1, min(math.ceil(duration / longest - 1e-6), math.floor(duration / SHORTEST + 1e-6)))
@@ -148,13 +148,13 @@ def strokes_of(q: Array, period: float) -> list[tuple[int, int, bool]]:
     q : array (n,)
         Positions every `period` [rad or m].
     period : float
-        [s].
+        Sampling period [s].
     """
-    # speeds are means over 0.02 s, for encoders that are coarse
+    # speeds are means over 0.02 s, because encoders may be coarse
     half = max(1, round(0.02 / period / 2))
     speed = np.zeros(len(q))
     speed[half:-half] = (q[2 * half :] - q[: -2 * half]) / (2 * half * period)
-    # under way: from a twentieth of the greatest speed on
+    # motion begins at a twentieth of the greatest speed
     direction = np.where(np.abs(speed) > 0.05 * np.max(np.abs(speed)), np.sign(speed), 0)
     merged: list[list[int]] = []
     edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(direction)]

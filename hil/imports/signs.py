@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 LEAVES = 0.5
 """Maximum share of the squared steps left by the right reading, of those of the other readings.
 
-A zero crossing has a step of S or 2 S in these, and of the size of friction in the right one.
+In other readings, a zero crossing has a step of S or 2 S; in the right one, of the size of
+friction.
 """
 LEAST, JUMPS = 64.0, 3
 """Minimum number for a sign bit, and minimum count of jumps beyond chance."""
@@ -35,7 +36,7 @@ def signed(x: Array) -> tuple[Array, str] | None:
     Parameters
     ----------
     x : array (n,)
-        Torques as they were recorded, NaN where missing.
+        Torques as recorded, NaN for missing ones.
     """
     present = np.isfinite(x)
     most = float(np.max(x[present], initial=0.0))

@@ -53,7 +53,7 @@ GREATEST = 1e100
 class _Spikes:
     """Spikes of a column: count, first row, and sums of squares.
 
-    Also the largest excursion, and the width of the ordinary range.
+    Further fields are the largest excursion, and the width of the ordinary range.
     """
 
     count: int = 0
@@ -83,7 +83,7 @@ def spike_suspicions(
             same = robot.revolute == robot.revolute[joint]
             all_else = max(each.of_all for each, fits in zip(alike, same, strict=True) if fits)
         share = min(spikes.of_spikes / all_else, 1.0) if spikes.count else 0.0
-        # joints at rest tremble little compared with the motion of others
+        # the trembling of joints at rest is small compared with the motion of others
         if share < STATED or spikes.farthest < CARRIED * max(each.width for each in alike):
             continue
         unit = robot.position_unit(joint)
@@ -152,10 +152,12 @@ def _add(
 def _outstanding(x: Array, recorded: Array | None) -> tuple[Array, Mask]:
     """Return excursions and a mask of outliers; `recorded` is the column before unwrapping."""
     excursion, out = _beyond_ordinary(x)
-    # and a hundredth of the ordinary range: where a joint hardly ever moves, its turns are as quick
+    # a minimum of a hundredth of the ordinary range: turns of a mostly resting joint are as fast
     if out.any():
         out &= excursion > 0.01 * np.ptp(np.quantile(x, MIDDLE))
-    if out.any():  # rounding flickers by an increment each way; the last digit of a double is none
+    # rounding flickers by an increment in either direction; the last digit of a double does not
+    # count
+    if out.any():
         out &= excursion > (2.0 + 1e-6) * increment(x)
     if recorded is not None:
         turned, turns = _beyond_ordinary(recorded)
@@ -172,12 +174,12 @@ def _beyond_ordinary(x: Array) -> tuple[Array, Mask]:
     changes = x[REACH:] - x[:-REACH]
     steps = np.abs(changes)
     nearer = np.minimum(steps[:-REACH], steps[REACH:])
-    # ordinary changes that a spike exceeds, 10: 28 standard deviations of white noise, as an
-    # ordinary change of it is 1.96 times the square root of two of them
+    # minimum ratio of a spike to ordinary changes: 10 is 28 standard deviations of white noise,
+    # since an ordinary change is 1.96 times the square root of two of these
     if np.count_nonzero(steps <= nearer.max() / 10.0) < OFTEN * (len(steps) - 1):
-        return nearer, np.zeros(len(nearer), dtype=bool)  # without the quantile's sorting
-    # to one side of both: the change to the sample and that from it have opposite signs
+        return nearer, np.zeros(len(nearer), dtype=bool)  # without a sort for the quantile
+    # spikes are to one side of both neighbours: the changes before and after have opposite signs
     excursion = np.where((changes[:-REACH] > 0) != (changes[REACH:] > 0), nearer, -nearer)
-    # rounding, too, is ordinary
+    # rounding is also ordinary
     most = max(10.0 * np.quantile(steps, OFTEN), 1e-9 * np.abs(x).max())
     return excursion, np.asarray(excursion > most)

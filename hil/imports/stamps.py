@@ -46,21 +46,21 @@ class Counts:
     Attributes
     ----------
     rows, missing, doubled, disordered : int
-        Rows chosen; without a number; with the stamp of another one; sorted back into order.
+        Numbers of rows: chosen, without a number, with a repeated stamp, and reordered.
     gaps : int
         Number of stretches of missing samples too long for interpolation.
     lost : float
         Time within gaps [s].
     bridged : int
-        Samples that were interpolated over less.
+        Number of samples interpolated over shorter gaps.
     short : int
-        Stretches left out for being too short, of `short_time` [s] altogether.
+        Number of stretches that are too short, with `short_time` [s] in total.
     repeating, first_repeating : int
-        Rows that repeat all values of the row before, and the first of them, from 1.
+        Number of rows that repeat all values of the previous row, and the first one, from 1.
     held : int
-        Over how many rows positions are held.
+        Number of rows over which positions are held.
     repeated : int
-        Rows left out that repeat positions.
+        Number of skipped rows with repeated positions.
     jitter : float
         Standard deviation of the time between samples [s].
     """
@@ -98,14 +98,14 @@ def timing_of(samples: Samples, segments: list[Integers], *, trusted: bool = Fal
     ----------
     samples : Samples
     segments : list of arrays of int
-        Rows that were chosen, in parts that have nothing to do with each other.
+        Chosen rows, in independent parts.
     trusted : bool
         True if stamps come from a stated rate.
 
     Raises
     ------
     WrongStamps
-        Time runs backwards, or does not pass.
+        Stamps run backwards, or are constant.
     """
     counts = Counts(rows=sum(map(len, segments)))
     usable = [rows[samples.complete[rows]] for rows in segments]
@@ -165,7 +165,7 @@ def _refined(times: list[Array], period: float) -> float:
     """Return the mean of all steps close to the period, if most are; else of all steps."""
     steps = np.concatenate([np.diff(t) for t in times])
     about = np.abs(steps - period) < period / 2
-    # the period is the mean of steps about it where nine in ten are
+    # the period is the mean of steps close to it, if nine in ten are
     mean = float(np.mean(steps[about] if np.mean(about) > 0.9 else steps))
     return mean if abs(mean - period) < EVEN * period else period
 
@@ -176,7 +176,7 @@ def _ordered(samples: Samples, rows: Integers, period: float, counts: Counts) ->
     Raises
     ------
     WrongStamps
-        Time runs back by more than a few samples, or often.
+        Stamps run backwards by more than a few samples, or often.
     """
     time = samples.time[rows]
     steps = np.diff(time)
@@ -184,7 +184,7 @@ def _ordered(samples: Samples, rows: Integers, period: float, counts: Counts) ->
     if not len(back):
         return rows
     worst = int(back[np.argmin(steps[back])])
-    # rows out of order up to 1 % are sorted; beyond, a column is no time
+    # up to 1 % of rows out of order are sorted; with more, a column is not time
     if steps[worst] < -10 * period or len(back) > max(1, 0.01 * len(rows)):
         raise WrongStamps(
             f"time runs backwards at {len(back)} of {len(rows)} rows, from {time[worst]:.6g} s to"
@@ -229,7 +229,7 @@ def _drop_held(samples: Samples, rows: Integers, period: float, counts: Counts) 
     same = np.zeros(len(rows), dtype=bool)
     for begin in range(1, len(rows), ROWS):
         part = rows[begin - 1 : begin + ROWS]
-        # rows with a change in the first column are new without a look at the others
+        # rows with a change in the first column are new, so other columns need no check
         alike = 1 + np.flatnonzero(np.diff(samples.values[part, 0]) == 0)
         before, after = (np.nan_to_num(samples.values[part[at]]) for at in (alike - 1, alike))
         same[begin - 1 + alike] = (before == after).all(axis=1)
@@ -240,7 +240,8 @@ def _drop_held(samples: Samples, rows: Integers, period: float, counts: Counts) 
     usual = float(np.median(apart))
     held = same & np.repeat(apart <= max(0.02 / period, 2.5 * usual), apart)
     found = np.flatnonzero(held)
-    # fewer than one row in a hundred spoil nothing, and coarse columns repeat as many by chance
+    # fewer than one held row in a hundred are harmless, and coarse columns repeat as often by
+    # chance
     if len(found) < 0.01 * len(rows):
         return rows
     counts.first_repeating = counts.first_repeating or int(rows[found[0]]) + 1

@@ -28,14 +28,14 @@ class Statement:
     ----------
     the_map : MapFile
     timing : Timing
-        Without its stretches, which are as long as the recording.
+        Timing without the stretches, whose arrays are as long as the recording.
     wraps : int
-        Steps of positions by more than half a turn.
+        Number of position steps above half a turn.
     recorded : tuple of bool
         True for joints with a recorded velocity.
     motions : tuple of FreeMotion
     suspicions : tuple of Suspicion
-        Suspicions accepted by the map, or not certain.
+        Suspicions accepted by the map, and uncertain ones.
     notes : tuple of str
         Notes on files as a whole.
     explanation : tuple of str

@@ -4,10 +4,6 @@ Readers (`hil.imports.readers`) make tables; no other module knows the format of
 are those of times, positions, velocities and torques in recordings; all are converted to SI. A unit
 is angular or linear, so that millimetres of a revolute joint are refused. Counts and currents have
 neither: the map states their size.
-
-Units are those in which recordings state times, positions, velocities and torques; all become SI. A
-unit is angular or linear, so that millimetres of a joint that turns are refused. Counts and
-currents have neither: what one of them is worth is stated in the map.
 """
 
 from __future__ import annotations
@@ -72,7 +68,7 @@ class Table(Protocol):
     names : tuple of str
         Names of all columns; empty for unnamed columns.
     time : tuple of int
-        Columns whose sum is the time stamp, in `STAMP_UNITS`, where the format itself has stamps.
+        Columns whose sum is the time stamp, in `STAMP_UNITS`, for formats with stamps.
     left_out : mapping of str to str
         Left-out contents of the file by name: description, and how to save it as numbers.
     notes : tuple of str
@@ -91,7 +87,7 @@ class Table(Protocol):
         Raises
         ------
         FileError
-            The file cannot be read, or holds something else than numbers there.
+            The file cannot be read, or contains other values than numbers.
         """
         ...
 
@@ -102,7 +98,7 @@ def column_of(table: Table, column: int | str) -> int:
     Raises
     ------
     NoColumn
-        There is none.
+        The column does not exist.
     """
     if isinstance(column, int):
         if column <= len(table.names):
@@ -111,7 +107,7 @@ def column_of(table: Table, column: int | str) -> int:
     found = [index for index, name in enumerate(table.names) if name == column]
     if len(found) == 1:
         return found[0]
-    quoted = f"'{whole_line(column)}'"  # a name that is escaped already is escaped once
+    quoted = f"'{whole_line(column)}'"  # escaped names are not escaped again
     if found:
         numbers = " and ".join(str(index + 1) for index in found)
         raise NoColumn(f"{table.path} has {quoted} as columns {numbers}; give a number")
@@ -193,6 +189,6 @@ def position_factor(unit: str, per_unit: float | None) -> float:
     per_unit : float, optional
         Size of a count [rad or m].
     """
-    if per_unit is not None:  # stated of counts, and of nothing else
+    if per_unit is not None:  # only counts need a size
         return per_unit
     return math.pi / 30 if unit == "rpm" else LENGTHS[unit.removesuffix("/s")]

@@ -1,14 +1,10 @@
 """Conversion of recorded columns to SI on the joint side: units, signs, gears, coupled motors.
 
-Motor-side values are converted by the motor matrix R of the robot, motor angles for joint angles: q
+Motor-side values are converted by the robot's motor matrix R, from joint to motor angles: q
 = R^-1 q_motor + offset, and tau = R^T tau_motor by equal power. Times come from a column, from the
 sum of two, or from a rate. A double resolves only 0.2 us of a date in seconds and 0.1 us in
 nanoseconds. So the first row is subtracted from the columns before adding, and the sum is exact to
 1 ns.
-
-Times come from one column, from the sum of two, or from a rate. A double has but 0.2 us of a date
-in seconds and 0.1 us of one in nanoseconds. So what the first row states is subtracted from each
-column before the two are added, and the sum is exact to 1 ns.
 """
 
 from __future__ import annotations
@@ -43,12 +39,12 @@ class Conversion:
     Attributes
     ----------
     efforts : array (n_joints, n_joints)
-        Takes torques as they were recorded to those of the joints, from the right.
+        Matrix that converts recorded torques to joint torques, from the right.
 
     Raises
     ------
     FileError
-        Columns that do not fit the robot: their number, or their units.
+        Number or units of the columns do not fit the robot.
     """
 
     def __init__(self, the_map: MapFile, robot: Robot) -> None:
@@ -221,7 +217,7 @@ class TimeColumns:
         Raises
         ------
         FileError
-            The second column is no part of a unit of the first.
+            The second column is not a fraction of the first column's unit.
         """
         if self._rate is not None:
             return (row + np.arange(len(columns))) / self._rate

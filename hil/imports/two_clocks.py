@@ -123,9 +123,9 @@ def _suspicion(
     one = _lags([each._replace(part=0 * each.part) for each in rows], shown)
     many = _lags(rows, shown)
     tiny = np.finfo(float).tiny
-    # the geometric mean: a clock affects all joints, a model error only some
+    # geometric mean, since a clock affects all joints and a model error only some
     left = np.log(np.maximum(many.left, tiny)) - np.log(np.maximum(one.left, tiny))
-    # a row is of an instant no better known than the period
+    # the instant of a row is known within a period
     if left.mean() <= np.log(LEAVES) and np.ptp(many.lags) > excerpts[0].period:
         name = {"tau": "torque", "qd": "velocity"}[key]
         yield Suspicion("shape", ("joints", 0, name), _words(name, many), certain=False)

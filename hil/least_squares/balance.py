@@ -50,11 +50,11 @@ class Kind(NamedTuple):
     cells : Blocks, optional
         Samples grouped in cells of states, which show model error.
     beside : ndarray, shape (n, n)
-        Covariance of the first shared unknowns, estimated from this kind alone, not visible between
-        groups, such as from one friction law to another; none where n is 0.
+        Covariance of the first shared unknowns by this kind alone that does not appear between
+        groups, such as from the choice of a friction law; none if n is 0.
     effect : ndarray, shape (n, m)
-        Change of these unknowns per unit of a quantity not visible either, such as a torque
-        constant; none where n is 0.
+        Change of these unknowns per unit of another invisible quantity, such as a torque constant;
+        none if n is 0.
     """
 
     regression: Regression
@@ -80,15 +80,15 @@ class Balanced(NamedTuple):
 def balance(kinds: Sequence[Kind], shared: Sequence[str]) -> Balanced:
     """Combine kinds into one regression over joined blocks, keeping the unknowns of every kind.
 
-    Weights within a kind are residual variances of the solution of all; factors say how much a kind
-    counts.
+    Weights within a kind are reciprocal residual variances of the joint solution; factors weight
+    whole kinds.
 
     Parameters
     ----------
     kinds : sequence of Kind
-        No channel of one is a channel of another.
+        Kinds without common channels.
     shared : sequence of str
-        Names of the unknowns that they share.
+        Names of the unknowns shared by the kinds.
     """
     if len(kinds) == 1:
         beside = embedded(kinds[0].beside, np.arange(len(kinds[0].beside)), len(shared))
@@ -126,9 +126,9 @@ class Shares:
     Parameters
     ----------
     kinds : sequence of Kind
-        Weighted.
+        Weighted regressions of the kinds.
     shared : sequence of str
-        Names of the unknowns that they share.
+        Names of the unknowns shared by the kinds.
     """
 
     def __init__(self, kinds: Sequence[Kind], shared: Sequence[str]) -> None:

@@ -180,8 +180,8 @@ class Blocks:
         Parameters
         ----------
         T : ndarray, shape (..., m, 1 + n_shared + n_own)
-            Torque, shared and own columns, each by the columns of `products`; what goes before
-            may be groups and channels.
+            Torque, shared and own columns as combinations of the columns of `products`; leading
+            dimensions may be groups and channels.
         """
         products = np.swapaxes(T, -1, -2) @ self.products @ T
         return replace(self, shared=tuple(shared), own=tuple(own), products=products)
@@ -199,9 +199,9 @@ class Blocks:
         torque : ndarray, shape (n_channels, m), optional
             Dependent variable, by the columns of `products`; by default the torque.
         added : mapping of str to ndarray, shape (n_channels, m) or (n_groups, n_channels, m)
-            Shared columns that come behind the others, likewise.
+            Shared columns to be appended, as combinations as well.
         dropped : sequence of str
-            Shared columns that go.
+            Shared columns to be removed.
         """
         m, new = self.products.shape[-1], added or {}
         first = np.eye(1, m) if torque is None else torque

@@ -41,10 +41,10 @@ def simplest(errors: Mapping[str, Array], n_channels: int = 1) -> str:
     Parameters
     ----------
     errors : mapping of name to ndarray, shape (n_blocks,)
-        Squared errors on held-out blocks of all that was tried, the simplest alternative first.
+        Squared errors on held-out blocks by alternative, the simplest first.
     n_channels : int
-        Channels that the errors are of, weighted alike, where the alternatives are of one of
-        them: its own residual is an n-th of theirs.
+        Number of equally weighted channels in the errors, if the alternatives concern only one: the
+        residual of this channel is an n-th.
     """
     names, squares = list(errors), np.array(list(errors.values()))
     total = sums = squares.sum(axis=1)
@@ -67,9 +67,9 @@ class HeldOut:
     Parameters
     ----------
     fitted : Normal
-        Equations that are solved.
+        Equations for the fit.
     scored : Normal
-        Equations of the samples that count, of the same blocks.
+        Equations of the scored samples, for the same blocks.
     """
 
     def __init__(self, fitted: Normal, scored: Normal) -> None:

@@ -76,9 +76,9 @@ def axis_place(n_shared: int, n_own: int, axis: int) -> Indices:
     Parameters
     ----------
     n_shared : int
-        Unknowns that all axes share.
+        Number of unknowns shared by all axes.
     n_own : int
-        Unknowns of each axis alone.
+        Number of own unknowns per axis.
     axis : int
         Index from 0.
     """
@@ -92,7 +92,7 @@ def embedded(x: Array, kept: Indices, n: int) -> Array:
     Parameters
     ----------
     x : ndarray, shape (n_kept,) or (n_kept, n_kept)
-        Values of the kept unknowns, or a covariance of theirs.
+        Values or covariance of the kept unknowns.
     kept : ndarray of int, shape (n_kept,)
 
     Returns

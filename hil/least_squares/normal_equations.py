@@ -94,11 +94,11 @@ def reweighted(weigh: Callable[[Array], Array], first: Array, rounds: int = 20) 
     Parameters
     ----------
     weigh : callable
-        Solves with given weights, and makes others of what the solution leaves.
+        Function that solves with given weights, and returns new weights from the residual.
     first : ndarray
-        Weights to begin with.
+        Initial weights.
     rounds : int
-        At most.
+        Maximum number of iterations.
     """
     weights = first
     for _ in range(rounds):

@@ -66,7 +66,7 @@ ROUNDS = 20
 class Uncertainty(NamedTuple):
     """Covariance of the kept unknowns (k, k), degrees of freedom (k,), and the cells' part.
 
-    The latter is the scatter over cells, 0 without any.
+    The cells' part is the scatter over cells, 0 without cells.
     """
 
     covariance: Array
@@ -89,9 +89,9 @@ class Regression:
     weights : ndarray, shape (n_channels,)
         Reciprocal residual variances.
     kept : ndarray of int
-        Unknowns that are found; the others are zero.
+        Estimated unknowns; the others are zero.
     solver : callable
-        Weights the equations of groups as it sees fit, and solves them.
+        Function that weights and solves the equations of groups.
     """
 
     blocks: Blocks
@@ -112,11 +112,11 @@ class Regression:
         Parameters
         ----------
         kept : ndarray of int, optional
-            By default all unknowns.
+            Unknowns to estimate; by default all.
         first : ndarray, shape (n_channels,), optional
-            Weights to begin with; by default the reciprocal mean squares of the torque.
+            Initial weights; by default the reciprocal mean squares of the torque.
         rounds : int
-            At most.
+            Maximum number of iterations.
         """
         if kept is None:
             kept = np.arange(blocks.layout.size)
@@ -191,7 +191,7 @@ class Regression:
         cells : Blocks, optional
             Samples grouped in cells, whose scatter is added; white noise has none.
         most : int, optional
-            Groups, at most: successive ones are added up, so what lasts longer counts.
+            Maximum number of groups: successive groups are merged to include longer disturbances.
         """
         normal = self.normal if most is None else self.normal.grouped(most)
         x = self.solution[self.kept]
@@ -271,12 +271,13 @@ class ByName:
         Parameters
         ----------
         alpha : float
-            Share of the intervals that miss, as in statsmodels: 0.05 for intervals of 95 %.
+            Probability that an interval misses the value, as in statsmodels: 0.05 for 95 %
+            intervals.
 
         Raises
         ------
         InvalidArray
-            An `alpha` that is not above 0 and at most 0.5.
+            `alpha` is not above 0 and at most 0.5.
         """
         if not 0 < alpha <= 0.5:
             raise InvalidArray(
@@ -298,12 +299,12 @@ class Fit(ByName):
     ----------
     layout : Layout
     kept : ndarray of int
-        Unknowns that were found; the others are zero, and nothing is said of them.
+        Estimated unknowns; the others are zero and not part of the results.
     x : ndarray, shape (n,)
     covariance : ndarray, shape (n, n)
     degrees_of_freedom : ndarray, shape (n,)
     residual : ndarray, shape (n_channels,)
-        Root mean square of what is left of each channel.
+        Root mean square residual of each channel.
     condition : float
         Condition number of the weighted columns at unit length.
     """

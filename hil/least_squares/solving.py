@@ -83,11 +83,11 @@ def inverse_root(N: Array, rank: float = RANK, size: Array | None = None) -> Arr
     N : ndarray, shape (n, n)
         Symmetric, positive semi-definite.
     rank : float
-        Share of the largest eigenvalue of R (but of 1, if that is less) above which a direction is
+        Share of the largest eigenvalue of R, or of 1 if less, above which a direction is
         determined.
     size : ndarray, shape (n,), optional
-        Squares of D where the diagonal of N is not what N is to be compared with: what
-        elimination has left of N is small compared with what it was before.
+        Squares of D in place of the diagonal of N, for an N after elimination, whose diagonal is
+        small compared with that before.
     """
     scale, values, vectors = _decompose(N, size)
     kept = _select_determined(values, rank)
@@ -200,7 +200,7 @@ def eliminated(product: Array, k: int) -> tuple[Array, int]:
 
 
 def nuisance_elimination(N: Array, n: int) -> Array:
-    """Compute P, the elimination of all unknowns but the first `n` from normal equations.
+    """Compute P, which eliminates all unknowns after the first `n` from normal equations.
 
     Parameters
     ----------

@@ -28,7 +28,7 @@ def smooth_at(
     Parameters
     ----------
     index : ndarray, shape (n,)
-        Further from both ends than `passes` half windows reach.
+        Indices more than `passes` half windows away from both ends.
     x : ndarray, shape (n_samples, k)
         Samples every `period` [s].
     passes : int
@@ -38,7 +38,7 @@ def smooth_at(
     -------
     means : ndarray, shape (n, k)
     """
-    flat = np.ascontiguousarray(x).view(np.float64)  # of complex columns, two for each
+    flat = np.ascontiguousarray(x).view(np.float64)  # complex columns count as two each
     return np.asarray(window_means(index, len(x), period, passes) @ flat).view(x.dtype)
 
 

@@ -75,8 +75,8 @@ def scatter(scores: Array, *, few: bool = False) -> Array:
     ----------
     scores : ndarray, shape (n_measurements, n)
     few : bool
-        Take the scores' mean off and correct by n / (n - 1), which matters where there are few
-        or where the solution does not make their sum zero.
+        Subtract the scores' mean and correct by n / (n - 1), which matters where there are few or
+        where the solution does not make their sum zero.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def leave_out(shares: Array, scores: Array) -> Array:
     ----------
     shares : ndarray, shape (n_measurements, n, n)
     scores : ndarray, shape (n_measurements, n)
-        At the solution of all.
+        Scores at the joint solution.
     """
     N = shares.sum(axis=0)
     return np.array([solved(N - S, -score) for S, score in zip(shares, scores, strict=True)])
@@ -139,9 +139,9 @@ def effective_degrees(shares: Array, fewest: float = FEWEST) -> Array:
     Parameters
     ----------
     shares : ndarray, shape (n_measurements, n)
-        Not negative.
+        Shares of the measurements, not negative.
     fewest : float
-        Least value that is returned; the largest is ``n_measurements - 1``, if that is more.
+        Minimum result; the maximum is ``n_measurements - 1``, if larger.
 
     Returns
     -------
@@ -165,7 +165,7 @@ def degrees_if_white(inverse: Array, shares: Array, fewest: float = FEWEST) -> A
         Inverse of N.
     shares : ndarray, shape (n_measurements, n, n)
     fewest : float
-        As of `effective_degrees`.
+        As in `effective_degrees`.
     """
     return effective_degrees(((inverse @ shares) * inverse.T).sum(axis=-1), fewest)
 

@@ -31,7 +31,8 @@ def correlate(x: Array, taps: Array) -> Array:
     """Correlate samples with `taps`, with constant extension at the ends."""
     n, reach = len(x), len(taps) // 2
     flat = x.reshape(n, -1)
-    padded = np.empty((flat.shape[1], n + 2 * reach))  # np.pad takes as long as all that follows
+    # np.pad takes as long as the following lines together
+    padded = np.empty((flat.shape[1], n + 2 * reach))
     padded[:, :reach], padded[:, n + reach :] = flat[:1].T, flat[-1:].T
     padded[:, reach : n + reach] = flat.T
     sums = np.empty(flat.shape)

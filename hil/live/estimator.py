@@ -36,7 +36,7 @@ def main(folder: str) -> None:
     first = recorded.get()
     if first is None:
         return
-    # import numerics only now, when a run is certain
+    # numerics are imported only now, when a run is certain
     from hil.live.interim import Interim  # noqa: PLC0415
     from hil.runs.run import Run  # noqa: PLC0415
 
@@ -52,7 +52,7 @@ def main(folder: str) -> None:
             path = run.recording_path(motions[name])
             if _is_there(path):
                 for line in interim.take(motions[name], run.read(motions[name]).recording):
-                    if name in not_yet:  # others have the time of a bus that is closed
+                    if name in not_yet:  # other lines have the time of a closed bus
                         say("torque", **line)
         say("estimate", **interim.parameters())
 

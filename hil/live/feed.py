@@ -93,11 +93,11 @@ class Feed:
         Parameters
         ----------
         rehearsal : float or None
-            Share of the speed limits at which all ways are only passed.
+            Share of the speed limits in a rehearsal.
         hand : bool
             True if the plant's arm can be pushed from the live page.
         watcher : Watcher or None
-            Whose torques are passed on.
+            Source of published torques.
         """
         kind = {"simulated": self._simulated, "hand": hand, "watched": watcher is not None}
         self._start = lines.start(robot, plan, rehearsal, **kind)
@@ -108,7 +108,7 @@ class Feed:
         self._learning: bool | None = None
 
     def wrap_bus(self, bus: DriveBus) -> FedBus:
-        """Put a bus in front of another, before entry."""
+        """Wrap a bus, before entry."""
         return FedBus(bus, self)
 
     @contextmanager
@@ -118,7 +118,7 @@ class Feed:
         Raises
         ------
         ListenerFailed
-            As by `open`.
+            See `open`.
         """
         with nullcontext() if self._open else self.open(console), shown(console) as show:
             self.publish("start", self._start)
@@ -159,7 +159,8 @@ class Feed:
             try:
                 while True:
                     said = listener.said.get_nowait()
-                    if self._watcher is None:  # else it is late, and about the run before
+                    # otherwise the line is late, and belongs to the previous run
+                    if self._watcher is None:
                         self.publish(said.pop("kind"), said)
             except Empty:
                 continue
@@ -202,7 +203,7 @@ class Feed:
         Raises
         ------
         ListenerFailed
-            One of them cannot serve.
+            A listener cannot serve.
         """
         self._say = partial(say, console=console)
         stated = []
@@ -224,7 +225,7 @@ class Feed:
         try:
             yield
         except BaseException as error:
-            self.pass_on()  # the end is the last line
+            self.pass_on()  # the last line ends the output
             self.publish("end", _describe_end(error))
             raise
         else:
@@ -309,6 +310,7 @@ def _describe_end(error: BaseException) -> lines.Line:
         isinstance(error, typer.Exit) and error.exit_code == STATUS
     ):
         return {"how": "stopped", "text": "stopped by the operator"}
-    if isinstance(error, (BrokenPipeError, SystemExit)):  # rich turns the one into the other
+    # rich converts an interrupt into another error
+    if isinstance(error, (BrokenPipeError, SystemExit)):
         return {"how": "stopped", "text": "nobody reads the output of the terminal"}
     return {"how": "failed", "text": str(error) or type(error).__name__}

@@ -165,14 +165,14 @@ def main(address: str, port: str) -> None:
     for text in sys.stdin.buffer:
         for said in lines.take(json.loads(text)):
             channels[said.topic].log(said.data, log_time=said.stamp)
-    time.sleep(0.5)  # clients get the last messages
+    time.sleep(0.5)  # time for the clients to get the last messages
     server.stop()
 
 
 def _serve(messages: ros.RosMessages, address: str, port: int) -> tuple[Any, dict[str, Any]]:
     """Start the server; return server and channels by topic.
 
-    256 messages may wait for one client, some 3 s of a run.
+    At most 256 messages wait for a client, some 3 s of a run.
     """
     with needed_for(OPTION, EXTRA):
         import foxglove  # noqa: PLC0415 - optional

@@ -41,7 +41,7 @@ class Incoming:
         Non-blocking socket.
     data : bytearray
     ends : float
-        When its time is over, on the monotonic clock [s].
+        End of the time limit, on the monotonic clock [s].
     """
 
     connection: socket.socket
@@ -54,7 +54,7 @@ class Incoming:
         Raises
         ------
         OSError
-            The other side has closed the connection, or it broke.
+            The connection is closed or broken.
         TooLarge
         """
         try:

@@ -115,15 +115,15 @@ def level_of(measurement: Measurement, recording: Recording) -> tuple[float, flo
     the mean torques is without gravity; inertia cancels too, since a stroke brakes as it has
     accelerated. The rest is the friction at the speed of that stroke.
 
-    None where no axis does, or fewer than five samples of a direction lie in the middle of its
-    strokes.
+    Return None without such an axis, or with fewer than five samples per direction in the middle of
+    the strokes.
 
     Returns
     -------
     level : float
         Half the difference of the mean torques forth and back [N m or N].
     speed : float
-        [rad/s or m/s].
+        Mean speed [rad/s or m/s].
     """
     if len(measurement.read) != 1:
         return None
@@ -209,11 +209,11 @@ def torque(axes: Sequence[int], time: Array, *torques: Array, measurement: str =
     Parameters
     ----------
     axes : sequence of int
-        Indices from 0.
+        Axes from 0.
     time : ndarray, shape (n,)
-        [s].
+        Time [s].
     *torques : ndarray, shape (n, n_axes)
-        Measured, predicted and band [N m or N].
+        Measured and predicted torque, and band [N m or N].
     measurement : str
         Id of the recording.
     """
@@ -240,7 +240,7 @@ def event(happened: Event, left: float, numbers: Mapping[str, int]) -> Line:
     Parameters
     ----------
     left : float
-        Time left by the wall's clock [s].
+        Remaining time on the wall clock [s].
     numbers : mapping of str to int
         Number of each measurement in the plan.
     """

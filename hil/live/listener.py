@@ -49,7 +49,7 @@ class Listener:
     arguments : str
         Arguments of the module's command line.
     answers : bool
-        True if it has lines for the others, awaited after the run.
+        True if the process sends lines to other listeners, awaited after the run.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Listener:
         Parameters
         ----------
         stop : callable
-            Called, from another thread, where the process asks for a stop; once at most.
+            Function called from another thread when the process requests a stop, at most once.
         patience : float
             Maximum time until the process is ready [s]; nothing moves before.
 
@@ -145,7 +145,7 @@ class Listener:
             process.kill()
             process.wait()
         if self._ear.is_alive():
-            self._ear.join()  # a stop that came later would find nobody who takes it
+            self._ear.join()  # a later stop request would have no receiver
 
     def _flush(self) -> None:
         try:

@@ -77,13 +77,13 @@ class Site(NamedTuple):
     ----------
     streams : Streams
     stop : callable
-        Asks the run to stop.
+        Function that requests a stop of the run.
     secret : str
         First part of every path; empty for none.
     hand : str
-        Path of the socket at which the plant takes pushes; empty where nothing can be pushed.
+        Path of the plant's socket for pushes; empty without one.
     report : str
-        Path of the report of the run, once there is one; empty for none.
+        Path of the run's report; empty before its creation.
     """
 
     streams: Streams
@@ -121,7 +121,7 @@ class Requests(BaseHTTPRequestHandler):
 
     site: Site
     server: HTTPServer
-    timeout = 10.0  # of an answer as a whole [s]
+    timeout = 10.0  # time limit for a whole answer [s]
 
     def setup(self) -> None:
         """Set up streams for the request received and the connection."""
@@ -179,7 +179,7 @@ class Requests(BaseHTTPRequestHandler):
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as hand:
                 hand.setblocking(False)
                 hand.sendto(body, self.site.hand)
-        except OSError:  # between two runs, or its queue is full
+        except OSError:  # the plant is between two runs, or its queue is full
             self._text(HTTPStatus.SERVICE_UNAVAILABLE, "the arm cannot be pushed now")
         else:
             self._text(HTTPStatus.ACCEPTED, "pushed")
@@ -291,7 +291,7 @@ def _is_push(body: bytes) -> bool:
         return False
     return (
         all(isinstance(each, (int, float)) for each in (*torques, lasts))
-        and all(abs(each) <= STRONGEST for each in torques)  # which nothing is that is no number
+        and all(abs(each) <= STRONGEST for each in torques)  # NaN fails this comparison
         and 0 <= lasts <= LONGEST
     )
 

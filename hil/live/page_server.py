@@ -58,7 +58,7 @@ class PageServer(ThreadingHTTPServer):
     address : str
         IP address to listen on.
     port : int
-        0 takes a free one.
+        Port; 0 selects a free one.
     site : Site
     """
 
@@ -70,7 +70,7 @@ class PageServer(ThreadingHTTPServer):
         self.address_family = socket.AF_INET6 if is_long else socket.AF_INET
         self._free = Semaphore(CONNECTIONS_MAX)
         self._site = site
-        self._waiting: dict[Incoming, None] = {}  # in the order in which they came
+        self._waiting: dict[Incoming, None] = {}  # in order of arrival
         self._selector = selectors.DefaultSelector()
         super().__init__((address, port), type("Requests", (Requests,), {"site": site}))
 
@@ -87,7 +87,8 @@ class PageServer(ThreadingHTTPServer):
             for key, _ in self._selector.select(poll_interval):
                 if key.fileobj is self.socket:
                     self._accept()
-                elif key.data in self._waiting:  # else it has just been left for a newer one
+                # otherwise it was just closed in favour of a newer connection
+                elif key.data in self._waiting:
                     self._receive(key.data)
             now = time.monotonic()
             for late in [each for each in self._waiting if each.ends < now]:
@@ -97,7 +98,7 @@ class PageServer(ThreadingHTTPServer):
         for _ in range(self.request_queue_size):
             try:
                 connection, _ = self.socket.accept()
-            except OSError:  # nobody else, or it has gone again
+            except OSError:  # no other connection is pending, or it has been closed again
                 return
             connection.setblocking(False)
             if len(self._waiting) >= WAITING_MAX:

@@ -31,14 +31,14 @@ class Client:
     Attributes
     ----------
     left : Event
-        Set once the page is not served any more.
+        Set at the end of the connection.
     """
 
     def __init__(self, connection: socket.socket, first: bytes) -> None:
         self.left = Event()
         connection.setsockopt(
             socket.SOL_SOCKET, socket.SO_SNDBUF, 16_384
-        )  # what lies there gets old
+        )  # data in this buffer becomes old
         connection.setblocking(False)
         self._connection = connection
         self._waiting = bytearray(first)
@@ -78,7 +78,7 @@ class Streams:
         self._lock = Lock()
         self._clients: list[Client] = []
         self._state: dict[str, bytes] = {}
-        self._history: deque[bytes] = deque(maxlen=200)  # notices that a late page still gets
+        self._history: deque[bytes] = deque(maxlen=200)  # notices for late pages
 
     @property
     def ended(self) -> bool:

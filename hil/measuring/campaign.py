@@ -53,9 +53,9 @@ def run_campaign(
     Parameters
     ----------
     folder : RunFolder
-        A new one, or one prepared by `RunFolder.set_aside_damaged`.
+        New folder, or one prepared by `RunFolder.set_aside_damaged`.
     bus : DriveBus
-        Not entered yet.
+        Bus not entered yet.
     bus_name : BusName
         Name of the bus, for the journal.
     pause : callable
@@ -71,8 +71,8 @@ def run_campaign(
     Raises
     ------
     DriveError, FileError
-        The campaign ended early; what was measured stays. `LimitExceeded` before anything moved
-        where the plan exceeds the limits that hold on the drives.
+        The campaign ended early; finished measurements are kept. `LimitExceeded` is raised before
+        any motion if the plan exceeds the limits of the drives.
     """
     missing = {measurement.id for measurement in folder.missing}
     done = [m.id for m in folder.plan.measurements if m.id not in missing]
@@ -175,7 +175,8 @@ class Background:
         Raises
         ------
         FileError
-            Something could not be; where another exception is under way this is logged instead.
+            A file could not be written; while another exception is handled, this error is logged
+            instead.
         """
         self._tasks.put(None)
         self._worker.join()
@@ -191,7 +192,7 @@ class Background:
         Raises
         ------
         FileError
-            The disk takes nothing any more.
+            The disk accepts no data.
         """
         ends = time.monotonic() + self._patience
         while self._tasks.qsize() >= self._waiting_max:
@@ -200,7 +201,7 @@ class Background:
                     f"no file was written to disk for {self._patience:g} s, with "
                     f"{self._waiting_max} waiting; check the disk, then continue with --resume"
                 )
-            # looks for a place every 5 ms
+            # polls for a free place every 5 ms
             time.sleep(0.005)
         self._tasks.put(task)
 

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 DELAY = 1.5
 """Delay of drives behind their set-points in SYNC periods.
 
-One until the next set-point has come, and half of one if the interpolation has a continuous
-velocity.
+The delay is one period until the arrival of the next set-point, plus half a period for an
+interpolation with continuous velocity.
 """
 LOOP = 0.001
 """Period of the control loops of many drives [s]."""
@@ -50,7 +50,7 @@ class BusInFront:
     Parameters
     ----------
     bus : DriveBus
-        Not entered yet.
+        Bus not entered yet.
     """
 
     def __init__(self, bus: DriveBus) -> None:
@@ -114,7 +114,7 @@ class BusInFront:
         Raises
         ------
         DriveRefused
-            The drives follow no stream of set-points.
+            The drives support no streamed set-points.
         """
         # checked once: the protocol check reads all attributes of a bus
         if not isinstance(self._bus, StreamingBus):
@@ -134,7 +134,7 @@ class FeedingBus(BusInFront):
     Parameters
     ----------
     bus : DriveBus
-        Not entered yet; its drives take offsets of velocity and torque.
+        Bus not entered yet, whose drives accept offsets of velocity and torque.
     velocity : bool
         Feed velocities forward; if not, they are zero.
     predict : callable, optional
@@ -200,7 +200,8 @@ def refuse_beyond_torque(trajectory: Trajectory, robot: Robot, predict: Predict)
     drivers.drive_bus.LimitExceeded
         Message with axis, instant, torque and limit.
     """
-    t = np.linspace(0.0, trajectory.period, 2000)  # far more than harmonics have extremes
+    # many more samples than extremes of the harmonics
+    t = np.linspace(0.0, trajectory.period, 2000)
     q, qd, qdd = trajectory.motion(t)
     for tau, what in (
         (predict(q, qd, qdd), "needs a torque of"),

@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 def record(bus: DriveBus, measurement: Strokes) -> Recording:
     """Carry out the strokes of a measurement and record every sample.
 
-    The axes stand at ``measurement.start``, where the last stroke brings them back to.
+    The axes start at ``measurement.start`` and return there with the last stroke.
 
     Raises
     ------
     MoveFailed
-        A stroke not finished in time.
+        A stroke was not finished in time.
     Tripped
         An encoder jumped.
     """

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveBus, Sample
 
 REAL_TIME = 4.0
-"""Time of motion at its own speed before it is accelerated [s]: as long as a look takes."""
+"""Time of motion in real time before the acceleration begins [s]: as long as a glance takes."""
 DOUBLED = 1.5
 """Time between doublings of the speed [s]."""
 
@@ -26,10 +26,10 @@ class PacedBus(BusInFront):
     Parameters
     ----------
     bus : DriveBus
-        Not entered yet; SYNC is the clock of what moves on it.
+        Bus not entered yet, whose axes are clocked by SYNC.
     fastest : float
-        Times real time that are reached in the end, at least 1: motion begins in real time. It may
-        be changed meanwhile.
+        Final ratio to real time, at least 1: motion begins in real time. The ratio may be changed
+        during the motion.
     """
 
     def __init__(self, bus: DriveBus, fastest: float) -> None:

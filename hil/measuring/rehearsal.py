@@ -45,9 +45,9 @@ def rehearse(
     Parameters
     ----------
     bus : DriveBus
-        Entered already, and left by the caller.
+        Bus entered and left by the caller.
     speed : float
-        Share of each axis's velocity limit that no motion exceeds.
+        Largest share of each axis's velocity limit in any motion.
     pause : callable
         As in `hil.measuring.sequencer.measure`.
 

@@ -49,14 +49,14 @@ def measure(
     ----------
     plan : Plan
     robot : Robot
-        The one that the plan was made for.
+        Robot of the plan.
     bus : DriveBus
-        Entered already, and left by the caller.
+        Bus entered and left by the caller.
     done : collection of str
-        Identifiers of measurements to leave out.
+        Identifiers of measurements to skip.
     pause : callable
-        Asked between measurements whether to stand still; the axes stay powered and sampled
-        for as long as it says so.
+        Function called between measurements; while it returns True, the axes rest under power and
+        are sampled.
 
     Yields
     ------
@@ -66,7 +66,7 @@ def measure(
     Raises
     ------
     DriveError
-        Nothing more can be measured; what was yielded stays valid.
+        No further measurement is possible; events yielded so far remain valid.
     """
     refuse_other_bus(plan, robot, bus)
     here = locate(bus)
@@ -77,7 +77,7 @@ def measure(
     yield events.Started(here.time, left, len(pending), len(plan.measurements))
     if warm_up:
         yield from _warm_up(plan, warm_up, robot, bus, clock)
-        clock.start = locate(bus).time  # the warm-up is no part of the timetable
+        clock.start = locate(bus).time  # the warm-up is not part of the timetable
     gave_up, before_first = [], nan
     for measurement in pending:
         arrived = travel(bus, robot, measurement.start, plan.travel, plan.workspace)
@@ -124,7 +124,7 @@ def _attempts(
 ) -> Iterator[Event]:
     """Record until the checks pass or the attempts are used up.
 
-    A repeated attempt follows without preparation: only the first one's history can be as planned.
+    Repetitions have no preparation: only the first attempt can have the planned motion history.
     """
     tries: list[tuple[Recording, tuple[Finding, ...]]] = []
     while True:

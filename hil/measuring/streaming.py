@@ -35,9 +35,9 @@ def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
     Raises
     ------
     DriveRefused
-        The bus takes no streams of set-points.
+        The bus supports no streamed set-points.
     MoveFailed
-        Not at rest at the end in time.
+        The axes did not rest at the end in time.
     Tripped
         An encoder jumped.
     """
@@ -70,7 +70,7 @@ def pace(trajectory: Trajectory, robot: Robot, speed: float) -> float:
 
 def astray(recording: Recording, trajectory: Trajectory, robot: Robot) -> Iterator[Finding]:
     """Yield a finding of an axis that did not follow the path."""
-    # a drive without delay reaches a set-point one SYNC period after it starts to act
+    # a drive without delay reaches a set-point one SYNC period after the start of its interpolation
     t = path_time(recording, 1.0)
     away = np.abs(recording.q - trajectory.motion(trajectory.within(t))[0])
     worst = np.nan_to_num(away).max(axis=0)

@@ -68,19 +68,19 @@ def travel(
     workspace : Workspace, optional
         Workspace of the arm.
     slow : float
-        Pace at which the same path is passed; 0.5 takes twice as long.
+        Pace along the path; 0.5 takes twice as long.
 
     Returns
     -------
     Sample
-        The first one at rest.
+        First sample at rest.
 
     Raises
     ------
     LimitExceeded
-        The path leaves the robot's limits or the workspace; nothing was commanded.
+        The path leaves the robot's limits or the workspace; nothing has moved.
     MoveFailed
-        Not at rest at the target in time.
+        The axes did not rest at the target in time.
     Tripped
         An encoder jumped.
     """
@@ -110,7 +110,7 @@ def pass_along(bus: DriveBus, index: int, profile: Trapezoid, what: str) -> Samp
     Raises
     ------
     MoveFailed
-        Not at rest at the end in time; `what` says what it was for.
+        The axis did not rest at the end in time; `what` is the purpose of the motion.
     Tripped
         An encoder jumped.
     """
@@ -142,16 +142,16 @@ def until_reached(
     Parameters
     ----------
     take : callable
-        Returns when it commands something next [s]; None where it never does.
+        Function that returns the instant of its next command [s]; None if there is none.
     begin, expected : float
-        When the motion began and how long it should take [s].
+        Start and expected duration of the motion [s].
     what : str
         Description of the motion for messages.
 
     Raises
     ------
     MoveFailed
-        Not in time.
+        The axes did not rest at the targets in time.
     """
     # half as long again as expected, and `GRACE`
     deadline = begin + 1.5 * expected + GRACE

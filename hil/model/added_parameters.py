@@ -51,7 +51,7 @@ def added_loads(robot: Robot, q: Array) -> Array:
     Parameters
     ----------
     q : ndarray, shape (n_samples, n_joints)
-        [rad or m].
+        Positions [rad or m].
     """
     springs = robot.file.springs or ()
     found = np.zeros((*q.shape, len(robot.added_parameters)))

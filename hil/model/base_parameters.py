@@ -51,7 +51,7 @@ class BaseParameters:
     Attributes
     ----------
     names : tuple of str, length n_base
-        ``p1`` and so on.
+        Names ``p1`` and so on.
     meanings : tuple of str
         Meanings in words (`hil.model.parameter_meanings`).
     expressions : tuple of str
@@ -103,7 +103,7 @@ def base_parameters(robot: Robot) -> BaseParameters:
     heads, regrouped = _regroup(robot)
     sparse = [_put_in_sparsity(robot, row) for row in regrouped]
     matrix = _numeric(robot, sparse)
-    names = enumerate(robot.standard_parameters)  # those that are free: present and not tied
+    names = enumerate(robot.standard_parameters)  # free parameters: present and not tied
     free = {k for k, name in names if name in robot.present and name not in robot.ties}
     kept, dependence = _independent_rows(matrix, [head in free for head in heads])
     placement = np.zeros((10 * robot.n_joints, len(kept)))
@@ -111,7 +111,8 @@ def base_parameters(robot: Robot) -> BaseParameters:
     mass, gravity = influences(robot)
     weights, own = merge_added(robot, _stack_elements(mass, gravity), placement)
     links = np.vstack([matrix[kept], np.zeros((len(own), matrix.shape[1]))])
-    unit = np.eye(weights.shape[1])[:, own]  # what no base parameter of links stands for
+    # added parameters not represented by base parameters of links
+    unit = np.eye(weights.shape[1])[:, own]
     beside = np.zeros((len(placement), len(own))), np.zeros((len(unit), placement.shape[1]))
     matrix = np.hstack([links, weights])
     placement = np.block([[placement, beside[0]], [beside[1], unit]])
@@ -198,11 +199,11 @@ def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int],
     Returns
     -------
     kept : list of int
-        The rows, in order.
+        Indices of the spanning rows, in order.
     dependence : array, shape (n_rows, n_kept)
-        All rows as combinations of those kept.
+        All rows as combinations of the kept rows.
     """
-    if len(matrix) and _rank(matrix) == len(matrix):  # as of most robots: no search among hundreds
+    if len(matrix) and _rank(matrix) == len(matrix):  # as for most robots: no search among hundreds
         return list(range(len(matrix))), np.eye(len(matrix))
     kept: list[int] = []
     for index in sorted(range(len(matrix)), key=lambda k: (not headed[k], k)):

@@ -41,7 +41,8 @@ class Capsules:
     stated : tuple of bool
         True for capsules stated in the robot file.
     reach : array (n_links, n_joints)
-        Greatest way of the segment's points per change of each joint [m/rad; 1 if prismatic].
+        Largest distance moved by the segment's points per change of each joint [m/rad; 1 if
+        prismatic].
     """
 
     ends: Array

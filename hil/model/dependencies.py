@@ -92,7 +92,7 @@ def influences(robot: Robot) -> tuple[Array, Array]:
     gravity : array, shape (n_configurations, n_joints, n_standard)
     """
     random = np.random.default_rng(22)
-    # 12 random configurations; one would suffice
+    # 12 random configurations, although one would suffice
     configurations = random.uniform(-np.pi, np.pi, (12, robot.n_joints))
     found = [_influences_at(robot, q) for q in configurations]
     added = np.moveaxis(added_inertias(robot), 0, -1)

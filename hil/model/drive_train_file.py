@@ -25,8 +25,8 @@ USUAL_UNCERTAINTY = USUAL_BOUND / 3**0.5
 class Drive(FileModel):
     """Drive train of a joint.
 
-    What is unknown need not be stated to identify a recording. An unknown rotor inertia is
-    identified as well; without gear ratio and torque constant no drive can be moved.
+    Identification of a recording needs none of these values. An unknown rotor inertia is identified
+    as well; measuring needs gear ratio and torque constant.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Drive(FileModel):
     @classmethod
     def _check_rotor_inertia(cls, value: float | Unknown) -> float | Unknown:
         if value in (0, UNKNOWN):
-            return value  # 0: no rotor of its own: a direct drive counts with its link
+            return value  # 0: no separate rotor; a direct drive is part of its link
         return positive(value, "kg m2", 0.5, "it looks like kg cm2, or like the joint side")
 
     @field_validator("torque_constant")
@@ -139,8 +139,8 @@ class Spring(FileModel):
     joint : int
         Number from 1.
     shape : {"linear", "cosine", "sine"}
-        What its torque is proportional to: q, cos q or sin q of the joint. The position at which a
-        linear spring is slack is an offset, which the estimators fit anyway.
+        Function proportional to the torque: q, cos q or sin q of the joint. The rest position of a
+        linear spring is an offset, which the estimators fit as part of friction.
     """
 
     joint: int = Field(ge=1)

@@ -60,9 +60,9 @@ def regressor(
     q, qd, qdd : array_like, shape (n_samples, n_joints) or (n_joints,)
         Positions, velocities, accelerations.
     joints : sequence of int, optional
-        Rows wanted, as joint indices from 0; all by default. Few rows cost less.
+        Joints of the rows, indices from 0; all by default. Fewer rows are computed faster.
     gravity : array_like, shape (3,), optional
-        In the base frame, in place of the robot file's; the base parameters stay those of the
+        Gravity in the base frame, in place of the robot file's; base parameters remain those of the
         robot file [m/s^2].
 
     Returns
@@ -73,7 +73,7 @@ def regressor(
     Raises
     ------
     ValueError
-        Shapes that do not fit the robot, or no such joint.
+        Shapes that do not fit the robot, or an unknown joint.
     """
     return regressors(robot, q, [(qd, qdd)], joints, gravity)[0]
 
@@ -88,7 +88,7 @@ def regressors(
     """Compute regressors at the same positions for several velocities and accelerations."""
     model = _model(robot)
     wanted = _rows(robot, joints)
-    rows = np.array(sorted(set(wanted.tolist())), dtype=np.int64)  # np.unique imports numpy.ma
+    rows = np.array(sorted(set(wanted.tolist())), dtype=np.int64)  # np.unique would import numpy.ma
     moved = [_samples(robot, q, *each) for each in rates]
     at = moved[0][0]
     every = np.empty((len(moved), at.size // robot.n_joints, rows.size, model.kinds.size))

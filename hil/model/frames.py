@@ -126,8 +126,8 @@ def body_parameters(body: NDArray[Any]) -> list[Any]:
 def pseudo_inertia(parameters: Array) -> Array:
     """Return [[tr(I)/2 - I, s], [s', m]] of a body's ten parameters, shape (4, 4).
 
-    It is the second moment of the mass in homogeneous coordinates, so that it is positive definite
-    exactly for bodies that some density in space has (Wensing, Kim and Slotine, IEEE Robotics and
+    The matrix is the second moment of the mass in homogeneous coordinates, positive definite
+    exactly for bodies with some density in space (Wensing, Kim and Slotine, IEEE Robotics and
     Automation Letters 3 (2018) 60-67).
     """
     xx, xy, xz, yy, yz, zz, sx, sy, sz, m = parameters

@@ -33,11 +33,11 @@ class LoadColumns:
     Attributes
     ----------
     K : ndarray, shape (n_base, 10)
-        Change of the base parameters by each of the ten.
+        Change of the base parameters per unit of each load parameter.
     free : ndarray, shape (10, n_free)
-        Map from the free parameters to the ten.
+        Map from the free parameters to the ten load parameters.
     absent : tuple of str
-        Names of the ten that the robot file takes as zero.
+        Names of parameters stated as zero in the robot file.
     """
 
     K: Array
@@ -69,7 +69,7 @@ def load_columns(robot: Robot) -> LoadColumns:
     Raises
     ------
     NoLoad
-        The robot file states no parameter of the last link that a load could change.
+        The robot file states no parameter of the last link affected by a load.
     """
     own = slice(10 * (robot.n_joints - 1), 10 * robot.n_joints)
     names = robot.link_parameters[own]

@@ -38,11 +38,11 @@ def meanings(
     ----------
     robot : Robot
     heads : sequence of str, length n_base
-        Standard parameters that head them.
+        Standard parameters at the head of each base parameter.
     matrix : ndarray, shape (n_base, n_standard)
         Matrix from standard to base parameters.
     groups : mapping
-        As of `hil.model.base_parameters.BaseParameters`.
+        As in `hil.model.base_parameters.BaseParameters`.
     """
     gravity = [heads[k] for k in groups.get(GRAVITY, ())]
     found = [_meaning(robot, head, matrix[k], gravity) for k, head in enumerate(heads)]

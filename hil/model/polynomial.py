@@ -60,7 +60,7 @@ class Polynomial:
         return cls({(name,): 1.0})
 
     def __add__(self, other: Polynomial | float) -> Polynomial:
-        if not (self and other):  # as most elements of a pose are zero
+        if not (self and other):  # most elements of a pose are zero
             return self if self else _lift(other)
         terms = dict(self.terms)
         for monomial, c in _lift(other).terms.items():
@@ -121,7 +121,7 @@ def parse(text: str) -> Polynomial:
     Raises
     ------
     ValueError
-        The text is no such expression; the message says what may be written.
+        The text is not such an expression; the message states the permitted syntax.
     """
     with suppress(SyntaxError, ArithmeticError, _NotArithmetic, RecursionError, MemoryError):
         found = _convert(_tree(text))
@@ -142,7 +142,7 @@ def _tree(text: str) -> ast.expr:
     if len(text) > _LENGTH_MAX:
         raise _NotArithmetic
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # Python's advice on its own style
+        warnings.simplefilter("ignore")  # syntax warnings of Python
         return ast.parse(text.strip(), mode="eval").body
 
 

@@ -37,13 +37,13 @@ def columns(
     chain : array, shape (n_joints, 4)
         cos(alpha), sin(alpha), d, and 1 for a revolute or 0 for a prismatic joint.
     gravity : array, shape (3,)
-        In the base frame [m/s^2].
+        Gravity in the base frame [m/s^2].
     kinds, links : int arrays, shape (n_columns,)
-        Place in eq. (4) and link of each column; links never decrease.
+        Index in eq. (4) and link of each column; links never decrease.
     rows : int array, shape (n_rows,)
-        Joints, rising.
+        Joints in ascending order.
     out : array, shape (n_samples, n_rows, n_columns)
-        Is filled.
+        Output array.
     """
     arrays = state, chain, gravity, kinds, links, rows
     _call(_LIBRARY.columns, arrays, (*state.shape[1:], kinds.size, rows.size), out)
@@ -60,7 +60,8 @@ def torques(
 ) -> None:
     """Compute the torque on all joints for standard parameters of the given `values`.
 
-    As `columns`; `values` has the shape (n_columns,) and `out` (n_samples, n_joints).
+    Parameters are those of `columns`; `values` has the shape (n_columns,) and `out` (n_samples,
+    n_joints).
     """
     arrays = state, chain, gravity, kinds, links, values
     _call(_LIBRARY.torques, arrays, (*state.shape[1:], kinds.size), out)

@@ -39,7 +39,7 @@ def columns(
         For each joint cosine and sine of the angle about its axis, shift along it, velocity and
         acceleration: each an array of shape (n_samples,) or a number.
     chain, gravity, kinds, links, rows, out
-        As of `hil.model.recursion.columns`.
+        As in `hil.model.recursion.columns`.
     """
     out[:] = 0.0
     joints, qd, qdd = _unpack(state, chain)
@@ -67,7 +67,7 @@ def torques(
 ) -> None:
     """Compute the torques for standard parameters of the given `values`, shape (n_columns,).
 
-    As `columns`; `out` has the shape (n_samples, n_joints) and must be zero.
+    Parameters are those of `columns`; `out` has the shape (n_samples, n_joints) and must be zero.
     """
     bodies: list[list[Scalar]] = [[ZERO] * 10 for _ in chain]
     for kind, link, value in zip(kinds, links, values.tolist(), strict=True):

@@ -50,7 +50,7 @@ class Robot(RobotArrays):
     Attributes
     ----------
     source : str
-        Path of the file; `text` is the content, to be copied into run folders.
+        Path of the file. The property `text` is its content, copied into run folders.
     """
 
     source: str
@@ -66,8 +66,8 @@ class Robot(RobotArrays):
     ) -> Robot:
         """Load a robot file, a URDF, an MJCF, or a built-in robot by its name.
 
-        Units are SI, joint side. What a URDF or an MJCF does not state, such as rotor inertias, is
-        unknown, and is identified where recordings show it. MJCF needs MuJoCo. SDF is not read.
+        Units are SI, joint side. Values missing in a URDF or an MJCF, such as rotor inertias, are
+        unknown and are identified if the recordings permit. MJCF needs MuJoCo. SDF is not read.
 
         Parameters
         ----------
@@ -75,20 +75,20 @@ class Robot(RobotArrays):
             Robot file (``.yaml``), URDF (``.urdf``, ``.xml``), MJCF (``.xml``), or one of
             `available_robots`.
         base, tip : str, optional
-            Links of the URDF, or bodies of the MJCF, between which the robot is, by default those
-            of the chain with most joints that move.
+            First and last link of the URDF, or body of the MJCF; by default those of the chain with
+            the most moving joints.
         gravity : sequence of three floats, optional
-            In the link `base` of the URDF [m/s^2]; by default that of the earth along -z of its
-            root. In the world of the MJCF; by default that of the file.
+            Gravity in the link `base` of the URDF [m/s^2], by default that of the earth along -z of
+            its root; or in the world of the MJCF, by default that of the file.
 
         Raises
         ------
         UnknownName
-            No robot of this name is built in.
+            No built-in robot has this name.
         FileError
-            A file that cannot be used: one line for each problem, with its place.
+            The file cannot be used; the message has one line per problem, with its place.
         InvalidValue
-            `base`, `tip` or `gravity` of what is no URDF.
+            `base`, `tip` or `gravity` for another source than a URDF or MJCF.
 
         Examples
         --------
@@ -101,7 +101,8 @@ class Robot(RobotArrays):
         if path.suffix not in {".yaml", ".yml"} and len(path.parts) == 1 and not path.is_file():
             path = _find_built_in(str(path))
         if (text := read_text(path)).lstrip().startswith("<"):
-            return _load_description(path, base, tip, gravity)  # or states what else it is
+            # or its root element states another format
+            return _load_description(path, base, tip, gravity)
         if any(each is not None for each in (base, tip, gravity)):
             raise InvalidValue(
                 f"{path}: is no URDF, and states its chain itself; leave base, tip and gravity out"
@@ -125,16 +126,16 @@ class Robot(RobotArrays):
         joints : sequence of mapping
             Values of each joint, named as in `hil.model.robot_file.Joint`: frame, limits, drive.
         gravity : sequence of three floats
-            In the base frame [m/s^2].
+            Gravity in the base frame [m/s^2].
         lengths : mapping, optional
-            Named lengths that frames refer to [m].
+            Named lengths for the frames [m].
         ties : sequence of str
-            Such as ``Iyy6 = Ixx6``.
+            Ties between parameters, such as ``Iyy6 = Ixx6``.
 
         Raises
         ------
         InvalidValue
-            Values that a robot cannot have: one line for each problem, with its key.
+            Impossible values; the message has one line per problem, with its key.
         """
         values = {
             "name": name,
@@ -176,7 +177,7 @@ class Robot(RobotArrays):
         Parameters
         ----------
         limits : mapping of str to sequence (n_joints,) of float
-            By key of the file, such as ``velocity_limit``; those that it states stay.
+            Limits by key of the file, such as ``velocity_limit``; stated limits are not changed.
         """
         return self.replace_joints({
             axis: {
@@ -251,15 +252,16 @@ def robot_from_urdf(
     ----------
     path : path
     base, tip : str, optional
-        Names of links; by default those of the chain with most joints that move.
+        Names of links; by default those of the chain with the most moving joints.
     gravity : sequence of three floats, optional
-        In the link `base` [m/s^2]; by default that of the earth along -z of the URDF's root.
+        Gravity in the link `base` [m/s^2]; by default that of the earth along -z of the URDF's
+        root.
 
     Raises
     ------
     FileError
-        No URDF, no such link, a chain with a joint that cannot be driven by itself, or gravity left
-        open by a joint above it.
+        The file is not a URDF, a link does not exist, a joint of the chain cannot be driven
+        independently, or a joint above the chain leaves gravity undetermined.
     """
     chain = read_urdf(path, base, tip)
     try:
@@ -282,7 +284,7 @@ def refuse_unknown(robot: Robot) -> None:
     Raises
     ------
     FileError
-        One line for each limit or value of a drive train that its file leaves unknown.
+        One line for each unknown limit or value of a drive train.
     """
     wrong = list(unknown_for_motion(robot))
     if wrong and robot.source.lower().endswith(DESCRIPTIONS):
@@ -300,7 +302,7 @@ def parse_robot(text: str, source: str) -> Robot:
     Raises
     ------
     FileError
-        As `Robot.load`.
+        See `Robot.load`.
     """
     robot = Robot(parse_yaml(text, RobotFile, source), source, text)
     refuse(source, text, wrong_names(robot))

@@ -49,8 +49,8 @@ class MotorCoupling(NamedTuple):
     motor, joint : int
         Indices from 0.
     ratio : float
-        Turn of the second joint that moves the motor as far as one turn of its own joint, inverted:
-        the motor turns with ``q[motor] + ratio q[joint]``.
+        Rotation of the motor by the second joint, relative to that by its own joint: the motor
+        turns with ``q[motor] + ratio q[joint]``.
     """
 
     motor: int
@@ -190,7 +190,8 @@ class RobotArrays:
     def usual_uncertainty(self) -> Array:
         """Relative standard deviations by common tolerances, for values stated without any.
 
-        As `stated_uncertainty`; 0 where the file states an uncertainty or no value.
+        The order is that of `stated_uncertainty`; values are 0 if the file states an uncertainty or
+        no value.
         """
         values = np.concatenate([self.torque_constant, self.rotor_inertia])
         alone = (np.nan_to_num(values) > 0) & (self.stated_uncertainty == 0)
@@ -206,8 +207,8 @@ class RobotArrays:
     def motor_matrix(self) -> Array:
         """Motors' angles per joint angle, shape (n_joints, n_joints).
 
-        So motors turn by ``R q``, and joints feel ``R.T`` times the motors' torques. NaN in the
-        rows of motors whose gear ratio is unknown.
+        Motor angles are ``R q``, and joint torques are ``R.T`` times the motors' torques. Rows of
+        motors with unknown gear ratio are NaN.
         """
         turns = np.eye(self.n_joints)
         for motor, joint, ratio in self.couplings:

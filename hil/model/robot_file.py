@@ -50,18 +50,18 @@ class Joint(FileModel):
     type : {"revolute", "prismatic"}
         Type of q: an angle [rad] or a displacement [m].
     parameters : tuple of str
-        Link parameters that are present; the others are zero or negligible. All ten by default.
+        Link parameters present in the model, by default all ten; the others are zero or negligible.
     q_min, q_max : float
         Range of the joint [rad or m].
     velocity_limit, acceleration_limit, torque_limit : float
-        Greatest magnitudes [rad/s, rad/s^2, N m, or m/s, m/s^2, N]; nothing moves where one is
-        unknown.
+        Greatest magnitudes [rad/s, rad/s^2, N m, or m/s, m/s^2, N]; an unknown limit prevents any
+        motion.
     capsule : Capsule, optional
         The link's shape, for keeping it out of forbidden boxes (`hil.model.capsules`).
     torque_noise : float, optional
         Standard deviation of a sample of the torque, for predictions [N m, or N].
     friction_wander : float, optional
-        Standard deviation of the change of friction within a minute, likewise [N m, or N].
+        Standard deviation of the change of friction within a minute, for predictions [N m, or N].
     """
 
     name: str | None = None
@@ -149,9 +149,9 @@ class RobotFile(FileModel):
     Attributes
     ----------
     gravity : tuple of three floats
-        In the base frame [m/s^2].
+        Gravity in the base frame [m/s^2].
     lengths : dict
-        Named lengths that frames refer to [m].
+        Named lengths for the frames [m].
     ties : tuple of str
         ``Iyy6 = Ixx6``: the left parameter has the right one's value.
     couplings : tuple of CoupledMotor, optional

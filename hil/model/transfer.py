@@ -56,7 +56,7 @@ def transfers(robot: Robot) -> list[tuple[Array, list[int]]]:
     directions : array, shape (n_given, 10)
         Basis of T_j in echelon form: row i is 1 at ``given[i]`` and 0 at the others of `given`.
     given : list of int
-        Parameters of link j that are given away.
+        Parameters transferred from link j.
     """
     velocities = np.zeros((0, 6))
     felt = np.zeros((1, 10))

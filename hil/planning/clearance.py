@@ -104,8 +104,8 @@ def find_hits(
 def box_distance(first: Array, last: Array, low: Sequence[float], high: Sequence[float]) -> Array:
     """Compute the distance of segments from a box, 0 where they enter the box [m].
 
-    Along a segment the squared distance is convex and quadratic between the faces' planes, so its
-    slope is linear there: the least distance is where the slope changes its sign.
+    Along a segment the squared distance is convex and quadratic between the faces' planes, with a
+    linear slope: the least distance is at the sign change of the slope.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def _farthest(middle: Array, first: Array, last: Array) -> Array:
 def intrusions(robot: Robot, workspace: Workspace, q: Array) -> Array:
     """Compute the depth of links, with margin, in boxes, shape (n, n_links, n_boxes) [m].
 
-    Negative where they are clear, minus infinity for links that a box ignores.
+    The depth is negative for a clear link, and minus infinity for a link ignored by the box.
 
     Parameters
     ----------

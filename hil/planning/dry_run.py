@@ -38,7 +38,7 @@ class Problem:
     Attributes
     ----------
     location : tuple of str and int
-        Keys that lead to the value in the plan's file.
+        Keys of the value in the plan's file.
     message : str
         Measurement, value, bound and remedy.
     """
@@ -55,11 +55,11 @@ class BusCycle(NamedTuple):
     duration : float
         Time on the bus per cycle [s].
     bitrate : int
-        [bit/s].
+        Bit rate [bit/s].
     frames : str
         Description of the frames.
     most : float
-        Share of the bus that they may take.
+        Largest permitted share of the bus.
     """
 
     duration: float
@@ -81,17 +81,17 @@ class DryRun:
     bus : BusCycle or None
         Bus traffic per cycle, if known.
     bus_load : float
-        Share of the bus that it takes at the sample period.
+        Share of the bus used at the sample period.
     problems : tuple of Problem
-        Why the plan must not be run; empty when it may.
+        Reasons to refuse the plan; empty for a valid plan.
     without_law : dict
         Axes, from 0, with too few measurements for a friction law, and the number of measurements;
         empty if no parameters are identified.
     lags : tuple of Lag
         Largest relative lag of each trajectory; empty if unknown.
     groups : tuple of Identifiability
-        Identifiability of each group of base parameters; empty if measurements have problems, or if
-        all of them are about friction or trajectories.
+        Identifiability of each group of base parameters; empty if measurements have problems, and
+        for plans of friction or trajectories only.
     """
 
     counts: dict[str, int]

@@ -32,9 +32,9 @@ class Following(NamedTuple):
     Attributes
     ----------
     window, time : ndarray, shape (n_joints,)
-        Largest following error [rad or m], and how long it may last [s].
+        Largest following error [rad or m], and its permitted duration [s].
     lag : ndarray, shape (n_joints,)
-        Time by which axes follow their set-points late [s].
+        Delay of the axes behind their set-points [s].
     """
 
     window: Array

@@ -61,9 +61,8 @@ class Inertia(Strokes):
     Attributes
     ----------
     spread : float, optional
-        Instants over which the cycles spread the end of their first ramp, by less acceleration than
-        is stated [s]. Cycles that are all alike see the same increments of the encoder at the same
-        instants, and repeat its error instead of averaging it.
+        Time range over which the ends of the cycles' first ramps are spread, by reduced
+        acceleration [s]. Equal cycles would repeat the same encoder error instead of averaging it.
     """
 
     kind: Literal["inertia"] = "inertia"

@@ -93,7 +93,7 @@ def refuse_travel(
     Raises
     ------
     LimitExceeded
-        Names link and box; nothing was commanded.
+        Message with link and box; nothing has moved.
     """
     if workspace is None:
         return

@@ -39,7 +39,7 @@ class PlannedRobot(FileModel):
     name, digest : str
         Name of the robot, and digest of the file's content.
     file : str, optional
-        Path of its file, from the plan's folder; none for a robot that comes along.
+        Path of the robot file, relative to the plan's folder; None for a built-in robot.
     """
 
     name: str
@@ -129,7 +129,7 @@ def load_plan(path: Path | str, robot: Robot | None = None) -> Plan:
     Raises
     ------
     FileError
-        The file is no plan, or the plan is not for this robot.
+        The file is not a plan, or the plan is for another robot.
     """
     plan = load_yaml(path, Plan)
     if robot is not None:
@@ -230,7 +230,7 @@ class RecordedMotions(FileModel):
     Attributes
     ----------
     map_digest : str
-        SHA-256 of the map that the recordings were read with.
+        SHA-256 of the map of the recordings.
     """
 
     format: Literal[1] = 1

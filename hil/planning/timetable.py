@@ -40,7 +40,7 @@ class Travels:
     Parameters
     ----------
     start, end : array (n, n_joints)
-        Begin and end of each travel [rad or m].
+        Start and end of each travel [rad or m].
     velocity, acceleration : array (n_joints,)
         Limits of the axes in the travels [rad/s, rad/s^2].
     """

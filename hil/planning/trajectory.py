@@ -51,7 +51,7 @@ class Trajectory(FileModel):
     q : tuple of float
         Mean configuration [rad or m].
     period : float
-        [s].
+        Period of the fundamental [s].
     sine, cosine : tuple of tuple of float, shape (n_joints, n_harmonics)
         Amplitudes of each joint's harmonics [rad or m].
     cycles : int
@@ -127,7 +127,7 @@ class Trajectory(FileModel):
         Parameters
         ----------
         t : array_like
-            Times since the first period began [s].
+            Times since the start of the first period [s].
         """
         n = len(self.sine[0])
         order = 2 * np.pi / self.period * np.arange(1, n + 1)

@@ -79,7 +79,7 @@ class Trapezoid:
         times = np.asarray(t, dtype=float)
         (begin, end), duration, peak = self.window, self.duration, self.peak
 
-        # time spent so far in the first ramp, the cruise and the last ramp [s]
+        # elapsed time in the first ramp, the cruise and the last ramp [s]
         def spent(since: float, until: float) -> Array:
             return np.minimum(np.maximum(times - since, 0.0), until - since)
 

@@ -29,7 +29,7 @@ class Box(FileModel):
     Attributes
     ----------
     ignore_links : tuple of int
-        Links (from 1) that are not checked against it, such as a column that stands in the floor.
+        Links (from 1) not checked against the box, such as a column fixed to the floor.
     """
 
     name: Annotated[str, Field(min_length=1)]
@@ -51,7 +51,7 @@ class Workspace(FileModel):
     Attributes
     ----------
     margin : float
-        Distance that every link keeps from every box [m]; 5 cm unless stated.
+        Minimum distance of every link from every box [m]; 5 cm by default.
     ranges : dict
         Joint (from 1) to its lower and upper end [rad or m], within the robot's own range.
     """

@@ -61,14 +61,14 @@ def refuse_unfit(
     Parameters
     ----------
     source, text : str
-        The file's name, and its text to find lines in.
+        Name of the file, and its text for line numbers.
     within : tuple of str
-        Keys under which the workspace stands in that file.
+        Keys of the workspace within the file.
 
     Raises
     ------
     FileError
-        One line for each problem.
+        One line per problem.
     """
     wrong = (((*within, *at), reason) for at, reason in misfits(workspace, robot))
     refuse(source, text, wrong)
@@ -157,7 +157,7 @@ def _check_box(box: Box, robot: Robot) -> Iterator[tuple[Place, str]]:
 
 
 def _always_inside(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, str]]:
-    """Yield boxes with a link inside at every sampled configurations."""
+    """Yield boxes that contain a link at every sampled configuration."""
     # 256 configurations over the joint ranges; a link must be clear of a box in at least one
     spread = np.random.default_rng(0).uniform(size=(256, robot.n_joints))
     q = robot.q_min + spread * (robot.q_max - robot.q_min)

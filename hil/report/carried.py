@@ -43,7 +43,8 @@ def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> 
     wanted |= set(played) if shown is own else set()
     pairs = (pair for pair in run.recordings if pair[0].id in wanted)
     recordings = [*join_predictions(pairs, found)]
-    if shown is not None and shown is not own:  # behind the run's own, whose ids they may have
+    # after those of the run itself, whose ids may be equal
+    if shown is not None and shown is not own:
         others = (pair for pair in shown.recordings if pair[0].id in played)
         recordings += join_predictions(others, shown.stretches)
     titles = base_parameters(run.robot).titles if of else ()

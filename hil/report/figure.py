@@ -50,7 +50,7 @@ class Figure:
         Raises
         ------
         FileError
-            A path that does not end in ``.svg``, or cannot be written.
+            The path does not end in ``.svg``, or is not writable.
         """
         path = Path(path)
         if path.suffix.lower() != ".svg":
@@ -82,7 +82,7 @@ def plot_torque(model: Model, run: Run | Path | str, measurement: str | None = N
     Raises
     ------
     UnknownName, NotEnoughData
-        No such measurement, or none of use.
+        The measurement does not exist, or none is usable.
     """
     run = opened(run)
     for each in [run[measurement]] if measurement else run:
@@ -98,7 +98,7 @@ def plot_friction(model: Model) -> Figure:
     Raises
     ------
     NotEnoughData
-        The model has no law of friction.
+        The model has no friction law.
     """
     robot = model.robot
     panels = []
@@ -135,7 +135,7 @@ def plot_friction_over_time(model: Model) -> Figure:
     Raises
     ------
     NotEnoughData
-        No measurement by itself is known, as of imports and trajectories.
+        No single measurement is known, as for imports and trajectories.
     """
     if not model.local:
         model.friction_over_time(1)  # states what is missing
@@ -145,7 +145,7 @@ def plot_friction_over_time(model: Model) -> Figure:
 def plot_parameters(model: Model) -> Figure:
     """Draw the standard errors of base parameters relative to the values.
 
-    Beyond 100 % not even the sign is known, as of parameters that are zero.
+    Beyond 100 % the sign is uncertain, as for parameters that are zero.
     """
     size = np.where(model.values != 0, np.abs(model.values), np.nan)
     share = 100 * model.standard_errors / size

@@ -1,9 +1,9 @@
 """Report of a run: one self-contained HTML file, computed from the recordings alone.
 
-It can be written again at any time, without hardware and without the network. The registry of
-`hil.report.sections` states content and order; the leading section is on the first screen, next to
-the judgement of the result and a picture of the robot. Plots are part of the page as SVG, and their
-points link to the recordings (`hil.report.carried`).
+The report can be written again at any time, without hardware and without the network. The registry
+of `hil.report.sections` states content and order; the leading section is on the first screen, next
+to the judgement of the result and a picture of the robot. Plots are part of the page as SVG, and
+their points link to the recordings (`hil.report.carried`).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     ----------
     run : Run or path
     figures : path, optional
-        Folder for the plots as SVG files too; made if it is not there.
+        Folder for additional SVG files of the plots, created if missing.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
     FileError
         A damaged recording, or a full disk.
     NotIdentifiable, NotEnoughData
-        Measurements that do not suffice.
+        The measurements do not suffice.
     """
     run = opened(run)
     whole = ReportedRun(run)

@@ -64,7 +64,7 @@ class ReportedRun:
     FileError
         A damaged recording.
     NotIdentifiable, NotEnoughData
-        Recordings that do not suffice; no recording of friction in a run about friction alone.
+        The recordings do not suffice, or a run about friction alone has none.
     """
 
     def __init__(self, source: Run) -> None:
@@ -178,5 +178,5 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
         kept = load_friction(run)
         bound = BOUND if kept.bound is None else kept.bound
         return fit_friction(run, kept.model_folder, bound, recordings)
-    except (FileError, Mismatch):  # nothing was fitted, or its model is gone
+    except (FileError, Mismatch):  # no fit was made, or its model is missing
         return fit_friction(run, recordings=recordings)

@@ -61,7 +61,7 @@ UNLIKE = "friction that differs by direction"
 def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
     """Return the significant causes of error, the largest first.
 
-    None if noise explains everything, and for methods that test no causes.
+    Return None if noise explains everything, and for methods that test no causes.
     """
     if estimate.joint is None:
         return ()
@@ -84,9 +84,9 @@ def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
     rest = float(np.sqrt(max(0.0, scatter(estimate.covariance) ** 2 - square)))
     if rest > NOTABLE and rest**2 > square:
         n, none = len(estimate.p), np.zeros_like(estimate.p)
-        # share of the scatter, in torques, that white noise makes where motion excites too little:
-        # torques that wander with friction scatter up to four times as much as white noise of
-        # their size
+        # share of white noise in the scatter, in torques, below which the motion excites too
+        # little: torques that wander with friction scatter up to four times as much as white noise
+        # of equal size
         weak = scatter(estimate.joint.solver.noise_covariance[:n, :n]) > 0.25 * rest
         cause = "weak excitation" if weak else "measurements that disagree"
         detail = f"torques are uncertain by {100 * rest:.2g} %"
@@ -142,7 +142,7 @@ class CampaignResult(NamedTuple):
     robot : Robot
     plan : Plan
     measured : sequence of Measured
-        Measurements made; the others of the plan are missing.
+        Finished measurements; the other ones of the plan are missing.
     """
 
     estimate: Estimate
@@ -209,9 +209,8 @@ def _outliers(campaign: CampaignResult) -> Iterator[Reservation]:
     for kind, axis, partner in sorted({(v.kind, v.axis, v.partner) for v in local}):
         alike = [v for v in local if (v.kind, v.axis, v.partner) == (kind, axis, partner)]
         usual = float(np.median([v.residual for v in alike]))
-        # scatter inside a measurement over that of its axis's others from which on it stands out.
-        # In the whole campaign of benchmarks/golden.py, in which nothing is wrong, the most is 2.8
-        # times
+        # minimum ratio of an outlier's internal scatter to that of the axis's other measurements.
+        # In the whole campaign of benchmarks/golden.py, without any fault, the largest ratio is 2.8
         for value in (v for v in alike if v.residual > 4.0 * usual > 0):
             yield doubtful(
                 f"residual {value.residual:.2g} {campaign.robot.torque_unit(axis)}, "
@@ -273,7 +272,7 @@ def _parameters(campaign: CampaignResult) -> Iterator[Reservation]:
 def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
     """Find the measurement of the plan whose repetition lowers the variance of parameter k most."""
     sought = base_parameters(robot).dependencies.sought()
-    # a parameter that is hidden from g(q) stands in two groups, of which the second shows it
+    # a parameter hidden from g(q) belongs to two groups, and only the second shows it
     kind, group = [
         (kind, row.group) for kind, row in ELEMENT_KINDS.items() if k in sought[row.group]
     ][-1]
@@ -293,8 +292,8 @@ def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
 
 def _correlations(campaign: CampaignResult) -> Iterator[Reservation]:
     titles, found = base_parameters(campaign.robot).titles, campaign.estimate.correlation
-    # correlation from which on two parameters count as hard to distinguish: each is then 2.3 times
-    # as uncertain as it were if the other was known, 1 / sqrt(1 - 0.9^2)
+    # correlation from which on two parameters count as hard to distinguish: the uncertainty of each
+    # is then 2.3 times that with the other one known, 1 / sqrt(1 - 0.9^2)
     for i, j in np.argwhere(np.triu(np.abs(found) > 0.9, 1)):
         yield doubtful(
             f"correlation {signed(f'{found[i, j]:.2f}')}: the sum or difference is more certain "

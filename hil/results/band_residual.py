@@ -62,7 +62,7 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
     Returns
     -------
     BandResidual or None
-        None where the model states no friction, or no motion is `SHORTEST` long.
+        None if the model states no friction, or no motion lasts `SHORTEST`.
     """
     n_joints = model.robot.n_joints
     squares, counts = np.zeros((6, n_joints)), np.zeros((6, n_joints))
@@ -74,9 +74,9 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
             continue
         try:
             recording = convert_torques(model, motion, as_recorded)
-        except Mismatch:  # gains of a mixture are no part of the model
+        except Mismatch:  # gains of a mixture are not part of the model
             continue
-        # an import is judged as a whole, whatever parts of it are strokes
+        # an import is judged as a whole, including all its strokes
         whole = isinstance(motion, FreeMotion)
         used = np.ones(recording.n_samples, dtype=bool) if whole else recording.active
         axes = [axis for axis in motion.moved if axis not in unknown]
@@ -108,7 +108,7 @@ def _motions(
 
     Only the samples marked by `used`, shape (n_recorded,), count.
     """
-    # friction of other axes would be predicted for nothing
+    # predictions of the other axes' friction would be wasted
     model = replace(model, friction_law=model.friction_law.restricted(axes))
     whole = np.flatnonzero(np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(1))
     time = recording.time[whole]

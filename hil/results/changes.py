@@ -72,8 +72,8 @@ class Change(NamedTuple):
         Labels of the newer and of the other run.
     quantity : Quantity
     before : float
-        Value in the other run [unit of the quantity]; of a level of friction with what is common to
-        all axes.
+        Value in the other run [unit of the quantity]; a friction level includes the change common
+        to all axes.
     size : float
         Value of the run less that of the other.
     half_width : float
@@ -83,8 +83,8 @@ class Change(NamedTuple):
     adjusted : float
         P-value adjusted for all tests of the run (Holm).
     allowance, error, degrees : float
-        By which the value may differ without any change; standard error of `size`, and its degrees
-        of freedom.
+        Permitted difference without any change; standard error of `size`, and its degrees of
+        freedom.
     """
 
     run: str
@@ -190,7 +190,7 @@ def common_shares(shares: Array, axes: Indices) -> Array:
     if not axes.size:
         return np.full(len(shares), np.nan)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # means and medians of nothing are NaN
+        warnings.simplefilter("ignore", RuntimeWarning)  # the mean and median of no values are NaN
         each = np.array([np.nanmean(shares[:, axes == k], axis=1) for k in np.unique(axes)])
         common = np.nanmedian(each, axis=0)
     common = np.where(np.isfinite(each).sum(axis=0) < FEWEST, np.nan, common)
@@ -241,7 +241,7 @@ class Rescaled(NamedTuple):
     share, half_width : float
         Change of all torques of the axis, and half of its interval of 95 %.
     explained : int
-        Marked quantities that follow from it.
+        Number of marked quantities explained by the factor.
     """
 
     run: str
@@ -271,7 +271,7 @@ def rescaled(model: IdentifiedRobot, tests: Sequence[Change]) -> Rescaled | None
     model : IdentifiedRobot
         Model of the other run.
     tests : sequence of Change
-        All that was tested between both.
+        All tests between the two runs.
     """
     marked = sum(each.marked for each in tests)
     if model.torque_effect is None or not marked:

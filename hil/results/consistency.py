@@ -51,12 +51,12 @@ def find_consistent_robot(
         Motions over which torques are compared.
     bounds : BodyBounds, optional
     likely : ndarray, shape (n_joints, 10), optional
-        Likely bodies; `likely_from` says where they come from.
+        Likely bodies; `likely_from` is their source.
 
     Raises
     ------
     NotRealisable, InvalidValue
-        Bounds that no bodies meet.
+        No bodies meet the bounds.
     """
     found = nearest_robot(model.robot, model.values, model.covariance, bounds, likely, likely_from)
     costs = _torque_costs(model, found, recorded)

@@ -62,8 +62,9 @@ NORMAL = 1.0 / float(special.ndtri(0.75))
 MEDIAN_SQUARE = float(special.chdtri(1, 0.5))
 """Median of a chi-squared variable with one degree of freedom."""
 EFFICIENCY = 0.37
-"""Of a median absolute deviation relative to a standard deviation (Huber and Ronchetti 2009,
-1.1)."""
+"""Efficiency of a median absolute deviation relative to a standard deviation (Huber and Ronchetti
+2009, 1.1).
+"""
 DECADE = 10 * 365.25 * 86400.0
 """Seconds in ten years."""
 FLEET = "the fleet"
@@ -78,13 +79,13 @@ class Fleet:
     machines : tuple of str
     quantities : tuple of Quantity
     machine : ndarray, shape (n_runs,)
-        Place in `machines`, ascending.
+        Index into `machines`, ascending.
     time : ndarray, shape (n_runs,)
-        Since 1970 [s], ascending within a machine.
+        Time since 1970 [s], ascending within a machine.
     runs : ndarray, shape (n_runs,)
-        Labels.
+        Labels of the runs.
     value, error, degrees, allowance : ndarray, shape (n_runs, n_quantities)
-        As of `Reading`; NaN for quantities unknown to a run.
+        Attributes of `Reading`; NaN for quantities unknown to a run.
     """
 
     machines: tuple[str, ...]
@@ -104,12 +105,12 @@ class Departures(NamedTuple):
     Attributes
     ----------
     changes : tuple of Change
-        Marked ones, the least probable first; `run` is the machine, `against` its first run, or
-        the fleet.
+        Significant changes, the least probable first; `run` is the machine, `against` its first
+        run, or the fleet.
     level : float
         Probability of any false alarm in a run of a machine.
     compared : int
-        Machines with a run that has something to be compared with.
+        Number of machines with a comparable run.
     """
 
     changes: tuple[Change, ...]
@@ -123,7 +124,7 @@ def departures(fleet: Fleet, rate: float) -> Departures:
     count = np.diff(np.append(starts, len(fleet.machine)))
     level = min(rate / runs_in_ten_years(fleet), 1.0)
     place = np.arange(len(fleet.machine)) - starts[fleet.machine]
-    # of few runs the newer half, so that something is left to compare with
+    # with few runs, the newer half, so that some runs remain for comparison
     newest = place >= (count - np.clip(count // 2, 1, NEWEST))[fleet.machine]
     first = (place < FIRST) & ~newest
     value, by_temperature = _remove_temperature(fleet, first, newest)
@@ -189,7 +190,7 @@ def _remove_temperature(fleet: Fleet, first: Mask, newest: Mask) -> tuple[Array,
     if len(np.unique(axes[friction])) < FEWEST:
         return value, error
     common = common_shares(share, axes[friction])[:, np.newaxis]
-    # b by successive runs of a machine, which slow wear leaves alone, and 1 +- UNLIKE / 2 before
+    # b from successive runs of a machine, unaffected by slow wear, with the prior 1 +- UNLIKE / 2
     same = np.diff(fleet.machine, append=-1) == 0
     steps = np.diff(share, axis=0, append=np.nan)
     of_common = np.diff(common, axis=0, append=np.nan)

@@ -71,17 +71,17 @@ class Findings(NamedTuple):
     ----------
     estimate : Estimate
     model : Model
-        As `hil identify` found it.
+        Model of `hil identify`.
     check : Model or None
-        By the published method, of the improved one; None where it cannot be made, which needs
-        measurements of elements of all groups.
+        Model by the published method, for comparison with the improved one; None if the
+        measurements lack elements of some group.
     effect : ndarray or None
-        What the parameters' errors mean in torques (`hil.results.prediction.effect_of_errors`);
-        None of motions that somebody else recorded alone.
+        Effect of the parameters' errors on torques (`hil.results.prediction.effect_of_errors`);
+        None for imports alone.
     advice : tuple of Reservation
-        None of recordings that were imported, which cannot be measured again.
+        Advice; none for imports, which cannot be repeated.
     drifts : tuple of Drift
-        Time constants of friction, of axes with enough levels over time.
+        Time constants of friction, for axes with enough levels over time.
     """
 
     estimate: Estimate
@@ -119,9 +119,9 @@ def identify_and_keep(
     run : Run
     method : str
     others : sequence of Run
-        Identified together with it.
+        Runs identified jointly with `run`.
     campaign : sequence of Measured, optional
-        All of the run, where it was read already.
+        All measurements of the run, if already read.
     options : Options
 
     Raises
@@ -129,21 +129,21 @@ def identify_and_keep(
     FileError
         Disk full, read-only folder, or a damaged recording.
     NotIdentifiable, NotEnoughData
-        As of `hil.results.identification.identified`.
+        See `hil.results.identification.identified`.
     """
-    # a report whose findings are kept needs nothing that is loaded here
+    # a report with cached findings needs no modules loaded here
     from hil.results.identification import identified  # noqa: PLC0415
 
     if (others and method != JOINT) or options.prior is not None:
         made = identified(run, method, others, options=options)
         return Findings(made.estimate, made.model)
-    alone = run.imported and not others  # nothing follows but the model, and it may be large
+    alone = run.imported and not others  # only the model would follow, and its file may be large
     if campaign is None:
         campaign = () if alone else tuple(run)
     recordings = tuple(recorded(campaign))
     made = identified(run, method, others, None if alone or others else recordings)
     found = follow_from(run, made, campaign, recordings)
-    with suppress(FileError):  # a folder that takes no files: what was found counts all the same
+    with suppress(FileError):  # in a read-only folder the findings are valid but not cached
         keep(run, found, others)
     return found
 
@@ -278,7 +278,7 @@ def _restored(found: Any, robot: Robot) -> Any:
 
 def _record(found: dict[str, Any], robot: Robot) -> Any:
     module, _, name = found["record"].partition(":")
-    # the file may be a stranger's: no module beside the program, nothing that a module has imported
+    # the file may come from a stranger: only modules of the program are used, without their imports
     if not module.startswith(tuple(f"hil.{each}." for each in FOLLOWS_FROM)):
         raise ValueError(f"{module} must be a module of results")
     kind = getattr(import_module(module), name)

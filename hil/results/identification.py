@@ -54,15 +54,16 @@ if TYPE_CHECKING:
 class ModelFit(ByName):
     """Identified values by name.
 
-    Base parameters are named as the robot's, in kg m^2, kg m or kg; what belongs to an axis begins
-    with it: ``axis 2 Coulomb`` [N m or N], ``axis 2 lag`` [s], ``axis 2 compliance`` [rad/(N m)].
+    Base parameters have the robot's names, in kg m^2, kg m or kg; names of an axis's quantities
+    begin with the axis: ``axis 2 Coulomb`` [N m or N], ``axis 2 lag`` [s], ``axis 2 compliance``
+    [rad/(N m)].
 
     Attributes
     ----------
     estimate : Estimate
-        Base parameters with their errors, and what they were found from.
+        Base parameters with their errors, and the data of the estimation.
     model : Model
-        Made of it, with its word.
+        Model of the estimate, with its judgement.
     """
 
     estimate: Estimate
@@ -103,12 +104,12 @@ class ModelFit(ByName):
 
         ``time`` has shape (n,) [s]. Parts of the model are ``gravity``, ``inertia``, ``velocity``
         (Coriolis and centrifugal), ``rotors`` and ``friction``; ``measured`` less their sum is
-        ``left``. All pass the low-pass that the model was found with.
+        ``left``. All pass the low-pass of the identification.
 
         Raises
         ------
         NotEnoughData
-            A recording shorter than the low-pass reaches.
+            The recording is shorter than the reach of the low-pass.
         """
         return torque_parts(self.model, recording)
 
@@ -132,13 +133,13 @@ def identify(
     Parameters
     ----------
     run : Run, Robot or path
-        The run, or its folder; with arrays the robot, or what `hil.Robot.load` takes.
+        Run or its folder; with arrays, the robot or an argument of `hil.Robot.load`.
     method : str, optional
-        Method of estimation; by default the one for what was recorded.
+        Method of estimation; by default chosen by the kind of recordings.
     others : sequence of Run or path
         Additional runs of the same robot, identified jointly.
     prior : Prior, optional
-        Bodies of CAD, for parameters that the motion does not excite.
+        Bodies from CAD, for parameters that the motion does not excite.
     t : array_like, shape (n_samples,), or a list of these, one a recording
         Time stamps [s].
     q, tau : array_like, shape (n_samples, n_joints), or a list of these
@@ -191,26 +192,25 @@ def identified(
     ----------
     run : Run
     method : str, optional
-        One of `hil.estimation.identify.METHODS`; by default the one for what was recorded
+        One of `hil.estimation.identify.METHODS`; by default chosen by the kind of recordings
         (`method_for`).
     others : sequence of Run
-        Further runs of the same robot, identified together with the first.
+        Further runs of the same robot, identified jointly with the first.
     recorded : iterable of (RecordedMotion, Recording), optional
-        Recordings of all of them, where they were read already.
+        Recordings of all runs, if already read.
     options : Options
-        What is looked for beside the base parameters, and how errors are stated.
+        Unknowns beside the base parameters, and the method for standard errors.
 
     Raises
     ------
     FileError
         A damaged recording.
     Mismatch
-        Runs of different robots, or the same one twice.
+        Runs of different robots, or the same run twice.
     UnknownName
-        There is no such method.
+        The method does not exist.
     NotIdentifiable, NotEnoughData
-        Measurements that do not suffice; the likeliest cause behind that is stated, if any is
-        found.
+        The measurements do not suffice; the most likely cause is stated, if any is found.
     """
     campaign = Pooled([run, *others]) if recorded is None else recorded
     with named(run):
@@ -219,9 +219,9 @@ def identified(
         except (NotIdentifiable, NotEnoughData) as error:
             raise _add_cause(error, proved(run.robot, campaign)) from error
     if found.drive_train is None and not found.friction_law.known:
-        # neither free motions nor the improved method, which have looked for laws themselves
+        # free motions and the improved method have chosen their laws already
         prepared = prepared_for(run.robot, found, campaign)
-        # limits, stated or reached, decide which samples a law of friction is chosen by
+        # stated or reached limits determine the samples for the choice of a friction law
         robot, past = fill_reached_limits(run.robot, prepared), None
         if run.robot.limits_known:
             past = history(robot, prepared)
@@ -231,7 +231,8 @@ def identified(
     if proof is not None:
         found = replace(found, shifts=proof.shifts)
     model = model_of(run, found, others, proof, options, campaign)
-    return ModelFit(replace(found, joint=None), model)  # all samples: nothing else is asked
+    # all samples: the prediction has no other use
+    return ModelFit(replace(found, joint=None), model)
 
 
 def _add_cause(error: HilError, proof: Excluded | None) -> HilError:
@@ -314,7 +315,7 @@ def experience(folders: Sequence[Run]) -> Levels:
     FileError
         A damaged recording.
     NotEnoughData
-        No measurement of use.
+        No measurement is usable.
     """
     from hil.estimation.noise_levels import noise_levels  # noqa: PLC0415 - loads an optimiser
 

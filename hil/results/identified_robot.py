@@ -46,50 +46,50 @@ class IdentifiedRobot(ByName):
     values : ndarray, shape (n_base,)
         Base parameters [kg m^2, kg m or kg, as in `units`].
     scatter_covariance, drive_covariance : ndarray, shape (n_base, n_base)
-        Of errors that show in the data, and of the others: torque constants and rotor inertias as
-        uncertain as the robot file states, and causes that were found but are not corrected.
+        Covariance of errors visible in the data, and of the others: torque constants and rotor
+        inertias with the uncertainty stated in the robot file, and causes found but not corrected.
     degrees_of_freedom : ndarray, shape (n_base,)
-        Effective ones of the errors that show in the data.
+        Effective degrees of freedom of the errors visible in the data.
     residual : ndarray, shape (n_joints,)
-        Root mean square of what the method's models leave of each axis's torque, friction fitted
-        as the method does and after its low-pass [N m]; NaN where an axis was not measured.
+        Root mean square of each axis's residual torque, with the method's low-pass and friction fit
+        [N m]; NaN for an axis that was not measured.
     condition : dict
         Condition number of each group's observation matrix, or of all parameters' (``"all"``).
     provenance : Provenance
-        Run, plan, method and version behind it.
+        Run, plan, method and version.
     friction_law : FrictionLaw
-        Friction that the drives have to overcome, whatever the method; unknown of all axes where
-        the model was read from a file of a version that found none.
+        Friction to be overcome by the drives, by any method; unknown for all axes in models from
+        files of versions without friction.
     local : tuple of LocalValue
-        Each measurement by itself, as the two-step methods take it, with its friction at its time;
-        empty for a conventional method, and of a file of an earlier version.
+        Single measurements with their friction, the input of two-step methods; empty for a
+        conventional method, and for a file of an earlier version.
     error_budget : tuple of ErrorTerm
-        Causes of error, the largest first; empty where nothing but noise matters.
+        Causes of error, the largest first; empty if only noise matters.
     details : FreeMotionFit, BackAndForthFit or MeasurementFit
-        Settings and what else was found, by the kind of recordings: of free motions cut-off, lags,
-        gears and gains; of axes that moved back and forth alone friction as a curve over the speed,
-        and parameters that were not identified.
+        Settings and further results, by the kind of recordings. Free motions have cut-off, lags,
+        gears and gains; strokes of single axes have friction curves over the speed, and
+        unidentified parameters.
     verdict : Judgement, optional
-        What the identification is worth; None of a model that no version of this has judged.
+        Judgement of the identification; None for a model without one.
     validations : tuple of KeptJudgement
-        What the model was worth on other recordings.
+        Judgements of the model on other recordings.
     consistent : ConsistentRobot, optional
-        The nearest robot that consists of bodies, and what it costs, where it was asked for.
+        Nearest physically consistent robot, and its torque error, if requested.
     torque_effect : ndarray, shape (n_base, n_joints), optional
-        Change of `values` per relative change of each axis's torque, as another torque constant
-        makes it; None where the method states none.
+        Change of `values` per relative change of each axis's torque, as caused by another torque
+        constant; None if the method states none.
     excluded : Excluded, optional
-        What the recordings prove of all that may be wrong: found, excluded, invisible; None where
-        too little was recorded, or the model was read from a file of a version without.
+        Causes of error found, excluded or invisible in the recordings; None for too few recordings,
+        and for files of versions without these tests.
     prior : FromPrior, optional
-        Parameters that recordings alone leave open, and the prior that completes them; None where
-        none was given.
+        Parameters not identified by the recordings, and the prior that completes them; None without
+        a prior.
     edges : tuple of Edge
-        Lags and compliances that end at the edge of their search range.
+        Lags and compliances at the edge of their search range.
     band_residual : BandResidual, optional
-        Residual of `hil.results.model.Model.predict` on the recordings it was identified from, over
-        the one band in which all models are compared; None where no friction is known, and of a
-        file of an earlier version.
+        Residual of `hil.results.model.Model.predict` on the recordings of its identification, over
+        the band common to all models; None without known friction, and for a file of an earlier
+        version.
     """
 
     robot: Robot
@@ -221,17 +221,18 @@ class IdentifiedRobot(ByName):
         Parameters
         ----------
         axis : int
-            From 1.
+            Axis from 1.
 
         Returns
         -------
         time, level : ndarray, shape (n_measurements,)
-            Since the campaign began [s]; mean of both directions at the reference speed [N m or N].
+            Time since the start of the campaign [s], and mean friction of both directions at the
+            reference speed [N m or N].
 
         Raises
         ------
         NotEnoughData
-            No measurement by itself is known of the axis, as of imports and trajectories.
+            No single measurement of the axis is known, as for imports and trajectories.
         """
         own = sorted((each.time, each.friction) for each in self.local if each.axis == axis - 1)
         if not own:
@@ -250,7 +251,7 @@ class IdentifiedRobot(ByName):
         Raises
         ------
         InvalidArray
-            A level that is not between 0 and 1.
+            The level is not between 0 and 1.
         """
         scatter, drives = np.diag(self.scatter_covariance), np.diag(self.drive_covariance)
         half = half_width(scatter, drives, self.degrees_of_freedom, checked_level(level))
@@ -280,7 +281,7 @@ def known_friction(model: IdentifiedRobot, *, of_all: bool = False) -> FrictionL
     Raises
     ------
     NotEnoughData
-        Friction of all axes is unknown; or, where it must be `of_all` axes, of some.
+        Friction of all axes is unknown; with `of_all`, friction of some axis.
     """
     law = model.friction_law
     if not law.known:
@@ -299,8 +300,8 @@ def friction_alone(
 ) -> tuple[Array, Array]:
     """Return friction in single-axis motion at no load, with standard error; `axis` from 0.
 
-    Both have shape (n,) [N m or N] at speeds [rad/s or m/s], at a warmth of the gears or the mean
-    one.
+    Both have shape (n,) [N m or N], for speeds [rad/s or m/s] and a warmth of the gears, by default
+    the mean.
     """
     robot, law = model.robot, known_friction(model)
     qd = np.zeros((len(speed), robot.n_joints))

@@ -84,11 +84,11 @@ class Reservation(FileModel):
     word : {"good", "doubtful", "failed"}
         Consequence for the result.
     reason : str
-        Why, a clause.
+        Reason as a clause.
     remedy : str
         Remedy; empty if nothing is to be done.
     subject : str
-        Parameter, axis, measurement or check that it concerns, where the reason does not name it.
+        Parameter, axis, measurement or check concerned, if not named in the reason.
     """
 
     word: Word
@@ -130,9 +130,9 @@ class Judgement(Reservation):
         ----------
         found : iterable of Reservation
         good : callable
-            States why the result is good.
+            Function that returns the reason for a good result.
         **more : object
-            Further fields of a class that has some.
+            Further fields of a derived class.
         """
         # Python's sort keeps equally bad ones in order
         first, *rest = sorted(found, key=lambda each: -WORDS.index(each.word)) or [good()]
@@ -166,11 +166,11 @@ class KeptJudgement(Judgement):
     Attributes
     ----------
     run : str
-        Path of the run's folder, from that of the model's file.
+        Path of the run's folder, relative to the model's file.
     validated : str
-        When.
+        Time of the validation.
     relative : float
-        Residual of all axes together over their torque, each as a share of its own.
+        Residual of all axes together, each relative to its own torque.
     """
 
     run: str
@@ -193,7 +193,7 @@ class When:
     Attributes
     ----------
     look : callable
-        Returns of a subject what `reason` is filled with, as ``{0}``; something false where the
+        Function of a subject that returns the value of ``{0}`` in `reason`, or a false value if the
         rule does not apply.
     reason, remedy : str
     word : {"good", "doubtful", "failed"}

@@ -64,7 +64,7 @@ class BareRun:
     Attributes
     ----------
     run : Run
-        The first of them.
+        First run.
     runs : tuple of Run
     options : Options
     """
@@ -86,8 +86,8 @@ class BareRun:
         Mismatch
             Imported recordings.
         FileError, NotIdentifiable, NoLoad
-            A damaged recording; one that does not determine the base parameters; a robot file that
-            states no parameter of the last link.
+            A damaged recording, recordings that do not determine the base parameters, or a robot
+            file without parameters of the last link.
         """
         run, robot = self.run, self.run.robot
         if run.imported:
@@ -202,10 +202,10 @@ class LoadProblem:
     bare : BareRun
     loaded : tuple of Run
     mass : float, optional
-        Known mass of the load [kg], held in the fit. For runs measured by strokes the torque
-        constants are identified by the mass too.
+        Known mass of the load [kg], fixed in the fit. For measured strokes, the mass also serves to
+        identify the torque constants.
     gains : bool
-        True to identify the gains of imported runs by the mass too.
+        True to identify the gains of imported runs by the mass.
     """
 
     bare: BareRun
@@ -226,8 +226,8 @@ class LoadProblem:
         InvalidValue
             Gains without a mass.
         NotIdentifiable, NotEnoughData, NoLoad
-            Measurements that do not suffice, no load that stands out of its error, or a robot file
-            without anything that a load changes.
+            Insufficient measurements, an insignificant load, or a robot file without parameters
+            affected by a load.
         """
         robot, mass, gains = self.bare.run.robot, self.mass, self.gains
         runs = _Runs(self.bare, self.loaded, gains=gains)
@@ -274,7 +274,7 @@ def require_load(found: Load, absent: float = 0.01) -> None:
     Parameters
     ----------
     absent : float
-        Chance of the figures without a load, above which there is none.
+        Largest probability of the figures without a load, for a significant load.
 
     Raises
     ------

@@ -59,7 +59,7 @@ class ParameterChange(FileModel):
     standard_error: float
     expected: float
     share: str
-    """Expression in the parameters of the load."""
+    """Expression of the change in the parameters of the load."""
 
 
 class GainRecord(FileModel):

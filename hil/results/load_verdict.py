@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 SHOWN = float((special.ndtri(1.0 - LOOSE / 2.0) + special.ndtri(0.8)) / special.ndtri(0.975))
-"""Change, in half-widths of the interval of 95 %, that is found with a probability of 80 %."""
+"""Change detected with a probability of 80 %, in half-widths of the 95 % interval."""
 WHOLE_RUNS = "take two whole runs"
 """Remedy if no pose helps."""
 
@@ -55,7 +55,7 @@ def unsure(found: Load) -> tuple[str, ...]:
 
 def advised(bare: WithoutLoad, plans: Sequence[Plan], found: Load) -> dict[str, str]:
     """Return a further pose for each uncertain or unidentifiable parameter, in words."""
-    # reports show what was found and design nothing
+    # reports show findings only and design no measurement
     from hil.planning.design.load_pose import helpful_poses  # noqa: PLC0415
 
     poses = helpful_poses(bare, plans, found, unsure(found))

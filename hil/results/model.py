@@ -50,7 +50,7 @@ SETTLED = 1e-9
 class Model(IdentifiedRobot):
     """Identified base parameters of a robot, with methods for calculations.
 
-    Its data are those of `hil.results.identified_robot.IdentifiedRobot`.
+    Data attributes are those of `hil.results.identified_robot.IdentifiedRobot`.
     """
 
     @classmethod
@@ -60,8 +60,8 @@ class Model(IdentifiedRobot):
         Raises
         ------
         FileError
-            There is none, it was cut off or edited, or it belongs to another robot than the one
-            beside it.
+            The file is missing, truncated or edited, or belongs to another robot than the robot
+            file in its folder.
         """
         path = file_of(Path(path))
         if not path.exists():
@@ -88,14 +88,13 @@ class Model(IdentifiedRobot):
         q, qd, qdd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
             [rad, rad/s, rad/s^2]; m for prismatic joints.
         parts : collection of str
-            What is added up, all of `hil.results.identified_robot.PARTS` by default:
+            Parts of the torque, all of `hil.results.identified_robot.PARTS` by default:
 
             rigid bodies
-                A(q, qd, qdd) p of eq. (6): inertia, Coriolis and centrifugal forces, gravity, with
-                all that was identified as a base parameter: springs, and rotors whose inertia the
-                robot file leaves unknown.
+                A(q, qd, qdd) p of eq. (6): inertia, Coriolis and centrifugal forces, gravity,
+                including springs, and rotors with unknown inertia in the robot file.
             motors
-                Reflected inertia of the rotors that the robot file states, eq. (7).
+                Reflected inertia of the rotors stated in the robot file, eq. (7).
             friction
                 The law of friction (`friction_law`); at rest its offset alone, since what holds a
                 resting axis is no function of velocity. Where rows are successive samples of a
@@ -115,17 +114,17 @@ class Model(IdentifiedRobot):
         Raises
         ------
         InvalidArray
-            Another shape, or NaN.
+            Wrong shape, or NaN.
         UnknownName
-            There is no such part.
+            Unknown part.
         NotEnoughData
-            Friction, of which the model knows nothing, or warmth, which no axis's friction is
-            known to depend on.
+            The model knows no friction, or a warmth was given although no axis's friction is known
+            to depend on warmth.
 
         Warns
         -----
         FrictionUnknown
-            Friction is unknown of some axes (`axes_without_friction`), whose torque is without it.
+            Friction of some axes is unknown (`axes_without_friction`) and not in their torque.
 
         Examples
         --------
@@ -154,14 +153,14 @@ class Model(IdentifiedRobot):
         qd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
             [rad/s or m/s].
         q, qdd : optional
-            As of `predict`; without positions the gears transmit no load.
+            As in `predict`; without positions the gears transmit no load.
         warmth : optional
-            As of `predict`.
+            As in `predict`.
 
         Returns
         -------
         ndarray, shape (n_joints,) or (n_samples, n_joints)
-            Joint side [N m, or N]; errors and warnings as of `predict`.
+            Joint side [N m, or N]; errors and warnings as in `predict`.
 
         Examples
         --------
@@ -185,7 +184,7 @@ class Model(IdentifiedRobot):
         _refuse_unknown(parts)
         law = known_friction(self) if "friction" in parts else None
         if law is not None and (lack := lacking(self)):
-            # once a line of the caller's, as Python does by default
+            # one warning per line of the caller, as Python does by default
             text = f"torques of {self.robot.name} lack friction: {lack}"
             warnings.warn(text, FrictionUnknown, stacklevel=3)
         rigid = (
@@ -211,14 +210,14 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         q, qd, qdd : ndarray, shape (n, n_joints)
-            Of a planned motion [rad, rad/s, rad/s^2; m for prismatic joints].
+            Planned motion [rad, rad/s, rad/s^2; m for prismatic joints].
         reversal : float
             Share of the velocity limit below which friction changes its direction.
 
         Raises
         ------
         NotEnoughData
-            The model has no law of friction.
+            The model has no friction law.
         """
         width = reversal * self.robot.velocity_limit
         speed = np.maximum(np.abs(qd), width)
@@ -233,21 +232,21 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         time : array_like, shape (n_samples,)
-            Ascending [s].
+            Ascending time [s].
         qd : array_like, shape (n_samples, n_joints)
-            [rad/s or m/s].
+            Velocities [rad/s or m/s].
         start : scalar, or array_like of shape (n_joints,)
             Warmth at the first sample; cold by default.
 
         Returns
         -------
         ndarray, shape (n_samples, n_joints)
-            As `predict` takes it; NaN for axes whose warmth is not identified.
+            Argument `warmth` of `predict`; NaN for axes whose warmth is not identified.
 
         Raises
         ------
         InvalidArray
-            Another shape, NaN, times that do not ascend, or a start outside 0 to 1.
+            Wrong shape, NaN, times not ascending, or a start outside 0 to 1.
         """
         return warmth_along(self, time, qd, start)
 
@@ -264,12 +263,12 @@ class Model(IdentifiedRobot):
         q : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
             [rad or m].
         parts : collection of str
-            As of `predict`; friction has no mass.
+            As in `predict`; friction has no mass.
 
         Returns
         -------
         ndarray, shape (n_joints, n_joints) or (n_samples, n_joints, n_joints)
-            [kg m^2, kg m or kg]; errors as of `predict`.
+            [kg m^2, kg m or kg]; errors as in `predict`.
 
         Examples
         --------
@@ -295,7 +294,7 @@ class Model(IdentifiedRobot):
         Returns
         -------
         ndarray, shape (n_joints, n_joints) or (n_samples, n_joints, n_joints)
-            [N m s/rad, N s/rad or N s/m]; errors as of `predict`.
+            [N m s/rad, N s/rad or N s/m]; errors as in `predict`.
 
         Examples
         --------
@@ -323,7 +322,7 @@ class Model(IdentifiedRobot):
         q, qd, tau : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
             [rad, rad/s, N m; m, m/s, N for prismatic joints].
         parts : collection of str
-            As of `predict`; rigid bodies or motors must be among them.
+            As in `predict`, including rigid bodies or motors.
         warmth : optional
             As of `predict`.
 
@@ -335,8 +334,8 @@ class Model(IdentifiedRobot):
         Raises
         ------
         NotEnoughData
-            The mass matrix is not positive definite, or friction grows with the load as fast as
-            the load itself; else as of `predict`.
+            The mass matrix is not positive definite, or friction grows with the load as fast as the
+            load itself; otherwise as in `predict`.
 
         Examples
         --------
@@ -351,7 +350,8 @@ class Model(IdentifiedRobot):
                 "positive definite at q; use all parts, or see hil.Model.verdict"
             )
         qdd = np.zeros_like(tau)
-        for _ in range(ROUNDS):  # once without friction of load, which depends on accelerations
+        # first without load-dependent friction, which depends on accelerations
+        for _ in range(ROUNDS):
             left = tau - self._torque(parts, q, qd, qdd, state)
             if (np.abs(left) <= SETTLED * (1.0 + np.abs(tau))).all():
                 return qdd
@@ -385,10 +385,10 @@ class Model(IdentifiedRobot):
         q, qd, qdd, parts, warmth
             As of `predict`.
         level : float
-            Share of the intervals that hold the torque.
+            Share of the intervals that contain the torque.
         of_samples : bool
-            Of torques as a drive measures them, sample by sample, rather than of their mean: what
-            the method's models left of the recordings (`residual`) counts too.
+            True for intervals of single measured samples instead of their mean, including the
+            residual of the identification (`residual`).
 
         Returns
         -------
@@ -398,7 +398,7 @@ class Model(IdentifiedRobot):
         Raises
         ------
         InvalidArray
-            Another shape, NaN, or a level that is not between 0 and 1.
+            Wrong shape, NaN, or a level outside 0 to 1.
         UnknownName, NotEnoughData
             As of `predict`.
         """
@@ -406,8 +406,8 @@ class Model(IdentifiedRobot):
         state, level = warmth_of(self, warmth, q), checked_level(level)
         tau = self._torque(parts, q, qd, qdd, state)
         A = dynamics.regressor(self.robot, q, qd, qdd)
-        # motors add nothing: what is wrong with a stated rotor inertia the base parameters make up
-        # for, and their covariance holds it
+        # motors add nothing: base parameters compensate an error of a stated rotor inertia, and
+        # their covariance contains it
         rows = A if "rigid bodies" in parts else np.zeros_like(A)
         scatter, stated = (
             np.einsum("...k,kl,...l->...", rows, V, rows, optimize=True).clip(0.0)

@@ -103,18 +103,19 @@ class ModelFile(FileModel):
     Attributes
     ----------
     covariance : tuple of tuple of float
-        Of the values, statistical and of the drives together, in the parameters' order and units.
+        Covariance of the values, statistical and by the drives together, in the parameters' order
+        and units.
     drive_covariance : tuple of tuple of float, optional
-        The drives' part of it.
+        Part of the covariance due to the drives.
     degrees_of_freedom : tuple of float, optional
-        Effective ones of the statistical part.
+        Effective degrees of freedom of the statistical part.
     friction_law : FrictionLaw, optional
-        Friction over the campaign, of methods for strokes and trajectories; that of free motions
-        stands in `friction`.
+        Friction over the campaign, by methods for strokes and trajectories; for free motions see
+        `friction`.
     robot_file : str, optional
         The robot file, verbatim.
     local : tuple of LocalRecord
-        Each measurement by itself, with its friction over time; empty for imports and in files of
+        Single measurements, with their friction over time; empty for imports and in files of
         earlier versions.
     """
 
@@ -201,7 +202,7 @@ class ModelFile(FileModel):
         Raises
         ------
         FileError
-            The file does not hold the robot and none lies beside, or it is not the one identified.
+            The robot is neither in the file nor in its folder, or is not the identified one.
         """
         total = np.array(self.covariance)
         stated, degrees = self.drive_covariance, self.degrees_of_freedom

@@ -52,9 +52,9 @@ class Impossible(NamedTuple):
     what : str
         Name of the quantity.
     value, error : float
-        Its value and standard error.
+        Value and standard error.
     unit : str
-        Empty where the quantity has several.
+        Unit; empty if the quantity has several units.
     certain : bool
         True for a value negative beyond the uncertainty.
     """
@@ -104,7 +104,7 @@ def _parameter(model: IdentifiedRobot, k: int) -> Iterator[Impossible]:
 
 
 def _energy(model: IdentifiedRobot, q: Array, rotors: Array, what: str) -> Iterator[Impossible]:
-    """Find the most certain negative eigenvalue of M(q) and known `rotors`, in units of M's."""
+    """Find the most certain negative eigenvalue of M(q) and `rotors`, relative to M's diagonal."""
     robot, p = model.robot, model.values
     M = mass_matrix(robot, p, q) + rotors
     own = np.abs(np.einsum("njj->nj", M)).mean(axis=0)
@@ -156,7 +156,7 @@ def _not_negative(model: IdentifiedRobot, row: Array) -> bool:
     robot = model.robot
     n = 10 * robot.n_joints
     inertial = added_inertias(robot).any(axis=(1, 2))
-    # a shared inertia joins two accelerations and may have either sign
+    # a shared inertia couples two accelerations and may have either sign
     own = np.array([np.count_nonzero(H) == 1 for H in added_inertias(robot)], dtype=bool)
     added = row[n:]
     if (added < 0).any() or added[~(inertial & own)].any() or not row.any():

@@ -57,13 +57,13 @@ def predicted_torques(
     model : Model
     recorded : iterable of (RecordedMotion, Recording)
     past : History, optional
-        What the axes went through in these recordings, which says how far friction may be from the
-        law; by default they may be as cold or as warm as motion makes them.
+        Motion history of the axes, which bounds the deviation of friction from the law; by default
+        the axes may have any warmth.
 
     Raises
     ------
     Mismatch
-        A torque's gain is unknown and no part of the model.
+        A torque's gain is unknown and not part of the model.
     """
     for motion, as_recorded in recorded:
         if not shows_parameters(motion):

@@ -43,19 +43,19 @@ def free_motion(
     Parameters
     ----------
     robot : Robot
-        Limits that are unknown (NaN) do not limit.
+        Robot with limits; unknown limits (NaN) do not limit.
     seed : int
     speed : array_like, shape (n_joints,), optional
-        That counts where the limit of the velocity is unknown [rad/s or m/s].
+        Speed in place of an unknown velocity limit [rad/s or m/s].
     share : float
-        Of each limit that the motion uses at most.
+        Largest share of each limit used by the motion.
     harmonics, period, samples
         Number of harmonics, period of the first [s] and number of samples.
 
     Returns
     -------
     q, qd, qdd : ndarray, shape (samples, n_joints)
-        [rad, rad/s, rad/s^2], of slides [m, m/s, m/s^2].
+        [rad, rad/s, rad/s^2], for prismatic joints [m, m/s, m/s^2].
     """
     rng = np.random.default_rng(seed)
     order = 2 * np.pi / period * np.arange(1, harmonics + 1)
@@ -80,7 +80,7 @@ def free_motion(
 class FreeTorques:
     """Rigid-body torques on a free motion as linear functions, by root mean squares.
 
-    `speed` counts where the robot's limits are unknown (`free_motion`).
+    `speed` replaces unknown limits of the robot (`free_motion`).
     """
 
     def __init__(self, robot: Robot, speed: ArrayLike | None = None) -> None:
@@ -122,7 +122,7 @@ def effect_of_errors(estimate: Estimate, robot: Robot) -> Array:
 def uncertainty(model: IdentifiedRobot, more: Array | float = 0.0) -> Array | None:
     """Standard error of each axis's torque on a free motion over that torque, (n_joints,).
 
-    None where nothing is known of speeds; 0 for an axis without torque.
+    Return None for unknown speeds, and 0 for an axis without torque.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ class RegressionProblem:
         Raises
         ------
         NotIdentifiable, NotEnoughData
-            Recordings that do not suffice.
+            The recordings do not suffice.
         """
         first, *others = self.runs
         return identified(first, self.method, others, options=self.options)
@@ -103,33 +103,31 @@ def regression(
     friction : str
         ``auto``, or the name of a law for imports.
     nuisance : sequence of str, or one of these
-        What is looked for beside friction, of ``lag``, ``compliance``, ``presliding`` and
-        ``drift``; by default all that the method knows.
+        Unknowns beside friction, of ``lag``, ``compliance``, ``presliding`` and ``drift``; by
+        default all those of the method.
     covariance : {"jackknife", "clusters", "CR2", "white"}
-        How errors are stated; what scatters over cells of states is added for imports, unless all
-        is taken for white noise. Methods that the default one for imports is compared with have the
-        jackknife.
+        Estimator of the covariance. For imports, scatter over cells of states is added, except for
+        white noise. Conventional methods for imports use the jackknife.
     method : str, optional
-        Recipe, as of ``hil identify --method``; by default the one that the recordings call for.
+        Recipe, as in ``hil identify --method``; by default chosen by the recordings.
     loaded : sequence of Run
         Runs of any kind with a load at the last link, identified with the robot.
     mass : float, optional
-        Known mass of the load [kg], held in the fit.
+        Known mass of the load [kg], fixed in the fit.
     gains : bool
         True to identify the gains of all axes by the mass.
     prior : Prior, optional
-        Bodies of the links as CAD or a URDF states them, for what the runs do not excite
-        (`hil.estimation.prior`).
+        Bodies of the links from CAD or a URDF, for unexcited parameters (`hil.estimation.prior`).
 
     Raises
     ------
     NotEnoughData
-        No run, or what is asked of a load without a run with it.
+        No run, or an option for a load without a loaded run.
     Mismatch
-        Runs of different robots, the same one twice, an option without effect on the method, or a
+        Runs of different robots, the same run twice, an option without effect on the method, or a
         method for a load.
     UnknownName
-        An option that there is not.
+        Unknown value of an option.
     """
     if not runs:
         raise NotEnoughData("0 runs: give one or more, such as hil.Run.open('runs/first')")

@@ -77,7 +77,7 @@ class RunStamp(FileModel):
 
     @classmethod
     def create(cls, folder: Run, holder: Path | None = None) -> RunStamp:
-        """Return the present state of a run; `holder`: the folder of the result, if another."""
+        """Return the present state of a run; `holder` is the folder of the result."""
         sessions = folder.journal.sessions
         return cls(
             folder=os.path.relpath(folder.path, holder or folder.path),

@@ -48,13 +48,13 @@ class Quantity(NamedTuple):
     kind : {"gravity parameter", "inertia parameter", "friction level", "offset"}
     unit : str
     about : str
-        Expression of a parameter; else empty.
+        Expression of a parameter; empty for friction and offsets.
     axis : int or None
-        From 1, of friction and offset.
+        Axis of friction or offset, from 1.
     speed : float or None
-        Of a level of friction [rad/s or m/s].
+        Speed of a friction level [rad/s or m/s].
     meaning : str
-        Of a parameter, what it is; else empty, as the name says it.
+        Meaning of a parameter; empty for friction and offsets, which have descriptive names.
     """
 
     name: str
@@ -77,13 +77,13 @@ class Reading(NamedTuple):
     Attributes
     ----------
     value, standard_error : float
-        Of errors that are the run's own [unit of the quantity].
+        Value, and standard error of the run's own errors [unit of the quantity].
     degrees : float
         Effective degrees of freedom of the standard error.
     allowance : float
-        By how much the value may differ between runs without any change of the machine.
+        Permitted difference between runs without any change of the machine.
     stands_for : str
-        Sum that was identified in place of the parameter; empty where it is the parameter itself.
+        Sum identified in place of the parameter; empty for the parameter itself.
     """
 
     value: float
@@ -116,9 +116,9 @@ def reading(
     model : IdentifiedRobot
     quantity : Quantity
     least_wander : float
-        Share of friction's level that temperature may move it by, whatever the campaign showed.
+        Minimum change of the friction level by temperature, as a share, for any campaign.
     unknown_wander : float
-        The same of a law that knows no wander, of free motions.
+        Assumed change for laws without known wander, from free motions.
     """
     if quantity.axis is None:
         return _parameter(model, model.names.index(quantity.name))
@@ -127,7 +127,7 @@ def reading(
         return None
     degrees = _degrees(model, law)
     if quantity.speed is None:
-        # the offset of a law with |u| is that at rest, of one without it the mean over all speeds
+        # the offset of a law with |u| is that at rest, otherwise the mean over all speeds
         offset = law.plain.get("offset")
         return None if offset is None else Reading(offset.value, offset.standard_error, degrees)
     level, error = level_at(law, quantity.speed)
@@ -168,8 +168,8 @@ def _friction(models: Sequence[IdentifiedRobot]) -> Iterator[Quantity]:
 def friction_quantities(robot: Robot) -> Iterator[Quantity]:
     """Yield friction levels at shares of each joint's velocity limit, and offsets.
 
-    They are the same in every run of a robot, whatever its laws; offsets alone without a velocity
-    limit.
+    These quantities are common to all runs of a robot and independent of the laws. Without a
+    velocity limit there are only offsets.
     """
     for axis in range(robot.n_joints):
         limit, unit = float(robot.velocity_limit[axis]), robot.torque_unit(axis)
@@ -193,8 +193,8 @@ def _speeds(laws: Sequence[AxisLaw]) -> Iterator[float]:
 def _degrees(model: IdentifiedRobot, law: AxisLaw, fewest: float = 2.0) -> float:
     """Return the degrees of freedom of a friction law's residual.
 
-    The model states the measurements of the axis, or the degrees of freedom of base parameters;
-    otherwise `fewest` is returned.
+    The degrees follow from the number of the axis's measurements or from those of the base
+    parameters. Without both, `fewest` is returned.
     """
     if law.measurements is not None:
         return max(float(law.measurements - len(law.terms)), fewest)

@@ -50,38 +50,38 @@ OF_SAMPLES = ("qd", "measured", "predicted", "standard_error", "parameter_error"
 class PredictedTorque:
     """Measured and predicted torque of a stretch of a recording, of a single axis or of all.
 
-    Arrays of one axis have shape (n,), of all axes (n, n_joints); samples that can be used.
+    Arrays have shape (n,) for one axis, (n, n_joints) for all, with n usable samples.
 
     Attributes
     ----------
     measurement : str
-        Its id, where it has one.
+        Id of the measurement, if any.
     axes : tuple of int
-        Indices from 0.
+        Axes from 0.
     time : ndarray, shape (n,)
-        [s].
+        Time [s].
     qd : ndarray
         Velocities [rad/s or m/s].
     measured, predicted : ndarray
-        After the low-pass [N m or N].
+        Torques after the low-pass [N m or N].
     standard_error : ndarray
-        Of a sample of the prediction: by its parameters, and by what the model left of the
-        recordings that it was made from [N m or N].
+        Standard error of a predicted sample: by parameters and by the residual of the
+        identification [N m or N].
     parameter_error : ndarray
-        What of it comes from the parameters, friction's wandering among them [N m or N].
+        Part of `standard_error` due to parameters and wandering friction [N m or N].
     stated : ndarray
-        What of the prediction the model states by itself, as far as nothing fitted in the recording
-        can take its place [N m or N].
+        Part of the prediction by the model alone that no fit in the recording can replace [N m or
+        N].
     refitted, refitted_error : ndarray, or None
-        The torque of the bodies with friction fitted in the recording, and its standard error
-        [N m or N]; None where nothing was fitted.
+        Torque of the bodies with friction fitted in the recording, and its standard error [N m or
+        N]; None without a fit.
     information : ndarray, or None
-        Of the base parameters in what was measured of each axis [per second], a level and a slope
-        of friction fitted beside them, shape (n_joints, n_base, n_base), or (n_base, n_base) of one
-        axis.
+        Information on the base parameters in each axis's torque [per second], with a level and a
+        slope of friction fitted as well; shape (n_joints, n_base, n_base), or (n_base, n_base) for
+        one axis.
     own_friction : bool
-        Whether `predicted` has the friction that the model states; it is `refitted` otherwise,
-        where the model states none of this axis.
+        True if `predicted` contains the model's friction; otherwise the model states none for this
+        axis, and `predicted` is `refitted`.
     """
 
     measurement: str
@@ -155,9 +155,9 @@ class PredictedTorque:
 class Along(NamedTuple):
     """Recording in the model's form: torque at n usable samples, motion at all m samples.
 
-    `used` and `passed` bring columns from shape (m, ...) to (n, ...), as they are or after the
-    low-pass; friction acts in `directions`, by default in that of each axis's velocity; gears that
-    give way add `gears` to the torque, shape (m, n_joints).
+    `used` and `passed` convert columns from shape (m, ...) to (n, ...), without and with the
+    low-pass; friction acts in `directions`, by default in that of each axis's velocity; elastic
+    gears add `gears` to the torque, shape (m, n_joints).
     """
 
     time: Array
@@ -172,7 +172,7 @@ class Along(NamedTuple):
 
 
 def filter_recording(model: Model, recording: Recording) -> Along:
-    """Return a recording as a model takes it, by the low-pass that the model was found with."""
+    """Return a recording in the model's form, filtered by the low-pass of the identification."""
     if not model.details.with_law:
         s = signals(recording)
         valid = s.valid
@@ -235,17 +235,17 @@ def predict_recording(model: Model, recording: Recording, name: str = "") -> Pre
     Parameters
     ----------
     model : Model
-        Identified from free motions.
+        Model identified from free motions.
     recording : Recording
-        Of the same robot; even in time, without a gap.
+        Recording of the model's robot, with constant sampling period and without gaps.
     name : str
-        Id of its measurement.
+        Id of the measurement.
 
     Raises
     ------
     NotEnoughData
-        A model that was not identified from free motions, or a recording shorter than the low-pass
-        reaches.
+        The model was not identified from free motions, or the recording is shorter than the reach
+        of the low-pass.
     """
     processing_of(model)
     return predict_whole(model, recording, name)
@@ -330,7 +330,7 @@ def _parameter_error(model: Model, motion: Along, A: Array, axes: Sequence[int])
     for axis in axes:
         variance[:, axis] = np.einsum("nk,nk->n", A[:, axis] @ model.covariance, A[:, axis])
     variance += friction_variance(robot, law, motion.q, motion.qd, load)
-    # laws found beside base parameters are those of free motions, which have directions
+    # laws estimated with base parameters come from free motions, which have directions
     pairs = zip(law.axes, motion.directions or (), strict=False)
     for axis, (own, direction) in enumerate(pairs):
         if own is None or not own.beside:
@@ -347,7 +347,7 @@ def convert_torques(model: Model, motion: RecordedMotion, recording: Recording) 
     Raises
     ------
     Mismatch
-        A gain is unknown and no part of the model.
+        A gain is unknown and not part of the model.
     """
     unknown = isinstance(motion, FreeMotion) and motion.unknown_gains
     if not unknown:
@@ -370,7 +370,7 @@ def processing_of(model: Model) -> Processing:
     Raises
     ------
     NotEnoughData
-        A model that was not identified from free motions.
+        The model was not identified from free motions.
     """
     fit = model.details
     if not isinstance(fit, FreeMotionFit):

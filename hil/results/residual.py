@@ -57,9 +57,9 @@ class BandResidual(FileModel):
         Root mean squares of torque and residual up to `band` [N m or N]; None for an axis that
         did not move or whose friction is unknown.
     moving, smoothed : tuple of float or None
-        The same where the axis does not rest, and the prediction passes the low-pass, too.
+        Root mean squares as above while the axis moves, with a filtered prediction.
     recorded, unfiltered : tuple of float or None
-        The same of the torque as it was recorded.
+        Root mean squares as above with the torque as recorded.
     """
 
     band: float

@@ -24,8 +24,8 @@ def samples(n_joints: int, **given: ArrayLike) -> tuple[Array, ...]:
     ----------
     n_joints : int
     **given : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
-        By name, for messages. A scalar counts for all joints; of a robot with one joint, shape
-        (n_samples,) will do.
+        Arrays with names for messages. A scalar applies to all joints; for a robot with one joint,
+        shape (n_samples,) is accepted.
 
     Returns
     -------
@@ -34,7 +34,7 @@ def samples(n_joints: int, **given: ArrayLike) -> tuple[Array, ...]:
     Raises
     ------
     InvalidArray
-        Another shape, different numbers of samples, or values that are no finite numbers.
+        Wrong shape, different numbers of samples, or values that are not finite.
     """
     arrays = [_array(name, values, n_joints) for name, values in given.items()]
     try:
@@ -77,9 +77,9 @@ def warmth_of(model: IdentifiedRobot, warmth: ArrayLike | None, q: Array) -> Arr
     Raises
     ------
     InvalidArray
-        Another shape, or outside 0 to 1 on an axis whose warmth is identified.
+        Wrong shape, or outside 0 to 1 on an axis with identified warmth.
     NotEnoughData
-        No axis's is.
+        No axis has an identified warmth.
     """
     if warmth is None:
         return None

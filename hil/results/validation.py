@@ -71,37 +71,37 @@ class AxisScore(FileModel):
     axis : int
         Number from 1.
     unit : str
-        Of torques: N m or N.
+        Unit of torques: N m or N.
     samples : int
     torque, residual : float
-        Root mean squares; the residual is that of the model's own prediction, its law of friction
-        included, as all figures are but the gain and `refitted`.
+        Root mean squares. Residual and all other figures, except the gain and `refitted`, refer to
+        the model's prediction with its friction law.
     relative : float
         Residual over torque.
     naive : float
-        The same where the mean torque is the prediction.
+        Residual over torque, for the mean torque as prediction.
     uncertain : float
         Standard error of the prediction by the model's parameters, over the torque.
     inside : float
         Share of samples inside the predicted intervals of 95 %.
     gain, gain_error : float
-        Factor of what the model states that fits best, and its standard error were the residuals
-        white noise; friction fitted in the recording where that was done.
+        Best factor of the model's part of the prediction, with its standard error for white
+        residuals; with friction fitted in the recording, if possible.
     asymmetry : float
         Half the difference of the mean residuals forward and back, over the residual.
     limited : float
-        Share of samples at the greatest torque, where that is a limit.
+        Share of samples at the greatest torque, if this is a limit.
     identified : float, optional
-        Residual where the model was identified.
+        Residual of the identification.
     refitted, refitted_inside : float, optional
-        `relative` and `inside` of the bodies' torque with friction fitted in the recording; None
-        where nothing was fitted.
+        `relative` and `inside` for the bodies' torque with friction fitted in the recording; None
+        without a fit.
     own_friction : bool
-        Whether the model states friction of this axis; where it does not, all figures have friction
-        fitted in the recording.
+        True if the model states friction of this axis; otherwise all figures have friction fitted
+        in the recording.
     uncovered : str
-        In what this motion is unlike the recordings that the model's friction is from; empty where
-        they cover it.
+        Difference of the motion from the recordings of the model's friction law; empty for a
+        covered motion.
     """
 
     axis: int = Field(ge=1)
@@ -150,10 +150,10 @@ class Validation(Judgement):
     Attributes
     ----------
     axes : tuple of AxisScore
-        Empty where the recording cannot judge it.
+        Scores of the axes; empty for an unsuitable recording.
     residual : BandResidual, optional
-        Of the recordings, over the band in which all models are compared; None where the model
-        states no friction, and of an earlier version.
+        Residual of the recordings, over the band common to all models; None if the model states no
+        friction, and in files of earlier versions.
     """
 
     axes: tuple[AxisScore, ...] = ()
@@ -174,16 +174,16 @@ def validate(
     Parameters
     ----------
     model : Model or path
-        The model, its file or the folder of its run.
+        Model, its file, or the folder of its run.
     run : Run or path
         Held-out recordings of the same robot.
     accuracy : float
-        Share of the torque of an axis that carries load which may remain where the word is good.
+        Largest residual of a good model, as a share of the torque of a loaded axis.
 
     Returns
     -------
     Validation
-        Its `word` is good, doubtful or failed; `reason` states why, `axes` the scores.
+        Judgement: `word` is good, doubtful or failed, with `reason` and the scores in `axes`.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def validate(
         return own
     recorded = Pooled([run])
     left = band_residual(model, recorded)
-    # what the axes went through matters to models that know what theirs had gone through
+    # the history of the axes matters to models with a motion history of their own
     past = None if model.details.with_law else history(model.robot, recorded)
     return scored(model, predicted_torques(model, recorded, past), left, accuracy, past)
 
@@ -216,13 +216,13 @@ def scored(
     ----------
     model : Model
     predicted : iterable of PredictedTorque
-        By `hil.results.predicted_torques`.
+        Torques by `hil.results.predicted_torques`.
     residual : BandResidual, optional
-        Of the same recordings.
+        Residual of the same recordings.
     accuracy : float
-        Share of the torque of an axis that carries load which may remain where the word is good.
+        Largest residual of a good model, as a share of the torque of a loaded axis.
     past : History, optional
-        What the axes went through in these recordings.
+        Motion history of the axes.
     """
     parts: dict[int, list[PredictedTorque]] = defaultdict(list)
     for each in predicted:
@@ -251,10 +251,9 @@ def judged(
     scores : sequence of AxisScore
     n_joints : int
     first, last : iterable of Reservation
-        What its identification says against it, whatever it predicts: before and behind all that
-        is as bad.
+        Objections by the identification, placed before and after equally bad ones of the scores.
     residual : BandResidual, optional
-        Stated beside it.
+        Residual to be stated with the judgement.
     """
     found = (*first, *_judge_axes(scores, n_joints), *last)
     if not found:
@@ -311,10 +310,9 @@ def _uncovered(
     Parameters
     ----------
     qd, time, left : ndarray, shape (n,)
-        Velocities of the samples, their instants and what the prediction leaves of the torque
-        [rad/s or m/s], [s], [N m or N].
+        Velocities [rad/s or m/s], instants [s] and residual torques [N m or N] of the samples.
     past : History or None
-        What the axes went through.
+        Motion history of the axes.
     """
     law = model.friction_law.axes[axis]
     if law is None:
@@ -404,7 +402,7 @@ def _naive(scores: Scores) -> Reservation | None:
 
 def _narrow(scores: Scores) -> Reservation | None:
     """Return a doubt about narrow intervals, with the reason if this exceeds a tolerance."""
-    # of axes whose motion the recordings cover something else is wrong, which comes first
+    # for covered motions there is another reason, which is stated first
     s = min(scores, key=lambda each: (each.inside >= INSIDE, bool(each.uncovered), each.inside))
     if s.inside >= INSIDE:
         return None

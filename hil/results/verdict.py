@@ -52,9 +52,9 @@ def verdict(
     Parameters
     ----------
     usual_effect : ndarray, shape (n_base, 2 n_joints), optional
-        As of an `Estimate`: change of the parameters by usual tolerances of drives.
+        Change of the parameters by usual tolerances of drives (see `Estimate`).
     accuracy : float
-        Share of the torque of an axis that carries load which may remain of its recordings.
+        Largest residual of a good model, as a share of the torque of a loaded axis.
     """
     left, limit = model.band_residual, model.robot.torque_limit
     doubts = *reservations(RULES, model), *unexplained(left, limit, accuracy)
@@ -68,7 +68,7 @@ def _found(model: Model) -> Iterator[Reservation]:
     for cause in model.excluded.found if model.excluded else ():
         moved, harmless = _moved(model, cause)
         unknown = cause.change is None and cause.left < HALF
-        # a torque that repeats is no wrong statement: base parameters are those of the rest
+        # torque ripple is not an error in a file: base parameters describe the remaining torque
         stated = cause.cause != "repeats"
         spoilt = CAUSES[cause.cause].whole or (stated and (unknown or moved > TOLERANCE))
         if spoilt or not harmless:
@@ -276,7 +276,7 @@ TOLERANCES = ("torque constant", "rotor inertia")
 
 
 def _good(model: Model, usual_effect: Array | None) -> Iterator[Reservation]:
-    """Yield the accuracy of the torques, and the accuracy with invisible causes of usual size."""
+    """Yield the accuracy of the torques, also with invisible causes of usual size."""
     relative = uncertainty(model)
     if relative is None:
         yield good(f"no objection to the parameters{_scale(model.robot)}")

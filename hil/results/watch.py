@@ -24,7 +24,7 @@ class Alarm(FileModel):
     time : float
         Time of the sample at detection, as in the recordings [s].
     torque, threshold : float
-        Mean over the window, and what it exceeded [N m or N].
+        Mean torque over the window, and the exceeded threshold [N m or N].
     window : float
         [s].
     peak : float
@@ -53,8 +53,8 @@ class Sight(FileModel):
     limit : float
         Torque limit [N m or N].
     soon, late : float, optional
-        Thresholds within `SOON` and within `LATE`, median while the axis moves [N m or N]; None of
-        an axis that has moved too little.
+        Thresholds within `SOON` and within `LATE`, median while the axis moves [N m or N]; None for
+        an axis that moved too little.
     still : float
         Share of the time watched in which the axis stood still: slower than 1 % of its velocity
         limit.
@@ -62,7 +62,7 @@ class Sight(FileModel):
         Share of the time watched, around reversals and at rest, in which `STRONG` of the limit
         would not be seen within `SOON`, and `WEAK` of it not within `LATE`.
     distance : float
-        Presliding distance that was taken [rad or m].
+        Assumed presliding distance [rad or m].
     """
 
     axis: int

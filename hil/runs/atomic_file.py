@@ -61,7 +61,7 @@ def write_file(path: Path, content: bytes | memoryview) -> None:
                 file.flush()
                 os.fsync(file.fileno())
             part.replace(path)
-        except BaseException:  # what does not fit only fills the disk, and an interrupt wants none
+        except BaseException:  # an incomplete part only fills the disk
             with suppress(OSError):
                 part.unlink()
             raise
@@ -93,7 +93,7 @@ def whole_folder(output: Path) -> Iterator[Path]:
                 _flush_folder(output.parent)
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
-        with suppress(OSError):  # somebody else put something there meanwhile
+        with suppress(OSError):  # another process has put something there meanwhile
             for folder in missing:
                 folder.rmdir()
         raise
@@ -143,7 +143,7 @@ def new_file(path: Path) -> Iterator[IO[bytes]]:
     Raises
     ------
     FileError
-        It already exists, or cannot be written.
+        The file already exists, or cannot be written.
     """
     with (
         file_errors(path, "written"),
@@ -165,7 +165,7 @@ def own_folder(path: Path) -> None:
     Raises
     ------
     FileError
-        It is a symbolic link, or cannot be made.
+        The folder is a symbolic link, or cannot be made.
     """
     refuse_link(path)
     with file_errors(path, "made"):
@@ -178,7 +178,7 @@ def refuse_link(path: Path) -> None:
     Raises
     ------
     FileError
-        It is a symbolic link.
+        The folder is a symbolic link.
     """
     if path.is_symlink():
         raise FileError(
@@ -211,7 +211,7 @@ def locked(path: Path) -> AbstractContextManager[None]:
     Raises
     ------
     FileError
-        Another process holds it.
+        Another process holds the lock.
     """
     return _held(
         path,
@@ -227,7 +227,7 @@ def locked_bus(path: Path, bus: str) -> AbstractContextManager[None]:
     Raises
     ------
     FileError
-        Another process holds it, or the file cannot be made.
+        Another process holds the lock, or the file cannot be made.
     """
     return _held(
         path,
@@ -249,7 +249,7 @@ def _held(path: Path, flags: int, refusal: str) -> Iterator[None]:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise FileError(refusal) from error
-        except OSError:  # a file system without locks, as some networks' are
+        except OSError:  # a file system without locks, such as some network file systems
             pass
         yield
     finally:

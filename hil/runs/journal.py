@@ -3,9 +3,9 @@
 A run may have several sessions: each `hil run` with ``--resume`` adds one. Digests of plan, robot
 file and drives file reveal whether a later session measures the same robot and plan.
 
-How well SYNC kept its period while it was recorded, and what got lost, is stated with every run.
-In lock-step nothing can be off; on the wall clock it says whether computer and bus were up to the
-rate. Travel between measurements does not count.
+The jitter of SYNC and lost telegrams during recordings are stated with every run. In lock-step
+there are none; on the wall clock they show whether computer and bus kept the rate. Travel between
+measurements does not count.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class RepeatedAttempt(FileModel):
     Attributes
     ----------
     measurement : str
-        Its id.
+        Id of the measurement.
     attempt : int
         Number of the attempt, from 1.
     findings : tuple of str
@@ -101,10 +101,10 @@ class SyncTiming(FileModel):
     Attributes
     ----------
     samples, flagged, left_out : int
-        SYNCs recorded; those of them with a telegram missing, doubled, late
-        or old; SYNCs left out.
+        Numbers of recorded SYNCs, of those with a missing, doubled, late or old telegram, and of
+        skipped SYNCs.
     jitter, worst : float
-        Root mean square and maximum of how far the time between SYNCs was off the period [s].
+        Root mean square and maximum deviation of the time between SYNCs from the period [s].
     """
 
     samples: int = 0
@@ -218,10 +218,10 @@ def read_journal(path: Path) -> Journal:
     Raises
     ------
     FileError
-        It is missing or damaged.
+        The file is missing or damaged.
     """
     try:
-        return load_yaml(path, Journal)  # JSON is YAML, and so an error has its line
+        return load_yaml(path, Journal)  # JSON is a subset of YAML, whose errors have line numbers
     except FileError as error:
         raise FileError(f"{error}; is this the folder of a run?") from error
 

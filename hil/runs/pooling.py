@@ -45,9 +45,9 @@ def open_runs(paths: Sequence[Path | str]) -> list[Run]:
     Raises
     ------
     FileError
-        One is no run folder.
+        A folder is not a run.
     Mismatch
-        One is of another robot, or named twice.
+        A run is of another robot, or named twice.
     """
     folders = [Run.open(path) for path in paths]
     refuse_mixed(folders)
@@ -60,7 +60,7 @@ def refuse_mixed(folders: Sequence[Run]) -> None:
     Raises
     ------
     Mismatch
-        One is of another robot, or named twice.
+        A run is of another robot, or named twice.
     """
     for number, folder in enumerate(folders):
         first = folders[0]
@@ -80,7 +80,7 @@ def pooled(folders: Sequence[Run]) -> Iterator[tuple[RecordedMotion, Recording]]
     Raises
     ------
     Mismatch
-        As `refuse_mixed`.
+        See `refuse_mixed`.
     """
     refuse_mixed(folders)
     taken: set[str] = set()

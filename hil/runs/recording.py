@@ -66,19 +66,19 @@ class Recording:
     flags : array (n, n_joints), uint8
         `drivers.drive_bus.SampleFlag` bits.
     stroke : array (n,), int16
-        Number of the stroke under way, even forward, odd back; -1 at rest, and throughout where no
-        axis goes back and forth.
+        Number of the present stroke, even forward, odd back; -1 at rest, and for all samples
+        without strokes.
     partner_stroke : array (n,), int16
-        The same of a coupling measurement's partner; -1 throughout for the other kinds.
+        Number of the partner's stroke in a coupling measurement; -1 for all samples of other kinds.
     qd : array (n, n_joints), optional
-        Joint velocities [rad/s] as they were recorded, NaN for a joint without; drives report none.
+        Recorded joint velocities [rad/s], NaN for a joint without; drives report none.
     group : array (n,), int16, optional
-        Number of the group of samples that share their friction: a period of a trajectory, a block
-        of a free motion, a pair of strokes that somebody else recorded; -1 at rest. None where all
-        samples are one group: measurements of strokes.
+        Number of the group of samples with common friction: a period of a trajectory, a block of a
+        free motion, an imported pair of strokes; -1 at rest. None if all samples are one group, as
+        in measurements of strokes.
     along : array (n,), optional
-        How far along the trajectory the set-points are that act from each sample on, since the
-        first period began [s]; None where nothing was streamed, and of earlier versions.
+        Time along the trajectory of the set-points active from each sample on, since the start of
+        the first period [s]; None without streaming, and in files of earlier versions.
     """
 
     time: Array
@@ -163,7 +163,7 @@ class Recording:
         Raises
         ------
         ModuleNotFoundError
-            There is no pandas.
+            pandas is not installed.
         """
         import pandas as pd  # noqa: PLC0415 - needed for nothing else, and not installed along
 
@@ -271,7 +271,7 @@ class Finding:
     message : str
         Value, bound and remedy in a sentence.
     value, bound : float
-        The figure and what it may be.
+        Value of the check, and its bound.
     """
 
     check: str

@@ -57,7 +57,7 @@ class Measured:
     session : int
         Session of the run, from 0; time restarts in each.
     run : str, optional
-        Id of the run that it belongs to; runs of earlier versions and imported ones have none.
+        Id of the run; None for runs of earlier versions and imports.
     """
 
     measurement: RecordedMotion

@@ -54,7 +54,7 @@ class Run:
     robot : Robot
     journal : Journal
     set_aside : frozenset of str
-        Ids of the measurements that are left out; see `exclude`.
+        Ids of excluded measurements; see `exclude`.
     """
 
     set_aside: frozenset[str] = frozenset()
@@ -74,7 +74,7 @@ class Run:
         Raises
         ------
         FileError
-            It is no run folder, or one of its files was changed or damaged.
+            The folder is not a run, or one of its files was changed or damaged.
         """
         path = Path(path)
         if not path.is_dir():
@@ -109,29 +109,29 @@ class Run:
     ) -> Run:
         """Make a run of recorded arrays, in memory; `save` writes the run into a folder.
 
-        Time stamps, gaps and doubtful signals are treated as those of imported files
-        (`hil.import_recordings`), which are read in units of their own.
+        Time stamps, gaps and doubtful signals are treated as in imported files
+        (`hil.import_recordings`).
 
         Parameters
         ----------
         robot : Robot
         t : array_like, shape (n_samples,)
-            Time stamps [s]; or a list of these, one a recording, and of the others likewise.
+            Time stamps [s]; for several recordings, this and all other arrays are lists.
         q, tau : array_like, shape (n_samples, n_joints)
-            Positions [rad or m] and torques [N m or N], joint side; NaN where one is missing.
+            Positions [rad or m] and torques [N m or N], joint side; NaN for missing samples.
         qd : array_like, shape (n_samples, n_joints), optional
-            Velocities, where they were recorded [rad/s or m/s].
+            Recorded velocities [rad/s or m/s].
         alone : int, optional
-            Axis, from 1, that moves back and forth by itself in all recordings.
+            Axis, from 1, moving back and forth alone in all recordings.
         cut_off : float, optional
-            Frequency up to which torques count, found from the recordings by default [Hz].
+            Cut-off frequency of the torques [Hz]; by default chosen from the recordings.
         accept : sequence of str
-            Checks whose objection is to be accepted, such as ``friction``.
+            Names of checks whose refusal is overruled, such as ``friction``.
 
         Raises
         ------
         InvalidArray
-            Another shape, no stretch long enough, or signals that contradict themselves.
+            Wrong shape, no sufficiently long stretch, or contradictory signals.
 
         Examples
         --------
@@ -166,7 +166,7 @@ class Run:
         Raises
         ------
         FileError
-            There is none: recordings were imported.
+            The recordings were imported, without a plan.
         """
         if isinstance(self.plan, RecordedMotions):
             raise FileError(
@@ -181,7 +181,7 @@ class Run:
         Raises
         ------
         UnknownName
-            No measurement of the plan has such an id.
+            No measurement of the plan has this id.
         """
         left, known = frozenset(ids), [m.id for m in self.motions]
         for unknown in sorted(left.difference(known)):
@@ -199,7 +199,7 @@ class Run:
         Raises
         ------
         UnknownName
-            No measurement of the plan has such an id or kind.
+            No measurement of the plan has this id or kind.
         """
         wanted = set(ids) | {m.id for m in self.motions if kind is not None and m.kind == kind}
         if kind is not None and not wanted:
@@ -214,7 +214,7 @@ class Run:
         Parameters
         ----------
         change : callable
-            Takes a measurement as it lies in this run, and returns its recording changed.
+            Function from a measurement of this run to its changed recording.
         """
         measured = {each.measurement.id: replace(each, recording=change(each)) for each in self}
         return MemoryRun(self.path, self.plan, self.robot, self.journal, measured)
@@ -229,7 +229,7 @@ class Run:
         torque, position : scalar, or array_like of shape (n_joints,)
             Standard deviations [N m or N, rad or m].
         seed : int
-            The same seed gives the same noise.
+            Seed of the noise.
         """
         rng, sizes = np.random.default_rng(seed), (np.asarray(torque), np.asarray(position))
         return self.mapped(lambda each: each.recording.add_noise(*sizes, rng))
@@ -240,7 +240,7 @@ class Run:
         Raises
         ------
         FileError
-            There is something at `path`, or it cannot be written.
+            `path` exists already, or cannot be written.
         """
         path = Path(path)
         if path.exists():
@@ -280,7 +280,7 @@ class Run:
         Raises
         ------
         UnknownName
-            No measurement of the plan has this id, or it has no recording yet.
+            No measurement of the plan has this id, or the measurement has no recording yet.
         FileError
             The recording is damaged.
         """
@@ -303,14 +303,14 @@ class Run:
     def dataframe(self) -> pd.DataFrame:
         """Return all samples as a table, indexed by measurement and sample; needs pandas.
 
-        Its columns are those of `hil.runs.recording.Recording.dataframe`.
+        Columns are those of `hil.runs.recording.Recording.dataframe`.
 
         Raises
         ------
         ModuleNotFoundError
-            There is no pandas.
+            pandas is not installed.
         NotEnoughData
-            There are no recordings.
+            The run has no recordings.
         """
         import pandas as pd  # noqa: PLC0415 - needed for nothing else, and not installed along
 
@@ -336,7 +336,7 @@ class Run:
         Raises
         ------
         FileError
-            It is missing or damaged.
+            The recording is missing or damaged.
         """
         path = self.recording_path(measurement)
         measured = read_measured(path)
@@ -376,7 +376,7 @@ class MemoryRun(Run):
     Attributes
     ----------
     measured : dict
-        Measurements by their ids.
+        Measurements by id.
     """
 
     def __init__(

@@ -83,7 +83,7 @@ class RunFolder(Run):
         Raises
         ------
         FileError
-            There is something at `path` already, or it cannot be written.
+            `path` exists already, or cannot be written.
         """
         path = Path(path)
         cls.refuse_taken(path)
@@ -109,7 +109,7 @@ class RunFolder(Run):
         Raises
         ------
         FileError
-            There is something already.
+            The path exists already.
         """
         if path.exists() and not (cls.is_stub(path) or _is_empty(path)):
             raise FileError(
@@ -122,7 +122,7 @@ class RunFolder(Run):
         recordings = path / "recordings"
         with file_errors(path, "read"):
             if not recordings.exists() and not recordings.is_symlink():
-                return _is_empty(path)  # what else is there is somebody's own
+                return _is_empty(path)  # other content belongs to the user
             if (path / "run.json").exists() or recordings.is_symlink() or not _is_empty(recordings):
                 return False
             return all(whole_name(entry.name) in _STUB for entry in path.iterdir())
@@ -133,7 +133,7 @@ class RunFolder(Run):
         Raises
         ------
         FileError
-            Something differs.
+            A file differs.
         """
         for name, then, given in (
             ("plan", self.journal.plan_digest, plan.digest),
@@ -152,7 +152,7 @@ class RunFolder(Run):
         Raises
         ------
         FileError
-            The identity of one differs.
+            The identity of a drive differs.
         """
         known = next((s.axes for s in self.journal.sessions if s.axes), ())
         for then, present in zip(known, axis_records(axes), strict=False):

@@ -20,7 +20,7 @@ def state_folder() -> Path:
 
 
 def own_key() -> bytes:
-    """Return the secret key of this user; of this process alone where no key can be kept."""
+    """Return the secret key of this user, or a key of this process alone if none can be stored."""
     try:
         return _key(state_folder() / "key")
     except RuntimeError:  # a user without a home
@@ -38,7 +38,7 @@ def _key(path: Path | None) -> bytes:
             file.write(made)
             file.flush()
             with suppress(FileExistsError):
-                os.link(file.name, path)  # whole at once, and that of the first process
+                os.link(file.name, path)  # written at once; the first process determines the key
         return path.read_bytes()
     except OSError:
         return made

@@ -28,7 +28,7 @@ class Plot:
     name : str
         Name of the plot's file; unique within a report.
     draw : callable
-        Returns the chart.
+        Function that returns the chart.
     alternative : str
         Alternative text for readers who cannot see the plot.
     caption : str
@@ -76,7 +76,7 @@ class Section:
     ----------
     heading : str
     template : str
-        File of `hil/report/sections` with its text; its plots are there as ``plots``, by name.
+        Template in `hil/report/sections` with the text, in which ``plots`` are available by name.
     values : mapping
         Further values for the template.
     plots : tuple of Plot

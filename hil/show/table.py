@@ -25,7 +25,7 @@ class Column:
     ----------
     head : str
     align : {"left", "right"}
-        Figures stand to the right.
+        Alignment of the cells; figures are right-aligned.
     folds : bool
         True if cells may take several lines.
     symbols : bool
@@ -53,9 +53,9 @@ class Table:
     Attributes
     ----------
     title : str
-        A noun phrase.
+        Title, a noun phrase.
     columns : tuple of Column
-        The first names the rows.
+        Columns; the first one names the rows.
     parts : tuple of Part
     explanation : str
         Meaning of the columns, in sentences, shown on pages.
@@ -65,7 +65,7 @@ class Table:
     Raises
     ------
     ValueError
-        A row with more or fewer cells than there are columns.
+        The number of cells in a row differs from the number of columns.
     """
 
     title: str

@@ -61,17 +61,19 @@ MOST_STEPS = 64
 MOST_EVENTS = 50
 """Maximum number of events in a step; then elements that change direction stop at its end."""
 SHORTEST = 1e-3
-"""Shortest part of a step that an event ends: progress even where an element stops at once."""
+"""Shortest part of a step ended by an event: a lower bound that guarantees progress."""
 ROUNDS = 200
 """Maximum number of corrections by friction of the load, each leaving its share of the load."""
 SETTLED = 1e-9
-"""Acceleration that such corrections may still change, relative to its size and 1 rad/s^2."""
+"""Remaining change of accelerations after such corrections, relative to
+their size and 1 rad/s^2.
+"""
 SOME = 30
-"""Positions and speeds at which the step is chosen."""
+"""Number of positions and speeds for the choice of the step."""
 SLOWEST = 0.01
-"""Least of these speeds, as a share of an axis's speed."""
+"""Smallest of the speeds for the choice of the step, as a share of an axis's speed."""
 AT_BOUND = 1e-9
-"""Distance from its greatest friction, as a share, at which an element starts to slide."""
+"""Distance of an element from its greatest friction, as a share, at which it starts to slide."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +89,7 @@ class Drive:
     torque, wanted : ndarray, shape (n, n_joints)
         Torques and positions [N m or N, rad or m].
     kp, kd : ndarray, shape (n_joints,)
-        [N m/rad, N m s/rad, or N/m, N s/m]; 0 without a controller.
+        Gains [N m/rad, N m s/rad, or N/m, N s/m]; 0 without a controller.
     """
 
     time: Array
@@ -101,7 +103,7 @@ class Drive:
         object.__setattr__(self, "_free", not (self.kp.any() or self.kd.any()))
 
     def __call__(self, instant: float, q: Array, qd: Array) -> Array:
-        """Torques at an instant [s], positions and velocities; shape (n_joints,) each."""
+        """Return the torques at an instant [s], given q and qd, shape (n_joints,) each."""
         time = self.time
         k = min(max(int(time.searchsorted(instant, "right")) - 1, 0), len(time) - 2)
         step = float(time[k + 1] - time[k])
@@ -125,7 +127,8 @@ class State(NamedTuple):
 class _Laws:
     """Friction of all axes at an instant, as columns of terms times coefficients.
 
-    The same sum as `hil.friction.law.friction_torque`, axes in place of samples along the rows.
+    The sum is that of `hil.friction.law.friction_torque`, with axes in place of samples along the
+    rows.
     """
 
     def __init__(self, model: Model, friction: Friction) -> None:
@@ -148,7 +151,7 @@ class _Laws:
                     self._slope[axis] = law.slope
             values[axis] = [stated.get(name, 0.0) for name in self.names]
         used: Mask = np.any(values, axis=0)
-        used[0] = True  # one column at least, the offset's
+        used[0] = True  # at least one column, that of the offset
         self.names = tuple(name for name, there in zip(self.names, used, strict=True) if there)
         directed = np.isin(self.names, DIRECTED)
         self._level, self._other = values[:, used] * directed, values[:, used] * ~directed
@@ -157,7 +160,7 @@ class _Laws:
         self._gear = np.nan_to_num(model.robot.gear_ratio)
 
     def evaluate(self, q: Array, qd: Array, side: Array, load: Array) -> tuple[Array, Array]:
-        """Torque without direction, and level against the direction `side`, shape (n,) each."""
+        """Return torque without direction, and level against direction `side`, shape (n,) each."""
         speed = np.abs(qd)
         known = np.minimum(np.maximum(speed, self._slowest), self._fastest)
         u, direction = side * known / self.speed, Direction(side, self._none)
@@ -166,7 +169,7 @@ class _Laws:
         return (columns * self._other).sum(axis=1), np.maximum(level, 0.0)
 
     def steepest(self) -> Array:
-        """Greatest slope of friction over the speed of each axis, shape (n,) [N m s/rad, N s/m]."""
+        """Return each axis's greatest slope of friction over speed, (n,) [N m s/rad, N s/m]."""
         none, forward = np.zeros(len(self.speed)), np.ones(len(self.speed))
         speeds = np.linspace(SLOWEST, 1.0, SOME)[:, None] * self.speed
         torques = [np.add(*self.evaluate(none, each, forward, none)) for each in speeds]
@@ -181,9 +184,8 @@ class Arm:
     ----------
     model : Model
     friction : {"law", "plain", "exported"}
-        The law of friction; its Coulomb, viscous and offset terms alone (`AxisLaw.plain`); or the
-        Coulomb and viscous friction that simulators are given (`hil.export.simple_friction`), with
-        the offset beside them.
+        Friction law; its Coulomb, viscous and offset terms alone (`AxisLaw.plain`); or Coulomb and
+        viscous friction as exported to simulators (`hil.export.simple_friction`), with the offset.
 
     Raises
     ------
@@ -211,7 +213,7 @@ class Arm:
             self._viscous += shared - np.diag(np.diag(shared))
 
     def mass_and_bias(self, q: Array, qd: Array) -> tuple[Array, Array]:
-        """Mass matrix with rotors, (n, n), and torque of motion and gravity, (n,)."""
+        """Return the mass matrix with rotors, (n, n), and torque of motion and gravity, (n,)."""
         speeds = np.zeros_like(self._zero)
         speeds[0] = qd
         at = np.broadcast_to(q, speeds.shape)
@@ -222,7 +224,7 @@ class Arm:
     def _forces(
         self, q: Array, qd: Array, mode: Array, tau: Array, load: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """Mass, torque left by all that slides, greatest friction of elements, and bias."""
+        """Return mass matrix, torque without friction at rest, friction bounds, and bias."""
         mass, bias = self.mass_and_bias(q, qd)
         n = len(q)
         side = np.where(mode[:n] < 0, -1.0, 1.0)
@@ -234,10 +236,10 @@ class Arm:
     def acceleration(
         self, state: State, tau: Array, load: Array | None = None
     ) -> tuple[Array, Array, Array]:
-        """Accelerations in the present modes (n,), friction at rest and its bounds, per element.
+        """Return accelerations in the present modes (n,), friction at rest and its bounds.
 
-        Friction of the load depends on accelerations: a fixed point, reached at the rate of the
-        load's share in friction.
+        Friction of the load depends on accelerations, so a fixed-point iteration is used; it
+        converges at the rate of the load's share in friction.
         """
         q, qd, mode = state
         held, load = mode == 0, self._still if load is None else load
@@ -257,7 +259,7 @@ class Arm:
         )
 
     def resolved(self, state: State, tau: Array) -> State:
-        """Return the state with the modes into which elements at rest go (Gauss's principle)."""
+        """Return the state with new modes of the elements at rest, by Gauss's principle."""
         q, qd, mode = state
         held = mode == 0
         load = self._still
@@ -283,7 +285,8 @@ class Arm:
         Returns
         -------
         ndarray, shape (n, n_joints)
-            Positions; NaN from the sample on at which `lost` holds, of its number and positions.
+            Positions; NaN from the first sample on for which `lost` returns True, given its index
+            and positions.
         """
         found = np.full((len(time), len(q)), np.nan)
         state, rate = self.start(q, qd), self.rate(drive)
@@ -299,7 +302,7 @@ class Arm:
         return found
 
     def start(self, q: Array, qd: Array) -> State:
-        """Return a state that slides as its velocities say; elements without a velocity rest."""
+        """Return a state with modes by the signs of velocities; elements without velocity rest."""
         return State(q.copy(), qd.copy(), np.sign(self.elements @ qd))
 
     def step(self, state: State, begin: float, h: float, drive: Drive) -> State:
@@ -320,7 +323,7 @@ class Arm:
     def _try(
         self, state: State, now: float, h: float, drive: Drive, *, whole: bool = False
     ) -> tuple[State, Mask, float]:
-        """Midpoint step to its end or to the first stop: state, elements that stop, share done."""
+        """Take a midpoint step up to the first stop: state, stopping elements, share done."""
         tau = drive(now, state.q, state.qd)
         first, friction, most = self.acceleration(state, tau)
         if (np.abs(friction) > most).any():
@@ -350,14 +353,14 @@ class Arm:
         return State(q + h * middle.qd, qd + h * second, mode), second
 
     def _stopped(self, state: State, stopping: Mask) -> State:
-        """The state with some elements at rest; the change of velocities is that of least norm."""
+        """Return the state with some elements stopped, by the velocity change of least norm."""
         mode = np.where(stopping, 0.0, state.mode)
         rows = self.elements[mode == 0]
         qd = state.qd - np.linalg.lstsq(rows, rows @ state.qd, rcond=None)[0]
         return State(state.q, qd, mode)
 
     def rate(self, drive: Drive) -> float:
-        """Greatest rate at which velocities decay or swing along a motion [1/s]."""
+        """Return the greatest rate of decay or oscillation of velocities along a motion [1/s]."""
         lightest = np.zeros(len(drive.kp))
         for q in drive.wanted[:: max(1, len(drive.wanted) // SOME)]:
             mass, _ = self.mass_and_bias(q, self._still)
@@ -368,7 +371,7 @@ class Arm:
 
 
 def steps_in(period: float, rate: float) -> int:
-    """Return how many steps a period between samples takes."""
+    """Return the number of steps for a period between samples."""
     longest = min(STEP, FASTEST / max(rate, 1e-9))
     return int(np.clip(np.ceil(period / longest - 1e-6), 1, MOST_STEPS))
 
@@ -385,7 +388,7 @@ def _accelerations(mass: Array, left: Array, elements: Array, held: Mask) -> tup
 
 
 def _least_constraint(across: Array, left: Array, bound: Array) -> Array:
-    """Friction within its bounds, shape (k,), that leaves the least of a torque."""
+    """Return friction within its bounds, shape (k,), with the least remaining torque."""
     if len(bound) == 1:
         size = float(across[:, 0] @ across[:, 0])
         return np.asarray(np.clip(across.T @ left / size, -bound, bound))
@@ -395,7 +398,7 @@ def _least_constraint(across: Array, left: Array, bound: Array) -> Array:
 
 
 def _first_root(speed: float, slope: float, curve: float) -> float:
-    """Least share x > 0 of a step at which speed + slope x + curve x^2 is zero; 1 at most."""
+    """Return the least root x > 0 of speed + slope x + curve x^2, and 1 if there is none below."""
     roots = np.roots([curve, slope, speed])
     real = roots[np.isreal(roots)].real
     return float(min((x for x in real if 0 < x < 1), default=0.0 if speed == 0 else 1.0))

@@ -1,4 +1,4 @@
-"""A model simulated by MuJoCo, from the file that `hil export --to mjcf` writes.
+"""Simulation of a model by MuJoCo, from the file of `hil export --to mjcf`.
 
 Friction is Coulomb's and viscous, as MuJoCo has it, and an offset is the bias of an actuator. Joint
 limits are left out, since the recorded motion kept them. MuJoCo's scheme is of first order in the
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class MujocoArm:
-    """A model's nearest robot of bodies in MuJoCo.
+    """Nearest physically consistent robot of a model, in MuJoCo.
 
     Raises
     ------
@@ -44,7 +44,7 @@ class MujocoArm:
     def run(
         self, q: Array, qd: Array, time: Array, drive: Drive, lost: Callable[[int, Array], bool]
     ) -> Array:
-        """Simulate; as `hil.simulation.arm.Arm.run`."""
+        """Simulate like `hil.simulation.arm.Arm.run`."""
         mujoco, model = self._mujoco, self._model
         data = mujoco.MjData(model)
         data.qpos[:], data.qvel[:] = q, qd

@@ -1,4 +1,4 @@
-"""A recorded motion simulated anew: a model's arm, driven as the recorded arm was.
+"""Replay of a recorded motion: simulation of a model's arm with the recorded drive.
 
 Drives repeat their recorded torques, or hold the recorded positions with a stated PD controller.
 A stretch of a recording begins with `INITIAL` samples, whose parabola of least squares is the state
@@ -41,18 +41,21 @@ if TYPE_CHECKING:
     from hil.simulation.arm import Friction
 
 INITIAL = 20
-"""Samples that a stretch starts from, as nonlinearbenchmark.org has it for EMPS."""
+"""Number of samples for the initial state of a stretch, as specified by nonlinearbenchmark.org for
+EMPS.
+"""
 LOST = {True: 2 * np.pi, False: 1.0}
-"""Error at which a stretch ends, of revolute and of prismatic joints [rad], [m]: a motion that has
-nothing more to do with the recorded one."""
+"""Error at which a stretch ends, for revolute and prismatic joints [rad], [m]: the motion is then
+unrelated to the recorded one.
+"""
 UNITS = {"rad": (True, 1.0), "deg": (True, np.pi / 180), "m": (False, 1.0), "mm": (False, 1e-3)}
-"""Units of a greatest error: whether of revolute joints, and the factor to SI."""
+"""Units of a limit: True for revolute joints, and the factor to SI."""
 
 
 class Controller(NamedTuple):
     """Position controller at the joints: kp (q_recorded - q) + kd (qd_recorded - qd).
 
-    [N m/rad, N m s/rad; N/m, N s/m], shape (n_joints,) each.
+    Gains have the units [N m/rad, N m s/rad; N/m, N s/m] and shape (n_joints,).
     """
 
     kp: Array
@@ -60,7 +63,7 @@ class Controller(NamedTuple):
 
 
 class Simulator(Protocol):
-    """An arm that can be simulated, as `hil.simulation.arm.Arm.run`."""
+    """Simulated arm with the interface of `hil.simulation.arm.Arm.run`."""
 
     def run(
         self, q: Array, qd: Array, time: Array, drive: Drive, lost: Callable[[int, Array], bool]
@@ -70,13 +73,13 @@ class Simulator(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Replayed:
-    """A simulated recording.
+    """Simulated recording.
 
     Attributes
     ----------
     measurement : str
     time : ndarray, shape (n,)
-        Of the samples that are scored [s].
+        Time of the scored samples [s].
     recorded, simulated : ndarray, shape (n, n_joints)
         Positions; NaN after a stretch was lost [rad or m].
     lost : tuple of float
@@ -91,20 +94,20 @@ class Replayed:
 
     @property
     def error(self) -> Array:
-        """Simulated less recorded position, shape (n, n_joints) [rad or m]."""
+        """Return the simulated less the recorded position, shape (n, n_joints) [rad or m]."""
         return self.simulated - self.recorded
 
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """All recordings of a run, simulated.
+    """Simulated recordings of a run.
 
     Attributes
     ----------
     robot : Robot
     recordings : tuple of Replayed
     how : str
-        What drove the arm, and which simulator and friction it had.
+        Description of drive, simulator and friction.
     """
 
     robot: Robot
@@ -113,19 +116,19 @@ class Replay:
 
     @property
     def rms(self) -> Array:
-        """Root mean square of the error over all scored samples, shape (n_joints,) [rad or m]."""
+        """Return the rms error over all scored samples, shape (n_joints,) [rad or m]."""
         error = np.vstack([each.error for each in self.recordings])
         return np.asarray(np.sqrt(np.nanmean(error**2, axis=0)))
 
     @property
     def largest(self) -> Array:
-        """Largest error, shape (n_joints,) [rad or m]."""
+        """Return the largest error, shape (n_joints,) [rad or m]."""
         errors = np.abs(np.vstack([each.error for each in self.recordings]))
         return np.asarray(np.nanmax(errors, axis=0))
 
     @property
     def lost(self) -> str:
-        """States which stretches were lost; empty where none was."""
+        """State the lost stretches; empty without any."""
         found = [
             f"{each.measurement} at {', '.join(f'{t:.2f}' for t in each.lost[:3])} s"
             for each in self.recordings
@@ -141,7 +144,7 @@ class Replay:
     def verdict(self, limits: Mapping[bool, float]) -> Verdict | None:
         """Judge the largest errors by limits of revolute (True) and prismatic (False) joints.
 
-        None without a limit.
+        Return None without a limit.
         """
         wide = [limits.get(bool(turns), np.inf) for turns in self.robot.revolute]
         if not np.isfinite(wide).any():
@@ -158,7 +161,7 @@ class Replay:
         return f"{significant(factor * float(values[axis]), 3)} {unit}"
 
     def table(self) -> Table:
-        """Table of the position errors of all axes."""
+        """Return the table of the position errors of all axes."""
         covered = np.ptp(np.vstack([each.recorded for each in self.recordings]), axis=0)
         rows = [
             (
@@ -178,12 +181,12 @@ class Replay:
 
 
 def limits(stated: Sequence[str]) -> dict[bool, float]:
-    """Limits as they are written, ``2deg`` or ``5mm``: by revolute (True) and prismatic joints.
+    """Parse limits such as ``2deg`` or ``5mm``, by revolute (True) and prismatic joints.
 
     Raises
     ------
     InvalidValue
-        No number with a unit.
+        A limit is not a number with a unit.
     """
     found: dict[bool, float] = {}
     for text in stated:
@@ -219,20 +222,22 @@ def replay(
     run : Run or path
     model : Model or path
     simulator : {"builtin", "mujoco"}
-        MuJoCo has the bodies and the friction that `hil.export` gives it.
+        Simulator; MuJoCo gets bodies and friction by `hil.export`.
     friction : {"law", "plain", "exported"}, optional
         Friction of the builtin simulator (`hil.simulation.arm.Arm`); the law by default.
     controller : Controller, optional
-        Follow the recorded positions; by default drives repeat the recorded torques.
+        Controller that follows the recorded positions; by default drives repeat the recorded
+        torques.
     restart : float, optional
-        Time after which a simulation restarts from what was recorded [s]; by default it never does.
+        Interval after which the simulation restarts from the recorded state [s]; by default there
+        is no restart.
     progress : callable
-        Takes the id of each measurement before it is simulated.
+        Function called with the id of each measurement before its simulation.
 
     Raises
     ------
     NotEnoughData
-        No recording is long enough, or the model cannot be simulated.
+        No recording is long enough, or the model is unsuitable for simulation.
     Mismatch
         A model of another robot.
     """
@@ -270,7 +275,7 @@ def _replayed(
     controller: Controller | None,
     restart: float | None,
 ) -> Iterator[Replayed]:
-    """Yield a recording simulated, nothing of one that is too short."""
+    """Yield the simulated recording; nothing for a recording that is too short."""
     recording = convert_torques(model, each.measurement, each.recording)
     drive = _drive(model, each.measurement, recording, controller)
     parts = [
@@ -297,7 +302,7 @@ def _stretches(recording: Recording, restart: float | None) -> Iterator[Indices]
 def _simulated(
     arm: Simulator, model: Model, time: Array, q: Array, drive: Drive
 ) -> tuple[Array, Array, Array]:
-    """Scored instants of a stretch, recorded and simulated positions."""
+    """Return scored instants of a stretch, with recorded and simulated positions."""
     middle = INITIAL // 2
     powers = np.vander(time[:INITIAL] - time[middle], 3, increasing=True)
     at, speed, _ = np.linalg.lstsq(powers, q[:INITIAL], rcond=None)[0]

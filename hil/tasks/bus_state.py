@@ -56,7 +56,7 @@ class BusState:
         Raises
         ------
         FileError
-            Another process does.
+            Another process has access.
         """
         self._make_folder()
         with locked_bus(self._lock, self._bus):
@@ -68,7 +68,7 @@ class BusState:
         Raises
         ------
         FileError
-            It cannot be written.
+            The file cannot be written.
         """
         self._make_folder()
         write_file(path, content)

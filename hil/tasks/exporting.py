@@ -44,21 +44,21 @@ def export(
     Parameters
     ----------
     what : Model, Run or path
-        A model, a run, or the folder of an identified run.
+        Model, run, or the folder of an identified run.
     to : str
         Format: ``c``, ``python``, ``st``, ``json``, ``friction``, ``ros2``, ``urdf``, ``mjcf``,
         ``ranges`` of a model; ``csv``, ``parquet``, ``mcap`` of recordings.
     output : path
         Folder to write into.
     urdf : path, optional
-        URDF of the robot, whose shapes and names ``urdf`` and ``mjcf`` keep, ``mcap`` its names.
+        URDF of the robot; ``urdf`` and ``mjcf`` keep its shapes and names, ``mcap`` its names.
     patch : path, optional
-        URDF for ``urdf``, or MJCF for ``mjcf``, of the robot: the same file with the model's
-        values, all else as it is.
+        URDF for ``urdf``, or MJCF for ``mjcf``, of the robot, to be copied with the model's values
+        and otherwise unchanged.
     masses : dict, optional
         Bounds on masses of links, from 1, for ``urdf`` and ``mjcf`` [kg].
     force : bool
-        Export a model even where its identification failed.
+        True to export a model whose identification failed.
 
     Returns
     -------
@@ -68,9 +68,9 @@ def export(
     Raises
     ------
     UnknownName
-        There is no such format.
+        The format does not exist.
     InvalidValue
-        A model where recordings are needed, or one whose identification failed.
+        A model for a format of recordings, or a model whose identification failed.
     FileError
         A file already exists, or cannot be written.
     """
@@ -106,11 +106,11 @@ def exported_model(
     Parameters
     ----------
     source : path
-        Its file, or the folder of the run that gave it.
+        Model file, or the folder of its run.
     bounds : BodyBounds, optional
-        Bounds of the bodies, to find them anew.
+        Bounds for a new computation of the bodies.
     patch : path, optional
-        File of the format whose values are to be changed.
+        File of the format, to be copied with changed values.
 
     Raises
     ------

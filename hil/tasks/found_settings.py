@@ -37,7 +37,7 @@ def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[Settin
     Raises
     ------
     FileError
-        The drives hold values of a session that was killed, or another process commands them.
+        The drives hold values of a killed session, or another process commands the drives.
     """
     if interface == REPLAY:
         yield SettingsKeeper()
@@ -52,7 +52,7 @@ def keeper_of_run(folder: Path, interface: str, channel: str) -> Iterator[Settin
 
     def write(path: Path, content: bytes) -> None:
         write_file(path, content)
-        state.name_run(kept)  # from here on the drives are written to
+        state.name_run(kept)  # from here on, drives are written to
 
     with state.locked():
         state.refuse_left_behind(kept)
@@ -71,7 +71,7 @@ def keeper_of_bus(interface: str, channel: str | None) -> Iterator[SettingsKeepe
     Raises
     ------
     FileError
-        The drives hold values of a session that was killed, or another process commands them.
+        The drives hold values of a killed session, or another process commands the drives.
     """
     if interface == SIMULATED:
         yield SettingsKeeper()

@@ -59,7 +59,7 @@ def dry_run(
     robot : Robot, path or str, optional
         Robot, by default the one named in the plan.
     drives : path, optional
-        Drives file; the built-in one of the robot by default, if there is one.
+        Drives file; by default the built-in one of the robot, if any.
     bitrate : int, optional
         Bit rate in place of that of the drives file [bit/s].
     workspace : path, optional
@@ -68,7 +68,7 @@ def dry_run(
     Returns
     -------
     DryRun
-        Its `problems` are empty where the plan can be measured.
+        Result of the dry run, with `problems` empty for a valid plan.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def checked_drives(
     Raises
     ------
     FileError
-        No drives file, or one that contradicts the robot; a plan that has problems.
+        No drives file, a drives file that contradicts the robot, or a plan with problems.
     """
     drives, text = load_robots_drives(drives_file or packaged_drives(robot), robot)
     drives = narrowed_drives(drives, plan.workspace)
@@ -105,7 +105,7 @@ def refuse_problems(result: DryRun, source: Path | None) -> None:
     Parameters
     ----------
     source : Path or None
-        Names the plan; lines are stated where there is such a file.
+        Name of the plan in messages; lines are stated for an existing file.
 
     Raises
     ------
@@ -154,15 +154,15 @@ def measure(
     robot : Robot, path or str, optional
         Robot, by default the one named in the plan.
     drives : path, optional
-        Drives file; the built-in one of the robot by default.
+        Drives file; by default the built-in one of the robot.
     interface, channel : str
         Names of python-can; by default the virtual plant of the robot.
     options : mapping, optional
         Further arguments of the interface.
     resume : bool
-        Continue a run that was stopped.
+        True to continue a stopped run.
     on_event : callable
-        Takes each event of the campaign, such as a recording that is done.
+        Function called with each event of the campaign, such as a finished recording.
 
     Returns
     -------
@@ -171,7 +171,7 @@ def measure(
     Raises
     ------
     FileError
-        A plan that cannot be measured, or a folder that holds another run.
+        The plan has problems, or the folder contains another run.
     DriveError
         Drives or bus failed.
     """
@@ -199,7 +199,7 @@ def refuse_unusable(path: Path, resume: bool) -> None:
     Raises
     ------
     FileError
-        There is a run already, or none to resume.
+        A run exists already, or there is none to resume.
     """
     if RunFolder.is_stub(path):
         return
@@ -223,7 +223,7 @@ def prepared_folder(
     Raises
     ------
     FileError
-        There is a run already, or the one to resume measured something else.
+        A run exists already, or the run to be resumed has another plan.
     """
     resume = resume and not RunFolder.is_stub(path)
     folder = RunFolder.open(path) if resume or (path / "run.json").exists() else None

@@ -36,7 +36,7 @@ class Unsuited(InvalidValue):
     Attributes
     ----------
     text : str
-        The reason, with the options as a command line has them.
+        Reason, with the options in command-line form.
     """
 
     def __init__(self, text: str) -> None:
@@ -60,16 +60,16 @@ def designed(kind: str, now: Now = lambda _: None, **options: Any) -> Designed:
     ----------
     kind : {"strokes", "friction", "trajectory", "load"}
     now : callable
-        Takes what is being computed.
+        Function called with the description of the present computation.
     **options
         Options of the kind; left-out options, or None, have their defaults.
 
     Raises
     ------
     Unsuited
-        Options of another kind, or that do not go together.
+        Options of another kind, or incompatible options.
     InvalidValue
-        Values with which there is no plan.
+        Values without a possible plan.
     """
     options = {name: value for name, value in options.items() if value not in (None, False, [])}
     for name in options:
@@ -87,27 +87,28 @@ def plan(robot: Robot | Path | str | None = None, kind: str = "strokes", **optio
     Parameters
     ----------
     robot : Robot, path or str, optional
-        A built-in robot or a robot file; a run states it with `refine` and of kind ``load``.
+        Built-in robot or robot file; unnecessary with `refine` and for the kind ``load``, where a
+        run states the robot.
     kind : {"strokes", "friction", "trajectory", "load"}
-        Strokes for base parameters, sweeps for friction, a periodic trajectory, or slow strokes
-        that weigh a load.
+        Strokes for base parameters, sweeps for friction, a periodic trajectory, or slow strokes for
+        the mass of a load.
     **options
-        As of ``hil plan``, with underscores. Of strokes: ``gravity``, ``inertia``, ``coupling``,
-        ``minutes``, ``with_trajectories``, ``distinguish``, ``refine``, ``noise_from``,
-        ``warm_up`` [s], ``workspace``; of friction: ``experiment``, ``axis`` (a list, from 1),
-        ``workspace``; of a trajectory: ``minutes``, ``period`` [s], ``criterion``, ``harmonics``,
-        ``seed``, ``warm_up``, ``drives``; of a load: ``model`` (a run), ``minutes``, ``at_most``
-        [kg], ``pose`` (axes from 0 and positions), ``refine``.
+        As in ``hil plan``, with underscores. For strokes: ``gravity``, ``inertia``, ``coupling``,
+        ``minutes``, ``with_trajectories``, ``distinguish``, ``refine``, ``noise_from``, ``warm_up``
+        [s], ``workspace``; for friction: ``experiment``, ``axis`` (a list, from 1), ``workspace``;
+        for a trajectory: ``minutes``, ``period`` [s], ``criterion``, ``harmonics``, ``seed``,
+        ``warm_up``, ``drives``; for a load: ``model`` (a run), ``minutes``, ``at_most`` [kg],
+        ``pose`` (axes from 0 and positions), ``refine``.
 
     Returns
     -------
     Plan
-        `hil.dry_run` checks it, `hil.measure` measures it.
+        Plan to be checked by `hil.dry_run` and measured by `hil.measure`.
 
     Raises
     ------
     InvalidValue
-        Options that do not go together, or values with which there is no plan.
+        Incompatible options, or values without a possible plan.
     """
     from hil.model.robot import Robot, refuse_unknown
     from hil.planning.workspace_check import load_workspace

@@ -43,7 +43,7 @@ def packaged_drives(the_robot: Robot) -> Path:
     Raises
     ------
     FileError
-        None does.
+        No drives file is packaged.
     """
     path = _packaged(the_robot)
     if not path.exists():
@@ -61,7 +61,7 @@ def known_drives(the_robot: Robot, path: Path | None) -> DrivesFile | None:
     Raises
     ------
     FileError
-        The file cannot be used, or is of another number of axes.
+        The file cannot be used, or has another number of axes.
     """
     packaged = _packaged(the_robot)
     if path is None and not packaged.exists():
@@ -82,7 +82,7 @@ def load_robots_drives(path: Path, the_robot: Robot) -> tuple[DrivesFile, str]:
     Raises
     ------
     FileError
-        It cannot be used, or contradicts the robot file.
+        The file cannot be used, or contradicts the robot file.
     """
     drives = load_drives(path)
     text = read_text(path)
@@ -170,9 +170,9 @@ def bus_cycle(
     drives : DrivesFile or None
         Drives, None if unknown: a TPDO of 8 bytes per axis is assumed.
     bitrate : int, optional
-        Instead of the drives file's [bit/s].
+        Bit rate in place of the drives file's [bit/s].
     feeds : bool
-        Velocity and torque are fed forward to the drives of the file.
+        True if velocity and torque are fed forward to the drives.
     """
     from drivers.opening import cycle_on_bus
 

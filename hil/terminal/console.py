@@ -35,7 +35,7 @@ class Output(Console):
     verbose : bool
         True to show tracebacks of refusals.
     given : dict or None
-        Content of the JSON object; None without ``--json``.
+        Contents of the JSON object; None without ``--json``.
     """
 
     def __init__(self) -> None:

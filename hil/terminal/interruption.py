@@ -46,7 +46,7 @@ def interruptible(ended: Callable[[], str]) -> Iterator[Callable[[], None]]:
     Parameters
     ----------
     ended : callable
-        Returns the line to show after an interruption.
+        Function that returns the line to show after an interruption.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def interruptible(ended: Callable[[], str]) -> Iterator[Callable[[], None]]:
         with _interrupts() as refuse_lost:
             yield refuse_lost
     except KeyboardInterrupt:
-        # python-can warns about a bus interrupted while opening
+        # python-can warns about a bus interrupted during opening
         logging.getLogger("can").setLevel(logging.ERROR)
         report(ended())
         raise typer.Exit(STATUS) from None
@@ -89,7 +89,8 @@ def _interrupts() -> Iterator[Callable[[], None]]:
         nonlocal interrupted, again
         del number
         if _loads(frame):
-            again = threading.Timer(0.01, interrupt_main)  # a module takes some milliseconds
+            # importing a module takes some milliseconds
+            again = threading.Timer(0.01, interrupt_main)
             again.start()
             return
         interrupted = True

@@ -69,7 +69,7 @@ class Keys:
             if self.listening:
                 self._before = termios.tcgetattr(self._descriptor)
                 tty.setcbreak(self._descriptor)
-        except (OSError, ValueError, termios.error):  # closed, or a stand-in without descriptor
+        except (OSError, ValueError, termios.error):  # closed, or a substitute without descriptor
             self.listening = False
         return self
 
@@ -113,7 +113,7 @@ def _is_foreground(descriptor: int) -> bool:
     """Return True if reading does not stop the process, as in a job in the background."""
     try:
         return os.tcgetpgrp(descriptor) == os.getpgrp()
-    except OSError:  # not our controlling terminal: it is nobody else's job
+    except OSError:  # not our controlling terminal, so not a job of another process group
         return True
 
 
@@ -153,7 +153,8 @@ class KeyboardStop:
         if self.listening:
             self._before = signal.getsignal(signal.SIGINT)
             if self._before is signal.SIG_IGN:
-                # As a shell may start a job in the background; a stop must work all the same.
+                # A shell may have started the process as a background job with Ctrl-C ignored; a
+                # stop must still work.
                 signal.signal(signal.SIGINT, signal.default_int_handler)
             self._wanted = self._started = True
             self._thread.start()
@@ -170,7 +171,7 @@ class KeyboardStop:
     def pause(self) -> bool:
         """Return True while the operator wants a pause, after a short sleep."""
         if self._paused:
-            time.sleep(0.001)  # in lock-step the samples of a pause would take a processor
+            time.sleep(0.001)  # in lock-step the samples of a pause would occupy a processor
         return self._paused
 
     def take(self, key: str) -> None:
@@ -183,7 +184,8 @@ class KeyboardStop:
 
     def _listen(self) -> None:
         while self._wanted and self._keys.listening:
-            for key in self._keys.awaited(0.1):  # then it is asked whether keys are still wanted
+            # then the caller asks whether keys are still wanted
+            for key in self._keys.awaited(0.1):
                 self.take(key)
 
 

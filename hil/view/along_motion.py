@@ -90,7 +90,7 @@ def concatenate_recordings(robot: Robot, shown: Sequence[Shown], most: int) -> M
     segments: list[Segment] = []
     pieces: list[tuple[Array, ...]] = []
     samples = sum(each.recording.n_samples for each in shown)
-    every = max(1, -(-samples // most))  # one of how many samples is shown
+    every = max(1, -(-samples // most))  # interval between displayed samples
     for each in shown:
         begin, motion = segments[-1].end if segments else 0.0, each.motion
         if pieces:
@@ -102,7 +102,7 @@ def concatenate_recordings(robot: Robot, shown: Sequence[Shown], most: int) -> M
         axes = motion.read or motion.moved
         segments.append(Segment(motion.kind, words, begin, end, axes, recorded=True, id=motion.id))
     time, q, qd, tau, planned, torque, half = map(np.concatenate, zip(*pieces, strict=True))
-    angle = 2e-5  # by which a drawn position may be off [rad or m]
+    angle = 2e-5  # tolerance of a drawn position [rad or m]
     known = bool(np.isfinite(planned).all())
     holed = partial(simplify_columns, time, by=simplify_with_gaps)
     return MeasuredTracks(
@@ -137,8 +137,8 @@ def _way(robot: Robot, motion: RecordedMotion, place: Array) -> float:
 def _piece(shown: Shown, begin: float, every: int) -> tuple[Array, ...]:
     """Return the thinned samples of a recording: time on the page's clock, arrays (n, n_joints).
 
-    Positions, velocities, torques, set-points, predicted torques and half-widths of their
-    intervals, NaN where nothing was planned or is predicted.
+    The arrays are positions, velocities, torques, set-points, predicted torques and half-widths of
+    their intervals, NaN without set-points or prediction.
     """
     motion, recording, predicted = shown
     time, kept = recording.time - recording.time[0], slice(None, None, every)
@@ -200,7 +200,7 @@ class Distances:
     Attributes
     ----------
     track : Track
-        [m]; negative by how far a capsule reaches into a box.
+        Distance [m], negative for a capsule that reaches into a box.
     link, box : array (n,)
         Nearest link and box, from 0.
     """

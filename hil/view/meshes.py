@@ -36,7 +36,7 @@ def read_triangles(path: Path, largest: int = 100_000_000) -> Array:
     Raises
     ------
     FileError
-        A file that is missing, too large, damaged, or of another format.
+        The file is missing, too large, damaged, or of another format.
     """
     readers = {".stl": _stl, ".obj": _obj}
     if path.suffix.lower() not in readers:
@@ -54,7 +54,7 @@ def read_triangles(path: Path, largest: int = 100_000_000) -> Array:
 
 
 def _stl(content: bytes, path: Path) -> Array:
-    header = 84  # bytes, the last four of which count the triangles
+    header = 84  # header size; its last four bytes are the number of triangles
     count = int.from_bytes(content[header - 4 : header], "little")
     if len(content) >= header + count * _TRIANGLE.itemsize and count:
         found = np.frombuffer(content, _TRIANGLE, count, header)["corners"]

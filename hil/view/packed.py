@@ -68,13 +68,13 @@ class Segment:
     words : str
         Description for readers.
     begin, end : float
-        [s].
+        Start and end [s].
     axes : tuple of int
-        Whose torque is read, from 0.
+        Axes, from 0, whose torque is read.
     recorded : bool
         True for a measurement.
     problem : str, optional
-        Why the dry run refuses it.
+        Reason for a refusal by the dry run.
     id : str
         Id of the measurement.
     """
@@ -132,7 +132,7 @@ class Track:
     Attributes
     ----------
     time, value : array (n,)
-        [s] and the quantity's unit.
+        Time [s], and value in the quantity's unit.
     slope : array (n,), optional
         [unit/s].
     """

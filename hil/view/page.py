@@ -36,16 +36,16 @@ def write_page(path: Path, make: Callable[[int], Scene], largest: int = 3_000_00
     Parameters
     ----------
     make : callable
-        Makes the scene with a number of instants.
+        Function from a number of instants to the scene.
     largest : int
-        Size from which on a page is too large [bytes].
+        Largest size of a page [bytes].
 
     Raises
     ------
     FileError
-        The file is there and is no such page, or cannot be written.
+        The file exists and is not such a page, or cannot be written.
     InvalidValue
-        A page too large even with the fewest instants.
+        The page is too large even with the fewest instants.
     """
     refuse_other_file(path)
     size = 0
@@ -83,7 +83,7 @@ def refuse_other_file(path: Path) -> None:
     Raises
     ------
     FileError
-        There is something else.
+        The file exists and is not such a page.
     """
     if not path.exists():
         return

@@ -54,7 +54,7 @@ def planned(plan: Plan, robot: Robot) -> Planned:
     Raises
     ------
     InvalidValue
-        More strokes than a page can show.
+        The plan has more strokes than a page can show.
     """
     _refuse_endless(plan)
     problems = problems_by_number(plan, robot)
@@ -188,7 +188,7 @@ KNOTS = 24
 
 def _cubic(track: Track, time: Array) -> tuple[Array, Array, Array]:
     """Interpolate value, first and second derivative by cubics between knots."""
-    slope = cast("Array", track.slope)  # that of planned motions is known
+    slope = cast("Array", track.slope)  # derivatives of planned motions are known
     last = np.clip(np.searchsorted(track.time, time, side="right") - 1, 0, None)
     following = np.minimum(last + 1, len(track.time) - 1)
     width = track.time[following] - track.time[last]

@@ -54,9 +54,9 @@ class Scene:
     visuals : sequence of Visual
         Meshes in place of capsules.
     segments : tuple of Segment
-        None for a robot that stands.
+        Segments of the time line; empty for a robot at rest.
     planned : tuple of Track, optional
-        Position of each joint as planned, or as set-points were.
+        Planned position of each joint, or its set-points.
     measured : MeasuredTracks, optional
     predicted : Predicted, optional
     distances : Distances, optional
@@ -131,14 +131,14 @@ def plan_scene(
     Parameters
     ----------
     most : int
-        Instants at which torques and distances are computed.
+        Maximum number of instants for torques and distances.
     model : Model, optional
-        Predicts the torques.
+        Model for predicted torques.
 
     Raises
     ------
     InvalidValue
-        More strokes than a page can show.
+        The plan has more strokes than a page can show.
     """
     passed = planned(plan, robot)
     time = _instants(passed.segments[-1].end, most)
@@ -173,14 +173,14 @@ def run_scene(
     Parameters
     ----------
     most : int
-        Instants that are shown in all.
+        Maximum total number of displayed instants.
     model : Model, optional
-        Predicts the torques.
+        Model for predicted torques.
 
     Raises
     ------
     NotEnoughData
-        There are no recordings.
+        The run has no recordings.
     FileError
         A recording is damaged.
     """

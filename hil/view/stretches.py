@@ -37,9 +37,9 @@ def stretches(
 ) -> dict[tuple[str, int], PredictedTorque]:
     """Predict the torques of moved axes in recordings, by recording and axis (from 0).
 
-    Times are since the recording began. There is no prediction (NaN) where the axis hardly moves,
-    and where the model states no friction of it, friction is fitted. Recordings too short for a
-    low-pass, or with unknown gains, are skipped.
+    Times are since the start of the recording. The prediction is NaN while the axis hardly moves;
+    without a friction law for the axis, friction is fitted. Recordings too short for a low-pass, or
+    with unknown gains, are skipped.
     """
     found = {}
     for motion, recording in recorded:

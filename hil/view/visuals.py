@@ -1,8 +1,8 @@
 """Drawing data of a robot: frames, capsules, limits, visual meshes of a URDF.
 
 A URDF's links have frames of their own; each is fixed in one frame of the robot, or in its base
-frame, where the pose follows from the zero configuration. What cannot be shown (a format that is
-not read, a file that is missing) is left out and stated; the capsule of that link stays.
+frame, where the pose follows from the zero configuration. Meshes of unknown format and missing
+files are omitted with a remark; such a link keeps its capsule.
 """
 
 from __future__ import annotations
@@ -130,13 +130,13 @@ def visuals(urdf: Path, robot: Robot, meshes: Path | None = None) -> Visuals:
     urdf : Path
     robot : Robot
     meshes : Path, optional
-        Folder from which meshes are read as well; other files outside of the URDF's own folder and
-        package are left out.
+        Additional folder for meshes; other files outside of the URDF's own folder and package are
+        skipped.
 
     Raises
     ------
     FileError
-        No URDF.
+        The file is not a URDF.
     Mismatch
         Joints different from those of the robot.
     """

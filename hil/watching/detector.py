@@ -64,8 +64,8 @@ class Judged(NamedTuple):
     measured, predicted : ndarray, shape (n, n_joints)
         Torques of the samples one period earlier [N m or N].
     outside, threshold : ndarray, shape (n, n_windows, n_joints)
-        Mean external torque in each window ending there, and the threshold of its size, infinite
-        where nothing can be seen [N m or N].
+        Mean external torque in each window ending at the sample, and its threshold, infinite
+        without any visibility [N m or N].
     band : ndarray, of the same shape
         Half-width of the band about 0 with 95 % of such means without contact [N m or N].
     moving : ndarray of bool, shape (n, n_joints)
@@ -104,9 +104,10 @@ class Detector:
     period : float
         Time between two samples [s].
     sigmas : float
-        Standard deviations of the scatter that a threshold holds.
+        Threshold in standard deviations of the scatter.
     block : float
-        Time after which what is learned counts: friction, scatter, presliding distances [s].
+        Interval at which learned quantities take effect: friction, scatter, presliding distances
+        [s].
 
     Attributes
     ----------
@@ -156,7 +157,7 @@ class Detector:
         Yields
         ------
         Judged
-            In order; nothing before a window is full, nor after a gap.
+            Judged samples in order, except before a full window and after a gap.
         """
         there = np.isfinite(q).all(axis=1) & np.isfinite(tau).all(axis=1)
         time, q, tau = time[there], q[there], tau[there]
@@ -207,11 +208,11 @@ class Detector:
         means, bands = self._windows(left, wrong * level / self._limit)
         error = 4 * (spread**2 + self._parameter_variance(robot, q, qd))[:, np.newaxis]
         scatter = self._scatter.bound
-        # standard deviations of the alarm threshold, and of the displayed 95 % band
+        # standard deviations for the alarm threshold, and for the displayed 95 % band
         threshold, band = (
             np.sqrt((sigmas * scatter) ** 2 + error) + bands for sigmas in (self._sigmas, 1.96)
         )
-        threshold[threshold > 2.0] = np.inf  # twice the torque limit: nothing is seen
+        threshold[threshold > 2.0] = np.inf  # twice the torque limit: no push is visible
         moving = speed > SLOW
         doubtful: Flags = np.asarray(np.any(np.abs(means) > threshold, axis=1))
         sure = moving & (turn.doubt < 0.05)  # of friction's direction
@@ -244,7 +245,7 @@ class Detector:
         columns, left, means, doubtful, sure = shown
         self._learned.clear()
         duration = len(left) * self._period
-        # without a known scatter every block is doubtful, and only the quietest would be used
+        # without a known scatter every block would be doubtful, and only the quietest would be used
         doubted = doubtful.any(axis=0) & self._scatter.known
         self._doubted = np.where(doubted, self._doubted + duration, 0.0)
         trusted = (self._doubted == 0) | (self._doubted > longest)

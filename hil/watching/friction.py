@@ -42,14 +42,14 @@ class FrictionTables:
     ----------
     model : Model
     fastest : float
-        Share of the velocity limit up to which the tables reach; faster is as fast as that.
+        Largest speed of the tables, as a share of the velocity limit; higher speeds are clipped.
 
     Attributes
     ----------
     uncertainty : ndarray, shape (n_joints,)
-        Greatest standard error of the level, as a share of it.
+        Greatest standard error of the level, relative to the level.
     slowest : ndarray, shape (n_joints,)
-        Speeds below which the law was not found but goes on [rad/s or m/s].
+        Speeds below which the law is extrapolated [rad/s or m/s].
 
     Raises
     ------
@@ -131,13 +131,13 @@ class FrictionLevel:
     uncertainty : ndarray, shape (n_joints,)
         Uncertainty of the law's level, relative to the level.
     slowest : ndarray, shape (n_joints,)
-        Speeds from which the law was found, as shares of the velocity limit.
+        Smallest speeds of the law's data, as shares of the velocity limit.
     """
 
     def __init__(self, uncertainty: Array, slowest: Array) -> None:
         self._x = np.zeros((len(uncertainty), N_UNKNOWNS))
         below = np.clip(1.0 - SPEEDS / np.maximum(slowest, 1e-9)[:, np.newaxis], 0.0, 1.0)
-        shape = np.maximum(SHAPE, 0.2 * below)  # far below the speeds that a law was found from
+        shape = np.maximum(SHAPE, 0.2 * below)  # far below the speeds of the law's data
         self._covariance = np.stack(
             [
                 _covariance(max(LEVEL, own), spread, OFFSET)
@@ -167,12 +167,13 @@ class FrictionLevel:
         ----------
         columns : ndarray, shape (n, n_joints, n_unknowns)
         left : ndarray, shape (n, n_joints)
-            Measured less predicted, with what was followed before, as shares of the torque limit.
+            Measured less predicted torque, including the deviation tracked before, as a share of
+            the torque limit.
         used : ndarray of bool, shape (n, n_joints)
         duration : float
             Duration of the block [s].
         error : float
-            Share of the torque limit by which the mean of a block errs that is no friction.
+            Error of a block's mean not due to friction, as a share of the torque limit.
         """
         walk = self._wander * duration / 60
         weight = used / (error**2 * len(left))

@@ -38,7 +38,7 @@ class Scatter:
     period : float
         Time between two samples [s].
     memory, enough : float
-        Time over which squares are averaged, and time of motion from which they can be trusted [s].
+        Averaging time of squares, and minimum time of motion for a valid mean [s].
     """
 
     def __init__(
@@ -64,9 +64,9 @@ class Scatter:
     def bound(self) -> Array:
         """Upper bound of the root mean squares, shape (n_windows, n_joints).
 
-        For an axis that has moved too briefly: a mean of n squares, of non-overlapping windows, is
-        by chance as small as (1 - 2 / 9n - `SURE` sqrt(2 / 9n))^3 times the true one (Wilson and
-        Hilferty, Proc. Natl. Acad. Sci. 17, 1931). Infinite where that gives no bound.
+        After a short motion, a mean of n squares of non-overlapping windows may by chance be as
+        small as (1 - 2 / 9n - `SURE` sqrt(2 / 9n))^3 times the true one (Wilson and Hilferty, Proc.
+        Natl. Acad. Sci. 17, 1931). Without a bound from this formula the result is infinite.
         """
         ninths = 2 / 9 * self._lengths[:, np.newaxis] / np.maximum(self._weights, 1e-9)
         least = (1.0 - ninths - SURE * np.sqrt(ninths)).clip(0.0) ** 3

@@ -19,7 +19,7 @@ class TraceStretch(NamedTuple):
     alarm : float
         Instant of an alarm; NaN without one [s].
     time, measured, predicted, threshold : ndarray, shape (n,)
-        [s], [N m or N]; an infinite threshold where nothing is seen.
+        Time [s] and torques [N m or N]; the threshold is infinite without visibility.
     """
 
     alarm: float
@@ -38,7 +38,7 @@ class Trace:
     period : float
         Time between two samples [s].
     shown, after : float
-        Time that is shown, and what of it follows the alarm [s].
+        Displayed time, and the part after the alarm [s].
     """
 
     def __init__(

@@ -61,11 +61,11 @@ class Turning:
     Parameters
     ----------
     known : ndarray, shape (n_joints,)
-        Presliding distances that the model holds, 0 where it holds none [rad or m].
+        Presliding distances of the model, 0 if unknown [rad or m].
     period : float
         Time between two samples [s].
     still : float
-        Time within the shortest distance after which an axis stands still [s].
+        Time within the shortest distance after which an axis counts as being at rest [s].
     """
 
     def __init__(self, known: Array, period: float, still: float = 0.1) -> None:
@@ -101,7 +101,7 @@ class Turning:
         step : ndarray, shape (n, n_joints)
             Change of position since the last sample [rad or m].
         qd : ndarray, shape (n, n_joints)
-            [rad/s or m/s].
+            Velocities [rad/s or m/s].
         friction, level : ndarray, shape (n, n_joints)
             Observed friction, and its level by the law [N m or N].
         damping_doubt : float
@@ -120,7 +120,7 @@ class Turning:
         damping = self._damping * slip[:, self._taken, self._axes]
         doubt = np.maximum(apart, unknown)
         doubt += damping_doubt * np.abs(damping) / np.maximum(level, 1e-9)
-        doubt[turning & ~self._shown] = 1e3  # nothing is seen before enough turning was
+        doubt[turning & ~self._shown] = 1e3  # pushes are invisible before enough reversals
         return Turned(rows[:, self._taken, self._axes], damping, doubt)
 
     def settle(self, used: Flags | bool = True, enough: int = 25) -> None:
@@ -151,7 +151,7 @@ class Turning:
         return np.asarray(np.ptp(windows, axis=-1) < DISTANCES[0])
 
     def _directions(self, step: Array, still: Flags) -> tuple[Array, Array]:
-        """Compute directions for every distance, and the doubt from standstills for the one in use.
+        """Compute directions for every distance, and the doubt of the used one after standstills.
 
         Shapes (n, n_distances, n_joints) and (n, n_joints).
         """

@@ -62,7 +62,7 @@ class Watcher:
     Attributes
     ----------
     alarms : list of Alarm
-        All until now; of those that go on, `peak` and `lasted` are of the past.
+        All alarms so far; `peak` and `lasted` of present alarms are preliminary.
     trace : Trace
         Torques around alarms.
 
@@ -107,7 +107,7 @@ class Watcher:
         time : ndarray, shape (n,)
             [s].
         q, tau : ndarray, shape (n, n_joints)
-            [rad or m], [N m or N]; NaN where a sample is missing.
+            Positions [rad or m] and torques [N m or N]; NaN for missing samples.
         """
         begun: list[Alarm] = []
         for judged in self._detector.take(time, q, tau):
@@ -159,8 +159,8 @@ class Watcher:
     def torques(self) -> Array:
         """Return the present torques, shape (n_joints, 4) [N m or N].
 
-        Measured, predicted, mean from outside over the longest window, and its threshold, which is
-        infinite where nothing is seen; NaN before the first.
+        Columns are measured torque, predicted torque, mean external torque over the longest window,
+        and its threshold, which is infinite without visibility; NaN before the first sample.
         """
         if self._last is None:
             return np.full((self._robot.n_joints, 4), np.nan)
@@ -296,16 +296,16 @@ class WatchingBus(BusInFront):
     Parameters
     ----------
     bus : DriveBus
-        Not entered yet.
+        Bus not entered yet.
     watcher : Watcher
     show : callable
-        Takes each alarm as it begins; and None after every sample without one.
+        Function called with each new alarm, and with None after every sample without one.
     stop : bool
-        Stop all axes at the first alarm: it is raised as `Tripped`, and who leaves the bus with it
-        has the axes stopped and switched off.
+        True to stop all axes at the first alarm, raised as `Tripped`: leaving the bus with this
+        error stops the axes and switches them off.
     at_once : int
-        Samples that are judged together: with the same result, sooner than one by one, but an alarm
-        waits for the last of them.
+        Number of samples judged together: results are equal and faster, but an alarm waits for the
+        last sample.
     """
 
     def __init__(
@@ -330,7 +330,7 @@ class WatchingBus(BusInFront):
         Raises
         ------
         Tripped
-            There is an alarm at which the axes are to be stopped.
+            An alarm was raised and the axes must be stopped.
         """
         sample = self._bus.sample()
         self._held.append(sample)

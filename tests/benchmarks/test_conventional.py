@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 
 
 MU, OFFSET = 0.05, 0.01
-"""Friction of the load as in the study of drift, and a constant torque over the torque limit."""
+"""Friction of the load as in the drift study, and constant torque
+as a share of the torque limit.
+"""
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +165,7 @@ def test_without_friction_of_the_load_its_column_finds_none(
 def test_without_its_column_a_method_knows_nothing_of_the_load(
     robot: Robot, trajectory: Trajectory, name: str
 ) -> None:
-    """Inner products of the columns that it has are the same whatever others are stacked."""
+    """Inner products of a method's columns do not depend on the other columns of the regression."""
     data = stack(robot, recorded(robot, trajectory, noise=0.02), CUSTOMARY[name].slowest)
     found = variants.estimate_of(robot, data, CUSTOMARY[name], name)
     loaded = replace(data, products=data.loaded(TABLE_3_A))

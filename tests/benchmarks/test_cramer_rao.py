@@ -1,4 +1,4 @@
-"""The Cramer-Rao bound, against the scatter of an estimator that is known to reach it."""
+"""The Cramer-Rao bound agrees with the scatter of an estimator known to reach it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def robot() -> Robot:
 
 
 def recorded(robot: Robot, cycles: int) -> list[tuple[Inertia, Recording]]:
-    """Two axes swinging, one after the other."""
+    """Recording of two axes that swing one after the other."""
     found = []
     for axis in (3, 4):
         n = 500 * cycles

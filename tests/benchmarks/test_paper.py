@@ -1,4 +1,6 @@
-"""The paper line by line, short form: the page holds, and a mistake on either side shows."""
+"""Short form of the page that reproduces the paper: the page
+is complete and reveals any mistake.
+"""
 
 from __future__ import annotations
 
@@ -71,7 +73,9 @@ def test_a_mistake_in_our_robot_file_fails(manutec, here, there):
 
 @pytest.fixture(scope="module")
 def measured(manutec, tmp_path_factory):
-    """Gravity parameters without the load and their change by it, each of eight measurements."""
+    """Gravity parameters without the load, and their change by the load, of eight measurements
+    each.
+    """
     columns = list(base_parameters(manutec).groups["gravity"])
     found = []
     for name, plant in (("bare", {}), ("loaded", LOAD)):

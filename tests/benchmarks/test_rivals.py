@@ -1,4 +1,4 @@
-"""`benchmarks/rivals`: what they find, and the command that takes them."""
+"""Results and command of `benchmarks/rivals`."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def status(program: Callable[[Sequence[str]], None], *arguments: object) -> int:
 
 
 class TestCommand:
-    """``python -m benchmarks.rivals`` writes a model like any other."""
+    """``python -m benchmarks.rivals`` writes a model file of the usual format."""
 
     @pytest.fixture(autouse=True)
     def _methods_as_before(self, monkeypatch: pytest.MonkeyPatch, wide_console: None) -> None:

@@ -1,4 +1,4 @@
-"""Benchmarks that take something of the tests find all of it by themselves."""
+"""Benchmarks that import helpers of the tests start from the command line."""
 
 from __future__ import annotations
 

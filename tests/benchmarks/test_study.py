@@ -1,4 +1,4 @@
-"""`benchmarks/drift_study`: what is measured and judged, what is done again, what fails."""
+"""Study of drift (`benchmarks/drift_study`): measurements, verdicts, repetitions and failures."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="module")
 def finished(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Done]]:
-    """A study with all its campaigns, and what was reported."""
+    """Complete study with all its campaigns, and the report of the command."""
     folder = tmp_path_factory.mktemp("study") / "study"
     cells = begun(folder, manutec)
     with execution.local(1) as execute:
@@ -49,12 +49,12 @@ def finished(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 @pytest.fixture
 def study(finished: tuple[Path, list[Done]], tmp_path: Path) -> Path:
-    """A copy of the study, to be spoilt."""
+    """Copy of the study, to be damaged by a test."""
     return Path(shutil.copytree(finished[0], tmp_path / "study"))
 
 
 def files(folder: Path) -> dict[Path, int]:
-    """Recordings and verdicts with the times at which they were written."""
+    """Return recordings and verdicts with the times of their last change."""
     found = (*folder.glob("*/*/*.json"), *folder.glob("*/*/*/recordings/*"))
     return {path.relative_to(folder): path.stat().st_mtime_ns for path in found}
 

@@ -1,4 +1,4 @@
-"""A study's figures, and how table, picture and terminal show them."""
+"""Figures of a study in table, picture and terminal."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class TestFigures:
 
 @pytest.fixture(scope="module")
 def rows() -> list[summary.MethodScore]:
-    """All scenarios, all methods, errors from hundredths to thousands of per cent."""
+    """Rows of all scenarios and methods, with errors from hundredths to thousands of per cent."""
     names = {
         "two-step": (OUR_DEFAULT, "two-step, printed"),
         "trajectory": (
@@ -124,7 +124,7 @@ def rows() -> list[summary.MethodScore]:
 
 
 def ticks_shown(panel: Axes) -> list[Text]:
-    """Labels of ticks within the limits; matplotlib makes some beyond too."""
+    """Return labels of ticks within the limits; matplotlib adds ticks outside."""
     low, high = panel.get_xlim()
     return [label for label in panel.get_xticklabels() if low <= label.get_position()[0] <= high]
 

@@ -1,4 +1,4 @@
-"""A study that is interrupted or killed: none of its processes is left, and it can go on."""
+"""An interrupted or killed study leaves no process behind and can be continued."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def processes_of(folder: Path) -> list[int]:
-    """Processes, zombies aside, whose environment names the study's folder."""
+    """Return processes, except zombies, whose environment names the folder of the study."""
     mark, found = f"STUDY={folder}\0".encode(), []
     for process in Path("/proc").glob("[0-9]*"):
         try:
@@ -38,7 +38,7 @@ def processes_of(folder: Path) -> list[int]:
 
 
 class TestInterruption:
-    """A study is a process with workers, and each of these has a campaign as a process."""
+    """A study is a process with workers; each worker runs a campaign in a process."""
 
     @pytest.fixture
     def started(self, manutec: Robot, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:

@@ -1,4 +1,4 @@
-"""What a study measures: plant files of its scenarios, and campaigns of equal duration."""
+"""Plant files of a study's scenarios, and campaigns of equal duration."""
 
 from __future__ import annotations
 

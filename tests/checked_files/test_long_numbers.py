@@ -1,4 +1,4 @@
-"""Numbers of YAML that take long to read are refused at their line."""
+"""Numbers in YAML that take too long to parse are refused with their line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Text of many small parts is refused before it becomes many times its size in memory.
+"""YAML text of many small parts is refused before it takes many times its size in memory.
 
 Harmless input: the bounds are lowered, so that files of some kilobytes exceed them.
 """
@@ -76,7 +76,7 @@ def test_many_small_parts_are_refused_with_the_remedy(
 
 def test_values_of_yaml_are_counted_while_they_are_read(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(yaml_file, "VALUES_MAX", 100)
-    # what follows the hundredth value would be no YAML: it is not reached
+    # the text after the hundredth value is invalid YAML, but parsing stops before
     with pytest.raises(FileError, match=r"a.yaml:\d+: holds more than \d+ values"):
         parse_yaml("- a\n" * 200 + "]", FileModel, "a.yaml")
 

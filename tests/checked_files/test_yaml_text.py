@@ -1,4 +1,4 @@
-"""Foreign text in YAML that is written line by line: it stays a value, a comment or a mark."""
+"""Foreign text in YAML written line by line remains a value, a comment or a mark."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CONTRIBUTING's table of what an addition touches: its files exist, and hold what it says.
+"""CONTRIBUTING's table of additions: its files exist and contain the listed registries.
 
 Each row is followed to the registry that it names: whatever is listed there today lives where the
 row says that the next one shall.
@@ -40,7 +40,7 @@ NAMED_IN = re.compile(r"`([A-Z_]+)` of `([\w./]+)`")
 
 
 class Registry(NamedTuple):
-    """Where additions of a kind are listed: the module's file, and what is listed there today."""
+    """Registry of a kind of addition: file of the module, and present entries."""
 
     file: str
     members: Iterable[Any]
@@ -86,12 +86,12 @@ REGISTRIES = {
         Registry("sim_plant/faults/faulty_network.py", faulty_network.KINDS.values()),
     ),
 }  # fmt: skip
-"""By the row's first cell."""
+"""Registries by the first cell of the row."""
 
 
 @cache
 def rows() -> dict[str, str]:
-    """The table's cells: what is added, and the files."""
+    """Cells of the table: addition and files."""
     (found,) = TABLE.findall((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))
     return dict(line.strip("| ").split(" | ", 1) for line in found.splitlines())
 
@@ -110,7 +110,7 @@ def test_its_files_exist_and_its_registries_are_defined_where_it_says(added: str
 @pytest.mark.parametrize("added", REGISTRIES)
 def test_what_is_listed_in_a_registry_lives_where_its_row_says(added: str) -> None:
     places = PLACE.findall(rows()[added])
-    # "beside it" and "an injection beside it" is the folder of a file that the row names
+    # "beside it" and "an injection beside it" refer to the folder of a file in the row
     homes = [ROOT / place for place in places]
     homes += [home.parent for home in homes if "beside it" in rows()[added]]
     for file, members in REGISTRIES[added]:

@@ -1,4 +1,4 @@
-"""Commands in the documents are ones that there are, with options that they have."""
+"""Commands in the documents exist, with all their options."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHELL = re.compile(r"(?ms)^```(?:sh|bash|console)?\n(.*?)^```")
 COMMAND = re.compile(r"(?m)^(?:\$ )?hil (.+)$")
 DEMO = ROOT / "examples" / "demo.sh"
 STEP = re.compile(r"(?m)^step (.+)$")
-"""What `make demo` does, line by line."""
+"""Steps of `make demo`, line by line."""
 
 
 def commands() -> list[tuple[str, str]]:
@@ -31,7 +31,9 @@ def commands() -> list[tuple[str, str]]:
 
 
 def options_of(words: list[str]) -> set[str]:
-    """Return the options that a command knows; of a group, those of the subcommand or of all."""
+    """Return the options of a command; for a group, those of
+    the subcommand or of all subcommands.
+    """
     command = cli.import_command(words[0])
     subcommands = getattr(command, "commands", {})
     chosen = [subcommands[word] for word in words[1:2] if word in subcommands]

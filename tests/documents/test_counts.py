@@ -1,4 +1,4 @@
-"""The gate of `tools/counts.py`: which counts it refuses, and what it says of them."""
+"""Gate of `tools/counts.py`: refused counts and messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Docstrings name things by nouns; the check of `make lint` finds those that do not."""
+"""The check of English in `make lint` finds docstrings without technical nouns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of the documents are those that benchmarks have kept, and not older than is stated."""
+"""Figures in the documents equal those kept by benchmarks, and are not older than stated."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 DOCUMENTS = figures.documents()
 USED = sorted({found[2] for path in DOCUMENTS for found in MARKED.findall(path.read_text())})
 UNMEASURED = {"figures.py", "over_time.py", "golden.py", "two_users.py"}
-"""Programs of benchmarks/ that measure nothing, or keep it in benchmarks/golden."""
+"""Programs of benchmarks/ without measured figures, or with figures in benchmarks/golden."""
 PROGRAMS = (path for path in (ROOT / "benchmarks").glob("*.py") if "__main__" in path.read_text())
 BENCHMARKS = sorted(path for path in PROGRAMS if path.name not in UNMEASURED)
 FENCED = re.compile(r"(?ms)^```.*?^```")
@@ -27,7 +27,7 @@ STATED = (
     "published 95", "three times", "four times", "95 % intervals",
     "intervals of 95 %", "± 95 %",
 )  # fmt: skip
-"""What README states with a unit and nobody here has measured: conditions and published values."""
+"""Figures with a unit in README that are not measured here: conditions and published values."""
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)

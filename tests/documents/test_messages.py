@@ -1,4 +1,4 @@
-"""The page of messages quotes what the program says."""
+"""Messages quoted in the page of messages exist in the program."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ QUOTED = re.compile(r"`([^`]+)`")
 
 @cache
 def said() -> str:
-    """All source, string literals that go on joined."""
+    """All source text with adjacent string literals joined."""
     every = (
         path
         for place in ("checked_files", "hil", "drivers")

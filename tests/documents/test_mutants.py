@@ -1,4 +1,4 @@
-"""The mistakes of `tools/mutants.py`: each still has a place in the code."""
+"""Each mistake of `tools/mutants.py` still has a place in the code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of questions: each named page is there and holds the words of the answer."""
+"""Page of questions: each named page exists and contains the words of the answer."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "reference" / "questions.md"
 ROW = re.compile(r"(?m)^\| (.+\?) \| \[[^]]+\]\(([^)]+)\) \| (.+) \|$")
 QUESTIONS = ROW.findall(PAGE.read_text(encoding="utf-8"))
 PROSE = re.compile(r"<!--.*?-->|[`*]")
-"""Marks that do not show on the page."""
+"""Markup that is not visible on the page."""
 
 
 def test_there_are_twenty_of_different_pages() -> None:

@@ -1,4 +1,4 @@
-"""Three small drives on a bus and the driver in front, as most tests of the driver have them."""
+"""Three small drives on a bus and the driver, used by most tests of the driver."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The drives file and the scaling that follows from it."""
+"""Drives file and its conversion factors."""
 
 from __future__ import annotations
 

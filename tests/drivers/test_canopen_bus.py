@@ -1,6 +1,6 @@
-"""The CANopen driver on drives that are not ours, and on the plant."""
+"""The CANopen driver on drives of canopen's own, and on the plant."""
 
-# ruff: noqa: PT012 - what happens inside and at the end of a with block is what is tested
+# ruff: noqa: PT012 - the tests examine both body and end of a with block
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ def test_a_mapping_that_reads_back_differently_is_refused() -> None:
 
 def test_a_limit_that_the_drive_does_not_take_is_refused() -> None:
     can_bus, drive_bus = build()
-    can_bus.drives[1].insists[0x6072, 0] = 0  # no limit of its own, and none of ours
+    can_bus.drives[1].insists[0x6072, 0] = 0  # neither a limit of the drive nor one of ours
     with can_bus, pytest.raises(DriveRefused, match=r"6072.* reads back 0 after 3000 was"):
         drive_bus.__enter__()
 
@@ -329,7 +329,7 @@ def test_an_interrupt_while_powering_on_switches_all_off_again(
 
 
 def spoil(can_bus: Any, cob_id: int, *copies: int) -> None:
-    """Let the next frames of `cob_id` come as often as `copies` says, the rest once."""
+    """Send the next frames of `cob_id` as often as `copies` states, the others once."""
     left = list(copies)
 
     def outgoing(frame: can.Message) -> list[can.Message]:
@@ -412,7 +412,7 @@ def timed_bus() -> Iterator[Any]:
 
 @pytest.fixture
 def wall_bus(timed_bus: Any) -> CanopenDriveBus:
-    """The driver that keeps deadlines, whatever this machine does beside."""
+    """The driver with deadlines, on a busy machine too."""
     return CanopenDriveBus(timed_bus, drives_file(), period=0.02, pacing="wall-clock")
 
 
@@ -547,7 +547,7 @@ def test_the_plant_in_another_thread_is_driven_in_lock_step_over_a_stock_bus() -
 
 
 def trouble(can_bus: Any, drive_bus: CanopenDriveBus, cause: Callable[[], None]) -> DriveError:
-    """Let something happen in mid motion; return what is raised, having checked the stop."""
+    """Cause trouble in mid motion; return the error after checking the stop."""
     with pytest.raises(DriveError) as caught, drive_bus:
         drive_bus.move({0: Move(1.0, 0.5, 5.0), 1: Move(1.0, 0.5, 5.0)})
         for _ in range(20):
@@ -731,7 +731,7 @@ def test_a_drive_that_does_not_switch_off_is_reported_never_swallowed(
     assert can_bus.drives[1].state == can_bus.drives[3].state == "off"
 
 
-@pytest.mark.long  # powering down waits for drives that no frame reaches, 5 s by the clock
+@pytest.mark.long  # power-down waits for drives without communication, 5 s by the clock
 def test_a_dead_bus_is_reported_as_such(can_bus: Any, drive_bus: CanopenDriveBus) -> None:
     def die(_: can.Message) -> None:
         raise can.CanOperationError("Network is down")

@@ -1,4 +1,4 @@
-"""Drives that communicate in their own way: which serve, and which cannot share the bus."""
+"""Drives with deviations in communication: usable ones, and ones that cannot share the bus."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STATUS, POSITION, CURRENT, MODE = 0x60410010, 0x60640020, 0x60780010, 0x60610008
 
 
 def tpdo(number: int, node: int, *words: int, kind: int = 1) -> Objects:
-    """The records of a TPDO that carries these objects at each SYNC."""
+    """Return the records of a TPDO with these objects at each SYNC."""
     communication, mapping = 0x17FF + number, 0x19FF + number
     return {
         (communication, 1): ("u32", 0x80 + 0x100 * number + node),
@@ -41,7 +41,7 @@ def tpdo(number: int, node: int, *words: int, kind: int = 1) -> Objects:
 
 
 def fixed(changes: Objects, *, node: int = 2, only: Objects | None = None) -> Any:
-    """Local drives one of which has other objects that it does not let anybody change."""
+    """Return local drives, one of which has other, read-only objects."""
     can_bus, drive_bus = build({node: changes})
     dictionary = can_bus.drives[node].node.object_dictionary
     for index, sub in changes if only is None else only:
@@ -199,7 +199,7 @@ def test_a_statement_that_the_drive_contradicts_is_refused_with_both() -> None:
 
 
 def transmitted_by(drive_bus: Any) -> list[Any]:
-    """The TPDOs that each drive was set up to send."""
+    """Return the TPDOs sent by each drive after set-up."""
     return [each.transmitted for each in drive_bus._session.connection.communications]
 
 
@@ -257,11 +257,11 @@ def test_a_current_as_a_real_number_gives_the_torques_of_one_in_milliampere(
     assert steps == pytest.approx([limit / 2**24 for limit in limits])
 
 
-# What drives send beside that
+# Additional frames of the drives
 
 
 def stubborn(identifier: int, kind: int = 255) -> Any:
-    """Local drives of which the second has a TPDO 2 that cannot be switched off."""
+    """Return local drives, the second with a TPDO 2 that cannot be switched off."""
     changes: Objects = {(0x1801, 1): ("u32", identifier), (0x1801, 2): ("u8", kind)}
     return fixed(changes)
 
@@ -319,7 +319,7 @@ def test_a_tpdo_under_an_identifier_in_use_is_refused_with_both(
     assert other in message
 
 
-# Emergencies under another identifier
+# Emergencies with another identifier
 
 
 def test_emergencies_are_heard_where_the_drive_sends_them() -> None:
@@ -366,7 +366,7 @@ def test_two_drives_with_one_identifier_of_emergencies_are_refused_with_both() -
     assert "by joint 2 (node 2), for its emergencies (1014)" in message
 
 
-# Software limits that are fixed
+# Fixed software limits
 
 
 def limits(low: int, high: int) -> Any:
@@ -440,7 +440,7 @@ def test_a_profile_within_the_limits_is_written_once() -> None:
         assert written.count(0x6081) == 1
 
 
-# Positions that are shifted or wrap
+# Shifted or wrapped positions
 
 
 def noted(objects: Objects) -> list[str]:

@@ -1,4 +1,4 @@
-"""Velocity and torque fed forward, as they are seen on the wire: a second bus listens."""
+"""Velocity and torque feed-forward on the wire, observed by a second bus."""
 
 from __future__ import annotations
 
@@ -31,36 +31,36 @@ DRIVES = load_drives(ROBOTS / "manutec-r15.drives.yaml")
 PERIOD = DRIVES.sync_period
 NODES = range(1, 7)
 AXIS, NODE = 2, 3
-"""Axis 3, whose motor turns against it: signs show."""
+"""Axis 3, whose motor has the opposite direction, so that signs matter."""
 TORQUE, VELOCITY = 60.0, 0.25
-"""Greatest of what is fed forward [N m, rad/s]."""
+"""Greatest feed-forward [N m, rad/s]."""
 COUNT = 120
 OWN = Entry(0x2010, 0, "u16", "velocity feed-forward of the position loop")
 FAULT = "faults: [{what: fault, axis: 1, code: 0x2310, at: {sync: 100}}]"
 
 
 def bump(height: float, axis: int = AXIS) -> Any:
-    """Rise from zero and go back to it, on one axis, shape (COUNT, 6)."""
+    """Return a rise from zero and back, on one axis, shape (COUNT, 6)."""
     values = np.zeros((COUNT, len(NODES)))
     values[:, axis] = height * np.sin(np.pi * np.linspace(0, 1, COUNT)) ** 4
     return values
 
 
 class Wire:
-    """A bus of the driver, and what goes over its wire."""
+    """Bus of the driver, and the frames on its wire."""
 
     def __init__(self, bus: CanopenDriveBus, listener: can.BusABC) -> None:
         self.bus, self._listener = bus, listener
 
     def frames(self) -> list[tuple[int, bytes]]:
-        """Return what has passed since the last call."""
+        """Return frames since the last call."""
         found = []
         while (frame := self._listener.recv(0)) is not None:
             found.append((frame.arbitration_id, bytes(frame.data)))
         return found
 
     def stream(self, **fed: Any) -> None:
-        """Begin to stream a path that rests where the axes are, with what is fed forward."""
+        """Begin to stream a path at rest, with feed-forward."""
         here = self.bus.sample().q
         self.bus.stream([here] * COUNT, **fed)
 
@@ -88,7 +88,7 @@ def wired(
 
 
 def offsets(frames: list[tuple[int, bytes]], node: int = NODE) -> list[tuple[int, int]]:
-    """Offsets of velocity and torque that a node was sent by process data."""
+    """Return offsets of velocity and torque that a node received by process data."""
     places = {0x400 + node, 0x300 + node}
     return [
         struct.unpack("<ih", data) for cob_id, data in frames if cob_id in places and len(data) == 6
@@ -96,7 +96,7 @@ def offsets(frames: list[tuple[int, bytes]], node: int = NODE) -> list[tuple[int
 
 
 def last_before(frames: list[tuple[int, bytes]], word: int, node: int = NODE) -> tuple[int, int]:
-    """Return what a node was fed when it was first sent a controlword."""
+    """Return a node's feed-forward at its first controlword."""
     words = [
         k
         for k, (cob_id, data) in enumerate(frames)
@@ -129,7 +129,7 @@ def test_offsets_are_in_the_drive_s_units_and_direction() -> None:
 
 @pytest.mark.parametrize("name", ["tenth-rpm", "millidegrees", "held-acknowledge"])
 def test_a_drive_of_other_units_is_led_just_as_fast(name: str, tmp_path: Path) -> None:
-    """As fast as its set-points: what is fed forward takes the place of what the drive adds."""
+    """The feed-forward replaces the drive's own, so the axis follows its set-points as fast."""
     path = np.zeros((COUNT, len(NODES)))
     path[:, AXIS] = 0.02 * np.cumsum(bump(1.0)[:, AXIS]) / COUNT
     velocity = np.gradient(path, PERIOD, axis=0)
@@ -139,7 +139,7 @@ def test_a_drive_of_other_units_is_led_just_as_fast(name: str, tmp_path: Path) -
         wire.bus.stream((here + path).tolist(), velocity=velocity.tolist())
         q = np.array([wire.bus.sample().q[AXIS] for _ in range(COUNT)])
     late = np.interp(np.arange(COUNT) - 0.5, np.arange(COUNT), here[AXIS] + path[:, AXIS])
-    assert np.abs(q - late).max() < 1e-3  # 6 mrad where nothing is fed forward
+    assert np.abs(q - late).max() < 1e-3  # 6 mrad without feed-forward
 
 
 def test_a_halt_takes_back_what_is_fed_forward_before_it_halts() -> None:
@@ -284,7 +284,7 @@ FIXED = {
 
 
 def personality(folder: Path, changes: dict[str, Any]) -> str:
-    """Write a plant whose drives deviate in this; return its path."""
+    """Write a plant whose drives have this deviation; return its path."""
     path, plant = folder / "deviant.yaml", folder / "plant.yaml"
     path.write_text(json.dumps({"name": "deviant", **changes}))
     machine = yaml.safe_load(PLANT.read_text())

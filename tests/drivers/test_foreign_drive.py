@@ -1,4 +1,4 @@
-"""The driver works with drives that are not ours: canopen's, in threads on a stock virtual bus."""
+"""The driver works with independent drives: canopen's, in threads on a stock virtual bus."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def foreign() -> Iterator[list[ForeignDrive]]:
 
 @pytest.fixture
 def bus(foreign: list[ForeignDrive]) -> Iterator[CanopenDriveBus]:
-    """The driver on the same bus, in lock-step with threads that need not hurry."""
+    """The driver on the same bus, in lock-step; the threads may be slow."""
     drives = DrivesFile.model_validate(
         {"bitrate": 1_000_000, "axes": [axis(node) for node in NODES]}
     )
@@ -89,7 +89,7 @@ def test_an_axis_of_it_moves_and_is_recorded(
         recorder.add(sample)
     recording = recorder.finish()
     good = ~np.any(recording.flags & BAD, axis=1)
-    assert good.mean() > 0.9  # a machine that is busy enough makes threads miss their turn
+    assert good.mean() > 0.9  # threads miss their turn on a very busy machine
     assert recording.q[good][-1] == pytest.approx([0.1, -0.05], abs=1e-3)
     speed = np.diff(recording.q[:, 0]) / np.diff(recording.time)
     assert np.nanmax(speed) == pytest.approx(0.5, rel=0.05)

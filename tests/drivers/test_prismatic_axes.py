@@ -1,4 +1,4 @@
-"""What is stated of a prismatic axis is in metres and newtons, whatever states it."""
+"""Values of prismatic axes are stated in metres and newtons in all outputs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ OF_ROTATION = re.compile(r"\brad\b|N m\b")
 
 
 def session(act: Act, changes: dict[tuple[int, int], Any] | None = None) -> str:
-    """All that a session states of a prismatic axis, its error last."""
+    """Return all text of a session about a prismatic axis, its error last."""
     can_bus = local_drives.LocalBus(NODES, {1: changes or {}})
     drive_bus = CanopenDriveBus(can_bus, DRIVES)
     error = ""

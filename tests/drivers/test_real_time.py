@@ -1,4 +1,4 @@
-"""In real time, plant and driver in processes of their own: on a local channel and on vcan.
+"""Plant and driver in real time, in separate processes, on a local channel and on vcan.
 
 One plant, whose drives live by the wall clock as real ones do, serves all tests of a bus. An
 emulated guest takes half a minute to start a process: the driver that is killed here is forked.
@@ -56,7 +56,7 @@ def place(request: pytest.FixtureRequest) -> Iterator[Place]:
 
 @pytest.fixture(scope="module", autouse=True)
 def watched(place: Place, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path | None]:
-    """What candump wrote, where it can watch."""
+    """Return the output of candump, if available."""
     interface, channel = place
     candump = shutil.which("candump")
     if interface != "socketcan" or candump is None:

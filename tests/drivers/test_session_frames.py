@@ -1,4 +1,4 @@
-"""What a whole session looks like on the wire, decoded from python-can's own log of it.
+"""Frames of a whole session, decoded from python-can's log.
 
 A second bus on the plant's channel listens, as candump would; the log is written to a file, read
 back and decoded here by hand, without the driver's or the plant's code.
@@ -23,7 +23,7 @@ MOVE = Move(target=0.2, velocity=1.0, acceleration=5.0)
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
-    """Frames of a session with one move of axis 5, and the samples that the driver made of them."""
+    """Frames of a session with one move of axis 5, and the samples of the driver."""
     path = tmp_path_factory.mktemp("log") / "session.log"
     drives = load_drives(ROBOTS / "manutec-r15.drives.yaml")
     samples = []
@@ -47,7 +47,7 @@ def of(frames, cob_id):
 
 
 def writes(frames, node):
-    """Expedited SDO downloads to a node: (index, subindex, value)."""
+    """Return expedited SDO downloads to a node: (index, subindex, value)."""
     found = []
     for data in of(frames, 0x600 + node):
         if data[0] & 0xE3 == 0x23:
@@ -83,7 +83,7 @@ def test_each_sdo_request_has_one_answer_and_none_is_an_abort(session):
             0x60A9,
             0x60AA,
             0x60F2,
-        }  # optional objects, asked for and absent
+        }  # missing optional objects, which are read
 
 
 def test_a_tpdo_is_mapped_in_the_order_that_the_standard_demands(session):

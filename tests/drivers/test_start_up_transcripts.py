@@ -1,4 +1,4 @@
-"""What start-up, check and scan say to each kind of drive is what they said before.
+"""Start-up, check and scan exchange the same messages with each kind of drive as before.
 
 `transcripts` holds it, transfer by transfer; of all but the plain drive, what differs from it. A
 change there is either a defect or meant: then the transcripts are written anew (see
@@ -32,7 +32,7 @@ def test_what_is_said_to_a_drive_is_what_its_transcript_holds(name: str) -> None
 @pytest.mark.parametrize("name", NAMES)
 def test_a_scan_asks_for_all_that_start_up_reads(name: str) -> None:
     started, _, scanned = text_of(name).split("# ")[1:]
-    # only where a path is streamed; as a maker's object
+    # only for a streamed path; as a maker's object
     streamed, measured = {0x60B1, 0x60B2, 0x60C2}, {0x30D1}
     pdos, watched = range(0x1400, 0x1C00), 0x1016  # by our own PDOs alone; all its entries
     missed = {
@@ -44,7 +44,7 @@ def test_a_scan_asks_for_all_that_start_up_reads(name: str) -> None:
 
 
 def _read(session: str) -> set[str]:
-    """Index and sub-index of what a session reads."""
+    """Return index and sub-index of the objects read by a session."""
     return {line.split()[2] for line in session.splitlines() if line[2:6] == "read"}
 
 
@@ -61,7 +61,7 @@ def test_the_drives_of_one_robot_are_asked_and_written_alike() -> None:
 
 
 def _steps(lines: Iterable[str]) -> Iterable[tuple[str, str]]:
-    """Leave out node and values, and the range, which three of the drives hold as it is stated."""
+    """Return steps without node, values and range, which three drives store as stated."""
     for line in lines:
         _, what, place, *_ = line.split()
         if not place.startswith("607D"):
@@ -87,7 +87,7 @@ def test_expedited_transfers_are_decoded_in_the_length_that_is_stated() -> None:
 
 
 def test_segments_are_put_together_in_both_directions() -> None:
-    name, toggled = b"ServoOne", (0x00, 0x1D)  # seven bytes, then one, which is the last
+    name, toggled = b"ServoOne", (0x00, 0x1D)  # seven bytes, then a last one
     segments = [(toggled[0], *name[:7]), (toggled[1], *name[7:].ljust(7, b"\0"))]
     begun = (0x08, 0x10, 0, 8, 0, 0, 0)
     assert transcript(

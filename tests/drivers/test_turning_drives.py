@@ -26,7 +26,7 @@ OFF = [{"index": 0x607D, "subindex": subindex, "default": 0} for subindex in (1,
 
 
 def turning(folder: Path, name: str = "turning", **changes: Any) -> CanopenDriveBus:
-    """Six drives that wrap around, or deviate from that besides."""
+    """Six drives with wrapping positions, possibly with further deviations."""
     channel = Path(plant_file(folder, name))
     if changes:
         data = load_personality("turning").model_dump(mode="json") | changes
@@ -40,7 +40,7 @@ def turning(folder: Path, name: str = "turning", **changes: Any) -> CanopenDrive
 
 
 def gone(bus: CanopenDriveBus, *targets: float) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and torques of all axes on their way to targets."""
+    """Return positions and torques of all axes on their way to targets."""
     bus.move({axis: Move(q, 1.0, 5.0) for axis, q in enumerate(targets)})
     samples = [bus.sample()]
     while not samples[-1].reached:

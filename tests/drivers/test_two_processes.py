@@ -1,4 +1,4 @@
-"""The driver in one process, the plant in another."""
+"""Driver and plant in two processes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def moved(axes: CanopenDriveBus, number: int) -> list[Sample]:
 def test_in_lock_step_it_is_the_same_to_the_last_bit_as_in_one_process(
     place: Place, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sync_clock, "PATIENCE", 60.0)  # answers come, however busy the machine
+    monkeypatch.setattr(sync_clock, "PATIENCE", 60.0)  # answers come, even on a busy machine
     drives = load_drives(DRIVES)
     with plant_process(place, "--seed", SEED):
         apart = moved(open_drive_bus(drives, *place, pacing="lock-step"), 200)
@@ -79,4 +79,4 @@ def test_a_plant_that_hangs_ends_the_session_and_nobody_waits_for_ever(place: Pl
             with pytest.raises(NodeSilent, match="joint 1"):
                 wait_for_trouble(axes)
             plant.send_signal(signal.SIGCONT)
-            wake(place)  # it is back when it answers
+            wake(place)  # the bus is back with its first answer

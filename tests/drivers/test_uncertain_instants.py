@@ -1,4 +1,4 @@
-"""Instants of SYNCs: in the middle of `send`, flagged where that took long, kept by the plant."""
+"""Instants of SYNCs: the middle of `send`, flagged if uncertain, kept by the plant."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PERIOD = 0.004
 
 
 class Host:
-    """A computer whose time passes as it is told."""
+    """Computer whose time is set by tests."""
 
     def __init__(self) -> None:
         self.time = 100.0
@@ -33,7 +33,7 @@ class Host:
 
 
 def note_sent(clock: WallClock, host: Host, took: float) -> float:
-    """Let a SYNC be sent in a call that takes `took` [s]; return its instant."""
+    """Send a SYNC in a call of duration `took` [s]; return its instant."""
     host.time += clock.due()
     clock.note_sending()
     host.time += took
@@ -80,9 +80,9 @@ def test_a_plant_passes_time_to_the_stamp_of_a_frame_and_never_back(
     host.time += 0.010
     assert elapse(1e3 + 100.004) == pytest.approx(0.004)  # it waited for 6 ms
     assert elapse() == pytest.approx(0.006)
-    assert elapse(1e3 + 100.003) == 0.0  # the plant is past that already
+    assert elapse(1e3 + 100.003) == 0.0  # the plant has already passed this instant
     host.time += 0.005
-    assert elapse(1e9) == pytest.approx(0.005)  # a stamp of another clock
+    assert elapse(1e9) == pytest.approx(0.005)  # time stamp of another clock
 
 
 def test_a_plant_that_was_late_never_passes_a_sync_that_is_on_its_way(
@@ -100,7 +100,7 @@ def test_a_plant_that_was_late_never_passes_a_sync_that_is_on_its_way(
     monkeypatch.setattr(SlaveNetwork, "receive", noting)
 
     class Late(can.BusABC):
-        """Nothing comes for a while; a SYNC sent meanwhile is received when it is long past."""
+        """Bus without frames for a while; a SYNC sent meanwhile is received long afterwards."""
 
         def __init__(self) -> None:
             self.calls = 0
@@ -109,7 +109,7 @@ def test_a_plant_that_was_late_never_passes_a_sync_that_is_on_its_way(
         def recv(self, timeout: float | None = None) -> can.Message | None:
             self.calls += 1
             if self.calls == 1:
-                host.time += 0.010  # the process was interrupted before it went on
+                host.time += 0.010  # the process was interrupted
                 return None
             over.set()
             return can.Message(arbitration_id=0x80, timestamp=100.003, is_extended_id=False)

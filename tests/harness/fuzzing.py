@@ -1,4 +1,4 @@
-"""Files of strangers for every reader: valid ones, changed, and what came of them.
+"""Fuzzing of all readers with modified valid files.
 
 An example is named by its format and a number, from which it is made anew. `attempt` reads one in a
 process of its own and tells whether the reader returned or refused it, as it must, in how much
@@ -64,17 +64,17 @@ WORDS = [
 
 @dataclass(frozen=True)
 class Kind:
-    """A format: what writes a valid file into a folder and returns it, and what reads one."""
+    """File format: writer of a valid file, and reader."""
 
     write: Callable[[Path], Path]
     read: Callable[[Path], object]
     changed: str = ""
-    """Pattern of the files in a folder that are changed, where a folder is read."""
+    """Pattern of the modified files in a folder, for readers of folders."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of an example.
+    """Outcome of an example.
 
     Attributes
     ----------
@@ -97,7 +97,7 @@ class Outcome:
 
     @property
     def wrong(self) -> str:
-        """What must not be; empty where all is well."""
+        """Return the violated requirement; empty if there is none."""
         if self.how not in {"read", "refused"}:
             return f"{self.how}: {self.text}"
         if self.memory > self.bound:
@@ -106,7 +106,7 @@ class Outcome:
 
 
 def changed(content: bytes, chance: random.Random) -> bytes:
-    """Return some bytes or words of a file changed, moved, doubled or left out."""
+    """Change, move, double or remove some bytes or words of a file."""
     data = bytearray(content)
     for _ in range(chance.choice([1, 1, 1, 2, 3, 8])):
         at = chance.randrange(len(data) + 1)
@@ -135,7 +135,7 @@ def changed(content: bytes, chance: random.Random) -> bytes:
 
 
 def made(kind: str, number: int, folder: Path) -> Path:
-    """Make an example in a new folder; return the file, or folder, that is to be read."""
+    """Create an example in a new folder; return the file or folder to be read."""
     chance = random.Random(f"{kind} {number}")
     shutil.copytree(_valid(kind).parent, folder)
     path = folder / _valid(kind).name
@@ -147,7 +147,7 @@ def made(kind: str, number: int, folder: Path) -> Path:
 
 
 def attempt(kind: str, path: Path) -> Outcome:
-    """Read an example in a process of its own."""
+    """Read an example in a separate process."""
     reading, writing = os.pipe()
     if not (child := os.fork()):
         os.close(reading)
@@ -171,7 +171,7 @@ def _bound(path: Path) -> int:
 
 
 def _in_child(kind: str, path: Path, writing: int) -> None:
-    """Read, tell what came of it, and end."""
+    """Read an example, report the outcome, and exit."""
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.alarm(30 * PATIENCE)
     resource.setrlimit(resource.RLIMIT_CPU, (PATIENCE, PATIENCE))
@@ -204,7 +204,7 @@ def _in_child(kind: str, path: Path, writing: int) -> None:
     except BaseException:
         how, text = "traceback", traceback.format_exc()
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 - before
-    # a child has all of this process until it begins its own program
+    # the child process has a copy of this process until it starts its own program
     children = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
     memory = max(memory, children - before)
     answer = {"how": how, "text": text[-4000:], "memory": memory, "outside": outside}
@@ -220,7 +220,7 @@ def _resident() -> int:
 
 @cache
 def _valid(kind: str) -> Path:
-    """Return a valid file of a format, written once a process and left alone."""
+    """Return a valid file of a format, written once per process and not modified."""
     folder = Path(os.environ["FUZZING_FOLDER"]) / "valid" / kind
     folder.mkdir(parents=True, exist_ok=True)
     return KINDS[kind].write(folder)
@@ -348,7 +348,7 @@ def _read_urdf(path: Path) -> None:
 
 
 def _read_table(path: Path) -> None:
-    """Draft a map, and read all columns: those that can be read together, and each alone."""
+    """Draft a map, and read all columns: together where possible, and one by one."""
     draft_map(path, path.name)
     found = open_table(path, Format())
     for columns in (range(len(found.names)), *([k] for k in range(min(20, len(found.names))))):
@@ -396,4 +396,4 @@ KINDS = {
     "json": Kind(_text("a.json", f"[{','.join(_ROWS)}]"), _read_table),
     "xml-rows": Kind(_text("a.xml", '<r><q A1="1"/><t>2</t></r>\n' * 40), _read_table),
 }
-"""Every reader of files from elsewhere."""
+"""All readers of foreign files."""

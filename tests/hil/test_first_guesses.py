@@ -1,4 +1,4 @@
-"""Names that users of statsmodels, pinocchio and roboticstoolbox try first, beside pinocchio."""
+"""Names known from statsmodels, pinocchio and roboticstoolbox work, compared with pinocchio."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-pin = pytest.importorskip("pinocchio", minversion="3.0")  # earlier ones leave rotors out
+pin = pytest.importorskip("pinocchio", minversion="3.0")  # earlier versions omit rotors
 COULOMB, VISCOUS, ROTORS = np.array([2.0, 1.0]), np.array([1.5, 0.8]), np.array([0.6, 0.3])
 PERIOD = 0.004
 OF_MAPS = re.compile(r"joints\.|accept: \[|\bmap\b|arrays:|back_and_forth|_side|gain")
-"""What only files of maps have."""
+"""Keys that only map files have."""
 
 
 def pinocchio_of(text: str, rotors: Array) -> pin.Model:
@@ -50,7 +50,7 @@ def load(name: str, folder: Path) -> tuple[hil.Robot, str]:
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[hil.Robot, pin.Model, list[Array]]:
-    """A robot from a URDF, and t, q, qd and tau of its motion by pinocchio, with friction."""
+    """Robot from a URDF, and t, q, qd and tau of its motion by pinocchio, with friction."""
     robot, text = load("pan-tilt", tmp_path_factory.mktemp("recorded"))
     theirs, rng = pinocchio_of(text, ROTORS), np.random.default_rng(3)
     t = np.arange(0.0, 60.0, PERIOD)
@@ -206,7 +206,7 @@ class TestAsStatsmodels:
 
 
 def parameters_of(robot: hil.Robot, theirs: pin.Model, q: Array, qd: Array) -> Array:
-    """Base parameters that give pinocchio's torques: they do without any remainder."""
+    """Return base parameters that reproduce pinocchio's torques exactly."""
     qdd = np.random.default_rng(1).normal(size=q.shape)
     A = hil.regressor(robot, q, qd, qdd).reshape(q.size, -1)
     tau = by_pinocchio(pin.rnea, theirs, q, qd, qdd).ravel()
@@ -217,7 +217,7 @@ def parameters_of(robot: hil.Robot, theirs: pin.Model, q: Array, qd: Array) -> A
 
 @pytest.mark.parametrize("name", ["pan-tilt", "askew", "UR10e", "Panda"])
 class TestAsPinocchio:
-    """Dynamics of the bodies and rotors of a URDF, by both."""
+    """Dynamics of the bodies and rotors of a URDF, compared with pinocchio."""
 
     @pytest.fixture
     def bodies(self, name: str, tmp_path: Path) -> tuple[hil.Model, pin.Model, Array]:

@@ -1,4 +1,4 @@
-"""A kind of measurement is a row of the table, and an entry in the registry of each stage."""
+"""A kind of measurement has one row in the table, and an entry in the registry of each stage."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_a_recording_is_of_a_measurement_or_of_a_motion_that_no_plan_states() ->
 
 
 class Probe(Strokes):
-    """A sixth kind: gravity under another name."""
+    """Sixth kind: gravity under another name."""
 
     kind: Literal["probe"] = "probe"
 

@@ -1,4 +1,4 @@
-"""`import hil`: what it offers, and that the documented examples do what they say."""
+"""`import hil`: public names, and correctness of the documented examples."""
 
 import doctest
 import re
@@ -18,7 +18,7 @@ FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 @pytest.fixture(scope="module")
 def place(manutec, tmp_path_factory):
-    """A folder with a small run in `runs/first`, and its model."""
+    """Folder with a small run in `runs/first`, and its model."""
     folder = tmp_path_factory.mktemp("notebook")
     (folder / "runs").mkdir()
     write_run(folder / "runs" / "first", manutec)

@@ -1,4 +1,4 @@
-"""What users do from Python, by public names alone: arrays in, subsets, friction, noise, models."""
+"""Use from Python by public names alone: arrays, subsets, friction, noise, models."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def swung(seed: int = 0, duration: float = 20.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time, position and torque of a pendulum with Coulomb and viscous friction."""
+    """Return time, position and torque of a pendulum with Coulomb and viscous friction."""
     rng, t = np.random.default_rng(seed), np.arange(0.0, duration, 0.002)
     rates = np.array([0.31, 0.83, 1.7])
     phase = t[:, None] * rates * 2 * np.pi + rng.uniform(0, 6, 3)

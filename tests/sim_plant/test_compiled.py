@@ -1,4 +1,4 @@
-"""Compiled code on disk is that of the sources, of callees in other files too."""
+"""Compiled code on disk matches the sources, including callees in other files."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "caller.py").write_text(CALLER.format(package=folder.name))
     (folder / "constants.py").write_text("OFFSET = 0.0\n")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # its own key: seconds and length
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # separate key: seconds and length
     return folder
 
 
 def fresh(package: Path) -> Callable[[float], float]:
-    """The compiled function as a new process sees it."""
+    """Return the compiled function as seen by a new process."""
     for name in [name for name in sys.modules if name.partition(".")[0] == package.name]:
         del sys.modules[name]
     importlib.invalidate_caches()
@@ -51,7 +51,7 @@ def fresh(package: Path) -> Callable[[float], float]:
 
 
 def loaded(function: Callable[[float], float]) -> bool:
-    """Whether the only compiled variant came from disk."""
+    """Return True if the only compiled variant came from disk."""
     return sum(function.stats.cache_hits.values()) == 1
 
 

@@ -1,4 +1,4 @@
-"""Sound recordings of each kind, and how they look where instants are exact and where they are not.
+"""Sound recordings of each kind, sampled at exact and at uncertain instants.
 
 Each is sampled exactly, at instants that differ from their time stamps, or with telegrams doubled,
 late and missing.
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hil.planning.strokes import Strokes
 
 PERIOD, ACCELERATION = 0.004, 8.0
-"""Of SYNC [s] and of all motions [rad/s^2]."""
+"""SYNC period [s], and acceleration of all motions [rad/s^2]."""
 ROBOT = Robot.load("manutec-r15")
 OWN = {"id": "m", "axis": 1, "q": (0.0, 0.0), "acceleration": ACCELERATION, "cycles": 2}
 GRAVITY = Gravity(**OWN, stroke=0.4, velocity=0.4)
@@ -44,7 +44,9 @@ WAVE = Trajectory(
 
 
 def carried_out(measurement: Strokes, rests: int = 25) -> Recording:
-    """Strokes as planned, with rests between them in which telegrams may go wrong [samples]."""
+    """Return strokes as planned, with rests in between during which telegrams may be faulty
+    [samples].
+    """
     q, stroke, partner = [], [], []
     for number in range(measurement.n_strokes):
         profile = measurement.profile(number)
@@ -59,7 +61,9 @@ def carried_out(measurement: Strokes, rests: int = 25) -> Recording:
 
 
 def _partner(measurement: Strokes, t: np.ndarray) -> np.ndarray:
-    """Position and stroke number of the partner, which goes back and forth from 0.4 s on."""
+    """Return position and stroke number of the partner, which moves back
+    and forth from 0.4 s on.
+    """
     (partner,) = measurement.partners
     seen = np.full((len(t), 2), (partner.profile(measurement.q, 0).start, IDLE))
     for number in range(4):
@@ -99,14 +103,14 @@ def exact(recording: Recording, rng: np.random.Generator) -> Recording:
 
 
 def latched_late(recording: Recording, rng: np.random.Generator) -> Recording:
-    """SYNC reaches the drives 0.3 ms after its time stamp on average, up to a period after it."""
+    """Sample with SYNC 0.3 ms late at the drives on average, and up to a period late."""
     late = np.minimum(rng.exponential(3e-4, recording.n_samples), PERIOD)
     stamps = recording.time + rng.normal(0.0, 1e-5, recording.n_samples)
     return replace(latched(recording, late), time=stamps)
 
 
 def irregular(recording: Recording, rng: np.random.Generator) -> Recording:
-    """SYNC is sent late, by up to 0.4 periods, and the time stamp says so."""
+    """Sample with SYNC sent up to 0.4 periods late, and correct time stamps."""
     late = rng.uniform(0.0, 0.4 * PERIOD, recording.n_samples)
     return replace(latched_late(latched(recording, late), rng), time=recording.time + late)
 
@@ -118,7 +122,7 @@ def latched(recording: Recording, late: np.ndarray) -> Recording:
 
 
 def badly_stamped(recording: Recording, rng: np.random.Generator) -> Recording:
-    """One time stamp in two hundred is later than SYNC was by up to half a period."""
+    """Sample with one time stamp in two hundred up to half a period late."""
     late = rng.uniform(0.0, PERIOD / 2, recording.n_samples) * (
         rng.random(recording.n_samples) < 5e-3
     )
@@ -126,7 +130,7 @@ def badly_stamped(recording: Recording, rng: np.random.Generator) -> Recording:
 
 
 def disturbed(recording: Recording, rng: np.random.Generator) -> Recording:
-    """Of a thousand samples two are doubled, two are late, after a missing one, and two skipped."""
+    """Of a thousand samples, two are doubled, two late after a missing one, and two skipped."""
     n = recording.n_samples
     q, tau, flags = recording.q.copy(), recording.tau.copy(), recording.flags.copy()
     for at in rng.choice(np.arange(2, n - 2), n // 500, replace=False):

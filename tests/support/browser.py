@@ -1,4 +1,4 @@
-"""A headless Chromium for the pages that tests write; without one they skip, but fail in CI."""
+"""Headless Chromium for pages written by tests; without one, tests are skipped, but fail in CI."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ FLAGS = (
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
     *("--disable-dev-shm-usage", "--disable-default-apps", "--disable-extensions"),
-    # WebGL by the processor: machines that run tests have no graphics card
+    # WebGL in software: machines that run tests have no graphics card
     *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
     "--force-device-scale-factor=1",
 )
 
 
 def require_browser() -> tuple[str, str]:
-    """Paths of Chromium and its driver; skip the test where they are missing, fail in CI."""
+    """Return paths of Chromium and its driver; without them skip the test, or fail in CI."""
     browser, driver = shutil.which("chromium"), shutil.which("chromedriver")
     if browser and driver:
         return browser, driver
@@ -37,7 +37,7 @@ def require_browser() -> tuple[str, str]:
 
 @contextmanager
 def opened_browser(profile: Path) -> Iterator[webdriver.Chrome]:
-    """Open a Chromium with a profile of its own."""
+    """Open a Chromium with a separate profile."""
     browser, driver = require_browser()
     options = webdriver.ChromeOptions()
     options.binary_location = browser
@@ -52,12 +52,12 @@ def opened_browser(profile: Path) -> Iterator[webdriver.Chrome]:
 
 
 def resize(browser: webdriver.Chrome, width: int, height: int) -> None:
-    """Set the size of the page, which may be narrower than a window can be."""
+    """Set the size of the page, which may be narrower than any window."""
     size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
 
 
 def colour_scheme(browser: webdriver.Chrome, scheme: str) -> None:
-    """Let the page be seen with light or dark colours."""
+    """Emulate light or dark colours."""
     features = [{"name": "prefers-color-scheme", "value": scheme}]
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})

@@ -1,4 +1,4 @@
-"""Servo axes on an open python-can bus, as most tests open them."""
+"""Servo axes on an open python-can bus, used by most tests."""
 
 from __future__ import annotations
 

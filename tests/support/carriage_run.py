@@ -1,4 +1,4 @@
-"""A carriage of known mass and friction, and a recording that its own simulation makes."""
+"""Carriage of known mass and friction, and a simulated recording."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ PERIOD = 0.005
 
 
 def carriage(mass: float = 5.0) -> Model:
-    """A carriage with Coulomb friction, as if it had been identified."""
+    """Return the model of a carriage with Coulomb friction, as if identified."""
     terms = {"Coulomb": TermValue(value=4.0, standard_error=0.1)}
     plain = terms | {"viscous": TermValue(value=0.0, standard_error=0.1)}
     law = AxisLaw(law="Coulomb", speed=1.0, terms=terms, plain=plain, held_out={})
@@ -25,7 +25,7 @@ def carriage(mass: float = 5.0) -> Model:
 
 
 def carriage_run() -> Run:
-    """The carriage at rest, and then back and forth for two seconds."""
+    """Return a run of the carriage at rest, then back and forth for two seconds."""
     time, none = np.arange(0.0, 2.2, PERIOD), np.zeros(1)
     force = 15.0 * np.sin(2 * np.pi * np.maximum(time - 0.2, 0.0))[:, None]
     drive = Drive(time, force, 0.0 * force, none, none)

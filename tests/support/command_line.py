@@ -1,6 +1,6 @@
-"""The type of the fixture `hil`, which calls the command line."""
+"""Type of the fixture `hil`, which calls the command line."""
 
 from collections.abc import Callable
 
 Hil = Callable[..., tuple[int, str, str]]
-"""Takes arguments; returns exit status, standard output and standard error."""
+"""Function that takes arguments and returns exit status, standard output and standard error."""

@@ -1,4 +1,4 @@
-"""Exported code as it is used: C and structured text compiled into libraries, Python a module."""
+"""Exported code in use: C and structured text compiled into libraries, Python as a module."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ STRICT = ("-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="there is no C compiler (cc)")
 IEC2C = shutil.which("iec2c")
 MATIEC = os.environ.get("MATIEC_LIB", str(Path(IEC2C or "").resolve().parent / "lib"))
-"""Folder of its standard functions, beside the compiler where nothing else is stated."""
+"""Folder of matiec's standard functions, beside the compiler by default."""
 needs_iec2c = pytest.mark.skipif(
     IEC2C is None or COMPILER is None, reason="there is no matiec (iec2c) or no cc"
 )
@@ -43,7 +43,7 @@ def module(model: Model) -> dict[str, Any]:
 
 
 def compiled(model: Model, folder: Path, *flags: str) -> ctypes.CDLL:
-    """The header as a library: each function once more, with a name to be found by."""
+    """Compile the header into a library with a public symbol for each function."""
     name = identifier(model.robot.name)
     for file, text in write_c(model, ("origin */ of /* a \\", "run")).files.items():
         (folder / file).write_text(text)
@@ -62,9 +62,10 @@ def compiled(model: Model, folder: Path, *flags: str) -> ctypes.CDLL:
 
 
 def compiled_text(model: Model, folder: Path) -> ctypes.CDLL:
-    """The structured text by matiec and cc: each block as a C function; `dynamics` has one state.
+    """Compile structured text by matiec and cc: each block as a C function; `dynamics` has one
+    state.
 
-    The results of `dynamics` are `PARTS` one after the other.
+    Results of `dynamics` are the `PARTS` in sequence.
     """
     assert IEC2C is not None
     assert COMPILER is not None

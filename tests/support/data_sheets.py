@@ -1,4 +1,4 @@
-"""Small data sheets (EDS, DCF) of drives that exist nowhere, with the habits of those that do."""
+"""Small data sheets (EDS, DCF) of fictitious drives, with the habits of real ones."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ OBJECTS: dict[Place, Spec] = {
     (0x608F, 2): _var("u32", DefaultValue=1),
     (0x6502, 0): _var("u32", "ro", DefaultValue="0x21"),
 }
-"""A drive with all that measuring needs and nothing else."""
+"""Objects of a drive with exactly the necessary ones for measuring."""
 
 TORQUE: Spec = _var("i16", "ro", 1, ParameterName="Torque actual value")
 MAKERS_CURRENT: Spec = _var("i32", "ro", 1, ParameterName="Motor current actual value")
@@ -93,9 +93,9 @@ BaudRate_1000=1
 def sheet(
     changes: Mapping[Place, Spec | None] | None = None, general: str = GENERAL, node: int = 0
 ) -> str:
-    """A data sheet; `changes` adds objects, changes keys of them, or takes them away (None).
+    """Return a data sheet; `changes` adds objects, changes their keys, or removes them (None).
 
-    With a `node` it is the configuration file (DCF) of that node.
+    A `node` gives the configuration file (DCF) of that node.
     """
     objects = {place: dict(spec) for place, spec in OBJECTS.items()}
     for place, spec in (changes or {}).items():

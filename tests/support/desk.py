@@ -1,4 +1,4 @@
-"""A master without bus and threads, for the plant's CANopen side."""
+"""Master without bus and threads, for the plant's CANopen side."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 class Desk:
-    """A master without bus and threads: SDO, SYNC and NMT straight into the slave network."""
+    """Master without bus and threads: SDO, SYNC and NMT directly with the slave network."""
 
     def __init__(self, network: SlaveNetwork, machine: IdealMachine) -> None:
         self.network = network
         self.machine = machine
         self.log: list[tuple[float, int, bytes]] = []
-        """Every frame that the drives sent."""
+        """All frames sent by the drives."""
 
     def send(self, identifier: int, data: bytes = b"") -> list[tuple[int, bytes]]:
         frames = self.network.receive(identifier, data)
@@ -37,18 +37,18 @@ class Desk:
         return self.send(0, bytes([command, node]))
 
     def request(self, node: int, *data: int) -> bytes:
-        """The response to one SDO frame."""
+        """Return the response to one SDO frame."""
         frames = self.send(0x600 + node, bytes(data).ljust(8, b"\0"))
         return next(payload for number, payload in frames if number == 0x580 + node)
 
     def write(self, index: int, value: int, subindex: int = 0, node: int = 1) -> None:
-        """Write by expedited SDO; `SdoAbort` when refused."""
+        """Write by expedited SDO; raise `SdoAbort` on refusal."""
         data = struct.pack("<" + drive_entries()[key(index, subindex)].code, value)
         command = 0x23 | (4 - len(data)) << 2
         self._checked(node, command, *struct.pack("<HB", index, subindex), *data)
 
     def read(self, index: int, subindex: int = 0, node: int = 1) -> int:
-        """Read by expedited SDO; `SdoAbort` when refused."""
+        """Read by expedited SDO; raise `SdoAbort` on refusal."""
         response = self._checked(node, 0x40, *struct.pack("<HB", index, subindex))
         code = drive_entries()[key(index, subindex)].code
         return int(struct.unpack_from("<" + code, response, 4)[0])
@@ -79,7 +79,7 @@ class Desk:
         self.write(record, identifier + node, 1, node)
 
     def enable(self, node: int = 1) -> None:
-        """To OPERATION ENABLED."""
+        """Bring a drive to OPERATION ENABLED."""
         for controlword in (0x06, 0x07, 0x0F):
             self.write(0x6040, controlword, node=node)
 

@@ -1,7 +1,7 @@
-"""A bus that is no CAN: the plant's drives reached by calls, as another fieldbus would reach them.
+"""Bus without CAN: the plant's drives reached by calls, as by another fieldbus.
 
-It has what a folder beside `drivers.canopen` needs: access to objects, process data, a sign of
-life, how a drive communicates, a connection and the bus. No frame is made.
+It implements the interfaces of a folder beside `drivers.canopen`: access to objects, process data,
+a sign of life, how a drive communicates, a connection and the bus. No frame is made.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class DirectAccess:
-    """The objects of one drive."""
+    """Objects of one drive."""
 
     def __init__(self, drive: Any) -> None:
         self._drive = drive
@@ -51,7 +51,7 @@ class DirectAccess:
     order = write
 
     def go_operational(self) -> None:
-        """Drives exchange process data at all times here."""
+        """Do nothing: drives exchange process data at all times here."""
 
     leave_operational = go_operational
 
@@ -91,7 +91,7 @@ class DirectProcessData:
         raise NotImplementedError
 
     def withdraw(self, axis: int) -> None:
-        """Nothing is fed forward here."""
+        """Do nothing: there is no feed-forward here."""
 
     def speeds(self) -> list[float]:
         return [math.inf] * len(self._axes)
@@ -108,11 +108,11 @@ class DirectProcessData:
     miss = tick
 
     def hurry(self, hurried: bool) -> None:
-        """Nothing is waited for here."""
+        """Do nothing: there are no waits here."""
 
 
 class DirectLife:
-    """A watchdog that never needs to be fed."""
+    """Watchdog without time-out."""
 
     name, timeout, due = "the watchdog's food", 0.5, math.inf
     trouble: DriveError | None = None
@@ -122,7 +122,7 @@ class DirectLife:
         self.ceased = False
 
     def service(self) -> None:
-        """All drives are with us."""
+        """Return that all drives are present."""
 
     beat = service
 
@@ -131,12 +131,12 @@ class DirectLife:
 
 
 class DirectCommunication:
-    """Nothing of it needs to be set up."""
+    """Communication without any set-up."""
 
     requirements, later, feed_forward = REQUIREMENTS, (), False
 
     def refusable(self, axis: AxisDrive) -> None:
-        """There is no other course."""
+        """Return no alternatives."""
 
     def set_up(self, *_: object) -> None:
         """Do nothing."""
@@ -145,7 +145,7 @@ class DirectCommunication:
 
 
 class DirectRules:
-    """Nothing in the dictionaries is this bus's own."""
+    """Rules of a bus without objects of its own."""
 
     requirements, asked, mappings = REQUIREMENTS, (), ()
     late: frozenset[int] = frozenset()
@@ -185,17 +185,17 @@ class DirectConnection(Connection):
         self.cycle()
 
     def refuse_unwatched(self) -> None:
-        """The watchdog is as it was."""
+        """Do nothing: the watchdog is unchanged."""
 
     def collect_late(self) -> None:
-        """Nothing is late."""
+        """Do nothing: no telegram is late."""
 
     def close(self) -> None:
-        """Nothing was put on the bus."""
+        """Do nothing: the bus holds no state."""
 
 
 class DirectBus:
-    """A `drivers.session.connection.Fieldbus` as far as sessions need one."""
+    """Subset of `drivers.session.connection.Fieldbus` needed by sessions."""
 
     rules = DirectRules()
     recorded, lock_step, keeps_time = False, True, False
@@ -218,5 +218,5 @@ class DirectBus:
 
 
 def word_of(bus: DirectBus, axis: int) -> int:
-    """The statusword of a drive."""
+    """Return the statusword of a drive."""
     return bus.network.nodes[axis].dictionary.get(objects.STATUSWORD.index)

@@ -1,4 +1,4 @@
-"""What was written to drives, read off the frames on their bus."""
+"""Objects written to drives, decoded from the frames on their bus."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Place = tuple[int, int, int]
 
 
 def downloads(frames: list[can.Message]) -> list[Place]:
-    """Objects that expedited SDO downloads wrote to, unless they were refused."""
+    """Return objects written by expedited SDO downloads, except refused ones."""
     refused = [_place(frame) for frame in frames if _answer(frame) and frame.data[0] == 0x80]
     return [
         _place(frame)

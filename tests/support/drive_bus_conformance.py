@@ -1,4 +1,4 @@
-"""What every `DriveBus` must do, whatever is behind it.
+"""Requirements on every `DriveBus`, independent of the hardware.
 
 Derive a test class from `DriveBusConformance` and give it a fixture ``open_bus`` that returns a
 callable; each call gives a new, not yet entered `DriveBus` on the same machine. Joint 1 (index 0)
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 STROKE = 0.1
 NEAR = 3e-3
-"""A held or finished axis is within this of its target [rad]."""
+"""Largest distance of a held or finished axis from its target [rad]."""
 
 BAD = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE
 
 
 def travel(bus: DriveBus, limit: float = 30.0) -> list[Sample]:
-    """Sample until everything is reached."""
+    """Sample until all targets are reached."""
     samples = [bus.sample()]
     while not samples[-1].reached:
         samples.append(bus.sample())
@@ -37,7 +37,7 @@ def travel(bus: DriveBus, limit: float = 30.0) -> list[Sample]:
 
 
 class DriveBusConformance:
-    """The contract of `drivers.drive_bus.DriveBus` as tests."""
+    """Contract of `drivers.drive_bus.DriveBus` as tests."""
 
     def test_it_is_a_drive_bus(self, open_bus: Callable[[], DriveBus]) -> None:
         bus = open_bus()

@@ -1,4 +1,4 @@
-"""A small master of EtherCAT for tests of slaves without a wire: frames made by hand."""
+"""Small EtherCAT master for tests of slaves without a wire, with frames made by hand."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ INIT, PREOP, SAFEOP, OP = 1, 2, 4, 8
 
 
 class Answer(NamedTuple):
-    """What came back of one datagram."""
+    """Answer to one datagram."""
 
     data: bytes
     counter: int
 
 
 class SdoRefused(Exception):
-    """An SDO was aborted with a code."""
+    """Abort of an SDO, with its code."""
 
 
 def frame_of(*datagrams: tuple[int, int, int, bytes]) -> bytes:
-    """Make a frame of datagrams: command, address, place, data."""
+    """Return a frame of datagrams: command, address, place, data."""
     body = b""
     for n, (command, position, place, data) in enumerate(datagrams, start=1):
         more = 0x8000 if n < len(datagrams) else 0
@@ -38,7 +38,7 @@ def frame_of(*datagrams: tuple[int, int, int, bytes]) -> bytes:
 
 
 def answers_of(frame: bytes) -> list[Answer]:
-    """Take the answers out of a frame that came back."""
+    """Return the answers in a returned frame."""
     place, found = 16, []
     while True:
         length = struct.unpack_from("<H", frame, place + 6)[0]
@@ -51,12 +51,12 @@ def answers_of(frame: bytes) -> list[Answer]:
 
 
 class Master:
-    """Speaks to slaves by position, from 0.
+    """Master that addresses slaves by position, from 0.
 
     Parameters
     ----------
     process : callable
-        What becomes of a frame.
+        Function that returns the answer to a frame.
     mailbox_size : int
     """
 
@@ -68,7 +68,7 @@ class Master:
         self._counters: dict[int, int] = {}
 
     def send(self, *datagrams: tuple[int, int, int, bytes]) -> list[Answer]:
-        """Send a frame and return what came back; a lost one has no answers."""
+        """Send a frame and return the answers; a lost frame has none."""
         frame = self._process(frame_of(*datagrams))
         return [] if frame is None else answers_of(frame)
 
@@ -82,11 +82,11 @@ class Master:
         return int.from_bytes(self.read(slave, place, 2).data, "little")
 
     def state(self, slave: int) -> tuple[int, int]:
-        """AL status (with the error flag in bit 4) and its code."""
+        """Return AL status (with the error flag in bit 4) and its code."""
         return self.word(slave, 0x130), self.word(slave, 0x134)
 
     def request(self, slave: int, state: int) -> tuple[int, int]:
-        """Ask for a state and return what is shown then."""
+        """Request a state and return the state shown then."""
         self.write(slave, 0x120, struct.pack("<H", state))
         return self.state(slave)
 
@@ -100,7 +100,7 @@ class Master:
         assert self.request(slave, PREOP) == (PREOP, 0)
 
     def to_safeop(self, slave: int, sizes: tuple[int, int] = (12, 12)) -> None:
-        """Have process data of slave n at 100h n in logical memory, outputs before inputs."""
+        """Map process data of slave n to 100h n in logical memory, outputs before inputs."""
         self.set_manager(slave, 2, OUTPUTS, sizes[0], 0x64)
         self.set_manager(slave, 3, INPUTS, sizes[1], 0x20)
         for number, (start, size, kind) in enumerate(
@@ -134,7 +134,7 @@ class Master:
         return self.write(slave, MAILBOX_OUT, content.ljust(self._size, b"\0"))
 
     def fetch(self, slave: int) -> bytes | None:
-        """Return what waits in the other mailbox with its header, None if nothing does."""
+        """Return the content of the other mailbox with its header, or None if it is empty."""
         answer = self.read(slave, MAILBOX_IN, self._size)
         if not answer.counter:
             return None
@@ -142,7 +142,7 @@ class Master:
         return answer.data[: 6 + size]
 
     def coe(self, slave: int, service: int, request: bytes) -> bytes:
-        """Ask by CoE and return the answer behind its two bytes of service."""
+        """Send a CoE request and return the answer after its two bytes of service."""
         assert self.post(slave, struct.pack("<H", service << 12) + request) == 1
         answer = self.fetch(slave)
         assert answer is not None

@@ -1,4 +1,4 @@
-"""Our master beside the plant on a cable of two interfaces, one of which is killed.
+"""Our master and the plant on a cable of two interfaces; one of the two processes is killed.
 
 `python ethercat_processes.py moving` moves an axis on the wall clock and says so;
 `killed-driver` starts that, kills it in the middle of the motion, and prints what the drives show;
@@ -29,7 +29,7 @@ from hil.model.robot import ROBOTS, Robot
 
 ROBOT = "manutec-r15"
 WATCHDOG = 1.0
-"""Of the sync managers [s]; a busy machine is late."""
+"""Watchdog of the sync managers [s]; long, because a busy machine is late."""
 
 
 def drives() -> DrivesFile:
@@ -38,7 +38,7 @@ def drives() -> DrivesFile:
 
 
 def moving() -> None:
-    """Move an axis, slowly and far."""
+    """Move an axis slowly over a long distance."""
     with open_drive_bus(drives(), "ethercat", THEIRS) as bus:
         bus.move({0: Move(1.5, 0.2, 1.0)})
         for _ in range(50):
@@ -49,7 +49,7 @@ def moving() -> None:
 
 
 def killed_driver() -> None:
-    """Print AL states and statuswords before the kill, at once after it, and when it is over."""
+    """Print AL states and statuswords before the kill, immediately after it, and after the stop."""
     process = subprocess.Popen(  # noqa: S603 - this file
         [sys.executable, __file__, "moving"], stdout=subprocess.PIPE, text=True
     )

@@ -1,4 +1,4 @@
-"""All commands of the program, found by asking it."""
+"""All commands of the program, listed by the program itself."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,7 +7,7 @@ from hil.cli import COMMANDS, import_command
 
 
 def every_command() -> dict[str, Any]:
-    """Name, as it is typed, and command of all commands and groups of commands."""
+    """Yield name and command of all commands and groups of commands."""
     return {
         name: command
         for first in COMMANDS

@@ -1,4 +1,4 @@
-"""A fieldbus that is no CAN: drives of CiA 402 in memory, which offer objects and `ProcessData`.
+"""Fieldbus without CAN: CiA 402 drives in memory with objects and `ProcessData`.
 
 Each drive is a state machine, a position that goes to its target at constant velocity, and a
 dictionary. SYNC moves time on by one period; what was commanded counts from the next SYNC on.
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 PERIOD = 0.004
 STEP = 40
-"""How far an axis goes in one period [increments]."""
+"""Distance of an axis in one period [increments]."""
 
 _WORDS = {
     State.SWITCH_ON_DISABLED: 0x40,
@@ -38,18 +38,18 @@ _WORDS = {
 
 
 class FakeDrive:
-    """One drive, and its object dictionary as far as the profile sees it (`RemoteDictionary`).
+    """One drive, with its object dictionary as seen by the profile (`RemoteDictionary`).
 
     Attributes
     ----------
     deaf : bool
-        It takes no command by process data any more.
+        True if the drive ignores commands by process data.
     unplugged : bool
-        It answers nothing any more.
+        True if the drive answers nothing.
     takes_no_orders : bool
-        The bus does not carry orders to its object dictionary any more.
+        True if the bus loses orders to the object dictionary.
     history : list of State
-        Those that it was in.
+        Past states.
     """
 
     def __init__(self, node: int) -> None:
@@ -63,7 +63,7 @@ class FakeDrive:
 
     @property
     def word(self) -> int:
-        """The statusword."""
+        """Return the statusword."""
         reached = Status.TARGET_REACHED if self.position == self.target else 0
         acknowledge = Status.SET_POINT_ACKNOWLEDGE if self.acknowledging else 0
         return _WORDS[self.state] | reached | acknowledge
@@ -83,7 +83,7 @@ class FakeDrive:
         return self._values[entry]
 
     def find(self, entry: Entry) -> int | None:
-        """Read a number, None where it is missing."""
+        """Read a number; return None if it is missing."""
         try:
             return self.get(entry)
         except DriveRefused:
@@ -97,13 +97,13 @@ class FakeDrive:
             self.control(value, self.target)
 
     def order(self, entry: Entry, value: int) -> None:
-        """Write a number, whoever answers."""
+        """Write a number without an answer."""
         if self.takes_no_orders:
             raise BusUnavailable("no such mailbox")
         self.put(entry, value)
 
     def set_if_present(self, entry: Entry, value: int, consequence: str) -> None:
-        """Write a number."""
+        """Write a number if the object exists."""
         self.put(entry, value)
 
     def _answer(self) -> None:
@@ -111,7 +111,7 @@ class FakeDrive:
             raise NodeSilent(f"{self.label}: no answer")
 
     def control(self, word: int, target: int) -> None:
-        """Take a controlword and the target that comes with it."""
+        """Accept a controlword and its target."""
         if not word & 0x02:
             self.state = State.SWITCH_ON_DISABLED
         elif not word & 0x04:
@@ -135,7 +135,7 @@ class FakeDrive:
         self.state = steps.get((self.state, word & 0x0F), self.state)
 
     def step(self) -> None:
-        """Let one period pass."""
+        """Advance by one period."""
         self.history.append(self.state)
         if self.state is State.OPERATION_ENABLED:
             way = self.target - self.position
@@ -148,13 +148,13 @@ class FakeFieldbus:
     Attributes
     ----------
     silent : set of int
-        Axes whose telegram stays away.
+        Axes without telegrams.
     alive : bool
-        Our sign of life has not ceased.
+        True while our sign of life continues.
     commanded : Counter of (int, int)
-        How often an axis was sent a controlword.
+        Number of times that a controlword was sent to an axis.
     fed : list of (int, int, int)
-        Axis, and offsets of velocity and torque that it was sent.
+        Axis, and the offsets of velocity and torque sent to it.
     """
 
     def __init__(self, axes: int) -> None:
@@ -188,7 +188,7 @@ class FakeFieldbus:
             drive.control(controlword, target)
 
     def lead(self, axis: int, target: int) -> None:
-        """Send a set-point to one axis; it counts from the next SYNC on, as all that is sent."""
+        """Send a set-point to one axis; it is valid from the next SYNC on, like all sent data."""
         self.command(axis, target, ENABLED)
 
     def feed_forward(self, axis: int, velocity: int, torque: int) -> None:
@@ -201,7 +201,7 @@ class FakeFieldbus:
         self.feed_forward(axis, 0, 0)
 
     def sync(self) -> float:
-        """Let one period pass; latch what all axes show."""
+        """Advance by one period; latch the values of all axes."""
         self.miss()
         self._carry()
         seen = [axis not in self.silent for axis in range(len(self.drives))]
@@ -213,7 +213,7 @@ class FakeFieldbus:
         return self.time
 
     def unplug(self) -> None:
-        """Let no drive be heard or reached any more."""
+        """Disconnect all drives."""
         for drive in self.drives:
             drive.unplugged = True
 
@@ -222,33 +222,33 @@ class FakeFieldbus:
             raise BusUnavailable("cable unplugged")
 
     def tick(self) -> None:
-        """Let one period pass."""
+        """Advance by one period."""
         self.miss()
 
     def miss(self) -> None:
-        """Let one period pass."""
+        """Advance by one period."""
         self.time += PERIOD
         for drive in self.drives:
             drive.step()
 
     def hurry(self, hurried: bool) -> None:
-        """Nothing is waited for here."""
+        """Do nothing: there are no waits here."""
 
     def speeds(self) -> list[float]:
-        """No axis is seen."""
+        """Return no speeds."""
         return [math.inf] * len(self.drives)
 
     def watch(self) -> None:
-        """All drives are with us."""
+        """Return that all drives are present."""
 
     def service(self) -> None:
-        """Give our sign of life."""
+        """Send our sign of life."""
 
     def beat(self) -> None:
-        """Give our sign of life."""
+        """Send our sign of life."""
 
     def cease(self) -> None:
-        """Give it no more: drives that watch it switch off."""
+        """Stop our sign of life: drives that supervise it switch off."""
         self.alive = False
         for drive in self.drives:
             drive.state = State.SWITCH_ON_DISABLED

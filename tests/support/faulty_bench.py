@@ -1,4 +1,4 @@
-"""The plant's drives with faults by plan, frame by frame."""
+"""Drives of the plant with a fault plan, frame by frame."""
 
 from __future__ import annotations
 

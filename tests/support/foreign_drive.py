@@ -1,7 +1,7 @@
-"""A drive that is not ours on a bus that is not ours: canopen's LocalNode on a stock virtual bus.
+"""Independent drive on an independent bus: canopen's LocalNode on a stock virtual bus.
 
 It has a thread of its own (canopen's notifier), its dictionary from an EDS, its PDOs and its SDO
-server from canopen; what is here is the least of CiA 402's profile position mode. Time passes by
+server from canopen; this module adds the minimum of CiA 402's profile position mode. Time passes by
 SYNC, as long as object 1006h says. Nothing is taken from the plant but the EDS.
 """
 
@@ -26,7 +26,7 @@ FRICTION = 40
 
 
 class _Task:
-    """Instead of canopen's heartbeat by the wall clock."""
+    """Replacement for canopen's heartbeat by the wall clock."""
 
     def __init__(self, *_: Any) -> None:
         pass

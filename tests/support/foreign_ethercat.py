@@ -1,7 +1,7 @@
-"""Masters of EtherCAT that others wrote, in processes of their own, on a cable of two interfaces.
+"""Independent EtherCAT masters, in separate processes, on a cable of two interfaces.
 
-`python foreign_ethercat.py MASTER INTERFACE`, with one of `MASTERS`, brings what answers there to
-OP, moves the axes and prints what it saw as JSON. `session` does so against the plant in a network
+`python foreign_ethercat.py MASTER INTERFACE`, with one of `MASTERS`, brings all slaves there to OP,
+moves the axes and prints its observations as JSON. `session` does so against the plant in a network
 namespace.
 """
 
@@ -25,10 +25,9 @@ import pytest
 
 OURS, THEIRS = "plant0", "master0"
 TRAVEL, SHORT = 20_000, 1_000
-"""Of every axis [increments]."""
+"""Distances of every axis [increments]."""
 _PATIENCE = 0.05
-"""Time that KickCAT waits at each frame for an answer, 2 ms of its own [s]; on one cable it waits
-for as long each time."""
+"""Time-out of KickCAT for each frame, 2 ms by default [s]; on one cable it waits equally long."""
 OUT = struct.Struct("<Hiih")
 _SCRIPT = """
 ip link set lo up
@@ -48,7 +47,7 @@ exit $status
 
 
 def needs(module: str | None = None) -> pytest.MarkDecorator:
-    """Skip where a master or the rights for a network namespace are missing."""
+    """Skip the test if a master or the rights for a network namespace are missing."""
     if module is not None and importlib.util.find_spec(module) is None:
         reason = f"{module} is not installed: pip install {module}"
     elif not hasattr(os, "geteuid") or os.geteuid() != 0:
@@ -66,7 +65,7 @@ def needs(module: str | None = None) -> pytest.MarkDecorator:
 
 
 def session(master: str) -> dict[str, Any]:
-    """Return what a master saw of the plant."""
+    """Return the observations of a master on the plant."""
     seen: dict[str, Any] = json.loads(carried_out(__file__, master, THEIRS).splitlines()[-1])
     return seen
 
@@ -74,7 +73,7 @@ def session(master: str) -> dict[str, Any]:
 def carried_out(
     script_of_master: str, *arguments: str, options: str = "", timeout: float = 120
 ) -> str:
-    """Return what a script printed in a network namespace with the plant in it.
+    """Return the output of a script in a network namespace with the plant.
 
     Its environment has the plant's process in PLANT_PID; `options` are the plant's.
     """
@@ -147,7 +146,7 @@ def soem(interface: str, *, clock: bool) -> dict[str, Any]:  # noqa: C901
     cycle(2)
     master.state = pysoem.OP_STATE
     master.write_state()
-    cycle(60)  # SYNC0 begins 100 ms after it was asked for
+    cycle(60)  # SYNC0 begins 100 ms after the request
     seen["op"] = master.state_check(pysoem.OP_STATE, 500_000)
     seen["objects"] = len(first.od)
 

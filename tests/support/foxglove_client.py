@@ -1,4 +1,4 @@
-"""A minimal client of Foxglove's WebSocket protocol: subscribes to all channels and keeps messages.
+"""Minimal client of Foxglove's WebSocket protocol: subscribes to all channels and keeps messages.
 
 The protocol: github.com/foxglove/ws-protocol, docs/spec.md.
 """
@@ -36,7 +36,7 @@ class Message(NamedTuple):
 
 @contextmanager
 def connected(port: int, **options: Any) -> Iterator[ClientConnection]:
-    """Connect as soon as somebody serves."""
+    """Connect to the server as soon as it accepts connections."""
     end = time.monotonic() + PATIENCE
     with ExitStack() as stack:
         while True:
@@ -53,15 +53,15 @@ def connected(port: int, **options: Any) -> Iterator[ClientConnection]:
 
 
 def subscribe(client: ClientConnection, channels: Iterable[int]) -> None:
-    """Ask for all messages of channels, under their own numbers."""
+    """Subscribe to channels, with their own numbers."""
     wanted = [{"id": channel, "channelId": channel} for channel in channels]
     client.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
 
 
 class FoxgloveClient:
-    """Listens in a thread while it is entered, and then until the server has closed.
+    """Client that listens in a thread while entered, and then until the server has closed.
 
-    Connects as soon as somebody serves.
+    It connects as soon as the server accepts connections.
     """
 
     def __init__(self, port: int) -> None:
@@ -85,7 +85,7 @@ class FoxgloveClient:
         assert not self._thread.is_alive()
 
     def of(self, topic: str) -> list[Message]:
-        """Messages of a topic in the order in which they came."""
+        """Return messages of a topic in order of arrival."""
         (channel,) = (each for each in self.channels.values() if each["topic"] == topic)
         heads = [(_HEAD.unpack_from(data), data[_HEAD.size :]) for data in self._data]
         assert {kind for (kind, _, _), _ in heads} == {1}

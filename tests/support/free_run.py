@@ -1,4 +1,4 @@
-"""Free motions of a robot of two joints with known parameters and friction, and a run of them."""
+"""Free motions of a two-joint robot with known parameters and friction, and a run of them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TRUTH = np.array([6.0, 8.0, 0.4, 1.2, 2.0, -0.3])
 
 
 def arm(*, geared: bool = True, **drive: float) -> Robot:
-    """Two parallel revolute axes across gravity; `drive`: what else their drives state, if any."""
+    """Return two parallel revolute axes across gravity; `drive` adds keys of their drives."""
     joint = {
         "q_min": -3.0, "q_max": 3.0, "velocity_limit": 3.0, "acceleration_limit": 20.0,
         "torque_limit": 90.0,
@@ -53,12 +53,12 @@ def arm(*, geared: bool = True, **drive: float) -> Robot:
 
 
 def classical(qd: Array) -> Array:
-    """Offset, Coulomb's and viscous friction [N m]."""
+    """Return friction torque: offset, Coulomb's and viscous [N m]."""
     return OFFSET + COULOMB * np.sign(qd) + VISCOUS * qd
 
 
 def some_motion(t: Array, seed: int = 0) -> tuple[Array, Array, Array]:
-    """Positions, velocities and accelerations of two joints, shape (n, 2)."""
+    """Return positions, velocities and accelerations of two joints, shape (n, 2)."""
     rng = np.random.default_rng(seed)
     w = 2 * np.pi * np.array([0.11, 0.23, 0.37, 0.61, 0.93])
     size, phase = (
@@ -86,9 +86,10 @@ def recorded(
     velocity: float | None = None,
     seed: int = 0,
 ) -> FreeRecorded:
-    """What ideal drives would record.
+    """Return the recording of ideal drives.
 
-    `noise` of the torque [N m], `of_position` [rad], `velocity`: noise of a recorded one [rad/s].
+    `noise` is that of the torque [N m], `of_position` that of the position [rad], `velocity` that
+    of a recorded velocity [rad/s].
     """
     rng, found = np.random.default_rng(seed), []
     for k in range(n):
@@ -109,7 +110,7 @@ def recorded(
 
 
 def write_free_run(path: Path, robot: Robot, data: FreeRecorded) -> Run:
-    """Write recordings as the folder of a run that was imported."""
+    """Write recordings as the folder of an imported run."""
     plan = RecordedMotions(
         robot=PlannedRobot(name=robot.name, digest=robot.digest),
         map_digest="0" * 64,

@@ -1,4 +1,4 @@
-"""A plant of ideal axes: each follows its trapezoid exactly and notes what its drive calls."""
+"""Plant of ideal axes: each follows its trapezoid exactly and records its drive's calls."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class IdealAxis:
-    """An axis that follows its trapezoid exactly; tests may push it off or raise its events."""
+    """Axis that follows its trapezoid exactly; tests may displace it or raise its events."""
 
     def __init__(self) -> None:
         self.enabled = False
@@ -26,7 +26,7 @@ class IdealAxis:
         self.offset = 0
         """Measured position minus demand [increments]."""
         self.forced = AxisEvent(0)
-        """Events that a test wants to see."""
+        """Events raised by a test."""
         self.calls: list[tuple[object, ...]] = []
         self._goal: tuple[float, float, float, float] | None = None
         self._stopping = 0.0
@@ -101,7 +101,7 @@ class IdealAxis:
 
 
 class IdealMachine:
-    """A `Machine` of ideal axes in steps of a millisecond, with the drives that turn them."""
+    """A `Machine` of ideal axes in steps of a millisecond, with their drives."""
 
     STEP = 0.001
 

@@ -1,4 +1,4 @@
-"""What pages carry, unpacked."""
+"""Decompression of the data in pages."""
 
 import base64
 import gzip
@@ -6,5 +6,5 @@ import json
 
 
 def inflated(text: str) -> object:
-    """Return what `hil.show.deflated.deflate` has packed."""
+    """Return the original of data packed by `hil.show.deflated.deflate`."""
     return json.loads(gzip.decompress(base64.b64decode(text)))

@@ -1,4 +1,4 @@
-"""A bus whose kernel sends SYNC, in front of drives in lock-step: what socketcan is to us."""
+"""Bus whose kernel sends SYNC, with drives in lock-step: an equivalent of socketcan."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class _Task:
 
 
 class SocketcanLike(SocketcanBus):
-    """Sends a periodic frame at its deadlines, and hands back each with its time stamp.
+    """Bus that sends a periodic frame at its deadlines, and returns each with its time stamp.
 
     Attributes
     ----------
     period : float or None
-        Of the frame that is sent periodically [s].
+        Period of the periodic frame [s].
     by_kernel, by_us : int
-        SYNCs of each.
+        Numbers of SYNCs sent by the kernel and by us.
     """
 
     def __init__(self, inner: can.BusABC) -> None:

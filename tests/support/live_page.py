@@ -1,4 +1,4 @@
-"""The process that serves the live page, and what asks it, without a run."""
+"""Process that serves the live page, and its clients, without a run."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ PUSH = {"X-Hil-Push": "1"}
 
 @dataclass
 class Served:
-    """A page that is served.
+    """Served page.
 
     Attributes
     ----------
     stops : list of int
-        One for each stop that was asked for.
+        One element per requested stop.
     """
 
     listener: Listener
@@ -56,7 +56,7 @@ class Served:
     def begin(
         self, robot: Robot, plan: Plan, axes: tuple[AxisInfo, ...], *, pushed: bool = False
     ) -> None:
-        """Publish what every run begins with; one that is `pushed` is watched."""
+        """Publish the first lines of a run; a `pushed` run is watched."""
         kind = {"simulated": True, "hand": pushed, "watched": pushed}
         self.publish("start", **lines.start(robot, plan, None, **kind))
         self.publish("armed", **lines.armed(axes))
@@ -67,7 +67,7 @@ class Served:
     def ask(
         self, method: str, path: str, headers: dict[str, str] | None = None, body: str = ""
     ) -> tuple[int, http.client.HTTPMessage, str]:
-        """Ask by the loopback; return status, headers and text."""
+        """Send a request by the loopback; return status, headers and text."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
         try:
             given = {"Host": f"127.0.0.1:{self.port}", **(headers or {})}
@@ -95,7 +95,7 @@ def served(address: str = "127.0.0.1", port: int = 0, *options: str) -> Iterator
 
 @contextmanager
 def hand(path: Path) -> Iterator[socket.socket]:
-    """Be a plant that takes pushes."""
+    """Act as a plant that accepts pushes."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as taken:
         taken.bind(str(path))
         taken.settimeout(30)
@@ -103,7 +103,7 @@ def hand(path: Path) -> Iterator[socket.socket]:
 
 
 def watching(port: int, path: str = "/events") -> socket.socket:
-    """Open a page's stream of events, of which nothing has been read yet."""
+    """Open a page's stream of events without reading from it."""
     connection = socket.create_connection(("127.0.0.1", port), timeout=30)
     request = f"GET {path} HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\n\r\n"
     connection.sendall(request.encode())
@@ -111,7 +111,7 @@ def watching(port: int, path: str = "/events") -> socket.socket:
 
 
 def events(connection: socket.socket) -> Iterator[dict[str, Any]]:
-    """Lines of the run as a page gets them; raises OSError where the server has gone."""
+    """Yield lines of the run as received by a page; raise OSError after the end of the server."""
     with connection.makefile("rb") as stream:
         for text in stream:
             if text.startswith(b"data: "):

@@ -1,4 +1,4 @@
-"""Three small drives on a bus, the drives file that fits them, and the driver in front."""
+"""Three small drives on a bus, with their drives file and the driver."""
 
 from __future__ import annotations
 
@@ -37,7 +37,9 @@ def drives_file(**changes: Any) -> DrivesFile:
 def build(
     changes: dict[int, dict[tuple[int, int], Any]] | None = None, **options: Any
 ) -> tuple[Any, CanopenDriveBus]:
-    """Local drives with some objects changed (None: missing), and the driver on their bus."""
+    """Return local drives with some objects changed (None: missing), and
+    the driver on their bus.
+    """
     can_bus = local_drives.LocalBus(NODES, changes or {})
     return can_bus, CanopenDriveBus(can_bus, drives_file(), **options)
 
@@ -51,7 +53,9 @@ def all_off(can_bus: Any) -> bool:
 
 
 def refused(changes: dict[int, dict[tuple[int, int], Any]], error: type[DriveError]) -> str:
-    """Enter on changed drives; return why not, having checked that nothing was energised."""
+    """Enter a session with changed drives; return the refusal after
+    checking that none had power.
+    """
     can_bus, drive_bus = build(changes)
     with can_bus:
         with pytest.raises(error) as caught, drive_bus:

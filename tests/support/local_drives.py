@@ -1,7 +1,7 @@
-"""A handful of drives that are not ours: canopen's LocalNode with the least of CiA 402 around it.
+"""Some independent drives: canopen's LocalNode with the minimum of CiA 402.
 
-They share one bus object in lock-step, move at constant velocity, and can be spoilt in the ways
-that tests ask for. Nothing here is taken from the plant.
+They share one bus object in lock-step, move at constant velocity, and can have the defects required
+by tests. Nothing here is taken from the plant.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def dictionary(objects: dict[tuple[int, int], tuple[str, int]]) -> canopen.Objec
 
 
 class LocalNetwork(canopen.Network):
-    """Hands what LocalNodes send to the bus; starts no threads."""
+    """Network that puts frames of LocalNodes on the bus, without threads."""
 
     def __init__(self, emit: Callable[[int, bytes], None]) -> None:
         super().__init__()
@@ -119,7 +119,7 @@ class _NoTask:
 
 
 class LocalDrive:
-    """One drive.
+    """Drive with settable defects.
 
     `state` is a key of STATES; `history` holds all states it was in. `stuck` states are not left
     by command; what is in `insists` reads back whatever was written. A drive that `stays_stopped`
@@ -272,7 +272,7 @@ class LocalDrive:
 
 
 class LocalBus(can.BusABC):
-    """All drives behind one python-can bus in lock-step.
+    """All drives on one python-can bus in lock-step.
 
     `outgoing` may drop, double or delay the drives' frames; `on_send` sees ours, and may raise.
     """
@@ -317,10 +317,10 @@ class LocalBus(can.BusABC):
 
 
 class TimedBus(LocalBus):
-    """Local drives in a time of their own: it passes with frames, and while none comes."""
+    """Local drives with their own time, which passes with frames and during waits."""
 
     FRAME = 1e-4
-    """What a frame takes [s]."""
+    """Duration of a frame [s]."""
 
     def __init__(self, nodes: int, changes: dict[int, dict[tuple[int, int], Any]]) -> None:
         self.time = 0.0

@@ -44,14 +44,14 @@ WRIST = """<mujoco>
 </mujoco>
 """
 ONE_JOINT = re.sub(r" *<joint name=\"slide\".*\n", "", WRIST)
-"""The wrist without its second joint."""
+"""Wrist without its second joint."""
 
 WHOLE = re.sub("<include.*?>", re.sub("</?mujoco>", "", WRIST), ARM)
-"""The arm in one file."""
+"""Arm in one file."""
 
 
 def write_arm(folder, arm=ARM, wrist=WRIST):
-    """Write the arm and the wrist that it includes; return the arm's path."""
+    """Write the arm and the included wrist; return the arm's path."""
     (folder / "parts").mkdir(parents=True)
     (folder / "parts" / "wrist.xml").write_text(wrist)
     (folder / "arm.xml").write_text(arm)

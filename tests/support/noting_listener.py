@@ -1,6 +1,6 @@
-"""A process that is informed of a run and writes all lines down, as `hil.live.listener` starts it.
+"""Listener process of a run that writes all lines to a file, started by `hil.live.listener`.
 
-Arguments: the file to write, and what it does: ``note``; ``deaf`` (reads nothing until the end);
+Arguments: the file to write, and its behaviour: ``note``; ``deaf`` (reads nothing until the end);
 ``refuse`` (cannot serve); ``stop`` (wants a stop at the first recording); ``leave`` (ends at it);
 ``late`` (wants a stop when all is over).
 """

@@ -1,4 +1,4 @@
-"""Plant files and drives files for drives with a personality, as a user would write them."""
+"""Plant files and drives files for drives with a personality, as written by a user."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ DRIVES = ROOT / "hil" / "robots" / "manutec-r15.drives.yaml"
 PLANT = ROOT / "sim_plant" / "plants" / "manutec-r15.yaml"
 
 UNFIT = ("no-current", "no-watchdog", "wrong-pdos")
-"""Personalities that cannot serve."""
+"""Personalities unfit for measuring."""
 FIT = tuple(name for name in packaged_personalities() if name not in UNFIT)
 
 
 def drives_for(name: str, **changes: Any) -> DrivesFile:
-    """The drives file that states what drives of a personality are like."""
+    """Return a drives file that describes drives of a personality."""
     personality = PLAIN if name == PLAIN.name else load_personality(name)
     data = yaml.safe_load(DRIVES.read_text())
     for axis in data["axes"]:

@@ -1,4 +1,4 @@
-"""Slaves of the plant at the other end of a wire within this process: no interface, no root."""
+"""Slaves of the plant on a wire within this process, without interface and root rights."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class PlantWire:
-    """What frames become of that are sent to slaves.
+    """Wire from a master to slaves.
 
     Parameters
     ----------
@@ -22,11 +22,12 @@ class PlantWire:
     Attributes
     ----------
     sent : int
-        Frames that went out.
+        Number of sent frames.
     on_the_way : callable
-        Returns what becomes of a frame before it reaches the slaves; None where it is lost.
+        Function that changes a frame before it reaches the slaves; it returns None for a lost
+        frame.
     on_the_way_back : callable
-        The same behind them.
+        Function that changes a frame after the slaves.
     """
 
     def __init__(self, segment: Segment | FaultySegment) -> None:

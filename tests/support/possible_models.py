@@ -1,4 +1,4 @@
-"""Models of robots whose base parameters belong to clouds of masses, or nearly."""
+"""Models of robots whose base parameters belong to real bodies, or nearly."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ RELATIVE_ERROR = 0.05
 
 
 def bodies(n, seed):
-    """Standard parameters of clouds of eight masses, one a link."""
+    """Return standard parameters of one cloud of eight masses per link."""
     rng = np.random.default_rng(seed)
     found = []
     for _ in range(n):
@@ -23,7 +23,7 @@ def bodies(n, seed):
 
 
 def possible(robot, seed=0):
-    """Base parameters that bodies have, and standard errors."""
+    """Return base parameters of real bodies, and standard errors."""
     added = np.full(len(robot.added_parameters), 0.05)
     p = base_parameters(robot).matrix @ np.concatenate(
         [bodies(robot.n_joints, seed).ravel(), added]
@@ -32,7 +32,7 @@ def possible(robot, seed=0):
 
 
 def model_of(robot, p, error, *, friction=True):
-    """A model with these values, with Coulomb's and viscous friction of all axes."""
+    """Return a model with these values, with Coulomb and viscous friction of all axes."""
     n = len(p)
     provenance = Provenance(
         robot=robot.name, robot_digest=robot.digest, plan_digest="", measured="", bus="",

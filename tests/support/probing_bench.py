@@ -1,4 +1,4 @@
-"""What tests of probing share: an operator made of a script, spoilt plants, spoilt buses."""
+"""Operator with a script, and plants and buses with defects, for tests of probing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PLANT = Path(__file__).parents[2] / "sim_plant" / "plants" / "manutec-r15.yaml"
 
 
 class Scripted:
-    """An operator who agrees or not, and presses keys after so many looks at the keyboard."""
+    """Operator with fixed consent, who presses keys after a number of looks at the keyboard."""
 
     def __init__(self, *, agreed: bool = True, present: bool = False, **keys: int) -> None:
         self.present = present
@@ -41,7 +41,7 @@ class Scripted:
 
 
 class Answering(Scripted):
-    """An operator who answers every question with one key."""
+    """Operator who answers every question with one key."""
 
     def __init__(self, key: str) -> None:
         super().__init__(present=True)
@@ -52,7 +52,7 @@ class Answering(Scripted):
 
 
 class AlteredBus(can.BusABC):
-    """The plant's bus with frames altered on their way; also notes whether a motor had power."""
+    """The plant's bus with altered frames; it also records whether a motor had power."""
 
     lock_step = True
 
@@ -64,12 +64,12 @@ class AlteredBus(can.BusABC):
 
     @property
     def powered(self) -> bool:
-        """Whether operation was ever enabled."""
+        """True if operation was ever enabled."""
         return 0x0F in {word & 0x0F for word in self.controlwords}
 
     @property
     def left_off(self) -> bool:
-        """Whether the last word to the drives takes the power away."""
+        """True if the last command to the drives removes power."""
         return not self.controlwords or not self.controlwords[-1] & 0x02
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
@@ -89,14 +89,14 @@ class AlteredBus(can.BusABC):
 
 
 def unaltered(_frame: can.Message) -> None:
-    """Leave a frame as it is."""
+    """Return a frame unchanged."""
 
 
 @contextmanager
 def bench(
     plant: Path | str = "manutec-r15", alter: Callable[[can.Message], None] = unaltered
 ) -> Iterator[AlteredBus]:
-    """A plant's bus, its frames altered."""
+    """Return a plant's bus with altered frames."""
     with (
         can.Bus(str(plant), "sim_plant", ignore_config=True) as inner,
         AlteredBus(inner, alter) as bus,
@@ -105,7 +105,7 @@ def bench(
 
 
 def drives_of(*axes: int, **changes: Any) -> DrivesFile:
-    """The drives file of the manutec with these joints alone (from 1), each changed."""
+    """Return the drives file of the manutec with these joints alone (from 1), each changed."""
     whole = load_drives(DRIVES)
     some = tuple(
         whole.axes[axis - 1].model_validate(whole.axes[axis - 1].model_dump() | changes)
@@ -115,7 +115,7 @@ def drives_of(*axes: int, **changes: Any) -> DrivesFile:
 
 
 def spoilt_plant(folder: Path, *changes: tuple[str, str]) -> Path:
-    """A plant file with some text replaced, each once."""
+    """Write a plant file with some text replaced, each once; return its path."""
     text = PLANT.read_text()
     for old, new in changes:
         assert old in text

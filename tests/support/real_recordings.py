@@ -1,4 +1,4 @@
-"""Public recordings of two real machines, where they are at hand; docs state where from."""
+"""Public recordings of two real machines, if available; the docs state their sources."""
 
 from __future__ import annotations
 
@@ -18,4 +18,4 @@ joints:
     torque: {{column: u, unit: V, gain: 35.15065188}}
 kind: {{back_and_forth: 1}}
 """
-"""Map of the carriage that goes back and forth."""
+"""Map of the carriage that moves back and forth."""

@@ -1,6 +1,6 @@
-"""The tables of the documentation that are made from the table of requirements.
+"""Tables of the documentation, generated from the table of requirements.
 
-`python tests/support/requirement_tables.py` writes them anew, each between its two marks.
+`python tests/support/requirement_tables.py` rewrites these tables, each between its two marks.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ USES = {
 
 
 def needed() -> str:
-    """Return what a drive must offer: objects, use, what follows where they are missing, where."""
+    """Return required objects, their use, the consequence of their absence, and the place of the
+    check.
+    """
 
     def follows(row: Requirement) -> tuple[str, str, str]:
         sentence = row.without if row.lack is Lack.SILENT else f"{row.lack.value}: {row.without}"
@@ -47,7 +49,7 @@ def needed() -> str:
 
 
 def kept() -> str:
-    """Return what a drive may keep instead of a value that was written."""
+    """Return permitted differences between a written value and its readback."""
     rows = [row for row in REQUIREMENTS.values() if row.kept is not EXACT or row.serves]
     lines = [*_grouped(rows, lambda row: (_words(row),), _alone), ("all others", EXACT.words)]
     return _table(("object", "accepted"), lines)
@@ -57,11 +59,11 @@ TABLES: dict[tuple[str, str], Callable[[], str]] = {
     ("reference/can.md", "requirements"): needed,
     ("reference/drives.md", "kept values"): kept,
 }
-"""By file and name of the mark."""
+"""Tables by file and name of the mark."""
 
 
 def with_tables(file: str) -> str:
-    """Return the text of a file with its tables made anew."""
+    """Return the text of a file with its tables regenerated."""
     text = (DOCS / file).read_text()
     for (name, mark), made in TABLES.items():
         if name == file:
@@ -77,7 +79,7 @@ def _alone(row: Requirement) -> str:
 
 
 def _with_others(row: Requirement) -> str:
-    """Return the index of an object, and those of the objects that do in its place."""
+    """Return the index of an object, and the indices of its substitutes."""
     mutual = row.instead and row.entry in REQUIREMENTS[row.instead[0]].instead
     entries = sorted((row.entry, *row.instead), key=_index) if mutual else (row.entry, *row.instead)
     first, *others = (_index(entry) for entry in entries)
@@ -93,7 +95,7 @@ def _grouped(
     describe: Callable[[Requirement], tuple[str, ...]],
     named: Callable[[Requirement], str] = _with_others,
 ) -> Iterator[tuple[str, ...]]:
-    """Yield a line for all objects of which the same is to be said."""
+    """Yield a line for all objects with equal entries."""
     groups: dict[tuple[str, ...], list[Requirement]] = {}
     for row in rows:
         groups.setdefault(describe(row), []).append(row)

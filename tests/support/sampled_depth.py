@@ -1,4 +1,4 @@
-"""How deep an arm stands in forbidden boxes, from samples alone."""
+"""Depth of an arm in forbidden boxes, from samples alone."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""What a master and its drives say to each other by SDO and NMT, as lines that can be read.
+"""SDO and NMT messages between a master and its drives, as readable lines.
 
 The frames come from python-can and are decoded here by hand (CiA 301), without the code of driver
-and plant. A line is one transfer: node, what was done, index and sub-index, and the value, as a
-number of so many hexadecimal digits as the object has, or as text where that is longer than four
-bytes; or the abort code. Equal lines in a row become one with their number.
+and plant. A line is one transfer: node, direction, index and sub-index, and the value, as a number
+of so many hexadecimal digits as the object has, or as text where that is longer than four bytes; or
+the abort code. Equal lines in a row become one with their number.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 NMT = {1: "start", 2: "stop", 128: "pre-operational", 129: "reset", 130: "reset communication"}
 MEASURED = frozenset({0x30D1, 0x6064, 0x6077, 0x6078})
-"""Position and currents: their last digit is the processor's, so their values are left out."""
+"""Position and currents: their last digit depends on the processor, so their values are omitted."""
 
 
 def transcript(frames: Iterable[can.Message], nodes: Iterable[int]) -> list[str]:
-    """Return what was said to some nodes, in order; SYNC, PDOs and heartbeats are left out."""
+    """Return the messages of some nodes, in order, without SYNC, PDOs and heartbeats."""
     conversations = {node: _Conversation(node) for node in nodes}
     lines: list[str] = []
     for frame in frames:
@@ -53,7 +53,7 @@ def _counted(line: str, times: int) -> str:
 
 @dataclass
 class _Conversation:
-    """The SDO transfers of one node, one after the other.
+    """Sequence of SDO transfers of one node.
 
     The topmost three bits of the first byte are the command, in which the same number means one
     thing in a request and another in its response.
@@ -64,10 +64,10 @@ class _Conversation:
     place: tuple[int, ...] = (0, 0)
     data: bytes = b""
     last: bool = False
-    """The segment under way ends the transfer; so does the only frame of an expedited one."""
+    """True if the present segment, or the only frame of an expedited transfer, is the last one."""
 
     def request(self, frame: bytes) -> Iterator[str]:
-        """Take what the master sends."""
+        """Process a frame of the master."""
         command = frame[0] >> 5
         if command == 1:  # initiate download
             yield from self.begun("write", frame)
@@ -80,7 +80,7 @@ class _Conversation:
             yield self._ended(f"given up, {_abort(frame)}")
 
     def response(self, frame: bytes) -> Iterator[str]:
-        """Take what the drive answers."""
+        """Process a frame of the drive."""
         command = frame[0] >> 5
         if command == 2 and _is_expedited(frame):
             self.data, self.last = _expedited(frame), True
@@ -93,14 +93,14 @@ class _Conversation:
             yield self._ended(self._value())
 
     def begun(self, what: str, frame: bytes) -> Iterator[str]:
-        """Begin a transfer; one that is still under way has ended without an answer."""
+        """Begin a transfer; a pending one has ended without an answer."""
         yield from self.given_up()
         self.what, self.place = what, struct.unpack_from("<HB", frame, 1)
         self.last = what == "write" and _is_expedited(frame)
         self.data = _expedited(frame) if self.last else b""
 
     def given_up(self) -> Iterator[str]:
-        """End a transfer that was left without an answer."""
+        """End a transfer without an answer."""
         if self.what:
             yield self._ended("no answer")
 
@@ -127,7 +127,7 @@ def _is_last(frame: bytes) -> bool:
 
 
 def _expedited(frame: bytes) -> bytes:
-    """Return the object; all four bytes where their number is not said."""
+    """Return the value; all four bytes if their number is not indicated."""
     return frame[4 : 8 - (frame[0] >> 2 & 3 if frame[0] & 0x01 else 0)]
 
 

@@ -1,4 +1,4 @@
-"""A recording of a robot of two joints with known physics, and the files that it comes in."""
+"""Recording of a two-joint robot with known physics, and its files."""
 
 import numpy as np
 import yaml
@@ -18,7 +18,9 @@ joints:
 
 
 def motion(time):
-    """Positions, velocities and torques (n, 2) of a free motion: gravity, inertia and friction."""
+    """Return positions, velocities and torques (n, 2) of a
+    free motion: gravity, inertia, friction.
+    """
     w = 2 * np.pi * np.array([0.31, 0.47])
     turn = np.outer(time, w)
     q = np.array([0.9, 1.1]) * np.sin(turn) + 0.3 * np.sin(2.3 * turn + 1)
@@ -31,7 +33,7 @@ def motion(time):
 
 
 def table(duration=10.0, rate=200.0, time=None):
-    """Columns by name: t, q1, q2, v1, v2, m1, m2."""
+    """Return columns by name: t, q1, q2, v1, v2, m1, m2."""
     t = np.arange(round(duration * rate) + 1) / rate if time is None else time
     q, qd, tau = motion(t)
     return dict(zip(["t", "q1", "q2", "v1", "v2", "m1", "m2"],
@@ -39,7 +41,7 @@ def table(duration=10.0, rate=200.0, time=None):
 
 
 def write_csv(path, columns, delimiter=",", form="{!r}"):
-    """Write columns as text, with every digit."""
+    """Write columns as text, with all digits."""
     rows = zip(*columns.values(), strict=True)
     lines = [delimiter.join(columns)]
     lines += [delimiter.join(form.format(float(v)) for v in row) for row in rows]
@@ -47,7 +49,7 @@ def write_csv(path, columns, delimiter=",", form="{!r}"):
 
 
 def a_map(file="data.csv", velocity=False, **changes):
-    """Content of a right map; `changes` replace its keys."""
+    """Return the content of a valid map; `changes` replace its keys."""
     joints = [
         {"position": {"column": f"q{j}", "unit": "rad"},
          "torque": {"column": f"m{j}", "unit": "N m"}} for j in (1, 2)

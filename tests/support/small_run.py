@@ -26,11 +26,11 @@ NOISE = 0.0025
 
 
 def write_run(path, robot, truth=None, seed=1, more=()):
-    """Write a whole run of a small plan; friction decays and has an offset.
+    """Write a complete run of a small plan; friction decays and has an offset.
 
-    `truth`: the robot as it is and its base parameters, if it is not as its file says.
-    `more`: measurements that the plan has besides. Without either it is a copy of one that is
-    recorded once a process.
+    `truth` is the true robot with its base parameters, if different from the file. `more` are
+    additional measurements of the plan. Without either, the run is copied from one recorded once
+    per process.
     """
     if truth is None and not more:
         if not (kept := _place() / f"{robot.digest}-{seed}").exists():
@@ -61,12 +61,14 @@ def _write(path, robot, truth, seed, more):
 
 
 def identified_model(seed=1):
-    """The model of `write_run`'s small run of the manutec-r15, estimated once a process."""
+    """Return the model of `write_run`'s small run of the
+    manutec-r15, estimated once per process.
+    """
     return _identified(seed)[1]
 
 
 def identified_run(path, seed=1):
-    """Put a copy of that run with its model and all that was found at `path`; return that."""
+    """Copy this run with its model and all findings to `path`; return `path`."""
     kept, model = _identified(seed)
     shutil.copytree(kept, path)
     model.save(path / NAME)
@@ -89,7 +91,7 @@ def _place():
 
 
 def as_on_hardware(journal, bus):
-    """Let the `run.json` of a run say that it was measured on another bus."""
+    """Change the `run.json` of a run to state another bus than the virtual plant's."""
     content = json.loads(journal.read_text())
     for session in content["sessions"]:
         session |= {"bus": bus, "simulated": False}
@@ -97,5 +99,5 @@ def as_on_hardware(journal, bus):
 
 
 def empty_plots(monkeypatch):
-    """Let reports have all their plots, with nothing in them."""
+    """Let reports have all their plots, without content."""
     monkeypatch.setattr("hil.show.section.Plot.chart", Chart())

@@ -1,4 +1,4 @@
-"""A study of small plans by hand, whose campaigns take seconds; designing would take minutes."""
+"""Study of small manual plans, whose campaigns take seconds; designing would take minutes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SEEDS = (1, 2)
 
 
 def some_trajectory(robot: Robot, seed: int = 0, period: float = PERIOD) -> Trajectory:
-    """A trajectory within the limits, not optimised at all."""
+    """Return a trajectory within the limits, without any optimisation."""
     basis = Basis(robot, period)
     return basis.trajectory(basis.random(np.random.default_rng(seed)), 1, f"t{seed + 1}")
 
@@ -39,7 +39,7 @@ def planned(robot: Robot, *measurements: object) -> Plan:
 
 
 def small_plans(robot: Robot) -> dict[str, Plan]:
-    """Campaigns of one to eight minutes."""
+    """Return campaigns of one to eight minutes."""
     wave = some_trajectory(robot, period=5.0)
     speeds = sweep(robot, speeds=3, slowest=0.2).measurements
     cold = [measurement.model_copy(update={"exercise": None}) for measurement in speeds]
@@ -66,7 +66,7 @@ def opened(folder: Path, **others: object) -> list[Cell]:
 
 
 def begun(folder: Path, robot: Robot) -> list[Cell]:
-    """A study whose two-step campaigns have been measured, so that a test need not do it."""
+    """Study whose two-step campaigns have been measured already."""
     cells = opened(put(small_plans(robot), folder))
     for cell in (cell for cell in cells if cell.kind == "two-step"):
         cell.run.parent.mkdir(parents=True, exist_ok=True)
@@ -79,7 +79,7 @@ def cell_of(folder: Path, kind: str, seed: int) -> Cell:
 
 
 def here(function: Callable[[Cell], object], jobs: Iterable[Cell]) -> Iterator[tuple[Cell, object]]:
-    """Execute in this process, one after the other."""
+    """Execute tasks in this process, one after the other."""
     for job in jobs:
         try:
             yield job, function(job)

@@ -1,4 +1,4 @@
-"""Sessions with drives of each personality, and the transcripts of them that are kept.
+"""Sessions with drives of each personality, and their stored transcripts.
 
 `python tests/support/start_up_transcripts.py [NAME ...]` writes the files of
 `tests/drivers/transcripts` anew, all of them or those of the personalities that are named; what has
@@ -40,16 +40,16 @@ FOLDER = Path(__file__).parents[1] / "drivers" / "transcripts"
 NAMES = (PLAIN.name, *packaged_personalities())
 NODE = 5
 STROKE, VELOCITY, ACCELERATION = 0.01, 0.5, 2.0
-"""Of the move, far below the limits of every joint [rad, rad/s, rad/s^2]."""
+"""Values of the move, far below the limits of every joint [rad, rad/s, rad/s^2]."""
 
 
 def path_of(name: str) -> Path:
-    """Return where the transcript of a personality is kept."""
+    """Return the path of a personality's transcript."""
     return FOLDER / f"{name}.txt"
 
 
 def kept_of(name: str) -> str:
-    """Return what is kept of a personality: the plain drive's transcript, or the differences."""
+    """Return the stored text of a personality: the plain drive's transcript, or the differences."""
     if name == PLAIN.name:
         return text_of(name)
     plain, other = (text_of(each).splitlines() for each in (PLAIN.name, name))
@@ -64,7 +64,7 @@ def text_of(name: str) -> str:
 
 
 def lines_of(session: Callable[[can.BusABC, str, DrivesFile], None], name: str) -> list[str]:
-    """Return one session with the drive of joint 5, under its heading."""
+    """Return one session with the drive of joint 5, with its heading."""
     drives = drives_for(name)
     alone = drives.model_copy(update={"axes": drives.axes[NODE - 1 : NODE]})
     with listened(name) as (bus, frames):
@@ -74,7 +74,7 @@ def lines_of(session: Callable[[can.BusABC, str, DrivesFile], None], name: str) 
 
 @contextmanager
 def listened(name: str) -> Iterator[tuple[can.BusABC, list[can.Message]]]:
-    """Open the bus of a plant whose drives have a personality; the frames come in the end."""
+    """Open the bus of a plant whose drives have a personality; collect the frames at the end."""
     frames: list[can.Message] = []
     with TemporaryDirectory() as folder:
         channel = plant_file(Path(folder), name)

@@ -1,4 +1,4 @@
-"""One axis as a drives file states it, to be changed key by key."""
+"""One axis of a drives file, to be changed key by key."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Models of any robot with stated values: random base parameters, and friction with every term."""
+"""Models of any robot with stated values: random base parameters, all friction terms."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def stated_model(
     robot: Robot, seed: int = 0, *, friction: Collection[str] = LAWS["all"], warm: bool = False
 ) -> Model:
-    """A model as if it had been identified, with these terms of friction; none without any.
+    """Return a model as if identified, with these friction terms; none by default.
 
     With `warm` friction of all axes but the last depends on their warmth.
     """

@@ -1,4 +1,4 @@
-"""One axis of `free_run.arm` at a time back and forth, under friction that nobody assumes."""
+"""Strokes of one axis of `free_run.arm` at a time, with friction outside all assumed laws."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     Friction = Callable[[Array, Array, Array], Array]
 
 INCREMENT = 2e-5
-"""Of the encoders [rad]."""
+"""Resolution of the encoders [rad]."""
 
 
 def curved(qd: Array, time: Array, load: Array) -> Array:
-    """Degressive friction that wears off in a minute and grows with the load [N m]."""
+    """Return degressive friction that decays within a minute and grows with the load [N m]."""
     level = (1.0 + 0.3 * np.exp(-time / 40.0))[:, np.newaxis]
     shape = 3.0 + 4.0 * np.arctan(np.abs(qd) / 0.2) + 0.5 * np.abs(qd)
     return np.asarray(np.sign(qd) * (level * shape + 0.05 * np.abs(load)))
@@ -49,10 +49,10 @@ def strokes(
     name: str = "s",
     seed: int = 0,
 ) -> tuple[FreeMotion, Recording]:
-    """What ideal drives would record of one axis, from 0, back and forth about `q`.
+    """Return the recording of ideal drives for one axis, from 0, back and forth about `q`.
 
-    `way` is half the way [rad], `period` that of a pair [s], `faster_back` a second harmonic that
-    lets the way back take less time than the way forth; `noise` is that of the torque [N m].
+    `way` is half the stroke [rad], `period` the duration of a pair [s], `faster_back` a second
+    harmonic that makes the backward stroke shorter in time; `noise` is that of the torque [N m].
     """
     rng = np.random.default_rng(seed)
     t = PERIOD * np.arange(round((pairs + 0.5) * period / PERIOD))
@@ -77,7 +77,7 @@ def strokes(
 def recorded_strokes(
     t: Array, q: Array, tau: Array, axis: int, name: str = "s"
 ) -> tuple[FreeMotion, Recording]:
-    """As an import has it, strokes numbered."""
+    """Return strokes as numbered by an import."""
     stroke = np.full(len(t), IDLE, dtype=np.int16)
     found = pairs_of(q[:, axis], PERIOD)
     for number, (forth, back) in enumerate(found):
@@ -98,7 +98,7 @@ def recorded_strokes(
 def campaign(
     robot: Robot, p: Array, friction: Friction = curved, **more: float
 ) -> list[tuple[FreeMotion, Recording]]:
-    """Strokes of both axes at some configurations, fast and slow."""
+    """Return strokes of both axes at some configurations, fast and slow."""
     rng = np.random.default_rng(1)
     return [
         strokes(

@@ -1,9 +1,8 @@
-"""A subset of structured text (IEC 61131-3, second edition), parsed and run.
+"""Parser and interpreter of a subset of structured text (IEC 61131-3, second edition).
 
 Written from the standard's grammar, not from the exporter: declared types, functions and function
-blocks, assignments and IF. Names have no case. What the subset does not know, what is declared
-twice or not at all, and what mixes types, is refused with its line. Values are numbers or arrays of
-one number a sample.
+blocks, assignments and IF. Names have no case. Unknown syntax, duplicate or missing declarations,
+and mixed types are refused with their line. Values are numbers or arrays of one number a sample.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ LEVELS: tuple[dict[str, tuple[Callable[..., Any], str]], ...] = (
     {"+": (operator.add, REAL), "-": (operator.sub, REAL)},
     {"*": (operator.mul, REAL), "/": (operator.truediv, REAL)},
 )  # fmt: skip
-"""Operators of numbers from the weakest: what they do, and the type of the result."""
+"""Operators on numbers in order of precedence, with operation and type of the result."""
 
 Values = dict[str, Any]
 
@@ -53,17 +52,17 @@ class Variable(NamedTuple):
 
 
 class Unit(NamedTuple):
-    """A function or a function block."""
+    """Function or function block."""
 
     variables: dict[str, Variable]
     body: list[Callable[[Values], Any]]
 
     def start(self) -> Values:
-        """Initial values."""
+        """Return initial values."""
         return {name: _copy(each.first) for name, each in self.variables.items()}
 
     def call(self, values: Values, *inputs: Any) -> Values:
-        """Run it with values kept from the call before, and inputs in their order."""
+        """Run the unit with values kept from the previous call, and inputs in their order."""
         names = (n for n, each in self.variables.items() if each.section == "VAR_INPUT")
         values.update(dict(zip(names, map(_copy, inputs), strict=True)))
         for run in self.body:
@@ -76,7 +75,7 @@ def _copy(value: Any) -> Any:
 
 
 class Parser:
-    """Reads a file; `units` has its functions and function blocks by name."""
+    """Parser of a file; `units` contains its functions and function blocks by name."""
 
     def __init__(self, text: str) -> None:
         bare = re.sub(r"(?s)\(\*.*?\*\)", lambda found: "\n" * found[0].count("\n"), text.upper())
@@ -172,7 +171,7 @@ class Parser:
         return lambda values: operator.setitem(values, name, _copy(value(values)))
 
     def _index(self, kind: str) -> int | None:
-        """An element of an array, in its bounds."""
+        """Return an array element after a check of its bounds."""
         if self._see() != "[":
             return None
         self._take()

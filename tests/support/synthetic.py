@@ -1,4 +1,4 @@
-"""Recordings with known parameters, made without a plant: the estimators' own test bench.
+"""Recordings with known parameters, made without a plant, for tests of the estimators.
 
 Strokes are trapezoids whose ramps are smooth polynomials, so that positions, velocities and
 accelerations are known in closed form and sampling loses nothing.
@@ -30,7 +30,7 @@ class Friction:
     viscous: float = 10.0
     root: float = 8.0
     growth: float = 0.0
-    """Relative, per second."""
+    """Relative growth [1/s]."""
     offset: np.ndarray = field(default_factory=lambda: np.zeros(6))
 
     def torque(self, qd, time):
@@ -39,7 +39,7 @@ class Friction:
 
 
 def record(robot, measurement, p, friction, *, begin=0.0, noise=0.0, rng=None):
-    """What an ideal machine would record of `measurement`, beginning at time `begin`."""
+    """Return the recording of an ideal machine for `measurement`, with start time `begin`."""
     profile = measurement.profile(0)
     ramp = max(profile.ramp_time, 0.12)
     lead = int(REST / PERIOD)
@@ -79,7 +79,7 @@ def _partner(m, t, start, stroke_time, ramp, motion, partner_stroke):
 def _add(q, qd, qdd, axis, t, velocity, duration, ramp):
     """Add one stroke of `axis`: smooth ramp, constant velocity, smooth ramp."""
 
-    def way(u):  # products, since powers of arrays take ten times as long
+    def way(u):  # products, because powers of arrays take ten times as long
         return u * u * u * u * (u * u - 3 * u + 2.5)
 
     up, down = np.clip(t / ramp, 0, 1), np.clip((t - duration + ramp) / ramp, 0, 1)

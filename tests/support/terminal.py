@@ -1,4 +1,4 @@
-"""A terminal of its own for a program under test."""
+"""Separate terminal for a program under test."""
 
 import os
 import pty
@@ -6,7 +6,7 @@ import threading
 
 
 class Terminal:
-    """What a program shows on a terminal of its own."""
+    """Output of a program on a separate terminal."""
 
     def __init__(self) -> None:
         self._ours, self.theirs = pty.openpty()
@@ -17,18 +17,18 @@ class Terminal:
         while True:
             try:
                 text = os.read(self._ours, 65536)
-            except OSError:  # Linux says so at the end
+            except OSError:  # Linux reports this error at the end
                 return
             if not text:
                 return
             self.shown += text.decode(errors="replace")
 
     def begin(self) -> None:
-        """Read from now on; the program holds the other end."""
+        """Start reading; the program has the other end."""
         os.close(self.theirs)
         self._reader.start()
 
     def close(self) -> None:
-        """Read what is left."""
+        """Read the remaining output."""
         self._reader.join(timeout=10)
         os.close(self._ours)

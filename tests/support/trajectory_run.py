@@ -1,4 +1,4 @@
-"""Trajectories as drives without any error would record them, and a run folder of one."""
+"""Trajectories as recorded by ideal drives, and a run folder of one."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 PERIOD = 0.004
 COULOMB, VISCOUS = 0.04, 0.03
-"""Friction over the torque limit, at standstill and its growth up to full speed."""
+"""Friction over the torque limit: at standstill, and its growth up to full speed."""
 
 
 def some_trajectory(robot: Robot) -> Trajectory:
-    """Three periods of 10 s with drawn amplitudes."""
+    """Return three periods of 10 s with random amplitudes."""
     basis = Basis(robot, 10.0)
     return basis.trajectory(basis.random(np.random.default_rng(7)), 3, "t")
 
@@ -42,7 +42,7 @@ def recorded(
     load: float = 0.0,
     offset: float = 0.0,
 ) -> list[tuple[Trajectory, Recording]]:
-    """What drives without any error would record.
+    """Return the recording of ideal drives.
 
     Parameters
     ----------

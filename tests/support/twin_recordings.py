@@ -1,8 +1,8 @@
-"""Free motions of virtual twins, whose physics shares nothing with the model that is identified.
+"""Free motions of virtual twins, whose physics is independent of the identified model.
 
-Torques are those of the plant's own rigid bodies, rotors and friction along motions that are made
-up; loops and drives are left out, so a recording takes milliseconds. Friction is Coulomb's, viscous
-and degressive, wanders during a recording and has another level in each.
+Torques are those of the plant's own rigid bodies, rotors and friction along synthetic motions;
+loops and drives are omitted, so a recording takes milliseconds. Friction is Coulomb's, viscous and
+degressive, wanders during a recording and has another level in each.
 """
 
 from __future__ import annotations
@@ -34,28 +34,30 @@ if TYPE_CHECKING:
 ROBOTS = Path(__file__).parents[1] / "robots"
 PERIOD = 0.004
 _ORDER = ("m", "sx", "sy", "sz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-"""Of the plant's bodies."""
+"""Order of the plant's bodies."""
 _SHARES = {"Coulomb": 0.05, "viscous": 0.04, "root": 0.02, "wander": 0.002, "noise": 0.01}
-"""Of the torque limit; viscous and root friction at the velocity limit, noise of a sample."""
+"""Shares of the torque limit: viscous and root friction at the
+velocity limit, noise of a sample.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """A rigid load at the last link: parameters in its frame by name, others zero."""
+    """Rigid load at the last link: parameters in its frame by name, others zero."""
 
     parameters: dict[str, float]
 
     def body(self) -> Array:
-        """As the plant orders it, shape (10,)."""
+        """Parameters in the order of the plant, shape (10,)."""
         return np.array([self.parameters.get(name, 0.0) for name in _ORDER])
 
     def phi(self) -> Array:
-        """As eq. (4) orders it, shape (10,)."""
+        """Parameters in the order of eq. (4), shape (10,)."""
         return np.array([self.parameters.get(name, 0.0) for name in LINK_PARAMETERS])
 
 
 def brick(mass: float, centre: tuple[float, float, float], size: float) -> Load:
-    """A cuboid of sides size, 2 size and 3 size [m] about a centre [m]."""
+    """Return a cuboid of sides size, 2 size and 3 size [m] about a centre [m]."""
     c, sides = np.array(centre), size * np.array([1.0, 2.0, 3.0])
     square = mass / 12 * (np.sum(sides**2) - sides**2)
     about = np.diag(square) + mass * (c @ c * np.eye(3) - np.outer(c, c))
@@ -66,13 +68,13 @@ def brick(mass: float, centre: tuple[float, float, float], size: float) -> Load:
 
 
 def robot_path(name: str) -> Path:
-    """Path of a robot file of `tests/robots`, or of a robot that comes along."""
+    """Return the path of a robot file of `tests/robots`, or of a packaged robot."""
     path = ROBOTS / f"{name}.yaml"
     return path if path.exists() else Path(hil.__file__).parent / "robots" / path.name
 
 
 class TwinRecorder:
-    """Records the twin of a robot file of `tests/robots`, or of a robot that comes along."""
+    """Recorder of the twin of a robot file of `tests/robots`, or of a packaged robot."""
 
     def __init__(self, name: str) -> None:
         path = robot_path(name)
@@ -91,7 +93,7 @@ class TwinRecorder:
         return K[:, : len(standard)] @ standard
 
     def torque(self, q: Array, qd: Array, qdd: Array, load: Load | None = None) -> Array:
-        """Of bodies and rotors, shape (n_samples, n_joints)."""
+        """Return torque of bodies and rotors, shape (n_samples, n_joints)."""
         joints, frames, bodies, gravity, kinds = self._arm
         bodies = bodies.copy()
         bodies[-1] += 0.0 if load is None else load.body()
@@ -111,7 +113,7 @@ class TwinRecorder:
         duration: float = 20.0,
         noise: float = 1.0,
     ) -> FreeRecorded:
-        """Motions in torques of SI; `noise` is relative to the usual one."""
+        """Return recordings with torques in SI; `noise` is relative to the usual one."""
         rng, found = np.random.default_rng(seed), []
         limit = self.robot.torque_limit
         for k in range(n):
@@ -130,7 +132,7 @@ class TwinRecorder:
         return found
 
     def _motion(self, t: Array, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-        """Sums of five sines within nine tenths of the limits."""
+        """Return sums of five sines within nine tenths of the limits."""
         w = 2 * np.pi * rng.uniform(0.05, 0.8, (5, 1, self.n))
         turn = w * t[:, np.newaxis] + rng.uniform(0, 2 * np.pi, w.shape)
         size = rng.uniform(0.5, 1.0, w.shape) / w
@@ -147,7 +149,7 @@ class TwinRecorder:
 
 
 def in_units(data: FreeRecorded, gains: dict[int, float]) -> FreeRecorded:
-    """The same with the torques of axes, from 1, in units that are worth `gains`, unknown ones."""
+    """Return recordings with torques of some axes, from 1, in unknown units of size `gains`."""
     found = []
     for motion, recording in data:
         tau = recording.tau.copy()

@@ -1,4 +1,4 @@
-"""The plant in a process of its own, on whatever buses this machine has between processes."""
+"""Plant in a separate process, on any bus between processes of this machine."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ Place = tuple[str, str]
 
 @contextmanager
 def plant_process(place: Place, *options: str) -> Iterator[subprocess.Popen[str]]:
-    """Serve the plant from another process, which is there when this yields."""
+    """Serve the plant from another process, which is ready when this function yields."""
     interface, channel = place
     command = [sys.executable, "-m", "sim_plant", "--interface", interface, "--channel", channel]
     with subprocess.Popen([*command, *options], stdout=subprocess.PIPE, text=True) as process:  # noqa: S603 - our own program
@@ -49,13 +49,13 @@ def plant_process(place: Place, *options: str) -> Iterator[subprocess.Popen[str]
 
 
 def open_bus(place: Place) -> can.BusABC:
-    """Join a bus, as a master or to listen."""
+    """Join a bus, as a master or a listener."""
     interface, channel = place
     return can.Bus(channel, interface, ignore_config=True)
 
 
 def wake(place: Place) -> None:
-    """Let the plant compile or load what its first SYNC needs, so that it is up to real time."""
+    """Let the plant compile or load its code for SYNC, so that it keeps real time."""
     identity = bytes.fromhex("4018100100000000")
     with open_bus(place) as bus:
         for identifier, data in ((0x80, b""), (0x601, identity)):
@@ -66,7 +66,7 @@ def wake(place: Place) -> None:
 
 
 def slow_drives(period: float) -> DrivesFile:
-    """The plant's drives with a SYNC period that a slow machine keeps [s]."""
+    """Return the plant's drives with a SYNC period suited to a slow machine [s]."""
     return load_drives(DRIVES).model_copy(
         update={"sync_period": period, "heartbeat_timeout": 2.0, "sdo_timeout": 5.0}
     )

@@ -1,4 +1,4 @@
-"""Drives as makers leave them, as far as units and ratings go; none of them is a real drive.
+"""Fictitious drives in factory configuration, as regards units and ratings.
 
 Each stands for a habit: positions in parts of a degree, no encoder resolution at all, factors of 1
 as the factory sets them, a rated torque in uN m.
@@ -16,7 +16,7 @@ Objects = dict[tuple[int, int], tuple[str, int] | None]
 
 
 def words(**values: int) -> Objects:
-    """Objects of 32 bits: ``x608F_1=2000``, ``x60A8=0xFF410000``."""
+    """Return objects of 32 bits: ``x608F_1=2000``, ``x60A8=0xFF410000``."""
     places = {tuple(key[1:].split("_")): value for key, value in values.items()}
     return {
         (int(place[0], 16), int(place[1]) if len(place) > 1 else 0): ("u32", value)
@@ -26,10 +26,10 @@ def words(**values: int) -> Objects:
 
 @dataclass(frozen=True)
 class Habit:
-    """A drive's objects; what its draft states, what is right to state, and what is refused.
+    """Objects of a drive; drafted values, correct values, and refused values.
 
-    `drafted` holds None for what is left to be stated, `wrong` the statement and words of the
-    refusal, `trusted` keys that hil drives check warns about.
+    `drafted` holds None for values to be stated, `wrong` the statement and words of the refusal,
+    `trusted` keys that hil drives check warns about.
     """
 
     objects: Objects
@@ -62,7 +62,7 @@ HABITS = {
             "velocity_unit": "inc/s",
             "acceleration_unit": "inc/s^2",
         },
-        # 0.1 degree is the position unit, so 0.1 deg/s says the same
+        # 0.1 degree is the position unit, so 0.1 deg/s is equivalent
         TENTH_DEGREES | {"velocity_unit": "inc/s", "acceleration_unit": "0.1 deg/s^2"},
         [
             ({"increments_per_revolution": 2000}, "(60A8 says 0.1 deg), the drives file states"),
@@ -211,7 +211,7 @@ HABITS = {
 
 
 def as_sheet(objects: Objects) -> dict[Place, dict[str, object] | None]:
-    """The same objects as a configuration file has them."""
+    """Return the same objects as a configuration file."""
     codes = {"u16": 6, "u32": 7}
     return {
         place: value and {"DataType": codes[value[0]], "ParameterValue": value[1]}

@@ -1,4 +1,4 @@
-"""Numbers of a page, as its script unpacks them."""
+"""Numbers of a page, unpacked as by its script."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def unpacked(given: Any) -> Array:
-    """Undo `hil.view.packed.packed`; NaN where nothing is known."""
+    """Undo `hil.view.packed.packed`; unknown numbers are NaN."""
     differences = np.array(given["differences"], dtype=float)
     sums = given["step"] * np.cumsum(np.nan_to_num(differences))
     return np.where(np.isnan(differences), np.nan, sums)

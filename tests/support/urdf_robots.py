@@ -43,7 +43,7 @@ ROBOTS: dict[str, Joints] = {
 
 
 def urdf(name: str, joints: Joints, *, rigid_link: bool = False) -> str:
-    """A URDF of these joints: type, xyz, rpy, axis; links have made-up inertias."""
+    """Return a URDF of these joints: type, xyz, rpy, axis; links have arbitrary inertias."""
     lines = [f'<robot name="{name}">', '<link name="base"/>']
     parent = "base"
     for k, (kind, xyz, rpy, axis) in enumerate(joints, start=1):

@@ -1,4 +1,4 @@
-"""The main job through the command line: plan, dry run, run, identify, report, compare.
+"""Main workflow on the command line: plan, dry run, run, identify, report, compare.
 
 One small campaign over CANopen frames on the virtual plant, drift and asymmetry on. The whole one,
 64 + 92 + 9 configurations, is `make demo`.
@@ -25,13 +25,13 @@ from hil.runs.pooling import recorded
 COUNTS = ["--gravity", "8", "--inertia", "20", "--coupling", "2"]
 
 FIRST = 6
-"""Measurements that are repeated with the same seed."""
+"""Measurements repeated with the same seed."""
 
 pytestmark = pytest.mark.long
 
 
 def cli(*arguments):
-    """Run `hil`; its regular end is an exit with status 0."""
+    """Return a function that runs `hil`; its regular end is an exit with status 0."""
     with pytest.raises(SystemExit) as ended:
         main([str(argument) for argument in arguments])
     assert not ended.value.code

@@ -1,4 +1,4 @@
-"""The recordings that come along are what the virtual pan-tilt head gives."""
+"""Packaged recordings equal those of the virtual pan-tilt head."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SECONDS = 6.0
 
 @pytest.fixture(scope="module")
 def record() -> Any:
-    """The script that makes them."""
+    """Script that makes the recordings."""
     spec = importlib.util.spec_from_file_location("record", EXAMPLE / "record.py")
     assert spec is not None
     assert spec.loader is not None
@@ -29,7 +29,7 @@ def record() -> Any:
 
 
 def test_they_are_made_again_by_their_script(record: Any, tmp_path: Path) -> None:
-    """The first seconds of one, measured with a single period of its trajectory."""
+    """First seconds of one recording, measured with a single period of its trajectory."""
     plan = (EXAMPLE / "other.plan.yaml").read_text().replace("cycles: 3", "cycles: 1")
     plan = re.sub(r"file: .*", f"file: {record.ROBOT}", plan)
     (tmp_path / "plan.yaml").write_text(plan)

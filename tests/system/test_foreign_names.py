@@ -1,4 +1,4 @@
-"""Names that strangers give to robots, links, columns, drives and files change no file of ours.
+"""Foreign names of robots, links, columns, drives and files add no key to our files.
 
 Nor do they forge a line of a message. Harmless input: each name holds ends of lines and a key that
 the file may have; the key must not appear among those of the file that is written.
@@ -50,14 +50,14 @@ NAMES = st.text(st.characters(exclude_categories=("Cs",)), max_size=30) | st.sam
 
 
 class _Marked(yaml.SafeLoader):
-    """A loader that takes marks as text."""
+    """Loader that accepts marks as text."""
 
 
 _Marked.add_constructor(UNSTATED, lambda loader, node: loader.construct_scalar(node))
 
 
 def keys(text: str) -> object:
-    """Keys of a file and how they are nested, without the values."""
+    """Return keys of a file with their nesting, without the values."""
     return _keys(yaml.load(text, _Marked))  # noqa: S506 - a safe loader
 
 

@@ -1,4 +1,4 @@
-"""Every reader takes a valid file and, of changed ones, a few examples; an hour: tools/fuzz.py."""
+"""Fuzzing of every reader with a valid file and a few changed ones; for an hour: tools/fuzz.py."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 EXAMPLES = 5
-"""Of each format, beside those that were found once."""
+"""Number of examples per format, in addition to the known failures."""
 FOUND: dict[str, list[int]] = {}
-"""Numbers of examples that a reader of ours did not take as it must, and takes since.
+"""Numbers of examples that once failed in a reader of ours.
 
-Those that end a library in C, which readers call in a process of its own, are not kept here.
+Examples that crash a C library are not kept here; readers call such libraries in a separate
+process.
 """
 
 

@@ -1,4 +1,4 @@
-"""Files that no honest user writes: an error with a place, or a valid object; never anything else.
+"""Malicious files give an error with a place, or a valid object, and nothing else.
 
 Each loader is given text of any kind, and copies of a valid file with values exchanged, keys
 doubled, parts moved, aliases and tags put in.
@@ -113,7 +113,7 @@ drives:
 
 
 def shortened(path: Path) -> str:
-    """A file with its first two axes only."""
+    """Return a file with its first two axes only."""
     content = yaml.safe_load(path.read_text())
     content["axes"] = content["axes"][:2]
     return yaml.safe_dump(content, sort_keys=False)
@@ -173,7 +173,7 @@ def mutated(draw: Callable[..., Any], tree: Any) -> Any:
 
 @st.composite
 def spoilt(draw: Any, valid: str) -> bytes:
-    """Text near a valid file: as a tree, as lines, as bytes."""
+    """Return text similar to a valid file: as a tree, as lines, as bytes."""
     tree = yaml.safe_load(valid)
     for _ in range(draw(st.integers(0, 3))):
         tree = mutated(draw, tree)
@@ -313,7 +313,7 @@ def test_an_expression_without_end_is_refused(expression: str) -> None:
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One honest measurement file."""
+    """Valid measurement file."""
     folder = write_run(tmp_path_factory.mktemp("run") / "run", ROBOT)
     return folder.recording_path(folder.plan.measurements[0])
 

@@ -1,4 +1,4 @@
-"""Frames that no honest peer sends: nobody crashes, hangs, moves without command, or lies.
+"""Malicious frames cause no crash, no hang, no motion without command, and no false data.
 
 The storms are those of ``benchmarks/hostile_frames.py``, which sends a hundred times as many.
 """
@@ -38,7 +38,7 @@ CONTROLWORD = struct.pack("<BHB", 0x2B, 0x6040, 0)
 
 @pytest.fixture(scope="module")
 def session() -> list[can.Message]:
-    """What the driver sends in an honest session."""
+    """Frames of the driver in an honest session."""
     return recorded_session()
 
 
@@ -55,7 +55,7 @@ def test_a_storm_at_the_plant_moves_nothing_without_a_command(
 def test_a_storm_at_the_driver_puts_nothing_into_samples_unflagged(
     session: list[can.Message], seed: int
 ) -> None:
-    # twice as many as at the plant: half of them come while a session begins or is left
+    # twice as many as at the plant: half of them come while a session begins or ends
     figures = DriverStorm(seed, session).run(2 * N)
     assert figures.frames >= 2 * N
     assert figures.flagged == figures.forged > 0
@@ -72,7 +72,7 @@ def test_the_same_seed_gives_the_same_frames(session: list[can.Message]) -> None
 
 @pytest.fixture
 def audited(ideal_machine: IdealMachine) -> tuple[SlaveNetwork, PlantAudit]:
-    """A plant whose frames are judged; node 1 is switched on but not enabled."""
+    """Plant whose frames are judged; node 1 is switched on but not enabled."""
     calls = watched(ideal_machine)
     network = SlaveNetwork(ideal_machine)
     network.power_on()
@@ -82,7 +82,7 @@ def audited(ideal_machine: IdealMachine) -> tuple[SlaveNetwork, PlantAudit]:
 
 
 def judged(audited: tuple[SlaveNetwork, PlantAudit], claimed: can.Message, word: int) -> None:
-    """Let the plant take a controlword, and the audit believe that `claimed` was the frame."""
+    """Let the plant handle a controlword, while the audit is given `claimed` as the frame."""
     network, audit = audited
     audit.expect(claimed)
     answers = network.receive(0x601, CONTROLWORD + struct.pack("<I", word))
@@ -171,11 +171,11 @@ def test_an_emergency_of_any_length_can_be_shown(data: bytes) -> None:
     assert f"{emergency.code:04X}" in str(emergency)
 
 
-# What the driver takes for an answer
+# Frames that the driver accepts as answers
 
 
 class Scripted(can.BusABC):
-    """Answers every frame with the same ones."""
+    """Bus that answers every frame with the same ones."""
 
     lock_step = True
 
@@ -222,7 +222,7 @@ def test_impostors_alone_are_no_answer() -> None:
 
 
 class Babbling(Scripted):
-    """A bus on which frames never end."""
+    """Bus with an endless stream of frames."""
 
     lock_step = False
 

@@ -1,4 +1,4 @@
-"""The notebooks of the documentation do what their prose says, and become pages."""
+"""Notebooks of the documentation agree with their text, and become pages."""
 
 from __future__ import annotations
 

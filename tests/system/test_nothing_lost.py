@@ -1,4 +1,4 @@
-"""Disks that are full, read-only or stall, files that are not what they were, and kills."""
+"""Full, read-only and stalling disks, changed files, and killed processes lose no data."""
 
 import errno
 import os
@@ -40,7 +40,7 @@ def folder(tmp_path: Path, small_plan: Plan, manutec: Robot) -> RunFolder:
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory, manutec: Robot) -> RunFolder:
-    """A whole run; to be copied, not changed."""
+    """Complete run; tests copy it and do not change it."""
     return write_run(tmp_path_factory.mktemp("whole") / "run", manutec)
 
 
@@ -77,7 +77,7 @@ def test_a_full_disk_ends_the_campaign_with_axes_off_and_resuming_completes_it(
 
 @contextmanager
 def nobody() -> Iterator[None]:
-    """Lose root's right to write anywhere."""
+    """Drop root's right to write anywhere."""
     uid = os.geteuid()
     if uid == 0:
         os.seteuid(65534)
@@ -149,7 +149,8 @@ def test_what_was_queued_is_written_although_the_operator_interrupts() -> None:
     assert done == ["written"]
 
 
-# --- what is not what it was ----------------------------------------------------------------------
+# --- changed files
+# ---------------------------------------------------------------------------------
 
 
 def test_a_drives_file_changed_inside_the_folder_is_refused(folder: RunFolder) -> None:

@@ -1,6 +1,7 @@
-"""Outages of our adapter while axes move: nothing stays energised, least of all unwatched.
+"""Outages of our adapter during motion: no drive keeps power, least of all unsupervised.
 
-What is true is read from the machine and from the drives' own dictionaries (`fault_table.witness`).
+The true state is read from the machine and from the drives' own dictionaries
+(`fault_table.witness`).
 """
 
 from __future__ import annotations
@@ -38,12 +39,12 @@ LENGTHS = (0.055, 0.075, 0.095, 0.120)
 
 @pytest.fixture(autouse=True)
 def _quiet() -> Iterator[None]:
-    logging.disable()  # what the driver logs of a session that ended
+    logging.disable()  # the driver's log of a session that ended
     yield
     logging.disable(logging.NOTSET)
 
 
-# A session in which nothing happens
+# Undisturbed session
 
 
 def test_no_axis_is_energised_before_its_drive_has_heard_our_heartbeat() -> None:
@@ -59,7 +60,7 @@ def test_no_axis_is_energised_before_its_drive_has_heard_our_heartbeat() -> None
 
 
 class UnreliableBus(LoggedBus):
-    """The plant in lock-step behind an adapter that may fail by the wall clock."""
+    """Plant in lock-step behind an adapter that may fail by the wall clock."""
 
     fails_until = 0.0
 
@@ -69,7 +70,7 @@ class UnreliableBus(LoggedBus):
         super().send(msg, timeout)
 
     def fail(self, duration: float, clock: str) -> None:
-        """Take no frame for so long, from now on."""
+        """Accept no frame for this duration, from now on."""
         if clock == "wall":
             self.fails_until = time.monotonic() + duration
             self.witness.begin()
@@ -78,16 +79,16 @@ class UnreliableBus(LoggedBus):
             self.network.add(Fault(what=What.TRANSMIT_OUTAGE, at=at, lasts=lasts))
 
     def leave_alone(self) -> None:
-        """Wait until the adapter works again before the drives are left alone."""
+        """Wait until the adapter works again before the time without a master."""
         time.sleep(max(0.0, self.fails_until - time.monotonic()))
         super().leave_alone()
 
 
 @functools.cache
 def interrupted(clock: str, length: float) -> UnreliableBus:
-    """Ctrl-C with all axes at speed, and an outage of our adapter with it; then 3 s alone.
+    """Return a session with Ctrl-C and an outage of our adapter at full speed, then 3 s alone.
 
-    Simulated once for all that is asked of it.
+    The simulation is shared by all tests.
     """
     with UnreliableBus((), reaction=reaction_time(length, drives)) as bus:
         with pytest.raises(KeyboardInterrupt):
@@ -166,7 +167,7 @@ def test_outages_are_drawn_within_their_bounds_and_again_by_seed_and_number(
 
 
 def watched(*nodes: int) -> FaultyNetwork:
-    """All axes energised, and some of their drives with a watchdog that has heard us."""
+    """Return a plant with all axes energised, and some drives supervising our heartbeat."""
     network = FaultyNetwork(load_plant("manutec-r15"), "sync", FaultPlan(faults=()))
     network.power_on()
     for node in network.nodes:

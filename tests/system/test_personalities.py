@@ -1,4 +1,4 @@
-"""Drives as they are: the same campaign on each, or the reason why not.
+"""Drive personalities: the same campaign on each, or a reason for refusal.
 
 The plant of the campaign has no drift and no ripple, and sensor noise of some 1.5 counts (per mille
 of rated current). So two drives differ only in how they round: a reading is off by at most half a
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     Recorded_ = list[tuple[Measurement, Recording]]
 
 COUNTS = {"gravity": 3, "inertia": 14, "coupling": 1}
-"""The fewest measurements that identify the 14 base parameters."""
+"""Smallest numbers of measurements that identify the 14 base parameters."""
 CYCLES = {"gravity": 2, "inertia": 5, "coupling": 2}
-"""With 2 of inertia, noise alone has estimates on one drive and another differ by a count."""
+"""With 2 inertia cycles, noise alone makes the estimates of two drives differ by a count."""
 ALIKE = (
     "event-rpdo",
     "event-tpdo",
@@ -55,8 +55,7 @@ ALIKE = (
     "two-entries",
     "wide-range",
 )
-"""Differ from a plain drive in communication alone: that they give the same samples is held, so the
-parameters are the same."""
+"""Personalities that differ from a plain drive in communication alone, so parameters are equal."""
 CLEAN = {"drift": False, "symmetric": True, "noise": {"torque": 5e-4, "ripple": 0.0}}
 
 
@@ -64,7 +63,7 @@ CLEAN = {"drift": False, "symmetric": True, "noise": {"torque": 5e-4, "ripple": 
 def campaign(
     manutec: Robot, tmp_path_factory: pytest.TempPathFactory
 ) -> Callable[[str], Recorded_]:
-    """Run the short campaign on drives of a personality, each once."""
+    """Run the short campaign on drives of a personality, once each."""
     folder = tmp_path_factory.mktemp("plants")
     plan = design(manutec, COUNTS)
     quick = tuple(m.model_copy(update={"cycles": CYCLES[m.kind]}) for m in plan.measurements)
@@ -94,7 +93,7 @@ def bus_of(folder: Path, name: str) -> can.BusABC:
 
 
 def counts() -> np.ndarray:
-    """Joint torque of a per mille of rated current [N m]."""
+    """Return joint torque of a per mille of rated current [N m]."""
     return np.array([
         axis.gear_ratio * axis.torque_constant * axis.rated_current / 1000
         for axis in drives_for("plain").axes
@@ -102,7 +101,7 @@ def counts() -> np.ndarray:
 
 
 def predicted(robot: Robot, p: np.ndarray) -> np.ndarray:
-    """Torques at random configurations with accelerations as in the campaign [N m]."""
+    """Return torques at random configurations with accelerations as in the campaign [N m]."""
     rng = np.random.default_rng(1)
     q = rng.uniform(robot.q_min, robot.q_max, (300, 6))
     qdd = rng.uniform(-0.4, 0.4, (300, 6)) * robot.acceleration_limit
@@ -160,7 +159,9 @@ def test_drives_that_cannot_serve_are_refused_with_the_reason(
 
 
 def notes(folder: Path, name: str) -> list[str]:
-    """What the driver noted about the first axis on entering; the axes rest and go off again."""
+    """Return the driver's notes about the first axis on entering; the axes rest and are switched
+    off.
+    """
     with bus_of(folder, name) as bus, CanopenDriveBus(bus, drives_for(name)) as drive_bus:
         assert drive_bus.sample().reached
     return [note for note in drive_bus.notes if note.startswith("joint 1 ")]

@@ -1,4 +1,4 @@
-"""A release by one command, in a clone of this repository, installed from a folder as an index."""
+"""Release by one command, in a clone of this repository, installed from a folder as an index."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def done(*command: object, cwd: Path, status: int = 0) -> str:
 
 @pytest.fixture(scope="module")
 def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """This repository as it is in the working tree, committed in a clone."""
+    """Clone of this repository with the working tree committed."""
     place = tmp_path_factory.mktemp("release") / "clone"
     done("git", "clone", "--shared", "--quiet", ROOT, place, cwd=ROOT)
     listed = done("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard", cwd=ROOT)
@@ -76,7 +76,7 @@ def test_it_is_tagged_and_stated_in_changelog_and_citation(clone: Path, released
 
 
 def test_it_is_installed_from_the_index_and_starts(released: Path, tmp_path: Path) -> None:
-    """Dependencies come from where they are: no other index is asked."""
+    """Dependencies are installed already, so no other index is needed."""
     pip = (sys.executable, "-m", "pip", "--quiet", "install", "--no-deps")
     index = ("--isolated", "--index-url", released.parents[1].as_uri())
     done(*pip, *index, "--target", tmp_path / "installed", f"{NAME}=={VERSION}", cwd=tmp_path)

@@ -1,4 +1,4 @@
-"""The documentation as a site: it is built without a warning, with all commands and all keys."""
+"""Documentation as a site: built without a warning, with all commands and all keys."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the site from a copy: pages that are generated stand beside the others."""
+    """Site built from a copy, since generated pages are written beside the others."""
     made = tmp_path_factory.mktemp("site")
     shutil.copytree(ROOT / "docs", made / "docs")
     shutil.copy(ROOT / "pyproject.toml", made)
     shutil.copytree(ROOT / "benchmarks", made / "benchmarks")
-    # what notebooks do is carried out by test_notebooks.py, which looks at what they find
+    # test_notebooks.py runs the notebooks
     once = ["-q", "-W", "--keep-going", "-D", "carry_out=0"]
     command = [sys.executable, "-m", "sphinx", *once, made / "docs", made]
     built = subprocess.run(  # noqa: S603 - our own

@@ -1,4 +1,4 @@
-"""What is installed and run is stated by hash, and no address of an index is stated with it."""
+"""Installed and executed packages are stated by hash, without the address of an index."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PROJECT = PYPROJECT["project"]
 
 
 def locked(name: str) -> dict[str, list[str]]:
-    """Versions of each package of a file of requirements."""
+    """Return the versions of each package of a requirements file."""
     found: dict[str, list[str]] = {}
     for line in (ROOT / "requirements" / f"{name}.txt").read_text().splitlines():
         if match := re.match(r"([a-z0-9._-]+)==(\S+)", line):

@@ -1,8 +1,8 @@
 """Robots of all kinds on their virtual twins: planned, measured, identified, compared.
 
-Of robots with two to four axes, among them sliding ones, a whole small campaign. Plans that
+Robots with two to four axes, also prismatic ones, run a complete small campaign. Plans that
 determine all parameters of six and seven axes take half an hour of robot time; there a few
-measurements show that what is measured is what the plant's links, motors and friction ask for.
+measurements are compared with the torques of the plant's links, motors and friction.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ COUNTS = {
 }
 LARGE = ["ur10e", "panda", "ur10e-on-a-wall"]
 SEEN = 0.03
-"""Share of an axis's torque limit by which gravity may be missed where friction is not fitted."""
+"""Permitted gravity error without a friction fit, as a share of an axis's torque limit."""
 
 
 def cli(*arguments: object) -> None:
-    """Run `hil`; its regular end is an exit with status 0."""
+    """Return a function that runs `hil`; its regular end is an exit with status 0."""
     with pytest.raises(SystemExit) as ended:
         main([str(argument) for argument in arguments])
     assert not ended.value.code
@@ -96,7 +96,7 @@ def test_the_commands_go_through_to_the_report(
 
 
 def gravity_plan(robot: Robot) -> Plan:
-    """The outer and an inner joint, slowly back and forth where gravity pulls."""
+    """Return a plan of an outer and an inner joint, slowly back and forth under gravity."""
     rng = np.random.default_rng(3)
     q = robot.q_min + rng.uniform(0.3, 0.6, robot.n_joints) * (robot.q_max - robot.q_min)
     measurements = [

@@ -1,4 +1,4 @@
-"""The wheel that users install: all files that the program reads, nothing else, and it starts."""
+"""User's wheel: all files of the program, nothing else, and a program that starts."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ main(sys.argv[1:])
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, built as pip does from the files that git knows."""
+    """Wheel built by pip from the files known to git."""
     place = tmp_path_factory.mktemp("wheel")
     for name in ("pyproject.toml", "README.md", "LICENSE", *tracked()):
         (place / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, place / name)
     build = [sys.executable, "-m", "pip", "--quiet", "wheel", "--no-deps", "-w", "dist", "."]
-    # with the setuptools of the development extra: no package index is asked
+    # with the setuptools of the development extra: no package index is needed
     build.insert(-1, "--no-build-isolation")
     subprocess.run(build, cwd=place, check=True, capture_output=True)  # noqa: S603 - our own
     return next((place / "dist").glob("*.whl"))
 
 
 def tracked() -> set[str]:
-    """Files of the packages, as git knows them."""
+    """Return files of the packages known to git."""
     listed = subprocess.run(  # noqa: S603 - git on our own folders
         ["git", "ls-files", *PACKAGES],  # noqa: S607 - wherever git is
         cwd=ROOT, capture_output=True, text=True, check=True,
@@ -48,7 +48,7 @@ def tracked() -> set[str]:
 
 
 def test_it_holds_all_files_of_the_packages_and_no_others(wheel: Path) -> None:
-    """Templates, robots, plants, data sheets and the scripts of the page among them."""
+    """Templates, robots, plants, data sheets and the page's scripts among them."""
     held = {name for name in ZipFile(wheel).namelist() if ".dist-info/" not in name}
     built = {name for name in held if re.fullmatch(r"hil/.*\.(so|pyd)", name)}
     assert built or not shutil.which("cc")
@@ -61,7 +61,7 @@ def test_it_weighs_little(wheel: Path) -> None:
 
 
 def test_the_program_starts_from_it_alone(wheel: Path, tmp_path: Path) -> None:
-    """Its files in a folder, dependencies from where they are, and nothing of the checkout."""
+    """Its files in a folder, installed dependencies, and nothing of the checkout."""
     with ZipFile(wheel) as files:
         files.extractall(tmp_path / "installed")
     for arguments, printed in (

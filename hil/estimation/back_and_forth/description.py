@@ -52,12 +52,12 @@ class HalfSums:
     ----------
     id : str
     axis : int
-        From 0.
+        Axis from 0.
     pairs : int
     q : ndarray, shape (n,)
-        [rad or m].
+        Positions [rad or m].
     measured, standard_error, model : ndarray, shape (n,)
-        [N m or N]; standard errors are NaN where one pair passed.
+        Torques [N m or N]; standard errors are NaN for bins with one pair.
     """
 
     id: str

@@ -72,7 +72,7 @@ class Excitation:
 
 
 def excitation(N: Array, n: int, square: float) -> Excitation:
-    """Determine the excited ones of the first `n` unknowns; the rest are nuisances.
+    """Determine the excited ones among the first `n` unknowns; the others are nuisances.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def excitation(N: Array, n: int, square: float) -> Excitation:
     combination[kept, kept] = 1.0
     shares = solved(left[np.ix_(kept, kept)], left[np.ix_(kept, lost)])
     length = np.sqrt(size)
-    # a parameter without any effect on the torque is not part of a combination
+    # a parameter without any effect on the torque is in no combination
     parts = np.abs(shares) * length[kept, np.newaxis] > NOTICEABLE * length[lost]
     parts &= length[lost] > SILENT * length.max(initial=0.0)
     combination[np.ix_(kept, lost)] = np.where(parts, shares, 0.0)

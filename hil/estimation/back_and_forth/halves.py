@@ -137,7 +137,7 @@ def halves_of(robot: Robot, motion: FreeMotion, recording: Recording) -> Halves:
     """
     (axis,) = motion.moved
     processing, reason = _processing(motion, recording)
-    # positions pass the low-pass before they become columns; so does the torque
+    # positions and torque are filtered before columns are computed
     tau = low_passed(recording.tau, recording.period, processing.cut_off)[0]
     filtered = filtered_motion(replace(recording, tau=tau), processing)
     n = len(filtered.tau)
@@ -186,7 +186,7 @@ def _processing(motion: FreeMotion, recording: Recording) -> tuple[Processing, s
 
 
 def _columns(robot: Robot, motion: Motion, axis: int) -> dict[str, Array]:
-    """Torque less the rotors', and columns, at the filtered samples; friction per velocity."""
+    """Return torque less that of rotors, filtered columns, and friction per velocity."""
     rows = regressor(robot, motion.q, motion.qd, motion.qdd, [axis])[:, 0]
     columns = motion.passed(axis_columns(robot, motion, axis, rows, np.zeros(rows.shape[1])))
     names = (*shared_names(robot), ROTOR, *COLUMNS)
@@ -221,11 +221,11 @@ def _levels(u: Array, pairs: Pairs) -> Array:
 def _others_still(motion: Motion, axis: int) -> tuple[Mask, Motion]:
     """Find the axes at rest, and replace the motion of axes at rest by the mean position.
 
-    The small motion allowed by the controllers is in the torque, and so in the columns. But in the
-    excitation this motion would make base parameters appear excited by mistake.
+    The small motion allowed by the controllers is in the torque, and so in the columns. In the
+    excitation, this motion would make base parameters appear excited by mistake.
     """
     ways = np.ptp(motion.q, axis=0)
-    # largest distance of an axis at rest, as a share of the moving axis's: control deviation
+    # largest motion of an axis at rest, as a share of the moving axis's distance: control deviation
     still = ways <= 0.02 * ways[axis]
     mean = np.where(still, motion.q.mean(axis=0), motion.q)
     qd, qdd = (np.where(still, 0.0, x) for x in (motion.qd, motion.qdd))

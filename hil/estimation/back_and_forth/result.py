@@ -14,7 +14,7 @@ class CurvePoint(FileModel):
     Attributes
     ----------
     speed : float
-        [rad/s or m/s].
+        Speed [rad/s or m/s].
     friction : float
         Mean over the pairs [N m or N].
     half_width : float, optional
@@ -35,12 +35,12 @@ class FrictionCurve(FileModel):
     Attributes
     ----------
     axis : int
-        From 1.
+        Axis from 1.
     points : tuple of CurvePoint
-        By rising speed.
+        Points in order of rising speed.
     by_direction : tuple of TermValue
-        Terms equal forth and back that are no rigid-body torque: a constant, possibly an offset of
-        the torque [N m or N], and a term per unit of speed [N m s/rad or N s/m].
+        Terms equal in both directions apart from the rigid-body torque: a constant, possibly an
+        offset of the torque [N m or N], and a term per unit of speed [N m s/rad or N s/m].
     plain : dict of str to TermValue
         Offset, Coulomb and viscous friction fitted alone to samples at all speeds, for comparison
         with other sources [N m or N, viscous per unit of velocity]. Empty for one pair, which has

@@ -52,7 +52,7 @@ class BodyBounds:
     Attributes
     ----------
     thickness : float
-        See the module [m].
+        Minimum spread of the mass in every direction [m].
     masses : mapping of int to (float, float)
         Least and greatest mass by link, from 1 [kg].
     centres : mapping of int to (array_like, array_like)
@@ -81,7 +81,7 @@ class BodyBounds:
                 )
 
     def refuse_other_links(self, robot: Robot) -> None:
-        """Refuse bounds of links that the robot does not have.
+        """Refuse bounds of links missing in the robot.
 
         Raises
         ------
@@ -128,7 +128,7 @@ def conditions(robot: Robot, bounds: BodyBounds) -> list[Condition]:
     Raises
     ------
     InvalidValue
-        Bounds of a link that the robot does not have.
+        Bounds of a link missing in the robot.
     """
     bounds.refuse_other_links(robot)
     found: list[Condition] = []
@@ -141,7 +141,7 @@ def conditions(robot: Robot, bounds: BodyBounds) -> list[Condition]:
 def tightened(robot: Robot, bounds: BodyBounds) -> list[Condition]:
     """Return the conditions with a margin: twice the thickness, slightly tighter other bounds."""
     wide = conditions(robot, replace(bounds, thickness=2.0 * bounds.thickness))
-    # distance of masses, first moments and rotor inertias from their bounds [kg, kg m, kg m^2]
+    # margins to the bounds of masses, first moments and rotor inertias [kg, kg m, kg m^2]
     return [
         each if each.link is not None
         else replace(each, constant=each.constant - 1e-6 * np.eye(len(each.constant)))

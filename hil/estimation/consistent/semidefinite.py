@@ -69,7 +69,7 @@ def least_squares(A: Array, b: Array, inequalities: Sequence[Inequality]) -> Sol
 def _solved(
     A: Array, b: Array, inequalities: Sequence[Inequality], unit: Array, tolerance: float
 ) -> Solved | None:
-    """Solve in given units of u; return None if the solver finds no solution that holds."""
+    """Solve in given units of u; return None without a solution that meets all inequalities."""
     import clarabel  # noqa: PLC0415 - needed for this alone
     from scipy import sparse  # noqa: PLC0415 - as above
 
@@ -93,7 +93,7 @@ def _solved(
 
 
 def _hold(inequalities: Sequence[Inequality], u: Array) -> bool:
-    """Return True if all inequalities hold to the precision of the solver."""
+    """Return True if all inequalities are met within the precision of the solver."""
     matrices = [each.constant + each.weights @ u for each in inequalities]
     # admissible violation of an inequality, over its greatest element
     return all(

@@ -66,7 +66,7 @@ class Space:
         return cls(base_parameters(robot).placement, p, _root(covariance), free, likely)
 
     def free_absent(self, robot: Robot) -> Space:
-        """Return the space with parameters freed that the robot file leaves out or ties."""
+        """Return the space with the robot file's missing and tied parameters set free."""
         stated = set(robot.present) - set(robot.ties)
         absent = [k for k, name in enumerate(robot.standard_parameters) if name not in stated]
         return replace(self, free=np.hstack([self.free, np.diag(self._unit)[:, absent]]))

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 ROWS = 250
 """Rows of a channel: alternatives differ by more than noise."""
 ROUGHLY = 3
-"""Rounds of weights and solution for the comparison of start values."""
+"""Number of rounds of weights and solution for the comparison of start values."""
 CONFIGURATIONS = 60
 """Number of configurations at which the mass matrix is evaluated."""
 STARTS = {
@@ -118,7 +118,7 @@ class Explained:
     Attributes
     ----------
     robot, evidence, reading
-        Inputs; the evidence is without channels' own columns.
+        Inputs; channels' own columns are projected out of the evidence.
     more : ndarray, shape (n, k), optional
         Further free columns. misfit : float sum n_a log s_a^2; differences are chi squares.
     left : ndarray, shape (n_channels,)
@@ -129,7 +129,7 @@ class Explained:
     counts : ndarray, shape (n_channels,)
         Number of samples, less coefficients of friction.
     residual : ndarray, shape (n,)
-        Torque less the part explained by these columns.
+        Torque less the part explained by the shared columns.
     dispersion : float
         Factor by which noise may exceed white noise.
     """
@@ -189,7 +189,7 @@ class Explained:
 
     @cached_property
     def possible(self) -> bool:
-        """True if friction takes power and all motion has a positive energy, within noise."""
+        """True if friction dissipates power and all motion has positive energy, within noise."""
         # of n samples of noise a share r^2 follows a direction with n r^2 / (1 - r^2) about 1
         most = self.dispersion * _beyond(len(self.driven)) * (1.0 - self.driven)
         return not (self.counts * self.driven > most).any() and not self._negative
@@ -240,8 +240,8 @@ def explained(
 ) -> Explained:
     """Fit base parameters and `more` columns, shape (n, k), under a reading.
 
-    A reading is impossible only beyond noise of this `dispersion`. `columns` are those of the
-    reading, if known.
+    A reading is impossible only beyond noise of this `dispersion`. `columns` are the reading's
+    columns, if known already.
     """
     torque, X, blocks = columns or _columns(robot, evidence, reading, more)
     n_base = X.shape[1] - (0 if more is None else more.shape[1])

@@ -54,8 +54,9 @@ SPARSE = 8
 """Samples between two mass matrices, which change as slowly as the arm turns."""
 
 FINER = 2.0 ** np.array([-0.5, -0.25, 0.0, 0.25, 0.5])
-"""Factors of the best half gap of `HALF_GAPS`, tested beside it: the size in a column hardly
-depends on the gap of the column."""
+"""Factors on the best of `HALF_GAPS`, for further tests close to that half gap. The size found with
+a column hardly depends on the half gap of the column.
+"""
 
 
 def half_gap(robot: Robot, key: Key) -> float | None:
@@ -67,7 +68,7 @@ def half_gap(robot: Robot, key: Key) -> float | None:
 
 
 def nearest(key: Key) -> Key:
-    """Return the test of `HALF_GAPS` with the nearest gap; the key itself for another cause."""
+    """Return the key with the half gap of `HALF_GAPS` closest to that of `key`."""
     cause, *microns = key[0].split()
     if cause != "play" or not microns:
         return key
@@ -81,7 +82,7 @@ class Driven(NamedTuple):
     Attributes
     ----------
     torque : ndarray, shape (n, n_joints)
-        Smoothed like all rows [N m].
+        Torque, smoothed like all rows [N m].
     inertia : ndarray, shape (n_some, n_joints)
         Diagonal of the mass matrix without rotors, at one of `SPARSE` samples.
     some : ndarray of int, shape (n_some,)
@@ -97,7 +98,7 @@ class Driven(NamedTuple):
         """Compute torque and inertia of several recordings, from motion and base parameters."""
         torques = [s.smoothed(inverse_dynamics(robot, p, *s.link)) for s in signals]
         some = [np.append(np.arange(0, len(x) - 1, SPARSE), len(x) - 1) for x in torques]
-        # in one call, which takes as long as some hundred samples
+        # a single call takes as long as some hundred samples
         q = np.concatenate([s.q[at] for s, at in zip(signals, some, strict=True)])
         inertia = np.einsum("nii->ni", mass_matrix(robot, p, q))
         ends = np.cumsum([len(at) for at in some])[:-1]
@@ -123,11 +124,11 @@ def displacements(
     ----------
     signals : sequence of Signals
     driven : sequence of Driven
-        One for each of `signals`.
+        Torque and inertia of the links, one per recording.
     places : sequence of ndarray of int
-        Wanted samples of each of `signals`.
+        Indices of the wanted samples, one array per recording.
     half_gaps : sequence of float
-        [rad or m].
+        Tested half gaps [rad or m].
 
     Returns
     -------
@@ -139,7 +140,7 @@ def displacements(
     period = np.repeat([s.period for s in signals], [len(at) for at in pieces])
     gaps, found, first = np.array(half_gaps)[:, None], [], 0
     turns = (rate.min(axis=1) <= 0.0) & (rate.max(axis=1) >= 0.0)
-    # a link pushed in one direction alone stays on its side
+    # a link pushed in one direction only stays on its side
     simulated = np.broadcast_to(
         -np.sign(rate[:, :1]) * gaps[..., None], (len(gaps), len(rate), PIECE)
     ).copy()

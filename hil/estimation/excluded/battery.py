@@ -169,7 +169,7 @@ class Battery:
         self._y, self._X, self._own = (
             e.project_out_friction(x)[order] for x in (e.torque[:, None], e.X, e.own)
         )
-        # a few of many columns are read repeatedly
+        # few of many columns are read repeatedly
         self._D = np.asfortranarray(e.project_out_friction(columns.values)[order])
         self._channel, group = e.axis[order], e.group[order]
         self._starts = np.flatnonzero(np.diff(group, prepend=-1))
@@ -190,7 +190,7 @@ class Battery:
         return LEVEL if self.evidence.later is None else LEVEL / FAMILIES
 
     def _fit(self) -> None:
-        """Weigh channels, and project out the estimated columns."""
+        """Compute the weights of channels, and project out the estimated columns."""
         e, shared = self.evidence, np.hstack([self._X, self._D[:, self.given]])
         rows, n_shared = np.hstack([self._y, shared, self._own]), shared.shape[1]
         blocks = e.blocks(rows, n_shared, self._channel)
@@ -257,12 +257,12 @@ class Battery:
 
     @property
     def _weighted(self) -> Array:
-        """Weighted columns, shape (n, n_columns)."""
+        """Return weighted columns, shape (n, n_columns)."""
         return np.asarray(self._D * self._root[:, None])
 
     @cached_property
     def _enlarged(self) -> Array:
-        """Residual and columns times (1 - Q_k Q_k')^(-1/2), by group."""
+        """Return residual and columns times (1 - Q_k Q_k')^(-1/2), by group."""
         found = np.column_stack([self._residual, self._left])
         for at in self._pieces:
             found[at] = enlarge(self._Q[at], found[at])
@@ -273,7 +273,7 @@ class Battery:
 
     @cached_property
     def common(self) -> dict[int, Common]:
-        """Common dispersion of causes by axis; -1 stands for all axes."""
+        """Return the common dispersion of causes by axis; -1 stands for all axes."""
         scores = self._group_sums(self._left * self._enlarged[:, :1])
         return {
             axis: self._shared(
@@ -319,7 +319,7 @@ class Battery:
 
     @property
     def sizes(self) -> dict[tuple[str, int], float]:
-        """Sizes of single-column causes, acting alone."""
+        """Return the sizes of single-column causes, acting alone."""
         return {
             key: float(self.alone([k])[0])
             for key, (k, *more) in self.columns.tests.items()
@@ -365,7 +365,7 @@ class Battery:
         Parameters
         ----------
         itself : bool
-            True for dispersion and noise beside the cause.
+            True for dispersion and noise of the residual after the cause.
         """
         at, B = self._basis(columns)
         if not len(at):
@@ -451,7 +451,7 @@ class Battery:
         return float(square[self._channel] @ (U**2).mean(axis=1))
 
     def _common_beside(self, axis: int, at: Indices, U: Array, enlarged: Array) -> Common:
-        """Return the common dispersion of an axis's columns except `at`, adjusted for `U`."""
+        """Return the common dispersion of an axis's columns without `at`, adjusted for `U`."""
         own, D, *_ = self._axes[axis]
         other = ~np.isin(own, at)
         own = own[other]
@@ -471,7 +471,7 @@ class Battery:
         )
 
     def _others(self, axis: int, at: Indices, U: Array | None) -> Common:
-        """Return psi: mean explained by the rest of an axis's columns, adjusted for `U` if any."""
+        """Return psi: mean of the parts explained by an axis's other columns, adjusted for `U`."""
         own, D, *_, products = self._axes[axis]
         other = ~np.isin(own, at)
         own, products, scores = own[other], products[np.ix_(other, other)], self._scores[own[other]]

@@ -35,18 +35,18 @@ class Cause(NamedTuple):
     words : str
         Finding, before its size; a clause without subject.
     unit : str
-        Unit at a revolute joint; ``{torque}`` and ``{position}`` stand for the joint's own.
+        Unit at a revolute joint; ``{torque}`` and ``{position}`` stand for the joint's units.
     slides : str
         Unit at a prismatic joint.
     usual : float
-        Usual size, in this unit; 0 if none is known.
+        Usual size, in `unit`; 0 if none is known.
     remedy : str
     whole : bool
         True if the cause makes all parameters useless, whatever its size.
     accounted : bool
         True if an estimate accounts for the cause, where visible.
     least : float
-        Least mechanically possible size, in this unit.
+        Least mechanically possible size, in `unit`.
     """
 
     words: str
@@ -59,20 +59,20 @@ class Cause(NamedTuple):
     least: float = -np.inf
 
     def unit_of(self, robot: Robot, axis: int) -> str:
-        """Return the unit at an axis, from 0; -1 for a cause of no axis."""
+        """Return the unit of a cause at an axis, from 0; -1 for a cause of no axis."""
         if axis < 0:
             return self.unit
         unit = self.unit if robot.revolute[axis] else self.slides
         return unit.format(torque=robot.torque_unit(axis), position=robot.position_unit(axis))
 
     def sized(self, size: float, error: float, unit: str) -> str:
-        """Return the words with a size and its standard error; less, not negatively greater."""
+        """Return the words of a cause with size and standard error; "less" for a negative size."""
         words = self.words.replace("greater", "less") if size < 0.0 else self.words
         size = size if words == self.words else -size
         return f"{words} {size:.3g} ± {error:.1g} {unit}"
 
     def largest(self, robot: Robot, axis: int, hours: float) -> float:
-        """Return the largest size with a valid first-order column, in this unit.
+        """Return the largest size with a valid first-order column, in the cause's unit.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ CAUSES = {
         "weigh a known mass (hil payload --mass); correct the unit or the gain of all torques",
         least=-100.0,
     ),
-    # numbers of teeth are exact; 1 in 100 is a tooth miscounted
+    # numbers of teeth are exact; 1 in 100 is an error by one tooth
     "gear ratio": Cause(
         "gear ratio greater than stated by", "%", "%", 1.0,
         "correct its gear_ratio in robot file and drives file", least=-100.0,
@@ -162,7 +162,7 @@ CAUSES = {
         "coupling slipped by", "degrees", "mm", 0.0,
         "fasten the coupling, home the axis and measure again",
     ),
-    # of mounting plates levelled by a spirit level, 1 mm/m, on a floor
+    # unevenness of mounting plates levelled by a spirit level, 1 mm/m, on a floor
     "gravity": Cause(
         "gravity direction error", "degrees", "degrees", 0.1,
         "correct gravity in the robot file: how is the base mounted?",
@@ -202,7 +202,7 @@ CAUSES = {
         "no action: link and motor positions differ by at most this",
         least=0.0,
     ),
-    # parts of the estimate's own error (`effects`), which describes them
+    # parts of the estimate's own error (see `effects`)
     "soft gears": Cause(
         "", "", "", 0.0,
         "no action: link positions include the gears' elastic twist; a simulator or a "
@@ -243,7 +243,7 @@ CAUSES = {
 the first is named first. A load precedes a zero: homing an axis that only carries a load would
 spoil a correct zero."""
 FITTED = ("late torque", "soft gears")
-"""Causes that every estimate fits and accounts for: they stay free beside the others."""
+"""Causes fitted and accounted for by every estimate; they remain free while others are tested."""
 SHOWN_BY = {
     "load": "two runs would show it, without and with it (hil payload)",
     "zero": "base parameters absorb it, without any change of predicted torques",

@@ -192,7 +192,7 @@ class Rows:
         return [(by_motion * each).sum(axis=0) for each in moved]
 
     def twist(self, axis: int) -> Array:
-        """Twist of the gear of an axis and two derivatives, smoothed, shape (3, n)."""
+        """Return twist of an axis's gear and its two derivatives, smoothed, shape (3, n)."""
         e, found = self.evidence, np.zeros((3, len(self.evidence.axis)))
         for k, s in enumerate(e.signals):
             if s.twist is not None:
@@ -203,7 +203,7 @@ class Rows:
 
     @cached_property
     def time_derivative(self) -> Array:
-        """Time derivative of the torque along the motion."""
+        """Return the time derivative of the torque along the motion."""
         later, earlier = self.whole(*self.after), self.whole(*self.before)
         return (later - earlier) / (2.0 * self.evidence.period)
 

@@ -50,7 +50,7 @@ def moderated(phi: Array, degrees: Array, correlation: Array) -> Common:
 def _inverse_trigamma(y: float) -> float:
     """Solve ``trigamma(x) = y`` by Newton's method (Smyth 2004, appendix)."""
     x = 0.5 + 1.0 / y
-    for _ in range(20):  # converges from there in a few steps, always from below
+    for _ in range(20):  # from there the iteration converges in a few steps, always from below
         value = float(special.polygamma(1, x))
         x += value * (1.0 - value / y) / float(special.polygamma(2, x))
     return x

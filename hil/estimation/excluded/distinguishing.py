@@ -57,7 +57,7 @@ EACH = 12
 which spread over all ranges, are still chosen."""
 QUANTILE = float(special.ndtri(POWER))
 LEAD = QUANTILE + float(np.sqrt(QUANTILE**2 + TOGETHER))
-"""Factor a of the module docstring."""
+"""Factor a of the module's docstring."""
 APART = 2.0 * (1.0 - SAME**2)
 """Minimum share of a cause's information beside another cause, for the two to be distinguished."""
 ROUNDS = 6
@@ -83,7 +83,7 @@ class Reached(NamedTuple):
     Attributes
     ----------
     name, unit : str
-        Such as ``zero of axis 4``.
+        Name of the cause, such as ``zero of axis 4``, and unit of its size.
     usual : float
         Usual size, 0 if none is known.
     shown : float
@@ -121,7 +121,7 @@ class Distinguished(NamedTuple):
     durations : tuple of float
         Duration of all measurements and travels, before and after [s].
     before, after : tuple of Reached
-        In the same order.
+        Visibility of the named causes, in the same order.
     """
 
     plan: Plan
@@ -225,10 +225,9 @@ class _Search:
         heard = size > NOTHING**2 * size.max(initial=0.0)
         unit = np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, size, 1.0))
         self.worth, self.there = worth * np.outer(unit, unit), there * np.outer(unit, unit)
-        """Inner products of candidates and plan; columns have unit length in all of them together.
-        """
+        """Inner products of candidates and of the plan, for columns of unit length over both."""
         self.visible = np.diag(self._project(self.there + self.worth.sum(axis=0))) > SPAN
-        """Columns that all candidates together show, shape (n_columns,)."""
+        """Columns visible in all candidates together, shape (n_columns,)."""
 
     def _tested(self) -> tuple[Battery, int]:
         found = foreseen_tests(self.plan, self.robot, self.noise, self.p)
@@ -347,7 +346,7 @@ class _Search:
         information, shown, phi = self._sizes()
         now, seen = np.diag(self._project(self.there)), np.isfinite(shown)
         known = (self.usual > 0) & self.visible
-        # the battery thins rows out, so its information is less by about one factor
+        # the battery thins rows out, so its information is smaller by about one factor
         ratio = now[seen] / information[seen]
         unit = np.full(len(now), np.median(ratio) if len(ratio) else 1.0)
         unit[seen] = ratio

@@ -55,7 +55,7 @@ class Effect(NamedTuple):
     cause : str
         One of `hil.estimation.excluded.causes.CAUSES`.
     axes : tuple of int
-        From 0; none if the cause concerns all.
+        Axes from 0; none if the cause concerns all.
     detail : str
         Finding, with its figure.
     change : ndarray, shape (n_base,)

@@ -47,7 +47,7 @@ FINEST = 1e-4
 """Share of the torque limit below which no model is true: differences of positions and means over
 the window leave such an error even in torques without noise."""
 _SAME = 1e-6
-"""Threshold for `rank` of `orthonormal`: friction columns that coincide at one speed."""
+"""Threshold on singular values: friction columns coincide at a single speed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,8 +57,8 @@ class Evidence:
     Attributes
     ----------
     axis, group : ndarray of int, shape (n,)
-        From 0; rows of an axis are contiguous. Rows that are left out or clustered together share a
-        group.
+        Axis and group of each row, from 0; rows of an axis are contiguous. A group is left out or
+        clustered as a whole.
     torque : ndarray, shape (n,)
         Torque without that of rotors of known inertia [N m].
     recorded : ndarray, shape (n,)
@@ -174,7 +174,7 @@ class Evidence:
         return self._select(kept), np.concatenate(kept)
 
     def only(self, chosen: Mask) -> Evidence:
-        """Return the parts with a chosen first row; own columns must not be projected out yet."""
+        """Return the parts with a chosen first row, before own columns are projected out."""
         return self._select([
             np.arange(rows.start, rows.stop) if chosen[rows.start] else [] for rows, _ in self.parts
         ])  # fmt: skip
@@ -243,7 +243,7 @@ def rows_of(
     Parameters
     ----------
     asked : sequence of (Signals, sequence of Stacked)
-        Axes commanded to move.
+        Columns of the axes commanded to move.
     loaded : ndarray of bool, shape (n_joints,)
         Axes with friction of the load.
     unasked : sequence of (Signals, sequence of Stacked)
@@ -266,7 +266,7 @@ def rows_of(
         limit_or_reached(limit, evidence.recorded[evidence.axis == axis])
         for axis, limit in enumerate(robot.torque_limit)
     ]
-    # torques of zero show nothing, though rounding of other axes appears even there
+    # zero torques carry no information, though rounding of other axes appears there
     rounding = np.finfo(float).eps * (np.abs(evidence.recorded).max(initial=0.0) or 1.0)
     finest = np.maximum(FINEST * np.array(limits), rounding)
     return replace(evidence, finest=finest, signals=tuple(place))

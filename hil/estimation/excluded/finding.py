@@ -92,7 +92,7 @@ def excluded(
     p : ndarray, shape (n_base,)
         Estimated base parameters.
     leaves : float
-        Maximum share of some axis's mean square that a cause leaves, for the limits.
+        Maximum share of some axis's mean square that a cause may leave, for the limits.
     known : sequence of str
         Causes that stay free beside the others.
     both : ndarray, shape (n_base,), optional
@@ -121,12 +121,12 @@ def excluded(
         if likely is None:
             break
         key, test = likely
-        of_gaps = half_gap(robot, key) is not None  # with all gaps of the axis
+        of_gaps = half_gap(robot, key) is not None  # together with all gaps of the axis
         given = every.gaps(key[1]) if of_gaps else test.columns.tolist()
         beside = battery.extend([k for k in given if battery.visible[k]])
         step = Step(robot, key, test, battery, beside, tests)
         if found and step.taken < found[0].unexplained * found[0].taken:
-            break  # remainder of the first, left by its column
+            break  # remainder of the first cause, left by its column
         found.append(step)
         battery = step.beside
     instead = _Instead(robot, evidence, first, battery, tests, tuple(step.found for step in found))
@@ -187,7 +187,7 @@ class Step:
 
     @property
     def unexplained(self) -> float:
-        """Share of the explained part left by an inexact column."""
+        """Share of the explained part left by the cause's inexact column."""
         return (1.0 - SAME**2) if half_gap(self.robot, self.key) is None else BOUNCES
 
     @property
@@ -210,9 +210,9 @@ class Step:
         named = [
             (key, may_be[key], describe_size(self.robot, self.battery.columns, key, may_be[key]))
             for key in sorted(may_be, key=lambda k: rank_of(*k))
-            # a slip before the first visible motion of an axis is a zero error
+            # a slip before the first visible motion of an axis is a joint offset
             if key[0] != "slip" or ("zero", key[1]) not in may_be
-            # of several gaps of an axis the best one
+            # for several gaps of an axis, the best one
             if half_gap(self.robot, key) is None
             or explains[key] == max(explains[k] for k in may_be if _is_gap(self.robot, k, key[1]))
         ]
@@ -277,7 +277,7 @@ def likeliest(
     level: float,
     admit: Callable[[Key, Test], bool] = lambda *_: True,
 ) -> tuple[Key, Test] | None:
-    """Return the best admitted cause among causes significant after adjustment for the cause."""
+    """Return the best admissible cause among significant ones, each with its own dispersion."""
     best: tuple[Key, Test] | None = None
     gain, white, n = 0.0, 1.0, len(tests)
     each = {key: battery.drop(at) for key, at in tests.items()}
@@ -415,7 +415,7 @@ class _Instead:
             located([axis + 1 for axis in each.axes], text)
             for each, text in zip(same, words, strict=True)
         ]
-        for cause in self.causes:  # a load explains the same as a zero of the last axes
+        for cause in self.causes:  # a load explains the data like a joint offset of the last axes
             if cause.cause == "load":
                 at = self.tests["load", -1]
                 load = self._explain([*self.battery.columns.fitted, *at])

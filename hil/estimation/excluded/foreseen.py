@@ -96,7 +96,7 @@ def expected_evidence(
     Raises
     ------
     NotIdentifiable
-        None of them shows anything.
+        No expected recording has any visible parameter.
     """
     stacked = []
     for motion, s in prepared:
@@ -119,7 +119,7 @@ def recorded(
     """Return the expected recording of one measurement."""
     group = None
     if measurement.streamed:
-        # not one period several times: it need not be a whole number of samples
+        # a single period, which need not be a whole number of samples
         instants = np.arange(0.0, measurement.cycles * measurement.period, period)
         q, qd, qdd = measurement.motion(instants)
         group = (instants // measurement.period).astype(np.int16)

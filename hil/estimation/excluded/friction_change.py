@@ -72,7 +72,7 @@ def friction_changes(
         precision = [np.sum(square[each] ** -0.5) for each in others]
         square = square + np.pi / 2.0 * (len(axes) - 1) / np.square(precision)
     error = np.sqrt(square)
-    # the earlier level is 1: recordings that do not show this level show no change of it
+    # the earlier level is 1: recordings without a visible level show no change of the level
     known = special.stdtr(degrees, -1.0 / error) < LEVEL
     p_value = 2.0 * special.stdtr(degrees, -np.abs(change) / error)
     level = LEVEL / FAMILIES / len(axes)

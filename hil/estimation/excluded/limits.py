@@ -60,10 +60,10 @@ def limits(
         for part, first, each in _sizes(battery, key, at, torque, n_tests, leaves)
         for size in [_true_size(robot, battery, key, first)]
     ]
-    hardest: dict[tuple[str, int, str], Limit] = {}  # of a repeating torque, over all orders
+    hardest: dict[tuple[str, int, str], Limit] = {}  # size of torque ripple over all orders
     for each in sorted(found, key=lambda each: rank_of(each.cause, each.axis)):
         at = each.cause, each.axis, each.part
-        # a visible gap counts, whatever the larger ones show
+        # one visible gap suffices, whatever is found for larger ones
         rank = -1.0 if each.cause == "play" else 1.0
         if at not in hardest or rank * _hard(each) > rank * _hard(hardest[at]):
             hardest[at] = each
@@ -89,7 +89,7 @@ def _true_size(robot: Robot, battery: Battery, key: Key, size: float) -> float:
 
 
 def _is_fitted(battery: Battery, key: Key) -> bool:
-    """Return True if the estimate fits the axis's friction of the load, which shows the cause."""
+    """Return True if the fitted friction of the load of an axis shows the cause."""
     e = battery.evidence
     return key[0] == "friction of the load" and bool(e.own[e.axis == key[1], LOAD:].any())
 

@@ -32,7 +32,7 @@ ENOUGH = 600.0
 """Maximum total duration of several free motions [s]: longer recordings give no more rows, and
 `evidence.MOST` rows of an axis are then four a second."""
 APART = 60.0
-"""Time from the earlier to the later recordings [s]; no cause depends on its length."""
+"""Assumed time between the earlier and the later recordings [s]; no cause depends on this value."""
 
 
 def proved(
@@ -130,7 +130,7 @@ def _prepared(
     recorded: Recorded,
 ) -> Iterator[tuple[ParameterMotion, Signals]]:
     free: list[tuple[FreeMotion, Recording]] = []
-    seen, every = 0, 1  # step between the free motions used
+    seen, every = 0, 1  # step between samples of free motions
     for measurement, recording in recorded:
         if not isinstance(measurement, FreeMotion):
             if shows_parameters(measurement):

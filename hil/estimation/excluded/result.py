@@ -26,7 +26,7 @@ class Found(FileModel):
     cause : str
         One of `hil.estimation.excluded.causes.CAUSES`.
     axes : tuple of int
-        From 1; none if the cause concerns none in particular.
+        Axes from 1; none if the cause concerns none in particular.
     detail : str
         Size with standard error, or evidence; a clause without subject.
     left : float
@@ -34,11 +34,13 @@ class Found(FileModel):
     others : tuple of str
         Causes that explain the recordings equally well, with axes and sizes.
     change : tuple of float, optional
-        Change of the base parameters by correcting the cause; None if this takes other parameters.
+        Change of the base parameters by correcting the cause; None if the correction needs other
+        parameters.
     other_changes : tuple of tuple of float
         Change for each of `others`.
     size, error : float
-        In the cause's unit; of several columns the largest; None without a size.
+        Size and standard error in the cause's unit; the largest of several columns; None without a
+        size.
     """
 
     cause: str
@@ -69,7 +71,7 @@ class Limit(FileModel):
     ----------
     cause : str
     axis : int
-        From 1; 0 if the cause concerns none in particular.
+        Axis from 1; 0 if the cause concerns none in particular.
     part : str
         Column of the cause; empty if all columns are alike.
     unit : str
@@ -93,17 +95,17 @@ class Limit(FileModel):
 
     @property
     def visible(self) -> bool:
-        """True if a usual size would be found; any size, if none is usual."""
+        """True if a cause is detectable at its usual size, or at any size if none is usual."""
         return self.size is not None and (not self.usual or self.size <= self.usual)
 
     @property
     def unnoticed(self) -> float:
-        """Torque share of the smallest size found, or of a usual size if none is."""
+        """Torque share of the smallest detectable size, or of the usual size if none is."""
         return self.worth if self.size is None else self.torque * self.size
 
     @property
     def worth(self) -> float:
-        """Unnoticed torque share at the smallest size found, or at a usual size if smaller."""
+        """Unnoticed torque share at the smallest detectable size, or at a smaller usual size."""
         sizes = [each for each in (self.size, self.usual) if each]
         return self.torque * min(sizes, default=0.0)
 
@@ -153,7 +155,7 @@ class Excluded(FileModel):
         return frozenset((each.cause, axis) for each in self.found for axis in each.axes or (0,))
 
     def unseen(self, cause: str, axis: int) -> float:
-        """Return the smallest size found over the usual size at an axis (from 1); 1 if none is."""
+        """Return the detectable size over the usual one at an axis (from 1); 1 if unknown."""
         own = (each for each in self.limits if (each.cause, each.axis) == (cause, axis))
         return min((each.size / each.usual for each in own if each.size is not None), default=1.0)
 
@@ -166,7 +168,7 @@ class ErrorTerm(FileModel):
     cause : str
         One of `hil.estimation.excluded.causes.CAUSES`.
     axes : tuple of int
-        From 1; none if the cause concerns all.
+        Axes from 1; none if the cause concerns all.
     found : str
         Finding, with its figure.
     torque : float

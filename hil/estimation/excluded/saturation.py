@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 LEVEL = 0.01
 """Minimum share of moving samples at the greatest torque, for a limit."""
 NEXT = 5.0
-"""Minimum ratio to the number of samples at the next lower torques of the same width, which is no
-coincidence."""
+"""Minimum ratio of samples at the greatest torque to samples in the next lower interval of equal
+width.
+"""
 _WIDTH = 1e-6
 
 

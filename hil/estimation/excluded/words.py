@@ -60,7 +60,7 @@ def describe_size(robot: Robot, every: Columns, key: Key, test: Test) -> str:
         turn = f",{often} a turn" if often else ""
         return cause.sized(size, error, unit) + turn
     at = int(np.argmax(np.abs(test.size / test.error)))
-    if name_of(key) == "play":  # rebound and twist of the gear are not in its column
+    if name_of(key) == "play":  # the column neglects rebound and twist of the gear
         least, most = float(test.size[at]) / WITHIN, float(test.size[at]) * WITHIN
         return f"{cause.words} {least:.2g} to {most:.2g} {unit}"
     after = ""

@@ -127,7 +127,8 @@ class Products:
 def division(processing: Processing, duration: float, stretches: Sequence[Motion] = ()) -> Division:
     """Divide recordings of a `duration` [s] into pieces, and `stretches` into cells of states."""
     n = 2 * len(processing.speed)
-    # about 120 pieces of all recordings, none shorter than 10 periods of the cut-off frequency
+    # about 120 pieces over all recordings, and none shorter than 10 periods of the cut-off
+    # frequency
     piece = max(duration / 120, 10.0 / processing.band)
     if not stretches:
         return Division(piece, np.zeros((0, n)), np.ones(n))
@@ -275,7 +276,7 @@ class Groups:
         heard = np.flatnonzero(changing(rows) | (rows[0] != 0.0))
         columns = np.empty((len(heard), len(rows)))
         for column, row in zip(columns, rows.T[heard], strict=True):
-            np.take(row, order, out=column, mode="clip")  # other modes copy once more
+            np.take(row, order, out=column, mode="clip")  # other modes make an additional copy
         ends = np.searchsorted(number[order], np.arange(shape[0] * shape[1] + 1))
         self.counts[:, :, axis] += np.diff(ends).reshape(shape)
         at = np.ix_(heard, heard)

@@ -111,7 +111,7 @@ class Gathered:
     scaling : Scaling
     choice : Choice
     drift : Drift
-        Drift of the friction level; none if gains are unknown.
+        Drift of the friction level; constant levels if gains are unknown.
     edges : tuple of Edge
         Lags and compliances at the edge of the search range.
     """
@@ -161,7 +161,7 @@ def gather(
     open_scale: bool = False,
     p: Array | None = None,
 ) -> Gathered:
-    """Condense recordings, and choose the settings from the data.
+    """Gather recordings: choose the settings from the data and condense the motions.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def gather(
         if chosen
         else classical_choice(products, weighted=variant.weighted)
     )
-    # a scale not determined by these recordings is found in the joint fit (`rescaled`)
+    # the joint fit determines a scale left open by these recordings (`rescaled`)
     scaling = (refined if beside is None else linearise)(condensed, scaling, choice)
     drift = Drift.none(robot.n_joints)
     if chosen and not unknown and "drift" in options.nuisance:
@@ -259,8 +259,8 @@ def _divide_by_rate(motions: Iterable[tuple[FreeMotion, Recording]]) -> list[Rec
             return [motions]
         firsts.append(recording.period)
     firsts.sort()
-    # ratio of sampling periods up to which recordings share a rate: the filter depends on the
-    # rate, and equal clocks differ by less
+    # largest ratio of sampling periods within a rate: the filter depends on the rate, and the rates
+    # of equal clocks differ by less
     limits = [b for a, b in pairwise(firsts) if b > 1.5 * a]
     return [
         Selected(motions, lambda _, each, a=a, b=b: a <= each.period < b)  # type: ignore[misc]

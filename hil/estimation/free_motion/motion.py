@@ -80,7 +80,7 @@ def low_passed(
     x : ndarray, shape (n, k)
         Samples every `period` [s].
     cut_off : float
-        [Hz].
+        Cut-off frequency [Hz].
     every : int
         Decimation factor of the result.
     derivatives : int
@@ -132,7 +132,7 @@ def _response(whole: int, kept: int, period: float, cut_off: float) -> tuple[Arr
 
 
 def reach(period: float, cut_off: float) -> int:
-    """Return the number of samples a disturbance is spread over by a filter pass."""
+    """Return the number of samples affected by a disturbance in one filter pass."""
     return int(np.ceil(REACH / (cut_off * period)))
 
 
@@ -202,7 +202,7 @@ class Motion:
     processing : Processing
     rates : Rates
     q, qd, qdd : ndarray, shape (n, n_joints)
-        [rad or m], at `rates.fine`.
+        Motion [rad or m, per s and per s^2], at `rates.fine`.
     tau : ndarray, shape (n_used, n_joints)
         Torque, filtered and with compensated lag [N m or N], at `rates.coarse`.
     used : ndarray of bool, shape (n_used,)
@@ -292,7 +292,7 @@ def filtered_motion(recording: Recording, processing: Processing, offset: int = 
     Parameters
     ----------
     recording : Recording
-        Evenly sampled in time, without a gap.
+        Recording with constant sampling period and without gaps.
     offset : int
         If not 0, the motion comes from every second sample of the recording, from 0 on for 1 and
         from 1 on for 2, interpolated to the same instants: two motions with independent measurement

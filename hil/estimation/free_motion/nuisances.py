@@ -108,8 +108,8 @@ def find_nuisances(
     )
     plain = usual(products.pieces[0])
     slowest = max(dead_zone_of(products, plain.weights), 1)
-    # largest lag, either way: beyond 0.03 s the columns of a log do not match, beyond half a
-    # period of the equation's cut-off frequency Gauss-Newton may converge a period off
+    # largest lag in either direction: beyond 0.03 s the columns of a log do not match; beyond half
+    # a period of the equation's cut-off frequency Gauss-Newton may converge to a wrong period
     most = min(0.03, 0.5 / processing.band)
     first = plain.solution[: len(first)]
     times = _times(processing.band, most)
@@ -157,13 +157,13 @@ def _find_soft_gears(
     every = np.isin(np.arange(len(state.soft)), axes)
     found, _ = _sure(search, replace(state, soft=every), "soft")
     compliance, error = search.values("soft", found, "jackknife", FOLDS)
-    # a larger twist is no gear, but compensates for another model error, as others may then too
+    # a larger twist is not that of a gear, but compensates for another model error
     twist = np.where(found.soft, compliance, 0.0) * robot.torque_limit
     edges = [
         twist_edge(robot, axis, twist[axis])
         for axis in np.flatnonzero((twist >= MOST_TWIST) & (compliance > CERTAIN * error)).tolist()
     ]
-    possible = twist[found.soft] < MOST_TWIST  # false where no limit is known
+    possible = twist[found.soft] < MOST_TWIST  # False without a known limit
     return found if found.soft.any() and possible.all() else state, edges
 
 
@@ -171,7 +171,7 @@ def _sure(search: Search, state: State, what: str) -> tuple[State, Array]:
     """Return the state with significant `late` or `soft` axes, and the standard errors."""
     while (held := getattr(state, what)).any():
         value, error = search.values(what, state, "jackknife", FOLDS)
-        # a torque may come early, but no gear is stiffer than rigid
+        # a torque may come early, but compliances are not negative
         size = np.abs(value) if what == "late" else value
         size = np.where(held, size / np.where(held, error, 1.0), np.inf)
         least = int(np.argmin(size))

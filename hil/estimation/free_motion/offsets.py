@@ -61,8 +61,8 @@ def enlarge_covariance(
         place = layout.index("offset", axis)
         s = ASYMMETRY * _friction(x[layout.place(axis)[n_shared:]])
         more = float(x[place] ** 2 - s**2 - V[place, place])
-        # smallest relevant share of base parameters in the variance of an offset: without this
-        # share the standard error would be a third, sqrt(1 - 0.9)
+        # smallest relevant share of base parameters in an offset's variance: without this share the
+        # standard error would be a third, sqrt(1 - 0.9)
         if more > 0.0 and _shared(V, place, n_shared) >= 0.9:
             way = metric[:, place] / metric[place, place]
             V = V + more * np.outer(way, way)
@@ -94,9 +94,9 @@ def only_directions(moving: Blocks) -> dict[int, int]:
     """
     offset, Coulomb = moving.place("offset", "Coulomb")
     excess, sizes = moving.products[:, :, (offset, Coulomb), Coulomb].sum(axis=0).T
-    # largest share w of moving samples in the opposite direction for an axis that moves in one
-    # direction only: there offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5 times
-    # as uncertain as their sum
+    # largest share w of moving samples in the opposite direction for motion in one direction only:
+    # then offset and Coulomb friction are at least sqrt(1 / w + 1) / 2 = 5 times as uncertain as
+    # their sum
     one = np.abs(excess) > (1.0 - 2.0 * 0.01) * sizes
     return {int(axis): int(np.sign(excess[axis])) for axis in np.flatnonzero(one & (excess != 0))}
 

@@ -62,7 +62,7 @@ def nearest_positive(robot: Robot, x: Array, V: Array, q: Array) -> Array:
     Returns
     -------
     ndarray, shape (n,)
-        `x` itself where nothing was to be moved.
+        Moved solution, or `x` if no correction was needed.
     """
     n_base = len(base_parameters(robot))
     found, rows, bounds = x, [], []

@@ -27,11 +27,11 @@ class GainValue(FileModel):
     Attributes
     ----------
     axis : int
-        From 1.
+        Axis from 1.
     value, standard_error : float
         Gain for one unit of the signal, on the side read by the map [`unit`].
     unit : str
-        N m or N.
+        Unit of the torque: N m or N.
     """
 
     axis: int
@@ -46,8 +46,8 @@ class BiasTest(FileModel):
     Attributes
     ----------
     statistic, p_value : float
-        Largest difference of a parameter over its own standard error, and the probability of one as
-        large without bias.
+        Largest difference of a parameter over the difference's standard error, and the probability
+        of a value as large without bias.
     shift : float
         Largest difference of a parameter, over its standard error by least squares.
     """
@@ -135,7 +135,7 @@ class FreeMotionFit(FileModel):
     not_identified: ClassVar[tuple[str, ...]] = ()
 
     def sum_of(self, _name: str) -> str:
-        """Return an empty sum, since no parameter stands for a sum."""
+        """Return an empty sum, since every parameter is identified by itself."""
         return ""
 
     @property

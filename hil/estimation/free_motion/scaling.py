@@ -88,7 +88,7 @@ class Scaling:
     Attributes
     ----------
     gains : ndarray, shape (n_joints,)
-        [N m or N for one unit of the signal]; 1 for signals in SI.
+        Gains [N m or N for one unit of the signal]; 1 for signals in SI.
     unknown : tuple of int
         Axes with an unknown gain, from 0.
     x : ndarray, shape (n,)
@@ -171,7 +171,7 @@ def first_scaling(
     usual_gains = _usual_gains(recorded, unknown)
     starts = usual_gains, _solve_linear_problem(recorded, unknown, usual_gains)
     found = [_converged(recorded, unknown, gains) for gains in starts]
-    # a smaller difference is rounding: then the first start counts
+    # smaller differences are rounding; then the first start is taken
     return min(found, key=lambda each: round(each[1], 6))[0]
 
 
@@ -200,7 +200,7 @@ def _fit_gains(recorded: Blocks, unknown: tuple[int, ...], p: Array) -> Scaling:
     model[:, recorded.place(*base)] = p
     model[:, 1 + layout.index(ROTOR)] = 1.0
     columns = _alone(layout, {axis: model[axis] for axis in unknown})
-    # axes of known gain carry no information on other gains
+    # axes with a known gain carry no information on other gains
     torque[[axis for axis in range(len(torque)) if axis not in unknown]] = 0.0
     found = usual(recorded.recast(torque, columns, (*base, ROTOR)))
     reciprocal = np.array([found.solution[found.layout.index(gain_name(axis))] for axis in unknown])
@@ -283,7 +283,7 @@ def _usual_torque(recorded: Blocks, unknown: tuple[int, ...]) -> float:
     """Return the mean squared torque of known gain or rotor [N^2 m^2 or N^2]."""
     squares = _mean_squares(recorded)
     known = np.delete(squares[:, 0], unknown)
-    known = known[known > _TINY]  # no usual torque of an axis without torque
+    known = known[known > _TINY]  # an axis without torque has no usual torque
     if known.size:
         return float(known.mean())
     return float(np.mean(squares[:, 1 + recorded.layout.index(ROTOR)])) or 1.0
@@ -407,7 +407,7 @@ def effect_of_drives(recorded: Products, scaling: Scaling, choice: Choice) -> Ar
     """
     whole = recorded.pieces[choice.slowest].total
     regression, columns = choice.regression(scaling.applied(whole)), scaling.columns(whole.layout)
-    # a torque constant scales the recorded signal, rotors included
+    # a torque constant scales the recorded signal, including the torque of rotors
     torques = scaling.signal(whole.layout), drive_torques(whole)[1]
     effects = [regression.moved(whole.recast(each, columns, (ROTOR,))) for each in torques]
     return np.hstack(effects)

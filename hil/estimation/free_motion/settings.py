@@ -98,7 +98,7 @@ def cut_off_of(
         Value in the map [Hz].
     """
     cut_off, reason = (stated, "stated in the map") if stated else _chosen(bandwidths, period)
-    # stated or not, a filter needs samples
+    # stated or chosen, the cut-off needs enough samples per period
     most = 0.25 / period
     if cut_off > most:
         return most, f"{reason}, but at most a quarter of the sampling rate"
@@ -140,7 +140,7 @@ def spectrum(x: Array, period: float) -> tuple[Array, Array]:
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
     spectra = fft.rfft((parts - parts.mean(axis=1, keepdims=True)) * window)
     power = 2.0 * period * np.mean(np.abs(spectra) ** 2, axis=0) / (window @ window)
-    # frequencies without a negative counterpart
+    # zero and Nyquist frequency have no negative counterpart
     power[0] /= 2.0
     power[-1] /= 1.0 + (n % 2 == 0)
     return fft.rfftfreq(n, period), power

@@ -104,7 +104,7 @@ def solve(
         asked = replace(pieces, solver=solver)
     elif solver == "instrumental" and products.instruments is not None:
         asked = pieces.transfer(products.instruments)
-    # other rules need weighted and symmetric equations, which the remaining solvers lack
+    # other rules need weighted, symmetric equations, which the remaining solvers lack
     rule: Covariance = options.covariance if solver == "positive" else "jackknife"
     fit = asked.fit(rule, products.cells[choice.slowest], BLOCKS)
     covariance = fit.covariance

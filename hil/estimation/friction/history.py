@@ -4,8 +4,8 @@ The mean speed during a recording is the distance divided by the duration. Nothi
 between recordings, but the plan is known: a rest, an exercise of a known duration, and travels
 between known positions.
 
-A first trajectory that begins later than `COLD` after the bus was entered was passed before, in
-repeated attempts: nothing else takes as long.
+If the first trajectory begins later than `COLD` after the bus was entered, the axes have moved
+before, in repeated attempts: nothing else takes as long.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ class Positions(Protocol):
 
     @property
     def time(self) -> Array:
-        """Shape (n,) [s]."""
+        """Time, shape (n,) [s]."""
 
     @property
     def q(self) -> Array:
-        """Shape (n, n_joints) [rad or m]."""
+        """Positions, shape (n, n_joints) [rad or m]."""
 
 
 def history(robot: Robot, recorded: Iterable[tuple[RecordedMotion, Positions]]) -> History:

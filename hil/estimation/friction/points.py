@@ -50,7 +50,7 @@ class FrictionPoint:
     ----------
     id : str
     axis : int
-        From 0.
+        Axis from 0.
     time : float
         Middle of the recording since the bus was entered [s].
     velocity : float
@@ -195,7 +195,7 @@ def _steady(m: Friction, s: Signals, stroke: int) -> Mask:
 
 
 def _mean_at(away: Array, torque: Array) -> float:
-    """Return the mean torque at `away` = 0: windows cut by samples differ a little in angle."""
+    """Return the mean torque at `away` = 0; windows cut by samples differ slightly in angle."""
     mean = float(away.mean())
     slope = float((away - mean) @ torque / ((away - mean) @ (away - mean)))
     return float(torque.mean()) - slope * mean

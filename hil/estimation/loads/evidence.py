@@ -50,9 +50,9 @@ class Evidence:
     cells : Blocks, optional
         Samples of free motions, grouped by state.
     unknown : tuple of int
-        Axes, from 0, with a gain that the map leaves open.
+        Axes, from 0, with an unknown gain in the map.
     scale_open : bool
-        True if one more gain is unknown, which was held at an arbitrary value.
+        True if a further unknown gain was fixed at an arbitrary value.
     beside : ndarray
         Covariance as in `hil.least_squares.balance.Kind`.
     doubt : ndarray

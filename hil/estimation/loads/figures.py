@@ -88,15 +88,15 @@ class Load:
     phi : ndarray, shape (10,)
         The load's standard parameters in the last link's frame, order of eq. (4).
     covariance : ndarray, shape (10, 10)
-        Zero for parameters that are stated, left out of the robot file, or undetermined.
+        Covariance of `phi`; zero for parameters stated, missing in the robot file, or undetermined.
     degrees : ndarray, shape (10,)
         Effective degrees of freedom.
     stated_mass : float or None
-        Stated mass, which was held [kg]; None if the mass was estimated.
+        Stated mass, fixed in the fit [kg]; None if the mass was estimated.
     unseen : tuple of str
-        Parameters of the load that the robot file leaves out of the last link.
+        Parameters of the load missing in the robot file's last link.
     unidentifiable : tuple of str
-        Parameters of the load that the recordings do not determine.
+        Parameters of the load not determined by the recordings.
     gains : ndarray, shape (n_joints,)
         Gains [N m or N per unit of the torque read with the load].
     gain_errors : ndarray, shape (n_joints,)
@@ -211,9 +211,9 @@ class Load:
 
 def _derived(phi: Array) -> tuple[Array, Array]:
     """Derive the named quantities of a load from ten parameters, with gradients, (19, 10)."""
-    # complex steps, so small that only rounding is left of the error
+    # complex steps, so small that the error is only rounding
     phi = phi + 1e-100j * np.vstack([np.zeros(10), np.eye(10)])
-    # without a mass no centre is reported
+    # a centre needs a mass
     m = np.where(phi[0, MASS].real > 0, phi[:, MASS], 1.0)[:, np.newaxis]
     s = phi[:, FIRST_MOMENTS]
     away = s[:, :, np.newaxis] * s[:, np.newaxis] - np.eye(3) * (s**2).sum(axis=1)[:, None, None]

@@ -50,16 +50,16 @@ def fit_load(
         Function of the load's change of the base parameters: evidence of runs with the load;
         friction may depend on this change.
     mass : float, optional
-        Known mass of the load, which is held [kg].
+        Known mass of the load, fixed in the fit [kg].
     gains : bool
-        True to find the gains of all axes too, which needs the mass.
+        True to estimate the gains of all axes too, for a known mass.
     covariance : str
         Kind of covariance (`hil.least_squares.regression`).
 
     Raises
     ------
     NoLoad
-        The robot file states no parameter of the last link that a load could change.
+        The robot file states no parameter of the last link affected by a load.
     """
     load = load_columns(robot)
     known, free = np.zeros(10), load.free
@@ -125,7 +125,7 @@ def _determined(
         alike = np.array([each == kind for each in kinds])
         start[alike] = np.exp(np.mean(np.log(start[alike]), axis=0))
     if mass is not None and wanted and any(run.scale_open for run in runs.every):
-        # one gain was held at an arbitrary value: scaled to the known mass
+        # one gain was fixed at an arbitrary value and is now scaled by the known mass
         load = load_columns(robot)
         whole = Terms(np.zeros(len(load.K)), load.shown, "load")
         found = float((load.free @ JointRuns(robot, runs, whole, (), start).values("load"))[MASS])

@@ -63,8 +63,9 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 GAIN_STATED = 0.5
-"""Prior standard deviation of the logarithm of a stated gain: wide enough not to bias a gain that a
-load shows, and no gain is undetermined."""
+"""Prior standard deviation of the logarithm of a stated gain: wide enough to leave observable gains
+unbiased, and finite, so that every gain is determined.
+"""
 STEADY = 1e-6
 """Relative change of weights below which they count as constant."""
 
@@ -147,7 +148,7 @@ class JointRuns:
         n, own = len(self._every), self.places("gain")
         counts = np.maximum(blocks.counts[:n], 1.0)
         left = blocks.products[:n, :, 0, 0] / counts
-        # columns of gains are derivatives at a solution, which the first round lacks
+        # columns of gains are derivatives at a solution, so the first round has none
         kept = np.setdiff1d(self._kept, own)
         for _ in range(ROUNDS):
             before, square = left, blocks.products[:n, :, 0, 0] / counts
@@ -208,7 +209,7 @@ class JointRuns:
         V = found.covariance
         scattered = embedded(np.diag(V), self._kept, n)
         V = embedded(V, self._kept, n) + self._drive_covariance() + self._beside
-        # stated errors have infinite degrees of freedom, and scatter has few
+        # stated errors have infinite degrees of freedom, scatter has few
         ratio = np.divide(np.diag(V), scattered, out=np.ones(n), where=scattered > 0)
         return V, embedded(found.degrees_of_freedom, self._kept, n) * ratio**2
 
@@ -267,8 +268,7 @@ class JointRuns:
         Parameters
         ----------
         torque : str, optional
-            Replacement of the torque less its known part: the column of this name, or if it is
-            empty the torque alone.
+            Column in place of the torque less its known part; for an empty name, the torque alone.
         """
         (known, columns, kind), carried = self.terms, self._carry[s]
         scaling = Scaling(self.gains[s], tuple(self._open[s]), self._solution(s))

@@ -1,1 +1,1 @@
-"""The recordings of a run for other tools: a module a format, listed in `hil.export.formats`."""
+"""Recordings of a run for other tools: a module per format, listed in `hil.export.formats`."""

@@ -49,11 +49,11 @@ class Job:
     ----------
     run : Run
     folder : Path
-        Empty; everything is written into it.
+        Empty folder for all files.
     joints : tuple of str
         Names of the joints, in order.
     progress : callable
-        Takes the id of each measurement before it is written.
+        Function called with the id of each measurement before writing.
     """
 
     run: Run

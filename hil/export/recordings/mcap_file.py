@@ -145,13 +145,13 @@ def _timeline(run: Run) -> Iterator[tuple[str, int]]:
     Raises
     ------
     FileError
-        A recording is damaged, or the journal states no instant at which a session began.
+        A recording is damaged, or the journal lacks the start of a session.
     """
     spans = sorted(
         (each.session, float(time[0]), float(time[-1]), each.measurement.id)
         for each, time in ((each, each.recording.time) for each in run)
     )
-    last, begin, end = -1, 0, -SECOND  # what would overlap is a second apart
+    last, begin, end = -1, 0, -SECOND  # recordings that would overlap are placed a second apart
     for session, first, until, name in spans:
         if session != last or begin + round(first * SECOND) <= end:
             last = session

@@ -51,7 +51,7 @@ def open_table(path: Path, layout: Format) -> Table:
     Raises
     ------
     FileError
-        It cannot be read, is of no known format, or its package is not installed.
+        The file cannot be read, its format is unknown, or the format's package is not installed.
     """
     with sound(path):
         path = _sole_bag(path)
@@ -112,7 +112,7 @@ def sound(path: Path) -> Iterator[None]:
     except HilError as error:
         raise type(error)(whole_line(str(error))) from error
     except Exception as error:
-        # a library's message is cut after 120 characters
+        # a library's message is truncated after 120 characters
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise FileError(
             f"{path}: cannot be read: {reason}; it seems damaged: copy or download it again"

@@ -64,7 +64,7 @@ def table_of(
     Raises
     ------
     FileError
-        No columns of numbers are among them.
+        No array is a column of numbers.
     """
     left_out = dict(left_out or {})
     columns = dict(
@@ -154,7 +154,7 @@ def hdf5_of(path: Path) -> h5py.File:
     Raises
     ------
     FileError
-        It is none, or is damaged.
+        The file is not HDF5, or is damaged.
     """
     try:
         return h5py.File(path, "r")

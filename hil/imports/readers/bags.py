@@ -40,7 +40,7 @@ _MENDED = {
     ".bag": "rosbag reindex FILE.bag",
     ".db3": "sqlite3 FILE.db3 .recover | sqlite3 MENDED.db3",
 }
-"""Commands that mend a damaged file, by its ending."""
+"""Commands that repair a damaged file, by its ending."""
 
 
 class _Information(FileModel, extra="ignore"):
@@ -63,7 +63,8 @@ class Bag:
     Raises
     ------
     FileError
-        The bag is damaged, unpacks to more than it may, or leads to files outside of its folder.
+        The bag is damaged, exceeds its budget when unpacked, or links to files outside of its
+        folder.
     """
 
     def __init__(self, path: Path) -> None:
@@ -174,7 +175,7 @@ def _reader(file: Path, chunks: dict[int, Chunk]) -> Any:
     from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415
 
     store = get_typestore(Stores.LATEST)
-    # rosbags keeps all chunks whose times overlap; here they are read one after the other
+    # rosbags keeps all chunks with overlapping times; here they are read one after the other
     if lacks_end(file) or sum(chunk.size for chunk in chunks.values()) > allowed(file):
         return CutMcap(file, store)
     reader = AnyReader([file], default_typestore=store)

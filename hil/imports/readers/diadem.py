@@ -60,7 +60,7 @@ def open_diadem(path: Path, text: str) -> ArrayTable:
     Raises
     ------
     FileError
-        No channel has values that can be read.
+        No channel has readable values.
     """
     channels, swapped = _channels(text)
     together = Counter((each.get("211"), each.get("213")) for each in channels)

@@ -30,7 +30,7 @@ _STAMP = ("sec", "<i4", 4), ("nanosec", "<u4", 8)
 
 
 class OtherLayout(Exception):
-    """Message other than a little-endian joint state of this layout."""
+    """Message with another layout than a little-endian joint state."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def layout_of(message: bytes) -> MessageLayout:
     Raises
     ------
     OtherLayout
-        It is big-endian, damaged, or no joint state.
+        The message is big-endian, damaged, or not a joint state.
     """
     if message[:2] != LITTLE_ENDIAN:
         raise OtherLayout
@@ -135,7 +135,7 @@ def layout_of(message: bytes) -> MessageLayout:
         values = [*_STAMP, *(cursor.doubles(part) for part in PARTS)]
     except (struct.error, UnicodeDecodeError) as error:
         raise OtherLayout from error
-    # a message ends with 3 bytes of padding at most
+    # a message ends with at most 3 bytes of padding
     if not cursor.at <= len(message) <= cursor.at + 3:
         raise OtherLayout
     fixed = np.concatenate(cursor.fixed)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ]|(\d\d?)\.(\d\d?)\.(\d{4})[T ])?\d\d:\d\d:")
-"""Start of an instant: a date (year or day first) or none, and the time of day."""
+"""Pattern of the start of an instant: a date (year or day first) or none, and the time of day."""
 MISSING = {"", "nan", "na", "null", "none", "inf", "-inf", "-nan"}
 _CANDIDATES = (";", "\t", ",", "|")
 _COMMENTS = ("%", "#", "//")
@@ -81,7 +81,7 @@ def layout_of(text: str, stated: Format) -> Layout:
     ]
     if not used:
         raise NoNumbers("has no rows")
-    last = [line for _, line in used[-_LOOKED_AT:]]  # rows, whatever is stated before these
+    last = [line for _, line in used[-_LOOKED_AT:]]  # rows above the stated ones are skipped
     delimiter = stated.delimiter or _delimiter(last)
     decimal = stated.decimal or _decimal(last, delimiter)
     rows = [(number, cells(line, delimiter)) for number, line in used]
@@ -151,7 +151,8 @@ def _first_row(
         numbers = sum(_is_number(cell, decimal) for cell in row)
         if numbers and all(_is_number(c, decimal) or c.lower() in MISSING for c in row):
             return index
-        # a row may hold text in unwanted cells; settings of a recorder have fewer cells than rows
+        # a row may contain text in unwanted cells; settings of a recorder have fewer cells than
+        # rows
         as_wide = index + 1 == len(rows) or len(row) >= len(rows[index + 1][1])
         if index and numbers >= 2 and as_wide and not whole:
             return index

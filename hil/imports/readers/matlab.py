@@ -104,7 +104,7 @@ def _read_apart(path: Path, tables: Sequence[str] = ()) -> tuple[dict[str, Any],
     with file_errors(path, "read"):
         with path.open("rb") as file:
             named = any(file.read(20))
-        # zeros are unnamed variables, skipped one by one without end by older readers
+        # zeros are unnamed variables, which older readers skip one by one without end
         if not named and not tables:
             raise FileError(f"{path}: is not a MATLAB file, or is damaged: it begins with zeros")
         refuse_inflated_variables(path)
@@ -259,7 +259,8 @@ class _Contents:
             for field, value in _items(item):
                 if isinstance(value, h5py.Dataset) and value.dtype == h5py.ref_dtype:
                     elements = self._elements(f"{name}.{field}", value)
-                    if "MATLAB_class" not in value.attrs:  # of a structure array; a cell has one
+                    # elements of a structure array; a cell has one
+                    if "MATLAB_class" not in value.attrs:
                         one_by_one = _structures(name, field, len(elements))
                     else:
                         one_by_one = _cells(f"{name}.{field}")
@@ -275,7 +276,7 @@ class _Contents:
 
     def _add_object(self, name: str, kind: str) -> None:
         self.left_out[name] = _object(name, kind)
-        if kind in _TABLES and name.isidentifier():  # a variable, no part of one
+        if kind in _TABLES and name.isidentifier():  # a whole variable, not a part of one
             self.tables.append(name)
 
     def _add_numbers(self, name: str, array: Any) -> None:
@@ -307,7 +308,7 @@ class _Contents:
         """Return the targets of a cell's or structure array's references, in MATLAB's order."""
         refuse_beyond(self._path, references.size * _ELEMENT, name)
         refuse_elsewhere(self._path, name, references)
-        # a matrix lies turned in HDF5, so that rows there follow each other as columns in MATLAB
+        # a matrix is transposed in HDF5: its rows there are MATLAB's columns
         found = [references.file[each] for each in references[()].ravel()]
         for element in found:
             if isinstance(element, h5py.Dataset):
@@ -349,7 +350,7 @@ def _variables(path: Path) -> Iterator[tuple[str, Any]]:
     from scipy.io.matlab import MatReadWarning, loadmat  # noqa: PLC0415 - slow to load
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", MatReadWarning)  # several objects are all called None
+        warnings.simplefilter("ignore", MatReadWarning)  # all objects are called None
         loaded = loadmat(path)
         objects = list(_objects(path)) if "None" in loaded else []
     yield from ((n, v) for n, v in loaded.items() if not n.startswith("__") and n != "None")

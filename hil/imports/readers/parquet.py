@@ -70,7 +70,7 @@ class ParquetTable:
             for number, place in enumerate(plain)
             for each in self._found(place, schema.field(number).type, left_out)
         ]
-        # numbers of the file's own columns are those of the file, whatever the others consist of
+        # only the file's own columns are numbered, whatever they contain
         self._places = [*plain, *(place for place in found if place not in plain)]
         self._read = set(found)
         self.names: tuple[str, ...] = tuple(place.name for place in self._places)

@@ -56,11 +56,11 @@ class Channels:
         Raises
         ------
         FileError
-            Channels that were sampled at different times stand in one row.
+            A row contains channels sampled at different times.
         """
         clocks, row, n = sorted({self._clocks[each] for each in columns}), 0, len(columns)
         for block in self._table.blocks([*columns, *clocks]):
-            apart = np.abs(block[:, n:] - block[:, n : n + 1]) > 0  # none where a stamp is missing
+            apart = np.abs(block[:, n:] - block[:, n : n + 1]) > 0  # no time for a missing stamp
             if apart.any():
                 at, other = np.argwhere(apart)[0]
                 stamps = (f"{self.names[clocks[k]]} {block[at, n + k]:g}" for k in (0, other))
@@ -79,7 +79,7 @@ def open_stacked(path: Path, text: str) -> Table:
     Raises
     ------
     FileError
-        A row of a trace is no time stamp and value, or no trace has rows.
+        A row of a trace is not a time stamp with a value, or no trace has rows.
     """
     rows: dict[str, list[tuple[float, float]]] = {}
     name = ""

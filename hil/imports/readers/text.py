@@ -58,13 +58,14 @@ class TextTable:
         """Read columns block by block."""
         row, line, long = 0, 1 + self._layout.skipped, False
         for text in _whole_lines(self.path, self._layout.skipped):
-            long |= len(text) >= BLOCK  # a block takes as long to read as Arrow to import
+            long |= len(text) >= BLOCK  # reading a block takes as long as importing Arrow
             block = self._read_plain(text, columns) if long else None
             try:
                 if block is None:
                     block = self._read(text, columns)
                     self._refuse_longer_rows(text, len(block), line)
-            except ValueError:  # which states no lines, as for rows that are too short
+            # Arrow states no line numbers, for example for rows that are too short
+            except ValueError:
                 block = self._read_row_by_row(text, columns, row, line)
             row, line = row + len(block), line + _count(text, b"\n")
             if len(block):
@@ -76,7 +77,7 @@ class TextTable:
         if layout.decimal == ",":
             text = text.replace(b",", b".")
         bare = not any(mark in text for mark in (b'"', layout.comment.encode()))
-        # a CR alone would end a row of Arrow's
+        # Arrow would end a row at a single CR
         lone = b"\r" in text and text.count(b"\r") > text.count(b"\r\n")
         if layout.delimiter == " " or not bare or lone:
             return None
@@ -85,7 +86,7 @@ class TextTable:
     def _read(self, text: bytes, columns: Sequence[int]) -> Array:
         try:
             return self._cells(text, columns, np.float64)
-        except ValueError:  # a cell that is missing, or an instant
+        except ValueError:  # a missing cell, or an instant
             found = self._cells(text, columns, np.str_)
             return np.stack([_numbers(column) for column in found.T], axis=1)
 
@@ -168,7 +169,7 @@ def _numbers(cells: NDArray[np.str_]) -> Array:
     Raises
     ------
     ValueError
-        A cell holds something else.
+        A cell contains other text.
     """
     with suppress(ValueError):
         return cells.astype(np.float64)
@@ -190,7 +191,7 @@ def open_text(path: Path, stated: Format) -> Table:
     Raises
     ------
     FileError
-        It cannot be read, or is no text with rows of numbers.
+        The file cannot be read, or is not text with rows of numbers.
     """
     with _opened(path) as file:
         head = file.read(_HEAD)

@@ -30,7 +30,7 @@ _MCAP_MAGIC, _MCAP_CHUNK = b"\x89MCAP0\r\n", 6
 _CHUNK_HEAD = struct.Struct("<QQQIL")
 """Start, end, size unpacked, checksum, length of the compression's name (MCAP, Chunk)."""
 _INDEX_HEAD, _ENTRY, _ENTRY_READ = 55, 12, 200
-"""Bytes of the head of an index of ROS 1, of an entry, and of an entry as kept by rosbags."""
+"""Bytes of a ROS 1 index: of its head, of an entry, and of an entry as kept by rosbags."""
 _SQLITE_MAGIC = b"SQLite format 3\0"
 _DEFLATE, _LZF, _PLAIN_FILTERS = 1, 32000, (2, 3)
 """Filters of HDF5: compression, and filters that keep the size (shuffle, checksum)."""
@@ -54,7 +54,7 @@ def mcap_chunks(path: Path) -> dict[int, Chunk]:
     Raises
     ------
     FileError
-        One unpacks to more than the file may become.
+        A chunk exceeds the file's budget when unpacked.
     """
     found: dict[int, Chunk] = {}
     with path.open("rb") as file:
@@ -136,7 +136,7 @@ def refuse_inflated_tables(path: Path) -> None:
     with closing(sqlite3.connect(f"file:{path.absolute()}?mode=ro&immutable=1", uri=True)) as bag:
         bag.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, most)
         bag.execute("PRAGMA trusted_schema = OFF")
-        # of each table its columns, and whether something in it is computed
+        # columns of each table, and True for tables with computed columns
         made = "SELECT name FROM sqlite_master WHERE type = 'view' OR sql LIKE '%virtual%'"
         tables = "SELECT name FROM sqlite_master WHERE type = 'table'"
         columns = "SELECT name, hidden FROM pragma_table_xinfo(?)"

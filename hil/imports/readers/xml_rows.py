@@ -44,7 +44,7 @@ def open_xml(path: Path, _: Format) -> ArrayTable:
     Raises
     ------
     FileError
-        It is no XML, or has no such elements with numbers.
+        The file is not XML, or has no repeated elements with numbers.
     """
     with file_errors(path, "read"):
         raw = path.read_bytes()
@@ -135,7 +135,7 @@ class _Rows:
     def _take(self, place: Place, text: str) -> None:
         plain = ".".join(place)
         name, number = plain, 1
-        while name in self._row:  # an element for each joint
+        while name in self._row:  # one element per joint
             number += 1
             name = f"{plain}/{number}"
         try:

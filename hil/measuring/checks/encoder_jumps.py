@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recorder, Recording
 
 _ELSEWHERE = SampleFlag.LATE | SampleFlag.OLD | SampleFlag.UNTIMED
-"""Flags of positions with another instant than their time stamp."""
+"""Flags of positions whose instant differs from their time stamp."""
 USUAL = 0.99
 """Share of the bends of a motion that count as usual."""
 OF_ONE_JUMP = 6
@@ -74,10 +74,10 @@ def refuse_jumps(
     ----------
     recording : Recording
     acceleration : float
-        Highest of the motion [rad/s^2 or m/s^2].
+        Highest acceleration of the motion [rad/s^2 or m/s^2].
     resolution : sequence (n_joints,) or float
-        Steps of the encoders: in a creep positions rest for many samples between two steps
-        [rad or m].
+        Steps of the encoders [rad or m]: in a creep, positions are constant for many samples
+        between two steps.
     units : sequence of str
         Units of the axes' positions; rad by default.
 
@@ -133,7 +133,7 @@ class _Path:
         here = self._intervals[1:]
         bends = np.abs(np.diff(self._speeds)) * here
         motion = np.maximum(resolution, acceleration * here * (here + self._intervals[:-1]) / 2)
-        # two instants of a bend may be off, in opposite directions
+        # two instants of a bend may have errors of opposite sign
         reach = (
             2 * np.minimum(self._ages[1:-1], self._ages[-1]) * np.abs(_median(self._speeds[:-1]))
         )

@@ -24,13 +24,17 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 TIMES = 5.0
-"""Minimum ratio of a position's step or jump to the steps explained by acceleration or usual."""
+"""Minimum ratio of a position's step to the usual step and
+to the step explained by acceleration.
+"""
 LEAST = 10
 """Minimum number of changes of a current for a judgement of the intervals."""
 OFTEN_TIMES = 2.0
-"""Minimum ratio as `TIMES`, for `FEW` occurrences: from rest, acceleration explains half a step."""
+"""Minimum ratio like `TIMES`, for `FEW` occurrences: from rest,
+acceleration explains half a step.
+"""
 FEW = 3
-"""Minimum number of stale positions that are no transmission errors."""
+"""Minimum number of stale positions that cannot be transmission errors."""
 OFTEN = 0.1
 """Minimum share of changes after stale positions: a slow drive is always slow."""
 BY_CHANCE = 0.05
@@ -52,7 +56,7 @@ def mark_old_values(
     ----------
     recording : Recording
     acceleration : float
-        Highest of the motion [rad/s^2 or m/s^2].
+        Highest acceleration of the motion [rad/s^2 or m/s^2].
     axes : sequence of AxisInfo
         Axes, for the steps of positions and torques.
 
@@ -83,10 +87,10 @@ def mark_old_values(
 def _old_positions(q: Array, least: float) -> tuple[Mask, int]:
     """Return stale samples, between two large steps in one direction, and the renewal in SYNCs.
 
-    And every how many SYNCs the drive renews its position.
+    The renewal is the number of SYNCs between two new positions.
     """
     steps = np.diff(q)
-    changes = np.flatnonzero(steps)  # a missing sample is a change of which nothing follows
+    changes = np.flatnonzero(steps)  # a missing sample counts as a change without any consequence
     before, after = steps[changes[:-1]], steps[changes[1:]]
     rests = np.diff(changes)
     sizes = np.minimum(np.abs(before), np.abs(after)) * ((before * after > 0) & (rests > 1))
@@ -101,7 +105,7 @@ def _old_positions(q: Array, least: float) -> tuple[Mask, int]:
 def _old_torques(tau: Array) -> Mask:
     """Return stale samples of a current that hardly ever changes twice in succession.
 
-    In the whole recording, or in a stretch of it.
+    Stretches may cover a part of the recording only.
     """
     changes = np.flatnonzero(np.diff(tau[np.isfinite(tau)]))
     intervals = np.diff(changes)

@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 __all__ = ["Finding", "check"]
 
 TOLERATED = 0.01
-"""Maximum share of SYNCs without a telegram or left out, and of doubled or late telegrams.
+"""Maximum share of SYNCs that were skipped or have no telegram, and of doubled or late telegrams.
 
-The estimator leaves gaps out.
+The estimator skips gaps.
 """
 UNTIMED = 0.1
 """Maximum share of samples with an uncertain instant, left out by the estimation."""
@@ -61,7 +61,7 @@ def check(recording: Recording, measurement: Measurement, robot: Robot) -> list[
     Returns
     -------
     list of Finding
-        Empty when the recording is fit to be used.
+        Failed checks; empty for a usable recording.
     """
     steps = (*ALWAYS, *CHECKS[measurement.kind])
     return [finding for step in steps for finding in step(recording, measurement, robot)]
@@ -148,7 +148,7 @@ def _saturation(recording: Recording, measurement: Measurement, robot: Robot) ->
     saturated = int(at.sum())
     if not saturated:
         return
-    # a drive whose set-points stay out stops at once, with all the torque that it has
+    # a drive without new set-points stops at once, with its full torque
     late, t = recording.time[_left_out(recording) > 0], recording.time[at]
     after = int((np.searchsorted(late, t, "right") > np.searchsorted(late, t - LATE_FOR)).sum())
     plan = "plan a smaller acceleration or another configuration"

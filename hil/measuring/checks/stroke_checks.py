@@ -142,7 +142,7 @@ def opposed(recording: Recording, measurement: Strokes, robot: Robot) -> Iterato
 def _torques(recording: Recording, measurement: Strokes) -> tuple[Array, Array, float] | None:
     """Return mean torques at constant velocity, directions, and the largest noise of a mean.
 
-    None where a stroke has too few samples.
+    Return None if a stroke has too few samples.
     """
     profiles = [measurement.profile(stroke) for stroke in range(measurement.n_strokes)]
     torque = [
@@ -215,7 +215,7 @@ def _peak(
     unit: str,
 ) -> Iterator[Finding]:
     reached = _highest_velocity(recording.time[span], recording.q[span, axis], recording.period)
-    # an accelerating stroke has to reach nine tenths of its profile's highest speed
+    # an accelerating stroke must reach nine tenths of its profile's highest speed
     wanted = 0.9 * _ideal_velocity(profile, round(recording.period, 9))
     if reached < wanted:
         even = _evenly(recording).time[span]

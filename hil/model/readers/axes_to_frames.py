@@ -29,7 +29,7 @@ class Frames:
     Attributes
     ----------
     alpha, d, theta, r : ndarray, shape (n_joints,)
-        [rad], [m], [rad], [m].
+        Parameters of the frames [rad], [m], [rad], [m].
     base : ndarray, shape (4, 4)
         Frame 0 in the base link.
     """

@@ -57,7 +57,7 @@ _COMMENT = "#"
 class DhRow(FileModel):
     """Row of the table for a joint, with optional limits.
 
-    Angles and lengths are in the table's units; a limit is in those of the joint.
+    Angles and lengths are in the table's units, limits in those of the joint.
     """
 
     type: Literal["revolute", "prismatic"] = "revolute"
@@ -127,9 +127,9 @@ class DhRobot:
     notation : {"standard", "modified"}
     joints : tuple of LimitedJoint
     frames : Frames
-        Modified; frame 0 is the table's.
+        Frames in modified notation; frame 0 is that of the table.
     rounded : float
-        Largest difference between an angle as stated and as it was understood [rad].
+        Largest change of an angle by rounding to quarter turns [rad].
     """
 
     name: str

@@ -54,7 +54,7 @@ class MjcfChain(UrdfChain):
     bodies, dofs : tuple of int
         Number of the body and of the degree of freedom of each joint, as compiled.
     stated_gravity : tuple of float
-        In the world [m/s^2].
+        Gravity in the world frame [m/s^2].
     springs : tuple of int
         Joints, from 1, with a stiffness.
     not_taken : tuple of str

@@ -49,7 +49,7 @@ class MjcfText:
     ----------
     files : dict of Path to XmlFile
     bodies : list of (Placed, list of Placed)
-        Each body with its joints; the world is the first, without an element of its own.
+        Bodies with their joints; the first is the world, which has no element.
     """
 
     def __init__(self, path: Path) -> None:
@@ -127,21 +127,21 @@ class MjcfText:
     def reduce(self) -> tuple[str, dict[str, bytes]]:
         """Return the content for MuJoCo's compiler: bodies, joints and sources of inertia.
 
-        Textures, height fields, tables and the like may be as large as a few characters state, and
-        name any file. None of them moves a joint, so they are left out; meshes are read here, and
-        those of bodies with an inertial are not needed.
+        A few characters may declare huge textures, height fields or tables, or name any file. These
+        do not affect joints and are omitted. Meshes are read here, except those of bodies with an
+        inertial.
 
         Returns
         -------
         text : str
-            Without includes.
+            Text without includes.
         assets : dict of str to bytes
-            Meshes by the names that the text has for them.
+            Meshes by their names in the text.
 
         Raises
         ------
         FileError
-            A mesh that is needed is not there, is outside of the folder, or is made by MuJoCo.
+            A required mesh is missing, outside of the folder, or made by MuJoCo.
         """
         root, geoms = Element("mujoco"), list[Element]()
         for each in self._parts("option"):

@@ -52,13 +52,13 @@ def draft_robot(source: UrdfChain | DhRobot, gravity: Sequence[float] | None = N
     source : UrdfChain or DhRobot
         Chain of a URDF, or table.
     gravity : sequence of three floats, optional
-        In the URDF's base link, or in the table's frame 0 [m/s^2]. By default that of the earth:
-        along -z of the URDF's root, turned by the joints above the base link, or of frame 0.
+        Gravity in the URDF's base link, or in the table's frame 0 [m/s^2]. By default that of the
+        earth: along -z of the URDF's root, turned by the joints above the base link, or of frame 0.
 
     Raises
     ------
     FileError
-        As of `hil.model.readers.urdf.UrdfChain.gravity`.
+        See `hil.model.readers.urdf.UrdfChain.gravity`.
     """
     if isinstance(source, UrdfChain):
         title = [comment(f"Robot {_ends(source)}, drafted from a URDF."), *_ABOUT_MARKS]
@@ -106,7 +106,7 @@ def mjcf_as_stated(chain: MjcfChain, gravity: Sequence[float] | None = None) -> 
     ----------
     chain : MjcfChain
     gravity : sequence of three floats, optional
-        In the world [m/s^2]; that of the file by default.
+        Gravity in the world frame [m/s^2]; by default that of the file.
     """
     text = robot_as_stated(chain, chain.stated_gravity if gravity is None else gravity, "MJCF")
     left_out = "".join(comment(f"not taken: {each}") + "\n" for each in chain.not_taken)

@@ -77,7 +77,7 @@ class UrdfJoint(LimitedJoint):
     Attributes
     ----------
     link : str
-        Name of the link that it carries.
+        Name of the link moved by the joint.
     before : ndarray, shape (4, 4)
         Frame in that of the previous joint (first joint: in the base link) at q = 0.
     axis : ndarray, shape (3,)
@@ -111,9 +111,9 @@ class UrdfChain:
         Names of the robot and of the two links.
     joints : tuple of UrdfJoint
     after : ndarray, shape (4, 4)
-        The tip's frame in that of the last joint.
+        Frame of the tip, relative to that of the last joint.
     rounded : float
-        Largest difference between an angle as stated and as it was understood [rad].
+        Largest change of an angle by rounding to quarter turns [rad].
     mount : ndarray, shape (3, 3)
         Rotation of the base link in the root, by the joints above the chain at zero.
     tilting : str
@@ -135,7 +135,7 @@ class UrdfChain:
         Parameters
         ----------
         stated : sequence of three floats, optional
-            In the base link; by default that of the earth along -z of the URDF's root.
+            Gravity in the base link; by default that of the earth along -z of the URDF's root.
 
         Raises
         ------
@@ -183,18 +183,19 @@ def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None)
     ----------
     path : path
     base, tip : str, optional
-        Names of links; by default those of the chain with most joints that move.
+        Names of links; by default those of the chain with the most moving joints.
 
     Raises
     ------
     FileError
-        No URDF, no such link, or a chain with a joint that cannot be driven by itself.
+        The file is not a URDF, a link does not exist, or a joint of the chain cannot be driven
+        independently.
     """
     return UrdfReader(Path(path)).chain(base, tip)
 
 
 class UrdfReader:
-    """Parsed URDF: `links`, and joints `below` and `above` every link, elements of the `file`."""
+    """Parsed URDF: `links`, and joints `below` and `above` each link as elements of the `file`."""
 
     def __init__(self, path: Path) -> None:
         self.file = XmlFile(path)
@@ -364,7 +365,7 @@ class UrdfReader:
             )
         kind: Literal["revolute", "prismatic"]
         kind = "prismatic" if stated == "prismatic" else "revolute"
-        smaller = 180.0 / math.pi if kind == "revolute" else 1e3  # degrees or mm in one unit
+        smaller = 180.0 / math.pi if kind == "revolute" else 1e3  # degrees or mm in the other unit
         limit = element.find("limit")
         ranged = limit if stated != "continuous" else None
         at = self.file.line(element if limit is None else limit)
@@ -450,8 +451,8 @@ class UrdfReader:
 def _limit(stated: float, greatest: float) -> float:
     """Return a limit, or NaN above the greatest plausible value in any unit.
 
-    Published URDFs state +-10000 rad, say, where there is no limit; a value that is possible in
-    degrees, mm or mN m is kept, and refused with that remark.
+    Published URDFs state values such as +-10000 rad for unlimited joints. A value possible in
+    degrees, mm or mN m is kept, and refused later with a remark on the unit.
     """
     return math.nan if abs(stated) > greatest else stated
 

@@ -162,8 +162,8 @@ def _shares(
 ) -> list[int]:
     """Divide `count` among elements in proportion to the parameters in every row.
 
-    Elements that are like an offset wherever they are measured get few, unless all are and more
-    are asked for.
+    Elements that cannot be distinguished from an offset get few measurements, unless all elements
+    are of this kind.
     """
     varying = [
         not e.like_offset or bool(np.ptp(r, axis=0).any())

@@ -68,7 +68,7 @@ def design_within(
     ----------
     robot : Robot
     minutes : float
-        Travel and warm-up included [min].
+        Duration including travel and warm-up [min].
     noise : Noise
         Disturbances of the torques.
     warm_up : float
@@ -91,7 +91,7 @@ def design_within(
     selection = Selection(guarded, options)
     for number in core:
         selection.take(number)
-    if not with_trajectories:  # every period of which moves all axes
+    if not with_trajectories:  # each period of a trajectory moves all axes
         _reserve(robot, selection)
     budget, least = 60 * minutes - warm_up, len(selection.chosen)
     order = _fill(robot, selection, budget, least, workspace)
@@ -112,20 +112,20 @@ def refine(
     ----------
     robot : Robot
     minutes : float
-        Travel included [min].
+        Duration including travel [min].
     noise : Noise
-        Disturbances of the torques, best from the run.
+        Disturbances of the torques, preferably estimated from the run.
     known : Information
         Information of the run's measurements.
     run : Plan
         Plan of the run, source of workspace and sampling.
     taken : set of str, optional
-        Ids to be avoided; those of the run by default.
+        Existing ids; those of the run by default.
 
     Raises
     ------
     ValueError
-        Not even one measurement fits.
+        The time is too short for any measurement.
     """
     guarded = narrow_ranges(robot, run.workspace)
     options = pool(guarded, run.workspace, run.sample_period, noise)
@@ -176,7 +176,7 @@ def _fill(
     robot: Robot, selection: Selection, budget: float, least: int, workspace: Workspace | None
 ) -> list[ParameterMeasurement]:
     """Fill the `budget` [s] with measurements, and drop the last ones in excess."""
-    # choose for 15 % more than the budget; the travels in order decide what fits
+    # choose for 15 % more than the budget; the number that fits depends on the travels
     while selection.duration < 1.15 * budget or len(selection.chosen) < least:
         selection.take_best()
     chosen = selection.measurements
@@ -220,7 +220,7 @@ def _count_fitting(
     Raises
     ------
     ValueError
-        Not even `least` of them.
+        Fewer than `least` measurements fit.
     """
     needed = total_duration(robot, _tour(robot, chosen[:least]))
     if needed > budget:

@@ -57,13 +57,13 @@ class Option:
     Attributes
     ----------
     group : str
-        Group of base parameters that its kind serves; empty where it serves all.
+        Group of base parameters of the measurement's kind; empty for all groups.
     measurement : ParameterMeasurement
         Measurement with a provisional id.
     row : ndarray, shape (n_row,)
         Row of the group's regressor, relative to the torque limit.
     worth : tuple of (indices, matrix)
-        For each axis that it moves: which unknowns, and what it is worth about them.
+        Indices of unknowns and information about these, for each moved axis.
     """
 
     group: str
@@ -119,7 +119,7 @@ def trajectories(
     Raises
     ------
     ValueError
-        None of them keeps clear of the workspace's boxes.
+        No trajectory keeps clear of the workspace's boxes.
     """
     noise = noise.sampled(robot, period)
     mean = noise.mean(THINNED)

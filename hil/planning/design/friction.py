@@ -75,7 +75,7 @@ def sweep(
     Parameters
     ----------
     axes : sequence of int
-        Indices from 0; none for all.
+        Axes from 0; none for all.
     speeds : int
         Number of speeds of each axis.
     slowest : float
@@ -86,7 +86,7 @@ def sweep(
     Raises
     ------
     ValueError
-        An axis whose range is too short, or no clear configuration.
+        The range of an axis is too short, or no configuration is clear.
     """
     bench = _Bench(robot, workspace)
     measurements = []
@@ -112,7 +112,7 @@ def stops(
     Raises
     ------
     ValueError
-        An axis whose range is too short, or no clear configuration.
+        The range of an axis is too short, or no configuration is clear.
     """
     bench = _Bench(robot, workspace)
     velocity = CONTINUOUS * bench.top(axis)
@@ -143,7 +143,7 @@ def operation(
     Raises
     ------
     ValueError
-        An axis whose range is too short, or no clear configuration.
+        The range of an axis is too short, or no configuration is clear.
     """
     bench = _Bench(robot, workspace)
     measurements: list[Friction] = []

@@ -97,7 +97,7 @@ class WithoutLoad:
         Highest friction of each axis [N m or N].
     noise : Noise
     information : ndarray, shape (n_unknowns, n_unknowns)
-        About all unknowns, under that noise.
+        Information on all unknowns, under `noise`.
     """
 
     robot: Robot
@@ -190,7 +190,7 @@ class WithoutLoad:
         return float(np.max(shares))
 
     def bodies(self, mass: float) -> list[Array]:
-        """Return loads of this mass centred in the last frame and `REACH` off each way."""
+        """Return loads of a mass, centred in the last frame and `REACH` off in each direction."""
         shown = np.abs(self.columns.free).max(axis=1) > 0
         loads = [_body(mass, np.zeros(3), shown)]
         for k, at in enumerate(FIRST_MOMENTS):
@@ -209,15 +209,15 @@ def slow_plan(
     minutes : float
         Duration of both stages, travels included.
     heaviest : float, optional
-        Mass that the load has at most [kg].
+        Upper bound of the load's mass [kg].
     poses : tuple of (int, float)
-        Axes, indices from 0, that are held where stated [rad or m].
+        Held axes, from 0, with their positions [rad or m].
 
     Raises
     ------
     InvalidValue
-        Too little time, a pose out of an axis's range, or no stroke in which all axes hold
-        `heaviest`.
+        Too little time, a pose outside an axis's range, or no stroke with `heaviest` within all
+        torque limits.
     """
     loads = [np.zeros(10), *([] if heaviest is None else bare.bodies(heaviest))]
     options = [each for each in _options(bare, poses) if _is_slow(each.measurement)]
@@ -240,7 +240,7 @@ def fast_plan(
     Raises
     ------
     NotEnoughData
-        A mass that the slow stage leaves open, or no measurement in which all axes can move it.
+        The slow stage did not determine the mass, or no measurement is within all torque limits.
     InvalidValue
         Too little time.
     """

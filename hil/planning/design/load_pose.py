@@ -34,9 +34,9 @@ class Pose(NamedTuple):
     Attributes
     ----------
     axis : int
-        Number from 1 of the one to be held; of the one that moves where no position matters.
+        Axis to be held, from 1; if no position matters, the moving axis.
     position : float or None
-        [rad or m]; None where no position matters.
+        Position of the held axis [rad or m]; None if no position matters.
     share : float
         Predicted standard deviation after another measurement, relative to the present one.
     """

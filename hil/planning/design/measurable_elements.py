@@ -56,13 +56,13 @@ class Element:
     Attributes
     ----------
     axis, accelerated : int
-        Axis whose torque is read and axis that accelerates, indices from 0; alike but for coupling.
+        Axis whose torque is read, and accelerated axis, from 0; equal except for coupling.
     strokes : dict
-        Way of each axis that moves [rad].
+        Distance of each moving axis [rad].
     row : callable
-        Rows of configurations over the group's parameters.
+        Function from configurations to rows over the group's parameters.
     measure : callable
-        Measurement of this element from its id, configuration and number, from 1.
+        Function from id, configuration and number (from 1) to a measurement of this element.
     """
 
     axis: int
@@ -126,7 +126,7 @@ def coupling_elements(robot: Robot, columns: list[int]) -> list[Element]:
     Raises
     ------
     ValueError
-        An axis whose range is too short to creep while its partner goes back and forth.
+        The range of an axis is too short for creeping during the partner's strokes.
     """
     middle = (robot.q_min + robot.q_max) / 2
 
@@ -167,7 +167,7 @@ def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> A
     Raises
     ------
     ValueError
-        None keeps clear of the workspace's boxes.
+        No configuration keeps clear of the workspace's boxes.
     """
     q = _spread(robot, element.strokes, element.row)
     return _clear(robot, workspace, element.strokes, q) if workspace else q

@@ -162,5 +162,5 @@ def _refuse_slow(robot: Robot, axis: int, velocity: float, what: str) -> None:
 
 
 def _room(robot: Robot, axis: int) -> float:
-    # at most half of a joint's range; the rest is left for the choice of configurations
+    # at most half of a joint's range; the rest is for the choice of configurations
     return 0.5 * float(robot.q_max[axis] - robot.q_min[axis])

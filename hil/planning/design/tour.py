@@ -34,7 +34,7 @@ TRAVEL: float = Plan.model_fields["travel"].default
 def nearest_first(robot: Robot, here: Array, places: Array) -> list[int]:
     """Return the numbers of `places` (n, n_joints) in nearest-neighbour order of travel time.
 
-    The first is the one that is nearest to `here`.
+    The first place is the nearest to `here`.
     """
     left, tour = list(range(len(places))), list[int]()
     while left:
@@ -50,12 +50,12 @@ def guarded_tour(robot: Robot, workspace: Workspace, measurements: Sequence[M]) 
     Raises
     ------
     ValueError
-        A measurement that no clear travel leads to.
+        No clear travel leads to a measurement.
     """
     starts = np.array([measurement.start for measurement in measurements])
     ways = _Ways(robot, workspace, starts)
     tour: list[int] = []
-    # try up to 8 measurements as the first
+    # up to 8 measurements are tried as the first
     for first in range(min(8, len(measurements))):
         tour = max(tour, ways.greedy(first), key=len)
         if len(tour) == len(measurements):

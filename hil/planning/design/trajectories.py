@@ -93,12 +93,12 @@ def design_trajectory(
     harmonics : int
         Harmonics of each joint's Fourier series, at least 2.
     speed : ndarray, shape (n_joints,), optional
-        Above which an axis would lag too far behind its set-points [rad/s or m/s].
+        Speed bound of each axis that limits its following error [rad/s or m/s].
 
     Raises
     ------
     ValueError
-        So few harmonics that none could rest at the beginning of a period.
+        Too few harmonics for rest at the beginning of a period.
     """
     effort = search or Search()
     basis = Basis(robot, period, harmonics, speed)
@@ -123,14 +123,14 @@ class Basis:
     period : float
         Period of the fundamental [s].
     harmonics : int
-        At least 2.
+        Number of harmonics, at least 2.
     speed : ndarray, shape (n_joints,), optional
-        Bound of each joint's speed beside its limit [rad/s or m/s].
+        Additional bound of each joint's speed [rad/s or m/s].
 
     Raises
     ------
     ValueError
-        Fewer harmonics: a single one cannot rest at t = 0.
+        A single harmonic, which cannot rest at t = 0.
     """
 
     def __init__(
@@ -321,8 +321,8 @@ def _null(rows: Array) -> Array:
 def design_validation(robot: Robot) -> Plan:
     """Plan a validation motion of half a minute.
 
-    No best motion is needed, only another one than that of `hil plan --kind trajectory`, whose
-    motion models are made from: so the search is short and has a seed of its own.
+    The motion only has to differ from that of `hil plan --kind trajectory`, used for
+    identification, so the search is short, with another seed.
     """
     effort = Search(random=100, refined=1, steps=10)
     found = design_trajectory(robot, cycles=3, seed=22, search=effort, name="validation")

@@ -51,16 +51,17 @@ class Identifiability:
     names : tuple of str
         Parameters of the group.
     rows : int
-        Measurements that serve it.
+        Number of measurements for the group.
     rank : int
         Rank of the observation matrix; full at ``len(names)``.
     condition : float
-        Ratio of its largest to its smallest singular value; inf where the rank is short.
+        Ratio of the observation matrix's largest to its smallest singular value; inf for a rank
+        defect.
     poorly_identifiable : tuple of str
-        Parameters that cannot be distinguished from others, or only badly.
+        Parameters that are hardly or not distinguishable from others.
     hidden : tuple of str
-        Parameters that gravity measurements do not distinguish from offsets of the torque, or from
-        each other: acceleration shows them.
+        Parameters that gravity measurements do not distinguish from torque offsets or from each
+        other, but acceleration does.
     """
 
     group: str
@@ -120,11 +121,11 @@ def eliminate_others(
     Parameters
     ----------
     rows : ndarray, shape (n, n_base)
-        Weighted, of elements of g(q) and M(q).
+        Weighted rows of elements of g(q) and M(q).
     of_gravity : ndarray, shape (n,)
         Axis of each row of g(q), whose offset is unknown; -1 for rows of M(q).
     columns : sequence of int
-        Indices of the parameters that are of interest.
+        Indices of the parameters of interest.
 
     Returns
     -------

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from hil.planning.trapezoid import Trapezoid
 
 REACH = 1.0 / 30.0
-"""Distance in time over which samples near a reversal spoil others [s]."""
+"""Time near a reversal within which the filters are affected by it [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -237,7 +237,7 @@ def partner_strokes(measurement: Strokes, partner: Partner) -> Iterator[tuple[fl
     Yields
     ------
     tuple of float and Trapezoid
-        When a stroke begins, since the recording does [s], and its profile.
+        Start of a stroke since the start of the recording [s], and its profile.
     """
     number = 0
     for each, begin in enumerate(measurement.beginnings[:-1]):

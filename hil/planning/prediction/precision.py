@@ -55,7 +55,7 @@ class Information:
     matrix : ndarray, shape (n, n)
         Matrix of the weighted normal equations.
     scatter : ndarray, shape (n, n)
-        Covariance of their right-hand side.
+        Covariance of the right-hand side of the normal equations.
     """
 
     matrix: Array
@@ -74,9 +74,9 @@ class Precision:
     names, meanings, units : tuple of str
         Names, meanings and units of the base parameters.
     deviation : ndarray, shape (n_base,)
-        Standard deviations, inf where a parameter is not identifiable.
+        Standard deviations; inf for unidentifiable parameters.
     effect : ndarray, shape (n_base,)
-        Torque that a standard deviation amounts to, as share of the axis's limit.
+        Torque equivalent to a standard deviation, as a share of the axis's limit.
     source : str
         Source of the noise figures.
     """
@@ -121,8 +121,8 @@ def information(
 ) -> Information:
     """Compute the information of the `measurements` used by the simultaneous estimator.
 
-    Strokes are judged by means of as many samples as the estimator takes for one, which says the
-    same in less time; trajectories, whose corners are everywhere, sample by sample.
+    For strokes, means over the estimator's decimation are used, which is equivalent and faster;
+    trajectories are evaluated sample by sample, because corners may be anywhere.
     """
     each, noise = max(1, round(APART / period)), noise.sampled(robot, period)
     useful = [m for m in measurements if shows_parameters(m)]
@@ -168,8 +168,8 @@ def covariance(known: Information, n_base: int) -> Array:
 def torque_scale(robot: Robot) -> Array:
     """Compute the largest torque per unit of every base parameter, as share of an axis's limit.
 
-    Root mean square over instants spread over ranges, speeds and accelerations of all joints, up
-    to their limits; shape (n_base,).
+    The result, shape (n_base,), is the root mean square over instants that cover ranges, speeds and
+    accelerations of all joints up to the limits.
     """
     A = regressor(robot, *whole_range(robot))
     scale: Array = (np.sqrt(np.mean(A**2, axis=0)) / robot.torque_limit[:, np.newaxis]).max(axis=0)

@@ -39,17 +39,17 @@ def current(
     Parameters
     ----------
     read : callable
-        Returns what is kept in a folder, or None.
+        Function that returns the kept result of a folder, or None.
     name : str
         Name of the result's file.
     command : str
-        Command to make the result anew.
+        Command to renew the result.
 
     Returns
     -------
     kept : K or None
     note : str
-        Empty where there is nothing, or nothing wrong with it.
+        Reason for not showing the result; empty if shown or missing.
     """
     try:
         kept = read(run.source)

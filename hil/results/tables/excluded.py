@@ -62,7 +62,7 @@ def _rows(proof: Excluded, n_joints: int) -> Iterator[Row]:
         own = [each for each in proof.limits if (each.cause, each.part) == (cause, part)]
         name, units = f"{cause} {part}".strip(), dict.fromkeys(each.unit for each in own)
         axes = range(1, n_joints + 1) if own[0].axis else (0,)
-        # a limit says what would have been found, which says nothing of a cause that was
+        # a limit is the size that would have been found, which is irrelevant for a found cause
         cells = [
             FOUND
             if (cause, axis) in proof.places
@@ -104,7 +104,7 @@ def sentences(proof: Excluded) -> Iterator[str]:
 
 
 def distinguished(found: Distinguished, source: str) -> Table:
-    """Return the table of detectable and distinguishable sizes of causes in a plan."""
+    """Return the table of sizes of causes that a plan detects and distinguishes."""
     heads = ("usual", "found, before", "after", "apart, before", "after")
     rows = (
         (after.name, after.unit, significant(after.usual, 2) if after.usual else "",

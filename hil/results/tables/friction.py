@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 def campaign_friction(model: IdentifiedRobot) -> Table:
     """Return the table of friction laws, with friction at two speeds; empty without laws."""
-    # a law estimated with the parameters has a table of its own
+    # a law estimated with the parameters has a separate table
     laws = enumerate(() if model.details.with_law else model.friction_law.axes)
     speed, torque = f"{model.robot.position_units}/s", model.robot.torque_units
     return table(

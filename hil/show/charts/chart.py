@@ -54,7 +54,7 @@ class Points:
     ids : sequence of str
         Ids of the measurements behind the points, if any, as links to recordings.
     label : str
-        In the legend; a label stands there once.
+        Label in the legend, where equal labels appear once.
     """
 
     x: ArrayLike

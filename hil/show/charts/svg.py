@@ -208,7 +208,7 @@ def _left_margin(panel: Panel) -> float:
 def _up(panel: Panel, top: float) -> list[tuple[float, str]]:
     """Return positions and labels of the vertical axis; an empty label without marks."""
     y = _upright(panel, top)
-    # approximate spacing; at least three marks, so that two of them show the scale
+    # approximate spacing; at least three marks, so that two marks show the scale
     marks = y.marks(max(3, int(panel.height / 26.0)))
     return text_of(marks if panel.rows is None else panel.rows, y) or [(top, "")]
 

@@ -1,4 +1,4 @@
-"""What buses can do beyond python-can's interface, and what a bus in front of another passes on."""
+"""Capabilities of buses beyond python-can's interface, and their forwarding by wrapping buses."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames by the block: what is taken out of it at once is what its messages say one by one."""
+"""Blocks of frames hold the same content as their single messages."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def write(bus: can.BusABC, index: int, subindex: int, value: int, size: int) -> 
 
 
 def test_a_block_of_the_plant_is_its_messages() -> None:
-    """As a second bus on the same channel reads them, which gets them singly."""
+    """A second bus on the same channel receives the frames one by one."""
     with (
         can.Bus("manutec-r15", "sim_plant", ignore_config=True) as bus,
         can.Bus("manutec-r15", "sim_plant", ignore_config=True) as beside,

@@ -1,4 +1,4 @@
-"""A run's frames logged, and the run done again from the log."""
+"""Log of a run's frames, and repetition of the run from the log."""
 
 import threading
 import time
@@ -38,7 +38,7 @@ def drives() -> DrivesFile:
 
 @pytest.fixture
 def plan(small_plan: Plan) -> Plan:
-    """Two measurements of some seconds."""
+    """Plan of two measurements of some seconds each."""
     shared = {"axis": 3, "q": (0.0,) * 6, "stroke": 0.4}
     first = Inertia(id="i1", velocity=1.5, acceleration=10.0, **shared)
     second = Gravity(id="g1", velocity=0.6, acceleration=8.0, cycles=1, **shared)
@@ -55,7 +55,7 @@ def refuse_differences(one: RunFolder, other: RunFolder) -> None:
     for ours, theirs in zip(one, other, strict=True):
         for name in ours.recording.units:
             mine, yours = (getattr(m.recording, name) for m in (ours, theirs))
-            if name == "flags":  # a log has one instant for each SYNC, not how uncertain it was
+            if name == "flags":  # a log has one instant for each SYNC, without its uncertainty
                 mine, yours = (flags & ~np.uint8(SampleFlag.UNTIMED) for flags in (mine, yours))
             assert np.array_equal(mine, yours, equal_nan=mine.dtype.kind == "f"), name
 
@@ -74,13 +74,13 @@ def test_a_run_is_reproduced_sample_for_sample_from_a_log_in_any_format(
 
 @pytest.fixture(scope="module")
 def logged_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with run, log and plan."""
+    """Folder with run, log and plan."""
     return tmp_path_factory.mktemp("logged")
 
 
 @pytest.fixture
 def log(logged_run: Path, plan: Plan, manutec: Robot, drives: DrivesFile) -> Path:
-    """Log of a run of `plan`, made once."""
+    """Log of a run of `plan`, recorded once."""
     path = logged_run / "frames.log"
     if not path.exists():
         bus = open_drive_bus(drives, "sim_plant", "manutec-r15", frame_log=path)
@@ -172,7 +172,7 @@ def test_both_directions_time_and_channel_are_logged(log: Path) -> None:
 
 @contextmanager
 def served_plant(channel: str) -> Iterator[can.BusABC]:
-    """A plant by the wall clock behind a stock bus, in a thread."""
+    """Plant on the wall clock, with a stock bus, in a thread."""
     stop = threading.Event()
     with can.Bus(interface="virtual", channel=channel) as theirs:
         plant = load_plant("manutec-r15")
@@ -268,7 +268,7 @@ def test_without_directions_in_the_log_the_connection_set_tells_who_sent_what(
         ("none.log", None),
         ("empty.log", b""),
         ("other.txt", b"hello\n"),
-        ("damaged.blf", b"LOGG and more of what is no log"),  # python-can leaves it open
+        ("damaged.blf", b"LOGG and more of what is no log"),  # python-can does not close the file
     ],
 )
 def test_what_is_no_log_cannot_be_replayed(
@@ -301,7 +301,7 @@ def test_a_log_that_cannot_be_written_is_told_before_anything_moves(
 
 
 class Echo(can.BusABC):
-    """A bus on which every sent frame comes back."""
+    """Bus that returns every sent frame."""
 
     def __init__(self) -> None:
         self.channel_info = "echo"

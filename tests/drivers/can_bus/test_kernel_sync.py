@@ -1,4 +1,4 @@
-"""SYNC that somebody else sends, and frames that wait for their SYNC."""
+"""SYNC sent by another sender, and frames queued until their SYNC."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Task:
 
 
 class KernelBus(can.BusABC):
-    """Frames arrive at instants that a test sets; waiting for one lets the clock go on to it."""
+    """Bus with frames at instants set by a test; a wait advances the clock to the next frame."""
 
     channel_info = "vcan9"
 
@@ -198,7 +198,7 @@ def test_a_caller_slower_than_sync_judges_the_present_and_knows_what_was_passed_
 
 def test_a_queue_that_was_full_is_left_behind_for_the_next_sync(kernel: KernelBus) -> None:
     with synced(kernel) as bus:
-        for number in (1, 2, 3, 30):  # the kernel had no room for those between
+        for number in (1, 2, 3, 30):  # the kernel had no room for the frames in between
             for identifier in (0x80, *ANSWERS):
                 kernel.arrive(number * PERIOD, identifier)
         bus.send(SYNC)

@@ -149,7 +149,7 @@ def test_a_peer_that_answers_at_once_finds_us_awake_where_we_may_wait_long(
         peer.send(frame())
 
     monkeypatch.setattr(LocalBus, "_wait", sleep)
-    # however busy this computer is, no time passes before the peer has answered
+    # time stands still until the peer has answered, even on a busy computer
     monkeypatch.setattr("drivers.sync_clock.time.perf_counter", lambda: 0.0)
     monkeypatch.setattr("drivers.sync_clock.os.sched_yield", lambda: peer.send(frame()))
     assert bus.recv(timeout) is not None
@@ -314,7 +314,7 @@ def test_a_program_that_joins_a_moment_later_is_waited_for(
     with open_can_bus("local", "bench", {}) as bus:
         later.join()
         bus.send(frame())
-    with open_can_bus("local", "bench", {}):  # who is there already, is found at once
+    with open_can_bus("local", "bench", {}):  # peers that are there already are found at once
         pass
 
 

@@ -1,4 +1,4 @@
-"""Several axes in one node are driven as single drives are, whatever the node shares.
+"""Several axes in one node behave like single drives, whatever objects the node shares.
 
 The plant is the manutec r15 with two or three axes in each node, without ripple, whose phases
 follow from the node number; the peer is the same plant with a node for each axis.
@@ -36,7 +36,7 @@ MOVES = {axis: Move(target=0.1, velocity=0.5, acceleration=2.0) for axis in rang
 
 
 def regrouped(axes: list[dict[str, Any]], each: int, *, of_plant: bool = False) -> None:
-    """Put axes of a plant file or drives file into nodes of `each`."""
+    """Move axes of a plant file or drives file into nodes of `each` axes."""
     for number, axis in enumerate(axes):
         node, inner = divmod(number, each)
         (axis["drive"] if of_plant else axis).update(node=node + 1, axis=inner + 1)

@@ -1,4 +1,4 @@
-"""Frames of other masters and tools: the axes stop, and the first line says who commanded what."""
+"""Frames of other masters and tools stop the axes; the first line states sender and command."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def frame(identifier: int, data: str) -> can.Message:
 
 
 def sampled(drive_bus: Any, event: Callable[[], None]) -> None:
-    """Sample once before an event and some times after it."""
+    """Sample once before an event and several times after the event."""
     drive_bus.sample()
     event()
     for _ in range(20):
@@ -85,7 +85,7 @@ def test_other_nodes_are_not_our_business(identifier: int, data: str) -> None:
 
 
 def answers(*, size: int | None = None, twice: bool = False) -> str:
-    """Return what ends a session in which the TPDO of node 2 is cut short or comes twice."""
+    """Return the error of a session in which the TPDO of node 2 is truncated or doubled."""
     can_bus, drive_bus = build()
 
     def spoilt(sent: can.Message) -> list[can.Message]:

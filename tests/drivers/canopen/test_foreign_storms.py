@@ -1,4 +1,4 @@
-"""Storms of valid commands by other masters: no axis is energised once the run has ended."""
+"""Storms of valid commands by other masters: no axis has power after the run."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ pytestmark = pytest.mark.long
 NODES = 2
 SYNC = 0x80
 LONGEST = 400
-"""SYNCs over which a storm is spread: power-on, motions, stop and the way out."""
+"""Number of SYNCs of a storm: power-on, motions, stop and shutdown."""
 ALONE = 3.0
-"""Time for which drives are left alone afterwards, to react by themselves [s]."""
+"""Time without any master afterwards, for the drives' own reactions [s]."""
 
 Frame = tuple[int, bytes]
 nodes = st.integers(1, NODES)
@@ -41,7 +41,7 @@ OBJECTS = {
     0x6072: (2, [0, 100, 3000]), 0x607A: (4, [0, 40_000]), 0x6081: (4, [0, 100_000]),
     0x6085: (4, [1, 100_000]),
 }  # fmt: skip
-"""Objects that a tool may write: their sizes and values."""
+"""Objects that a tool may write, with sizes and values."""
 _RECORDS = frozenset({0x1016, 0x1400, 0x1800})
 
 
@@ -71,7 +71,7 @@ storms = st.lists(st.tuples(st.integers(1, LONGEST), frames), min_size=1, max_si
 
 
 class StormyBus(can.BusABC):
-    """The plant in lock-step, and another master that sends after given SYNCs of ours."""
+    """Plant in lock-step, and another master that sends after certain SYNCs of ours."""
 
     lock_step = True
 
@@ -106,7 +106,7 @@ def _message(frame: tuple[float, int, bytes]) -> can.Message:
 
 
 def run(bus: StormyBus) -> int:
-    """Let axes go back and forth on a bus; return how many samples were taken."""
+    """Move axes back and forth on a bus; return the number of samples."""
     file = load_drives(ROBOTS / "manutec-r15.drives.yaml")
     drives = file.model_copy(update={"axes": file.axes[:NODES], "sdo_timeout": 0.02})
     samples = 0

@@ -1,4 +1,4 @@
-"""Heartbeats by themselves, on a network that notes what is sent and a clock that is turned."""
+"""Heartbeats without drives, on a network that records sent frames and a clock set by tests."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PERIOD, TIMEOUT = 0.1, 0.5
 
 
 class Bench:
-    """A network with nobody on it, and the time."""
+    """Network without nodes, and its time."""
 
     def __init__(self) -> None:
         self.time = 10.0
@@ -94,7 +94,7 @@ def test_a_drive_that_was_operational_may_not_leave_that(bench: Bench) -> None:
 
 def test_another_master_that_sends_ours_is_trouble(bench: Bench) -> None:
     bench.hear(OPERATIONAL, MASTER)
-    assert bench.beats.trouble is None  # nothing is expected of anybody yet
+    assert bench.beats.trouble is None  # no node is expected yet
     bench.beats.watch()
     bench.hear(OPERATIONAL, MASTER)
     assert "another master on the bus sends our heartbeat" in str(bench.beats.trouble)

@@ -1,4 +1,4 @@
-"""What the operator reads of a slow drive, a full disk and an adapter that is gone."""
+"""Messages to the operator about a slow drive, a full disk and a missing adapter."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from drivers.session.connection import Place
 
 
 class Failing(can.BusABC):
-    """A bus of which every reception fails."""
+    """Bus whose receptions all fail."""
 
     def __init__(self, error: Exception) -> None:
         self.error, self.channel_info = error, "bench"

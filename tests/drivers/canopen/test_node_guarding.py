@@ -1,4 +1,4 @@
-"""Life guarding and the counter in SYNC: on the plant's nodes, and as the driver uses them."""
+"""Life guarding and the SYNC counter, in the plant's nodes and in the driver."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ GUARDED = {
 
 
 def desk_of(name: str) -> Desk:
-    """Drives of a personality in front of ideal axes."""
+    """Return drives of a personality with ideal axes."""
     machine = IdealMachine()
     personality = load_personality(name)
     machine.drives = tuple(replace(drive, personality=personality) for drive in machine.drives)
@@ -156,7 +156,7 @@ def test_the_axes_stop_by_themselves_when_our_guarding_requests_stay_away(
         for _ in range(50):
             drive_bus.sample()
         frames(bus)
-        for _ in range(300):  # our process is dead: there is nothing but SYNC
+        for _ in range(300):  # our process is dead: SYNC alone continues
             bus.send(SYNC)
         heard = frames(bus)
         for node in range(1, 7):
@@ -214,7 +214,7 @@ def test_a_drive_whose_counter_cannot_be_switched_off_is_refused_with_the_reason
 
 
 def watching_once(drive: Any) -> None:
-    """Have a drive take each node once for its consumer heartbeats, as CiA 301 has it."""
+    """Let a drive accept each node once for its consumer heartbeats, as in CiA 301."""
 
     def twice(index: int, sub: int, value: int) -> int | None:
         others = [drive.value(0x1016, n) for n in (1, 2) if index == 0x1016 and n != sub]

@@ -1,4 +1,4 @@
-"""What answers a SYNC and what does not, on a bus that holds the frames that a test puts there."""
+"""Valid and invalid answers to SYNC, on a bus with frames set by the test."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TPDO = struct.Struct("<Hih")
 
 
 class Bench:
-    """A bus in lock-step with two drives, neither of which answers by itself."""
+    """Bus in lock-step with two drives that do not answer of their own."""
 
     def __init__(self) -> None:
         self.queue: list[can.Message] = []

@@ -1,4 +1,4 @@
-"""Where SYNC's time comes from."""
+"""Source of SYNC's time: lock-step or wall clock."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""TPDOs that a drive holds back (inhibit time) or sends in between (event timer)."""
+"""TPDOs delayed by inhibit time, and additional TPDOs by event timer."""
 
 from __future__ import annotations
 

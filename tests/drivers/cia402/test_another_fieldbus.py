@@ -1,4 +1,4 @@
-"""The profile of drives works on whatever fieldbus carries it: here on one that is no CAN."""
+"""The drive profile works on any fieldbus; here on one other than CAN."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CiA 402 without a bus: states, routes, handshake, error codes."""
+"""CiA 402 without a bus: states, transitions, handshake, error codes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ WORDS = {
     State.FAULT_REACTION_ACTIVE: ((0x4F, 0x0F),),
     State.FAULT: ((0x4F, 0x08),),
 }
-"""Mask and value of CiA 402-2, table 29, written down a second time."""
+"""Mask and value of CiA 402-2, table 29, repeated independently of the product code."""
 
 
 def test_every_one_of_65536_statuswords_decodes_as_the_standard_says() -> None:

@@ -1,4 +1,4 @@
-"""Drives without profile position: the driver plans their ways and streams them."""
+"""Drives without profile position mode: the driver plans and streams their motions."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def bus(tmp_path: Path) -> Iterator[CanopenDriveBus]:
 
 
 def until_reached(bus: CanopenDriveBus) -> np.ndarray:
-    """Positions of all samples until all axes have arrived."""
+    """Return positions of all samples until all axes have arrived."""
     found = [bus.sample()]
     while not found[-1].reached:
         found.append(bus.sample())

@@ -1,4 +1,4 @@
-"""Drives that acknowledge a set-point late, or until the target is reached."""
+"""Drives that acknowledge a set-point late, or only at the target."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class TestConformanceWithHeldAcknowledge(conformance.DriveBusConformance):
         return lambda: CanopenDriveBus(held, drives_for("held-acknowledge"))
 
     def test_a_new_set_point_replaces_one_under_way(self, open_bus: Callable[[], DriveBus]) -> None:
-        """No such drive takes one under way: it is reached first, and then the new one."""
+        """Such drives reach the present target first, and then start to the new one."""
         with open_bus() as bus:
             start = bus.sample().q[0]
             bus.move({0: Move(start + 0.2, 0.2, 4.0)})
@@ -48,7 +48,7 @@ class TestConformanceWithHeldAcknowledge(conformance.DriveBusConformance):
 
 
 def travelled(drive_bus: CanopenDriveBus, most: float = 20.0) -> float:
-    """Sample until all axes are there; return the time that it took [s]."""
+    """Sample until all axes have arrived; return the duration [s]."""
     begin = drive_bus.sample().time
     while not (sample := drive_bus.sample()).reached:
         assert sample.time < begin + most
@@ -104,7 +104,7 @@ def test_a_halt_breaks_the_motion_off_and_the_axis_moves_again(held: can.BusABC)
         travelled(drive_bus)
         stopped = drive_bus.sample().q[0]
         assert 0 < stopped < 0.2
-        for _ in range(200):  # the set-point that waited is forgotten
+        for _ in range(200):  # the queued set-point is discarded
             assert drive_bus.sample().q[0] == pytest.approx(stopped, abs=2e-3)
         drive_bus.move({0: Move(0.3, 0.5, 5.0)})
         travelled(drive_bus)
@@ -127,7 +127,7 @@ def _go(drive_bus: CanopenDriveBus) -> None:
 
 
 def late(folder: Path, lag: float) -> str:
-    """A plant whose drives acknowledge by so much late; return its channel."""
+    """Return the channel of a plant whose drives acknowledge with this delay."""
     (folder / "late.yaml").write_text(yaml.safe_dump({"name": "late", "acknowledge_lag": lag}))
     channel = plant_file(folder, "plain")
     plant = yaml.safe_load((folder / "plain.yaml").read_text())

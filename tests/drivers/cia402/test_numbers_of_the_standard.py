@@ -1,4 +1,4 @@
-"""Bits, modes and objects of the profile against the standard's numbers, written down once more."""
+"""Bits, modes and objects of the profile equal the standard's numbers, repeated here."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ON_NO_DATA_SHEET = {
     (0x60A9, 0): "u32",
     (0x60AA, 0): "u32",
 }
-"""Objects of CiA 402-2 that some drives have and the simulated one has not."""
+"""Objects of CiA 402-2 that some drives have, but not the simulated one."""
 
 
 def test_bits_of_the_statusword_are_those_of_the_standard() -> None:

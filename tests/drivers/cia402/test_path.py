@@ -1,4 +1,4 @@
-"""A path that is slowed down along itself: where it leads, and within which limits."""
+"""Slowed-down paths: set-points and limits."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from drivers.cia402.path import OUT, RECOVERY, Path
 
 PERIOD = 0.004
 LIMITS = (2e5, 1e5)
-"""Of acceleration [increments/s^2]."""
+"""Limits of acceleration [increments/s^2]."""
 WINDOWS = (300.0, 300.0)
-"""Of the following error [increments]."""
+"""Following error windows [increments]."""
 T = PERIOD * np.arange(1500)
 SIZE = np.array([3e4, -1e4])
 
 
 def swing(t: np.ndarray) -> np.ndarray:
-    """Two axes that swing from rest to rest, at up to 0.93 of their limits."""
+    """Return a path of two axes that swing from rest to rest, at up to 0.93 of their limits."""
     phase = 2 * np.pi * np.clip(t, 0.0, 5.0) / 2.5
     return SIZE / 2 * np.column_stack([1 - np.cos(phase), 1 - np.cos(phase)])
 
 
 def passed(calm: set[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Set-points, where they stand and the paces, of a path that is to be slow in some periods."""
+    """Return set-points, path positions and paces of a path that slows down in some periods."""
     path = Path(swing(T), LIMITS, WINDOWS, PERIOD)
     points, at, pace = [path.targets], [path.at], [path.pace]
     for number in range(4000):
@@ -49,7 +49,7 @@ def test_a_path_slowed_down_stays_on_itself_and_within_the_limits_of_acceleratio
     points, at, pace = passed(set(range(begin, begin + duration)))
     assert np.abs(points - swing(PERIOD * at)).max() < 1.0
     bend = np.diff(points, n=2, axis=0) / PERIOD**2
-    rounding = 2 / PERIOD**2  # of the set-points to whole increments
+    rounding = 2 / PERIOD**2  # set-points are rounded to whole increments
     assert (np.abs(bend).max(axis=0) <= np.array(LIMITS) + rounding).all()
     assert pace[-1] == 1.0
     assert at[-1] == len(T) - 1
@@ -109,7 +109,7 @@ def test_set_points_that_are_all_a_little_late_slow_a_path_down_by_the_time_they
     for number in range(1200):
         path.note_late(0.2 * PERIOD * (number % 2))
         path.step()
-        path.at = min(path.at, 600.0)  # where the swing is quick
+        path.at = min(path.at, 600.0)  # fast section of the swing
     assert path.pace == pytest.approx(OUT / 0.1, rel=0.02)
 
 

@@ -20,7 +20,7 @@ WORDS = {State.FAULT: 0x08, State.FAULT_REACTION_ACTIVE: 0x0F}
 
 
 class OtherDrive(FakeDrive):
-    """A drive that takes its time, is in a fault, or answers no longer at once.
+    """Drive that reacts slowly, has a fault, or does not answer at first.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class OtherDrive(FakeDrive):
 
 
 class Bench:
-    """Two drives, the second of which may be peculiar, and their power."""
+    """Two drives, the second possibly unusual, and their power."""
 
     def __init__(self) -> None:
         self.bus = FakeFieldbus(2)

@@ -1,4 +1,4 @@
-"""Samples: counts to SI, limits as last noted, gaps as NaN and flag."""
+"""Samples: counts converted to SI, last known limits, gaps as NaN with a flag."""
 
 from __future__ import annotations
 

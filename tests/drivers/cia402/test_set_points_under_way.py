@@ -1,4 +1,4 @@
-"""Set-points that replace each other, and those that are given up: after how long, and why."""
+"""Replaced and abandoned set-points: duration and reason."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def moving_on(bus: FakeFieldbus, **changes: Any) -> ProfilePosition:
 
 
 def failure(bus: FakeFieldbus, motion: ProfilePosition) -> tuple[float, MoveFailed]:
-    """Let SYNCs pass until a set-point fails; return after how long [s], and what failed."""
+    """Count SYNCs until a set-point fails; return the duration [s] and the failure."""
     begin = bus.time
     while bus.time < begin + 60.0:
         failed = motion.advance(bus.sync(), bus)

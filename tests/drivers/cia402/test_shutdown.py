@@ -1,6 +1,6 @@
-"""What stops all axes, keeps them stopped, and decides whose watchdog may be released."""
+"""Shutdown: reasons to stop all axes, and the release of watchdogs."""
 
-# ruff: noqa: PT012 - what happens inside and at the end of a with block is what is tested
+# ruff: noqa: PT012 - the tests examine both body and end of a with block
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def run_away(can_bus: Any) -> None:
 
 
 def failing(nodes: set[int], times: int, error: Exception) -> Callable[[can.Message], None]:
-    """Let so many set-points and commands to these nodes fail."""
+    """Let this number of set-points and commands to these nodes fail."""
     left = dict.fromkeys(nodes, times)
 
     def fail(frame: can.Message) -> None:
@@ -229,7 +229,7 @@ def test_a_start_that_is_refused_releases_the_watchdogs_of_drives_that_are_off(
     assert not any(watched(can_bus))
 
 
-# Brakes, and where axes stand
+# Brakes, and positions of the axes
 
 
 def test_voltage_stays_on_for_the_brake_s_delay_after_standstill(can_bus: Any) -> None:
@@ -313,7 +313,7 @@ def test_axes_in_motion_that_nobody_looks_at_are_stopped(can_bus: Any) -> None:
     with drive_bus:
         samples(drive_bus, 3)
         time.sleep(1.1)
-        samples(drive_bus, 3)  # at rest a caller may make a pause
+        samples(drive_bus, 3)  # a caller may pause at rest
         drive_bus.move({0: Move(1.5, 0.5, 10.0)})
         samples(drive_bus, 3)
         time.sleep(1.1)
@@ -454,7 +454,7 @@ def test_two_signals_at_once_keep_nothing_powered(
     def late() -> Iterator[None]:
         if len(pressed) < 2:
             pressed.append(1)
-            raise KeyboardInterrupt  # comes before signals are held back
+            raise KeyboardInterrupt  # must precede the deferral of signals
         with held():
             yield
 

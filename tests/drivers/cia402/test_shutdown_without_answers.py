@@ -1,4 +1,4 @@
-"""Shutdown where telegrams stay away or SYNCs hardly pass: bounded, and with the present reason."""
+"""Shutdown with missing telegrams or few SYNCs is bounded and states the present reason."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Clock:
-    """Real time that passes with each SYNC and not otherwise [s]."""
+    """Real time that passes only with SYNCs [s]."""
 
     def __init__(self, per_sync: float) -> None:
         self.now, self._per_sync = 0.0, per_sync
@@ -37,7 +37,7 @@ class Clock:
 
 
 class Bus(FakeFieldbus):
-    """Three axes under power, whose commands may be refused for a while."""
+    """Three energised axes whose commands may be refused for a while."""
 
     def __init__(self, clock: Clock | None = None) -> None:
         super().__init__(3)
@@ -136,7 +136,9 @@ def test_axes_that_are_off_are_watched_for_three_tenths_of_a_second() -> None:
 
 
 class Echo(Bus):
-    """The second drive is deaf and mute, and an old telegram of it comes with every new one."""
+    """Bus with a second drive without communication, whose old telegram
+    repeats with every new one.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -151,7 +153,7 @@ class Echo(Bus):
 
 
 class Mute(FakeDrive):
-    """A drive that answers no command."""
+    """Drive without answers to commands."""
 
     def put(self, entry: Entry, value: int) -> None:
         raise NodeSilent(self.label)
@@ -161,7 +163,7 @@ def test_an_axis_is_not_taken_for_off_by_one_of_two_telegrams_that_may_be_an_old
     bus = Echo()
     shutdown = shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
     assert shutdown.off == (True, False, True)
-    assert not bus.alive  # before anything else is tried
+    assert not bus.alive  # before any other attempt
 
 
 def test_our_heartbeat_ceases_for_a_drive_that_does_not_obey_while_others_await_their_brakes() -> (
@@ -183,7 +185,7 @@ def test_a_drive_whose_telegrams_stay_away_is_switched_off_by_objects() -> None:
 
 
 class Unplugged(Bus):
-    """A bus that takes nothing and brings nothing."""
+    """Bus that neither sends nor receives."""
 
     def sync(self) -> float:
         raise BusUnavailable("cable unplugged")
@@ -199,7 +201,9 @@ def test_time_passes_though_no_sync_can_be_sent() -> None:
 
 
 class Watched(Bus):
-    """The second drive obeys its watchdog alone, two seconds after our heartbeat has ceased."""
+    """Bus whose second drive only obeys its watchdog, two seconds
+    after our heartbeat has ceased.
+    """
 
     def __init__(self) -> None:
         super().__init__()

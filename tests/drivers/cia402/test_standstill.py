@@ -1,4 +1,4 @@
-"""When an axis rests and when it has arrived: the edges of band and window belong to them."""
+"""Standstill and arrival of an axis: the edges of band and window are included."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ REACHED, ACKNOWLEDGE = Status.TARGET_REACHED, Status.SET_POINT_ACKNOWLEDGE
 
 
 def arrived_at(position: int) -> SetPoint:
-    """Return a set-point for 1000, give or take 10, whose axis came to rest at `position`."""
+    """Return a set-point of 1000 with tolerance 10 whose axis came to rest at `position`."""
     set_point = SetPoint(1000, window=10.0, rest=Standstill(band=2.0, count=2))
     for word in (0, ACKNOWLEDGE, 0, *[REACHED] * 4):
         set_point.step(word, position)

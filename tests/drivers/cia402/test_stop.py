@@ -1,4 +1,6 @@
-"""The stop of one axis: commanded until obeyed, bounded in way and time, off only when shown."""
+"""Stop of one axis: commanded until obeyed, bounded in distance
+and time, off only when confirmed.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,7 @@ def run(
     until: Callable[[AxisStop], bool] = lambda axis: axis.ended,
     limit: float = 20.0,
 ) -> float:
-    """Let SYNCs pass until a condition holds; return the instant [s]."""
+    """Count SYNCs until a condition holds; return the instant [s]."""
     time = 0.0
     if sendable(time):
         axis.note_sent(time)
@@ -71,7 +73,7 @@ def run(
 
 
 def braking(time: float) -> float:
-    """Where an axis is that slows down as stated."""
+    """Return the position of an axis with the stated deceleration."""
     time = min(time, SPEED / DECELERATION)
     return SPEED * time - DECELERATION * time**2 / 2
 
@@ -118,7 +120,7 @@ def test_an_axis_that_creeps_on_loses_its_voltage_at_the_bound_of_its_time() -> 
     time = run(
         axis,
         lambda *_: STOPPING,
-        lambda t: 600.0 * t,  # too slow for the bound of the way
+        lambda t: 600.0 * t,  # too slow for the bound on distance
         until=lambda a: a.phase is StopPhase.DISABLING,
     )
     assert time == pytest.approx(axis.bound.time + SETTLING, abs=2 * PERIOD)

@@ -1,4 +1,4 @@
-"""How the stop of one axis ends: how often it is begun anew, and what cannot be undone."""
+"""End of the stop of one axis: repeated commands and final states."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def unsent(settled: int = 1, delay: float = 0.0) -> AxisStop:
 
 
 def begun(settled: int = 1, delay: float = 0.0) -> AxisStop:
-    """Return that stop once the bus has taken its command."""
+    """Return the stop of `unsent` after the bus has accepted its command."""
     axis = unsent(settled, delay)
     axis.note_sent(0.0)
     return axis
 
 
 def at_rest() -> AxisStop:
-    """Return the stop of an axis that stands still at the instant 0 and shows that it obeys."""
+    """Return the stop of an axis at standstill that confirms the stop at the instant 0."""
     axis = begun()
     axis.step(0.0, STOPPING, 0, fresh=True)
     axis.step(0.0, STOPPING, 0, fresh=True)
@@ -44,7 +44,7 @@ def at_rest() -> AxisStop:
 
 
 def switched_off() -> AxisStop:
-    """Return the stop of an axis that shows at the instant 0 that it is off."""
+    """Return the stop of an axis that is off at the instant 0."""
     axis = at_rest()
     axis.step(0.0, OFF, 0, fresh=True)
     assert axis.phase is StopPhase.OFF

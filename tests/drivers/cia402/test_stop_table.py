@@ -1,4 +1,6 @@
-"""The table of the stop, walked breadth-first: every pair that comes, and what must hold there."""
+"""Breadth-first search through the state table of the stop, with
+invariants of each pair of states.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ PAIRS = list(product(StopPhase, Shown))
 
 
 def following(phase: StopPhase, shown: Shown) -> set[StopPhase]:
-    """What one SYNC may lead to, and a bound that is passed with it."""
+    """Return possible successors of one SYNC, and a bound exceeded with it."""
     after, _ = next_step(phase, shown)
     return {after} | (
         {overdue_phase(after, shown)} if after in AWAITED | {StopPhase.RESTING} else set()
@@ -25,7 +27,7 @@ def following(phase: StopPhase, shown: Shown) -> set[StopPhase]:
 
 
 def reached(phase: StopPhase, shown: set[Shown]) -> set[StopPhase]:
-    """Return all phases that may come while nothing but `shown` is seen, breadth first."""
+    """Return all phases reachable with no input except `shown`, breadth first."""
     waiting, seen = deque([phase]), {phase}
     while waiting:
         here = waiting.popleft()

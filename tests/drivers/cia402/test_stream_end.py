@@ -1,4 +1,4 @@
-"""When a stream has come to its end: all axes rest near its last set-point, or it fails."""
+"""End of a stream: all axes rest near the last set-point, or the stream fails."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ if TYPE_CHECKING:
 
 AXES = drives_file().axes
 WINDOW = AXES[1].position_window / abs(AxisScale.derive(AXES[1]).position)
-"""Of axis 2 [increments]."""
+"""Following error window of axis 2 [increments]."""
 
 
 def end(away: list[float]) -> tuple[float, MoveFailed | None]:
-    """Stream rest, with axis 2 shown `away` in turns [windows]; return how long and the outcome."""
+    """Stream rest, with axis 2 off by the values of `away` in turn [windows]; return duration and
+    outcome.
+    """
     bus = FakeFieldbus(len(AXES))
     for drive in bus.drives:
         drive.state = State.OPERATION_ENABLED

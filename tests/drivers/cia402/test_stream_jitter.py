@@ -1,4 +1,4 @@
-"""Set-points that reach the drives with the jitter of a host, or not at all for a while.
+"""Set-points that reach the drives with jitter of the host, or with gaps.
 
 Where a kernel sends SYNC it is exactly periodic. The host sends the set-points of each cycle some
 time after it, so a drive that acts when they arrive is led by the host's jitter. Where the host
@@ -35,7 +35,7 @@ LARGE: Callable[[random.Random], float] = lambda r: r.uniform(2e-4, 3.5e-3)  # n
 
 
 class JitterBus(can.BusABC):
-    """A plant on the wall clock behind a host whose set-points are late by `jitter` [s]."""
+    """Plant on the wall clock with a host whose set-points are late by `jitter` [s]."""
 
     lock_step = True
 
@@ -49,7 +49,7 @@ class JitterBus(can.BusABC):
         self._take(self.network.power_on())
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame; time passes before each SYNC and before the set-points that follow it."""
+        """Send a frame; time passes before each SYNC and before the following set-points."""
         if msg.arbitration_id == 0x80:
             self._syncs += 1
             self._waits = True
@@ -60,7 +60,7 @@ class JitterBus(can.BusABC):
         self._take(self.network.receive(msg.arbitration_id, bytes(msg.data)))
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Receive a frame, None if there is none."""
+        """Receive a frame, or None."""
         return self._inbox.popleft() if self._inbox else None
 
     def _elapse(self, time: float) -> None:
@@ -78,7 +78,7 @@ class JitterBus(can.BusABC):
 
 
 class StallingBus(JitterBus):
-    """A plant on the wall clock behind a host that stalls now and then, once asked to.
+    """Plant on the wall clock with a host that stalls now and then on request.
 
     Time passes while the host waits for a frame, and in a share of its waits up to `longest` [s]
     more.
@@ -125,7 +125,7 @@ def path(drives: DrivesFile, duration: float = 3.0) -> np.ndarray:
 def torque_steps(
     jitter: Callable[[random.Random], float], plant: str = "manutec-r15", name: str = "plain"
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Rms of the steps of each axis's torque [% of its limit], and what the driver noted."""
+    """Return the rms of each axis's torque steps [% of its limit], and the driver's note."""
     drives, tau = drives_for(name, following_error_window=0.3), []
     with CanopenDriveBus(JitterBus(plant, jitter), drives) as bus:
         bus.stream(path(drives).tolist())
@@ -159,7 +159,7 @@ def test_a_drive_that_takes_set_points_on_arrival_only_is_served_and_the_jitter_
 
 
 def stalled(seed: int, share: float, longest: float) -> tuple[np.ndarray, str]:
-    """Times of the samples of a path of 2.4 s with a host that stalls, and the last note."""
+    """Return sample times of a path of 2.4 s with a stalling host, and the last note."""
     bus, drives = StallingBus("manutec-r15", seed, share, longest), drives_for("plain")
     with CanopenDriveBus(bus, drives) as axes:
         bus.stalling = True
@@ -182,7 +182,9 @@ def test_a_host_that_stalls_slows_a_path_down_and_never_ends_it(
 
 
 def test_a_host_that_is_always_a_little_late_slows_a_path_down() -> None:
-    """By less than makes a SYNC be left out; but drives brake for as long, and must regain it."""
+    """The delay is too small for a skipped SYNC; but the drives
+    brake meanwhile and must catch up.
+    """
     times, note = stalled(0, 0.6, 0.0019)
     assert np.diff(times).max() < 1.5 * PERIOD
     assert 3.5 < times[-1] - times[0] < 6.0

@@ -1,4 +1,4 @@
-"""How fast a stream leads an axis: what a stop in its midst has to reckon with."""
+"""Commanded velocity of a streamed axis, the basis of a stop within the stream."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from drivers.safety.trips import Trips
 
 AXES = drives_file().axes
 STEP = 100 * abs(AxisScale.derive(AXES[0]).position)
-"""A way of a hundred counts [rad]."""
+"""Distance of a hundred counts [rad]."""
 
 
 def streaming(steps: list[int]) -> CyclicPosition:
-    """Begin a stream in which axis 1 goes on by so many `STEP` from each point to the next."""
+    """Begin a stream in which axis 1 advances by this number of `STEP` per point."""
     bus = FakeFieldbus(len(AXES))
     for drive in bus.drives:
         drive.state = State.OPERATION_ENABLED

@@ -246,7 +246,7 @@ def test_a_stream_can_be_halted(bus: CanopenDriveBus) -> None:
 
 @pytest.mark.parametrize("fed", [False, True])
 def test_a_stream_at_full_speed_is_halted_where_the_ramp_ends(fed: bool) -> None:
-    """Farther on than the stream has led, and behind by no more than drives allow."""
+    """The axis stops beyond the last set-point, within the lag that drives allow."""
     drives, speed = load_drives(ROBOTS / "manutec-r15.drives.yaml"), 2.4
     with open_drive_bus(drives, "sim_plant", "manutec-r15", feed_forward=fed) as bus:
         reach(bus, *(0.0,) * 6)

@@ -1,4 +1,4 @@
-"""Emergencies of drives: which count, when they are a warning, and what reason a fault has."""
+"""Emergencies of drives: errors, warnings, and the stated reason of a fault."""
 
 from __future__ import annotations
 

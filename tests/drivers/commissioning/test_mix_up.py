@@ -1,4 +1,4 @@
-"""Node numbers that are mixed up are distinguished from ratings that are stated wrongly."""
+"""Exchanged node numbers are distinguished from wrong ratings."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def bench(**currents: int) -> Any:
 
 
 def drives(*ampere: float) -> Any:
-    """A drives file that states these rated currents."""
+    """Drives file with these rated currents."""
     entries = (axis(node, rated_current=value) for node, value in enumerate(ampere, start=1))
     return stated_axis.drives(*entries)
 
@@ -72,7 +72,7 @@ def test_swapped_drives_that_state_who_they_are_show_by_their_identity() -> None
 
 def test_a_rating_that_is_stated_wrongly_is_not_taken_for_a_mix_up() -> None:
     with bench(n1=2000, n2=2000, n3=2000) as bus:
-        (found,) = refused(bus, drives(2.0, 3.0, 2.0))  # the others are where they belong
+        (found,) = refused(bus, drives(2.0, 3.0, 2.0))  # the other nodes have their own numbers
     assert "correct rated_current" in found.remedy
 
 

@@ -1,4 +1,6 @@
-"""What a count of 6064 is, by the drive's own objects, and what becomes of a file that differs."""
+"""Position unit of object 6064 by the drive's own objects, and
+refusal of a different drives file.
+"""
 
 from __future__ import annotations
 
@@ -60,13 +62,13 @@ def readings(says: Says) -> list[str]:
 @pytest.mark.parametrize(
     ("says", "counts"),
     [
-        # 0.1 degree by feed, whatever the encoder
+        # 0.1 degree by feed, independent of the encoder
         (encoder(2000) | gear(1) | feed(3600), ["3600"]),
         (encoder(2000) | gear(1) | feed(3600) | unit(TENTH_DEGREE), ["3600"]),
-        # 0.1 degree by 60A8 alone, feed and gear as they left the factory
+        # 0.1 degree by 60A8 alone; feed and gear have factory values
         (encoder(2000) | FACTORY | unit(TENTH_DEGREE), ["3600"]),
         (encoder(2000) | unit(0xFDB40000), ["1000"]),
-        # the factory's 1/1 says that nothing was configured
+        # factory value 1/1: nothing is configured
         (encoder(4096) | FACTORY, ["4096"]),
         (encoder(4096) | FACTORY | unit(INCREMENTS), ["4096"]),
         (encoder(4096) | FACTORY | unit(0), ["4096"]),
@@ -77,18 +79,18 @@ def readings(says: Says) -> list[str]:
         (encoder(4096) | gear(101) | feed(1) | unit(MILLI_DEGREE), ["360000/101"]),
         (encoder(4096) | gear(105) | feed(430_080), ["4096"]),
         (encoder(4096) | gear(105) | feed(430_080) | unit(INCREMENTS), ["4096"]),
-        # the older edition's position factor
+        # position factor of the older edition
         (encoder(4096) | {(0x6093, 1): 8, (0x6093, 2): 1}, ["512"]),
-        # a gear and no feed: counted before it or behind it
+        # a gear without feed: position before or after the gear
         (encoder(4096) | gear(105), ["4096", "4096/105"]),
         (encoder(131_072) | gear(131_072, 10_000) | feed(1), ["131072", "10000"]),
-        # a divisor that is missing or 0: 1, or the whole ratio means nothing
+        # missing divisor or 0: 1, or the whole ratio is meaningless
         ({(0x608F, 1): 4096}, ["4096"]),
         (encoder(4096, 0), ["4096"]),
         ({(0x6091, 1): 100} | feed(360_000), ["3600", "360000"]),
         ({(0x6092, 1): 3600}, ["3600"]),
         (encoder(4096) | feed(3600, 0), ["3600", "4096"]),
-        # the drive contradicts itself
+        # the drive's objects contradict each other
         (encoder(2000) | gear(1) | feed(3600) | unit(INCREMENTS), ["3600", "2000"]),
         (encoder(2000) | gear(1) | feed(2000) | unit(TENTH_DEGREE), ["2000", "3600"]),
         # nothing follows
@@ -124,7 +126,7 @@ UNITS = {0xB4: Fraction(1), 0x41: Fraction(360)}
 
 @st.composite
 def configurations(draw: st.DrawFn) -> tuple[Says, Fraction, Fraction]:
-    """Objects of a drive; increments and counts per motor revolution, calculated directly."""
+    """Objects of a drive, with increments and counts per motor revolution calculated directly."""
     resolution = Fraction(draw(st.integers(2, 1 << 24)), draw(st.integers(1, 3)))
     motor, shaft = draw(st.integers(1, 200)), draw(st.integers(1, 30))
     says = encoder(resolution.numerator, resolution.denominator) | gear(motor, shaft)
@@ -145,7 +147,7 @@ def configurations(draw: st.DrawFn) -> tuple[Says, Fraction, Fraction]:
 
 
 def can_be_stated(counts: Fraction) -> bool:
-    """Whether the drives file takes a ratio of so many digits."""
+    """Return True if the drives file accepts a ratio of this many digits."""
     return max(counts.numerator, counts.denominator) < 10**12
 
 
@@ -158,7 +160,7 @@ def test_the_scale_that_follows_from_a_drive_s_objects_is_that_of_its_motor(
     (reading,) = position_readings(factors(says))
     assert reading.per_revolution == expected
     scale = AxisScale.derive(one_axis(increments_per_revolution=expected, gear_ratio=50.0, zero=0))
-    count = turned / resolution * expected  # what 6064 shows after so many encoder increments
+    count = turned / resolution * expected  # value of 6064 after this many encoder increments
     angle = 2 * math.pi * float(turned / resolution) / 50
     assert scale.position_from_counts(float(count)) == pytest.approx(angle, rel=1e-12)
 

@@ -1,4 +1,4 @@
-"""What a drive may keep instead of a value that was written to it, and what it may not."""
+"""Permitted and refused differences between a written value and its readback."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from drivers.remote_dictionary import Judge
 
 TIMEOUT = 127 << 16 | 500
-"""1016: our heartbeat is watched for 0.5 s, as the drives file has it."""
+"""Consumer heartbeat (1016) of 0.5 s for our heartbeat, as in the drives file."""
 
 
 @pytest.fixture
 def judge() -> Judge:
-    """Of joint 1, whose heartbeat period is 0.1 s and time-out 0.5 s."""
+    """Judge a readback of joint 1, with heartbeat period 0.1 s and time-out 0.5 s."""
     drives = drives_file()
     return make_judge(drives.axes[0], drives, REQUIREMENTS)
 

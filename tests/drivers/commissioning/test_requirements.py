@@ -1,4 +1,4 @@
-"""The table of what a run needs of a drive, and the documentation that is made from it."""
+"""Table of a run's requirements on a drive, and the documentation made from the table."""
 
 from __future__ import annotations
 

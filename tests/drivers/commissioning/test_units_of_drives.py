@@ -1,4 +1,4 @@
-"""Drives with habits of their own, drafted, checked and commissioned to one scale, or refused."""
+"""Drives with unusual units: drafted, checked and commissioned with one scale, or refused."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_the_right_file_is_taken_by_check_and_by_commissioning(name: str) -> Non
 
 
 def trusted(lines: list[str]) -> set[str]:
-    """Keys of the drives file that stay on trust."""
+    """Return keys of the drives file that cannot be verified."""
     return {
         key
         for key in KEYS
@@ -133,7 +133,7 @@ def test_lengths_per_second_are_those_that_the_spindle_makes_of_revolutions(
 
 
 def test_a_position_in_millidegrees_is_the_angle_that_the_joint_turned() -> None:
-    # 0.001 degree at the output of the gear, which is the joint: nothing else to calculate
+    # 0.001 degree at the gear output, which is the joint: no other conversion
     habit = HABITS["millidegrees behind a gear"]
     scale = AxisScale.derive(drives(habit, gear_ratio=100).axes[0])
     assert scale.position_from_counts(90_000.0) == pytest.approx(math.pi / 2)

@@ -1,4 +1,4 @@
-"""Data sheets as they are found: read where that does no harm, refused with the place elsewhere."""
+"""Data sheets of makers: harmless defects are accepted, others are refused with their place."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ def test_a_file_that_is_not_there_is_told_by_name(tmp_path: Path) -> None:
 
 
 def outcome(raw: bytes) -> str:
-    """What comes of a file: a review, or a problem."""
+    """Return the result of a file: a review, or a problem."""
     try:
         return review(parse_eds(raw, "drive.eds"), RULES).source
     except FileError as error:

@@ -1,4 +1,4 @@
-"""A drive is judged alike by its data sheet, by a scan and by what start-up finds."""
+"""Data sheet, scan and start-up judge a drive alike."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 READ_ONLY, NO_DATA = 0x06010002, 0x08000024
 SYNC_PERIOD = 4000
-"""Of the local drives' bus [us]."""
+"""SYNC period of the local drives' bus [us]."""
 
 
 def reviewed(changes: dict[Place, Spec | None]) -> Review:
@@ -102,7 +102,7 @@ def test_a_value_that_cannot_be_written_and_serves_refuses_no_drive(
 
 
 def fixed_at(index: int, value: tuple[str, int]) -> tuple[Any, Any]:
-    """Drives of which the second has a read-only object, and the driver on their bus."""
+    """Return drives, the second with a read-only object, and the driver on their bus."""
     can_bus, drive_bus = build({2: {(index, 0): value}})
     can_bus.drives[2].forbids = lambda at, *_: READ_ONLY if at == index else None
     return can_bus, drive_bus

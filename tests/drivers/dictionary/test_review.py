@@ -1,4 +1,4 @@
-"""What a drive offers for measuring, judged from its dictionary alone."""
+"""Review of a drive's suitability for measuring, from its dictionary alone."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ def test_a_fixed_mapping_serves_if_it_is_the_right_one() -> None:
     right = reviewed(fixed(0x60410010, 0x60640020, 0x60770010))
     assert right.serves
     assert right.current is not None
-    assert right.current.declared.index == 0x6077  # 6078 would come first, but cannot travel
+    assert right.current.declared.index == 0x6077  # 6078 would be preferred, but cannot be mapped
     other_order = reviewed(fixed(0x60770010, 0x60640020, 0x60410010))
     assert other_order.serves
     assert other_order.current == right.current
@@ -239,9 +239,11 @@ PLACES = {
     "float-current": "30D1:00",
     "no-current": None,
 }
-"""Of the current, where it is not 6078."""
+"""Objects of the current other than 6078."""
 FATAL = ("no-current", "wrong-pdos")
-"""For no-watchdog the drives file may state what stops the axis."""
+"""Personalities that prevent measuring; without a watchdog the drives
+file may name another stop.
+"""
 
 
 @pytest.mark.parametrize("personality", packaged_personalities())

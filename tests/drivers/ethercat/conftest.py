@@ -1,4 +1,4 @@
-"""The plant's slaves on a wire within this process, and sessions with them."""
+"""The plant's slaves on a wire within this process, and sessions with these slaves."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def wire() -> PlantWire:
 
 @pytest.fixture
 def drives() -> DrivesFile:
-    """With short time-outs: an answer comes at once here, or never."""
+    """Drives with short time-outs: here an answer comes at once or never."""
     file = load_drives(ROBOTS / "manutec-r15.drives.yaml")
     return file.model_copy(update={"sdo_timeout": 0.05})
 

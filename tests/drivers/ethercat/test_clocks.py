@@ -1,4 +1,4 @@
-"""Drives that act and latch at SYNC0 of clocks that agree, and a computer that follows them.
+"""Drives that act and latch at SYNC0 of synchronised clocks, and a computer synchronised to them.
 
 The plant's clocks, this computer's and its sleep are all of one simulated time, so that nothing
 here depends on how busy the machine is.
@@ -32,15 +32,15 @@ if TYPE_CHECKING:
 AXES = 6
 PPM = 1e-6
 SKEW = 40.0
-"""By which this computer is slower than the reference [ppm]."""
+"""Rate error of this computer's clock against the reference [ppm]."""
 LATE = 300e-6
-"""By which it oversleeps at most [s]."""
+"""Largest oversleep of this computer [s]."""
 DRIFTS = (0.0, 30.0, -20.0, 50.0, -50.0, 10.0)
-"""Of the drives' crystals against true time [ppm]."""
+"""Rate errors of the drives' crystals [ppm]."""
 
 
 class Timed(EthercatBus):
-    """A bus on the wall clock of a simulated time."""
+    """Bus on the wall clock of a simulated time."""
 
     def __init__(self, wire: PlantWire) -> None:
         super().__init__(wire, "wall-clock")
@@ -51,12 +51,12 @@ class Timed(EthercatBus):
 
 
 class Cable(PlantWire):
-    """A wire on which frames are under way after they were sent.
+    """Wire with a transmission delay.
 
     Attributes
     ----------
     delay : float
-        How long they are [s].
+        Transmission delay of frames [s].
     """
 
     delay = 0.0

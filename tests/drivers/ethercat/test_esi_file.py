@@ -1,4 +1,4 @@
-"""Slave descriptions (ESI): what the plant writes of its drives is what is read, or why not."""
+"""Slave descriptions (ESI): files written by the plant are read back, or refused with a reason."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever comes back from slaves, the driver ends in an error of its own and axes off."""
+"""Any answer of slaves leads to an error of the driver at most, with axes off."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_frame_of_any_content_is_an_answer_or_none(frame: bytes) -> None:
 
 
 class OfAnyContent:
-    """A mailbox that gives services of any content, as far as they are taken for answers."""
+    """Mailbox with services of arbitrary content that pass for answers."""
 
     capacity = 506
 

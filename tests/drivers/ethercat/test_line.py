@@ -1,4 +1,4 @@
-"""Frames to slaves and back: what is lost is asked again, a dead line is not waited for long."""
+"""Frames to slaves and back: lost frames are repeated, a dead line fails quickly."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drivers.ethercat.line import ATTEMPTS, Line
 
 
 class Cable:
-    """Loses frames, or brings them back as they are."""
+    """Cable that loses frames, or returns them unchanged."""
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []
@@ -28,7 +28,7 @@ class Cable:
 
 
 def asked(line: Line, cable: Cable) -> int:
-    """How many frames a question takes."""
+    """Return the number of frames of a request."""
     before = len(cable.sent)
     try:
         line.read_all(0x130, 2)

@@ -1,4 +1,4 @@
-"""Changes by another master or tool during a session stop the axes, and are the reason stated."""
+"""Changes by another master or tool during a session stop the axes and are stated as the reason."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def energised(wire: PlantWire) -> list[int]:
 
 
 def ends(open_bus: Opening, event: Callable[[], None], moves: int) -> DriveError:
-    """Return what ends a session of some small moves after an event."""
+    """Return the error that ends a session of some small moves after an event."""
     with pytest.raises(DriveError) as caught, open_bus() as bus:  # noqa: PT012 - a session
         here = bus.sample().q[0]
         event()

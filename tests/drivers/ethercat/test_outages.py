@@ -1,4 +1,4 @@
-"""Outages in the middle of fast moves: nothing is energised without a watchdog, ways are bounded.
+"""Outages during fast moves: no axis has power without a watchdog, distances are bounded.
 
 `benchmarks/ethercat_outages.py` draws as many as one likes.
 """
@@ -9,7 +9,7 @@ import pytest
 from ethercat_outages.session import KINDS, Outage, happen
 
 HALFWAY = 500
-"""A cycle in the fastest move."""
+"""Cycle in the fastest move."""
 
 
 @pytest.mark.parametrize("kind", KINDS)

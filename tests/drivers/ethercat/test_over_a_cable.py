@@ -1,4 +1,4 @@
-"""Our master and the plant in two processes on a cable, in a network namespace of their own."""
+"""Our master and the plant in two processes on a cable, in a separate network namespace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Drives as they are, over EtherCAT: set up, moved and left as they were found, or why not."""
+"""Drive personalities over EtherCAT: set up, moved and restored, or refused with a reason."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SERVED = (*FIT, "no-watchdog", "wrong-pdos")
-"""The watchdog of the sync manager needs no object; other mappings serve than that at first."""
+"""Personalities that work over EtherCAT: its watchdog needs no object, and its mappings differ."""
 QUICK = ("bare", "cyclic-only", "fixed-pair", "fixed-pdos", "two-entries", "wrong-pdos")
 KEPT = (0x1600, 0x1601, 0x1A00, 0x1A01, 0x1A02, 0x1C12, 0x1C13, 0x6081, 0x607D)
 

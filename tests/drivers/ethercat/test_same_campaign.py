@@ -1,4 +1,4 @@
-"""A campaign over EtherCAT gives the very numbers of one over CAN."""
+"""A campaign over EtherCAT gives exactly the numbers of a campaign over CAN."""
 
 from __future__ import annotations
 

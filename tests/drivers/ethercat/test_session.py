@@ -40,11 +40,11 @@ AXES = 6
 
 
 class TestConformance(conformance.DriveBusConformance):
-    """The contract of every `DriveBus`."""
+    """Contract of every `DriveBus`, over EtherCAT."""
 
 
 def shown(wire: PlantWire) -> list[int]:
-    """States of the drives by their statuswords."""
+    """Return states of the drives by their statuswords."""
     return [node.dictionary.get(0x6041) & 0x6F for node in wire.segment.nodes]
 
 
@@ -57,7 +57,7 @@ def register(wire: PlantWire, place: int) -> list[int]:
 
 
 def objects(wire: PlantWire) -> list[dict[tuple[int, int], object]]:
-    """All that the drives hold of what a session may write."""
+    """Return all objects of the drives that a session may write."""
     kept = (0x1600, 0x1A00, 0x1C12, 0x1C13, 0x1C32, 0x1C33, 0x6065, 0x6067, 0x6081, 0x607D)
     return [
         {
@@ -92,7 +92,7 @@ def test_the_watchdog_is_set_while_inside_and_put_back(open_bus: Opening, wire: 
     found = register(wire, reg.WATCHDOG_TIME)
     with open_bus() as bus:
         bus.sample()
-        assert register(wire, reg.WATCHDOG_TIME) == [5000] * AXES  # 0.5 s of the drives file
+        assert register(wire, reg.WATCHDOG_TIME) == [5000] * AXES  # 0.5 s from the drives file
         assert [node.controller.managers[2].feeds_watchdog for node in wire.segment.nodes]
     assert register(wire, reg.WATCHDOG_TIME) == found
 
@@ -239,7 +239,7 @@ def test_a_drive_that_is_missing_is_named(open_bus: Opening, wire: PlantWire) ->
 def test_a_session_with_lost_frames_comes_to_its_end(
     open_bus: Opening, wire: PlantWire, share: float
 ) -> None:
-    """From the first frame to the last: set-up, motion, power-off, settings put back."""
+    """Frames are lost during set-up, motion, power-off and restoring of settings."""
     found, chance = objects(wire), random.Random(1)
 
     def lossy(frame: bytes) -> bytes | None:
@@ -291,7 +291,7 @@ def test_what_drives_of_an_alias_held_is_put_back_wherever_they_are(
 
 
 def test_speeds_are_those_of_the_positions(open_bus: Opening) -> None:
-    """A time that belongs to the positions of the cycle after it would make them greater."""
+    """Times of the following cycle would give higher speeds."""
     with open_bus() as bus:
         data, there = bus._session.connection.process_data, 0
         bus.move({0: Move(bus.sample().q[0] + 0.5, 0.5, 5.0)})

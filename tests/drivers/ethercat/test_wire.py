@@ -1,4 +1,4 @@
-"""Raw frames on an interface, here one end of a pair of sockets."""
+"""Raw frames on an interface, here one end of a socket pair."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FRAME = b"\1" * 60
 
 
 class Cable(socket.socket):
-    """Stands for a socket of an interface, whatever it is bound to."""
+    """Substitute for a socket of an interface, bound to any address."""
 
     def bind(self, address: object) -> None:
         assert address == ("eth0", 0x88A4)
@@ -26,7 +26,7 @@ class Cable(socket.socket):
 
 @pytest.fixture
 def cable(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[RawWire, socket.socket]]:
-    """A wire, and the far end of its cable."""
+    """Return a wire and the far end of its cable."""
     ours, theirs = socket.socketpair(type=socket.SOCK_DGRAM)
     near = Cable(fileno=ours.detach())
     monkeypatch.setattr(module.socket, "socket", lambda *_: near)

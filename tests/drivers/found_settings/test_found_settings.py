@@ -1,4 +1,4 @@
-"""Drives are left as they were found: what is kept, announced and put back, over real frames."""
+"""Settings of the drives are kept, announced and restored, over real frames."""
 
 from __future__ import annotations
 
@@ -43,11 +43,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 LEFT_OUT = COMMANDS | {0x1003}
-"""Commands, and the history of errors, which a master may clear and only the drive writes."""
+"""Commands and error history: the history is written by the drive alone,
+and a master may clear it.
+"""
 
 
 def dictionaries(bus: can.BusABC) -> dict[Place, object]:
-    """Every value of the plant's drives that the bus may read and write."""
+    """Return every value of the plant's drives that the bus can read and write."""
     found = {}
     for node in bus._plant._network.nodes:
         entries = node.dictionary._entries.values()
@@ -60,7 +62,7 @@ def dictionaries(bus: can.BusABC) -> dict[Place, object]:
 
 @contextmanager
 def heard(channel: str) -> Iterator[tuple[can.BusABC, Callable[[], list[can.Message]]]]:
-    """A plant's bus, and what has been on it since one asked last."""
+    """Bus of a plant, and its frames since the last call."""
     with (
         can.Bus(channel, "sim_plant", ignore_config=True) as bus,
         can.Bus(channel, "sim_plant", ignore_config=True) as listener,
@@ -73,14 +75,14 @@ def heard(channel: str) -> Iterator[tuple[can.BusABC, Callable[[], list[can.Mess
 
 
 def moved(axes: CanopenDriveBus) -> None:
-    """A session as any: a move of an axis."""
+    """Run a usual session: a move of an axis."""
     axes.move({4: Move(axes.sample().q[4] + 0.05, 0.5, 5.0)})
     while not axes.sample().reached:
         pass
 
 
 def interrupted(axes: CanopenDriveBus) -> None:
-    """A session that Ctrl-C ends in the middle of a move."""
+    """Run a session interrupted by Ctrl-C in the middle of a move."""
     axes.move({4: Move(axes.sample().q[4] + 0.5, 0.5, 5.0)})
     for _ in range(50):
         axes.sample()
@@ -91,7 +93,7 @@ def interrupted(axes: CanopenDriveBus) -> None:
 
 
 def streamed(axes: CanopenDriveBus) -> None:
-    """A session with a path that the master sends at every SYNC."""
+    """Run a session with a path streamed at every SYNC."""
     here = axes.sample().q
     ramp = [0.01 * (1 - math.cos(math.pi * k / 100)) for k in range(101)]
     axes.stream([[q + way for q in here] for way in ramp])
@@ -167,7 +169,7 @@ def test_what_will_change_is_announced_without_writing_anything(name: str, tmp_p
 
 
 def two_at_most(index: int, sub: int, value: int) -> int | None:
-    """Abort as a drive does whose TPDOs take two objects."""
+    """Abort like a drive whose TPDOs hold two objects."""
     too_many = sub > 2 or (sub == 0 and value > 2)
     return 0x06090011 if index in {0x1A00, 0x1A01} and too_many else None
 
@@ -280,7 +282,7 @@ def moved_to(axes: CanopenDriveBus, target: float) -> None:
         pass
 
 
-# The order of putting back
+# Order of restoring
 
 
 def test_the_watchdog_is_put_back_last_and_never_to_a_drive_that_is_on() -> None:
@@ -328,7 +330,7 @@ def test_a_value_that_a_drive_does_not_take_back_keeps_no_other_from_it(tmp_path
 
 
 def aborting(drive: Any, index: int, code: int = 0x06090030) -> None:
-    """Have a drive take no more value for an object."""
+    """Let a drive refuse further values of an object."""
     fixed = index
 
     def refuse(index: int, **_: object) -> None:
@@ -369,11 +371,11 @@ def test_what_a_drive_does_not_take_back_is_reported_once_and_keeps_no_session_a
         assert can_bus.drives[2].value(0x1016, 1) == 0
 
 
-# A session that was killed
+# A killed session
 
 
 def crashed(path: Path, changes: dict[int, Any] | None = None) -> Any:
-    """Local drives as a killed session leaves them: off, for the watchdog, with our values."""
+    """Return local drives after a killed session: switched off by the watchdog, with our values."""
     can_bus = local_drives.LocalBus(NODES, changes or {})
     with CanopenDriveBus(can_bus, drives_file(), keeper=SettingsKeeper(path, write_file)):
         kept = path.read_bytes()
@@ -393,7 +395,7 @@ def values(drive: Any) -> Iterator[tuple[tuple[int, int], bytes]]:
 
 
 def as_delivered(can_bus: Any, changes: dict[int, Any] | None = None) -> bool:
-    """Whether all drives hold what they held before their first session."""
+    """Return True if all drives have their values from before the first session."""
     fresh = local_drives.LocalBus(NODES, changes or {})
     return all(
         dict(values(drive)) == dict(values(fresh.drives[node]))
@@ -481,7 +483,7 @@ def test_limits_that_a_killed_session_wrote_are_not_taken_for_the_drives_own(
 
 
 def set_anew(drive: Any) -> None:
-    """Narrow limits with the maker's tool."""
+    """Set narrow limits as the maker's tool would."""
     drive.node.set_data(0x6072, 0, (300).to_bytes(2, "little"))
     drive.node.set_data(0x607D, 2, (60_000).to_bytes(4, "little"))
 
@@ -573,7 +575,7 @@ def test_values_of_a_killed_session_are_noted_where_drives_without_serial_number
 
 
 def written(settings: FoundSettings) -> set[int]:
-    """Index of the objects of which a file holds what a session wrote."""
+    """Return the indices of objects in a file that a session wrote."""
     kept = [each for drive in settings.drives for each in drive.objects]
     return {each.index for each in kept if each.written is not None}
 
@@ -754,7 +756,7 @@ def test_what_holds_is_what_the_driver_believes_and_what_moves_are_checked_again
 def test_a_target_beyond_the_drives_own_range_is_refused_by_its_object(
     node: int, inside: float, outside: float
 ) -> None:
-    """Axis 2 turns the other way and has another zero."""
+    """Axis 2 has a reversed direction and another zero."""
     zero = 500 * (node - 1)
     ends = {(0x607D, 1): ("i32", zero - 60_000), (0x607D, 2): ("i32", zero + 30_000)}
     can_bus, drive_bus = entered(ends, node)

@@ -1,4 +1,4 @@
-"""`hil drives check`: what it finds on the virtual plant, sound and spoilt in one way at a time."""
+"""`hil drives check`: findings on the virtual plant, intact or with one defect at a time."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def checked(bus: Any, drives: Any, operator: Any = None) -> list[Verdict]:
 
 
 def unpowered(bus: Any, drives: Any) -> list[Verdict]:
-    """What comes before the operator is asked, who does not agree."""
+    """Return the findings before the operator is asked; the operator declines."""
     found: list[Verdict] = []
     with suppress(StoppedByOperator):
         for verdict in check(CanopenBus(bus), drives, MOVES, Scripted(agreed=False)):
@@ -153,7 +153,7 @@ def test_limits_of_a_file_that_are_narrower_than_the_drives_are_fine() -> None:
 
 
 def reversed_current(frame: can.Message) -> None:
-    """The drive's current counts against its position."""
+    """the drive's current counts opposite to its position"""
     if frame.arbitration_id & 0x780 == 0x180:
         (current,) = struct.unpack_from("<h", frame.data, 6)
         struct.pack_into("<h", frame.data, 6, -current)
@@ -275,7 +275,7 @@ def test_slow_answers_bound_the_rate_of_sync() -> None:
 def test_sync_is_off_by_when_it_was_sent_and_by_how_much_answers_vary() -> None:
     with bench() as inner, StopwatchBus(inner, drives_of(1)) as bus:
         sent = 0.004 * np.arange(1001) + np.tile([0.0, 2e-4], 501)[:1001]
-        bus.sent = [*sent, 5.0, 5.3]  # a pause, and SYNCs that nobody answered yet
+        bus.sent = [*sent, 5.0, 5.3]  # a pause, and SYNCs without answers yet
         bus.answers = [*np.linspace(1e-3, 1.5e-3, 1001), 0.0, 0.0]
         assert bus.jitter(0.004) == pytest.approx(2e-4 + 0.99 * 5e-4, rel=1e-3)
 
@@ -332,7 +332,7 @@ def test_what_showed_without_power_is_not_stated_again_with_power() -> None:
 
 
 class Holding:
-    """A drive's object dictionary that holds some values and has no other objects."""
+    """Object dictionary of a drive with some values and no other objects."""
 
     label = "joint 1 (node 1)"
 
@@ -398,7 +398,7 @@ def test_where_the_kernel_sends_sync_it_does_so_for_a_check_as_well() -> None:
         powered.close()
         assert bus.period is None
     assert bus.by_kernel > 100
-    assert by_us < 20  # before the drives are operational time must pass for them
+    assert by_us < 20  # time must pass until the drives are operational
     assert "slowest answer" in str(rate)
 
 
@@ -424,7 +424,9 @@ def test_a_value_that_is_renewed_less_often_than_sync_is_named_with_the_period_t
 def test_how_often_a_noisy_value_is_renewed_shows_whatever_its_steps(
     ratio: float, every: float
 ) -> None:
-    """`ratio`: noise in steps; coarse steps repeat by chance, as often as between 1 and 2 SYNCs."""
+    """`ratio` is the noise in steps; coarse values repeat by chance, as if renewed every 1 to 2
+    SYNCs.
+    """
     if every == 1.75 and ratio < 5:
         return
     for seed in range(20):

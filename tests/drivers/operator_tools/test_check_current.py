@@ -1,4 +1,6 @@
-"""Unit of the current and direction of the joint, from gravity, friction and two objects' ratio."""
+"""Unit of the current and direction of the joint, from gravity, friction and the ratio of two
+objects.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,7 @@ def plant(**options: str) -> Iterator[AlteredBus]:
 def verdicts(
     drives_file: DrivesFile, check_: str, gravity: Gravity | None = None, **options: str
 ) -> list[Verdict]:
-    """One check's verdict for each axis, of a whole `hil drives check`."""
+    """Return one check's verdict for each axis, from a whole `hil drives check`."""
     with plant(**options) as bus:
         found = list(check(CanopenBus(bus), drives_file, MOVES, Scripted(), gravity=gravity))
         assert bus.left_off
@@ -65,7 +67,7 @@ def stated(*axes: int, basis: str) -> DrivesFile:
 
 @pytest.fixture
 def without_torque(tmp_path: Path) -> str:
-    """A personality that shows its current in mA and no torque beside it."""
+    """Personality with current in mA and without a torque object."""
     path = tmp_path / "alone.yaml"
     path.write_text("name: alone\ncurrent: {unit: mA}\nmissing: [0x6077]\n")
     return str(path)
@@ -96,7 +98,7 @@ def test_a_current_in_another_unit_than_stated_is_refused_with_the_unit_that_fit
 def test_without_the_torque_beside_it_the_load_that_no_motor_holds_tells(
     without_torque: str,
 ) -> None:
-    # joint 2 holds its arm with 90 % of the rated torque; mA taken for per mille make it 233 %
+    # joint 2 holds its arm with 90 % of the rated torque; mA taken for per mille give 233 %
     light, heavy = verdicts(stated(1, 2, basis=BASES[1]), UNIT, personality=without_torque)
     assert "undecided" in light.found
     assert "contradicts" in heavy.found
@@ -109,7 +111,7 @@ def one_axis(**changes: Any) -> AxisDrive:
 
 
 def stroke(start: float, way: float, tau: float) -> Stroke:
-    """A stroke at constant torque."""
+    """Return a stroke at constant torque."""
     q = np.linspace(start, start + way, 200)
     noise = np.tile([1e-3, -1e-3], 100)
     return Stroke(Move(start + way, 0.1, 1.0), np.arange(200) * 0.004, q, tau + noise, 0.0)
@@ -153,7 +155,7 @@ def test_two_units_that_differ_by_more_than_a_factor_are_never_taken_for_one_ano
     elif apart > 1.02 * NEAR:
         assert found.grade is Grade.REFUSED
         assert shown in found.remedy
-    elif 1.1 < apart < 0.98 * NEAR:  # a motor for little more or less than 1 A
+    elif 1.1 < apart < 0.98 * NEAR:  # a motor for slightly more or less than 1 A
         assert "undecided" in found.found
 
 
@@ -201,7 +203,7 @@ def test_magnitudes_that_no_motor_has_contradict(
 
 
 class TestDirection:
-    """A pendulum of 100 N m: upright at q = 0, or horizontal there."""
+    """Pendulum of 100 N m: upright, or horizontal, at q = 0."""
 
     def judged(self, gravity: Gravity | None, measured: float, friction: float = 10.0) -> Verdict:
         drawn = strokes(measured, friction)

@@ -1,4 +1,4 @@
-"""A first drives file: facts where the drive has them, marks for all else, refused until filled."""
+"""Draft of a drives file: values known to the drive, marks for all others, refused until filled."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def axis(changes: Changes | None = None, node: int | None = 1) -> DraftedAxis:
 
 
 def marked(text: str) -> dict[str, str]:
-    """The marked keys and what is to be stated."""
+    """Return the marked keys and the quantities to be stated."""
     return dict(re.findall(rf'(\w+): {UNSTATED} "(.*)"', text))
 
 
@@ -215,11 +215,11 @@ def test_a_hint_quotes_what_is_configured_and_a_default_only_where_nothing_is() 
 @pytest.mark.parametrize(
     ("vendor", "ratings", "reason"),
     [
-        # a torque constant of 108 N m/A, if it were in mN m
+        # a torque constant of 108 N m/A in units of mN m
         (0x4D2, {(0x6075, 0): 4760, (0x6076, 0): 512_871}, "512.9 N m if it is in mN m, 0.5129"),
-        # a maker whose drives state it in uN m, and nothing configured that would prove it
+        # a maker with uN m, without any configured value that would confirm the unit
         (0xFB, {(0x6076, 0): 512_871}, "0.5129 N m if it is in uN m"),
-        # neither unit leads anywhere near 0.513 N m
+        # neither unit gives a value near 0.513 N m
         (
             0xFB,
             {(0x3001, 1): 4760, (0x3001, 5): 107_746, (0x6076, 0): 51_000_000},

@@ -28,7 +28,7 @@ HERE = {"method": 37, "position": 0.5, "velocity": 0.2, "creep": 0.02, "accelera
 
 
 def position(bus: AlteredBus, axis: AxisDrive) -> float:
-    """Where an axis stands, asked by SDO [rad]."""
+    """Return the position of an axis, read by SDO [rad]."""
     unpowered = CanopenBus(bus).unpowered(drives_of(axis.node))
     unpowered.wait(0.02)
     return AxisScale.derive(axis).position_from_counts(
@@ -182,7 +182,7 @@ def test_homing_faster_than_a_jog_may_be_is_refused() -> None:
 def test_an_axis_is_as_fast_as_it_went_between_samples_however_far_apart_they_are() -> None:
     move = Move(1.0, SLOW, 1.0)
     watch = _Watch("joint 1", drives_of(1).axes[0], 0.0, move, 0.004)
-    for step in (1, 2, 12, 13, 40, 41, 42, 43):  # cycles that this computer was too late for
+    for step in (1, 2, 12, 13, 40, 41, 42, 43):  # cycles missed by this computer
         watch.look(0.004 * step, 0.004 * step * SLOW)
     with pytest.raises(MoveFailed, match=r"rad/s, 0\.0873 rad/s was commanded"):
         watch.look(0.004 * 44, 0.004 * 144 * SLOW)

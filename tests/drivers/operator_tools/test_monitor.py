@@ -1,4 +1,4 @@
-"""`hil drives monitor`: what listening alone shows, and that it never sends."""
+"""`hil drives monitor`: displayed values from listening alone; it never sends."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_frames_that_concern_nobody_change_nothing(
 
 
 class Typed(Keys):
-    """Keys that come one after the other, one at each look."""
+    """Sequence of keys, one at each look."""
 
     def __init__(self, keys: str) -> None:
         super().__init__(io.StringIO())
@@ -120,7 +120,7 @@ class Typed(Keys):
 
 
 def followed(keys: str) -> tuple[list[int], str]:
-    """Numbers of the tables drawn while keys are typed, and what stood on the terminal."""
+    """Return the numbers of drawn tables while keys are typed, and the text of the terminal."""
     taken: list[int] = []
     console = Console(file=io.StringIO(), force_terminal=True, width=120)
     seen = BusPicture(OF_ONE)

@@ -1,4 +1,4 @@
-"""How drives stop by themselves, and what keeps them from being switched on, before it is tried."""
+"""Reactions of drives to faults, and conditions that prevent switching on, checked beforehand."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def test_a_drive_that_does_not_switch_on_says_why_if_it_can() -> None:
 
 @pytest.fixture
 def guarded(tmp_path: Path) -> str:
-    """A fault plan: the guard of joint 2 is open for the first four seconds."""
+    """Fault plan with the guard of joint 2 open for the first four seconds."""
     return faults(tmp_path, "{what: sto-active, axis: 2, at: {time: 0}, lasts: {time: 4}}")
 
 

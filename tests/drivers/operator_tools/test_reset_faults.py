@@ -1,4 +1,4 @@
-"""Faults of drives: listed without power, reset with consent, and what is refused is named."""
+"""Faults of drives: listed without power, reset with consent; refused resets are named."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OVER_CURRENT = 0x2310
 
 @pytest.fixture
 def can_bus() -> Iterator[Any]:
-    """Three drives, the second of which is in a fault."""
+    """Three drives, the second with a fault."""
     with local_drives.LocalBus(3, {}) as bus:
         bus.drives[2].fail(OVER_CURRENT)
         bus.inbox.clear()

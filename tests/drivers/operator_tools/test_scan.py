@@ -1,4 +1,4 @@
-"""Who is on a bus and what each offers, found out by reading alone."""
+"""Nodes of a bus and their properties, found by reading alone."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def scanned(bus: can.BusABC, **options: object) -> Scan:
 
 
 def is_reading(frame: can.Message) -> bool:
-    """Whether a frame asks an SDO server to hand something out."""
+    """Return True if a frame is an SDO read request."""
     reads = frame.data[0] >> 5 in {2, 3} if len(frame.data) == 8 else False
     return frame.arbitration_id >> 7 == 0x600 >> 7 and reads
 
@@ -94,7 +94,7 @@ def test_a_missing_current_is_no_refusal_of_a_live_drive() -> None:
 
 
 class Several(can.BusABC):
-    """Nodes that answer as a function says; `heard` comes by itself."""
+    """Nodes whose answers are computed by a function, and `heard` frames sent unasked."""
 
     lock_step = True
 
@@ -123,7 +123,7 @@ class Several(can.BusABC):
 
 
 def answer(request: bytes, values: dict[tuple[int, int], int]) -> list[bytes]:
-    """An expedited answer of four bytes, or the abort that the object does not exist."""
+    """Return an expedited answer of four bytes, or the abort code of a missing object."""
     place = (int.from_bytes(request[1:3], "little"), request[3])
     if place in values:
         return [b"\x43" + request[1:4] + values[place].to_bytes(4, "little")]
@@ -221,7 +221,7 @@ def test_drives_in_real_time_are_heard_and_asked(ideal_machine) -> None:
         server = threading.Thread(target=serve, args=(theirs, ideal_machine, "wall", stop))
         server.start()
         try:
-            assert ours.recv(60.0)  # the first boot-up: the plant is ready
+            assert ours.recv(60.0)  # first boot-up: the plant is ready
             found = scanned(ours, answering=1.0, timeout=5.0).nodes
         finally:
             stop.set()

@@ -1,4 +1,4 @@
-"""Sensors that show a current with the power stage off. 1 per mille of 2 A are 0.1 N m here."""
+"""Sensors with a current although the power stage is off. Here 1 per mille of 2 A is 0.1 N m."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ AXES = drives_file().axes
 
 
 def found(second: list[int], flags: list[int] | None = None) -> list[str]:
-    """Return what is found while the current of axis 2 reads `second`, SYNC by SYNC [per mille]."""
+    """Return the finding for readings `second` of axis 2's current, SYNC by SYNC [per mille]."""
     bus, readings, seen = FakeFieldbus(len(AXES)), iter(second), iter(flags or [0] * len(second))
 
     def cycle() -> None:
@@ -44,7 +44,7 @@ def test_the_mean_of_ten_readings_counts(peak: int, noted: bool) -> None:
 
 @pytest.mark.parametrize("flag", [SampleFlag.MISSING, SampleFlag.LATE])
 def test_only_readings_that_came_count(flag: SampleFlag) -> None:
-    """Without a telegram the current is what it was before, perhaps with power on."""
+    """A missing telegram repeats the previous current, possibly measured under power."""
     assert found([700] * 10, [flag] * 10) == []
     assert found([700] * 8 + [0] * 2, [flag] * 8 + [0] * 2) == []
     (message,) = found([0] * 8 + [70] * 2, [flag] * 8 + [0] * 2)

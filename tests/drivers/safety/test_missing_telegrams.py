@@ -1,4 +1,4 @@
-"""Process data that stay away: a gap is filled, ten SYNCs in a row are no control any more."""
+"""Missing process data: a gap is filled, ten SYNCs in a row end the session."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ALL_HERE, SECOND_GONE = (HERE, HERE, HERE), (HERE, GONE, HERE)
 
 
 class Watched:
-    """The count over three axes, and how often late telegrams were collected."""
+    """Counter over three axes, and number of collections of late telegrams."""
 
     def __init__(self) -> None:
         self.collected = 0
@@ -31,7 +31,7 @@ class Watched:
         self.collected += 1
 
     def look(self, *samples: tuple[int, ...]) -> list[DriveError]:
-        """Take the flags of samples; return what they made known."""
+        """Count the flags of samples; return the resulting messages."""
         shown = [self.telegrams.look(flags, {}) for flags in samples]
         return [error for error in shown if error is not None]
 

@@ -15,7 +15,7 @@ AT_REST = (0, 0, 0)
 
 
 class Axes:
-    """Three axes that rest at zero when they begin to be watched; the first is put anywhere."""
+    """Three axes at rest at zero when supervision begins; tests place the first axis."""
 
     def __init__(self, **trip: float) -> None:
         self.trips = Trips(axes_of(drives_file(trip=trip).axes), PERIOD)
@@ -26,7 +26,7 @@ class Axes:
         self.trips.expect(0, round(here * PER_RADIAN), target, moving=moving)
 
     def stops(self, q: float, current: float = 0, syncs: int = 2) -> bool:
-        """Whether it is stopped within SYNCs that show the first axis there."""
+        """Return True if the axis is stopped within SYNCs that show the first axis there."""
         self.bus.positions = (round(q * PER_RADIAN), 0, 0)
         self.bus.currents = (current, 0, 0)
         for _ in range(syncs):

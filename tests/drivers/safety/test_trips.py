@@ -1,4 +1,4 @@
-"""Trips of the driver, and the limits and the dead-man's watch that it puts into the drives."""
+"""Trips of the driver, and the limits and the heartbeat watchdog set in the drives."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def until(drive_bus: CanopenDriveBus, holds: Callable[[Sample], bool]) -> Sample
 
 
 def show(drive: Any, current: int) -> None:
-    """Have a drive report a current in per mille of the rated one."""
+    """Let a drive report a current in per mille of the rated current."""
     drive.node.set_data(0x6078, 0, current.to_bytes(2, "little", signed=True))
 
 
@@ -160,13 +160,13 @@ def test_a_stated_torque_trip_counts(can_bus: Any) -> None:
             until(drive_bus, lambda _: False)
 
 
-# The same by hand, SYNC by SYNC
+# The same trips without a bus, SYNC by SYNC
 
 PERIOD = 0.004
 
 
 def armed(**changes: Any) -> Trips:
-    """Trips of the first drive, which stands at 0 in a wide corridor and may go 2.6 rad/s."""
+    """Return trips of the first drive, at 0 in a wide corridor with a limit of 2.6 rad/s."""
     trips = Trips(axes_of(drives_file(**changes).axes[:1]), PERIOD)
     trips.arm(0.0, (0,))
     trips.follow([-(10**9)], [10**9])
@@ -174,7 +174,7 @@ def armed(**changes: Any) -> Trips:
 
 
 def shown(trips: Trips, syncs: int, speed: float, late: float = 0.0) -> list[str]:
-    """What SYNCs show of an axis that moves at `speed` [rad/s], each second one `late` [s]."""
+    """Return samples of an axis that moves at `speed` [rad/s], every second one `late` [s]."""
     found = []
     for number in range(1, syncs + 1):
         true = PERIOD * number + (late if number & 2 else 0.0)
@@ -201,13 +201,13 @@ def test_torque_before_the_axes_were_armed_anew_does_not_count() -> None:
     def trips_until(begin: float, end: float) -> bool:
         return any(trips.look(time, high) for time in np.arange(begin, end, PERIOD))
 
-    assert not trips_until(0.0, 0.4)  # of 0.5 s that it may last
+    assert not trips_until(0.0, 0.4)  # of a permitted 0.5 s
     trips.arm(10.0, (0,))
     assert not trips_until(10.0, 10.4)
     assert trips_until(10.4, 10.6)
 
 
-# What the drives keep by themselves
+# Limits supervised by the drives themselves
 
 
 def values(drive: Any, *indices: int) -> list[int]:

@@ -1,4 +1,4 @@
-"""Sessions on a bus that is no CAN: what drives are asked, how they move, and how they stop."""
+"""Sessions on a bus other than CAN: requests to the drives, motions and stops."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_a_trip_latches_and_reset_powers_on_anew(bus: DirectBus) -> None:
 
 
 def test_no_frame_is_made() -> None:
-    """Neither CAN nor CANopen is imported by what sessions need."""
+    """Sessions need to import neither CAN nor CANopen."""
     import subprocess
 
     code = (

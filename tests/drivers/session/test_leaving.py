@@ -1,4 +1,4 @@
-"""Leaving drives that were never energised: what is not shown to be off keeps its watchdog."""
+"""End of a session with drives that never had power: unconfirmed drives keep their watchdog."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Server:
 
 
 class Drives:
-    """Two drives of which one does not switch off; notes what is done to them."""
+    """Two drives, one of which does not switch off; calls are recorded."""
 
     def __init__(self, stays_on: str) -> None:
         self.log: list[str] = []

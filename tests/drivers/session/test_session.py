@@ -1,6 +1,6 @@
-"""What connecting builds is complete or absent, and a bus of ours is shut down however it ends."""
+"""Connecting succeeds completely or leaves nothing, and our bus is always shut down."""
 
-# ruff: noqa: PT012 - what happens inside and at the end of a with block is what is tested
+# ruff: noqa: PT012 - the tests examine both body and end of a with block
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_what_a_session_found_stays_known_when_it_has_ended_and_nothing_else_ser
 
 
 class Overflowing(SettingsKeeper):
-    """Fails where the session ends, and not as the keeper promises to."""
+    """Bus that fails at the end of the session, against the keeper's promise."""
 
     def close(self, *_: object) -> list[str]:
         raise OSError("no space left on device")
@@ -156,7 +156,7 @@ def test_an_interrupt_raised_while_leaving_keeps_no_axis_powered(
 
 @pytest.fixture
 def opened(can_bus: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The bus that is opened by name from now on."""
+    """Return the bus opened by name in the following."""
     monkeypatch.setattr(opening, "open_can_bus", lambda *_: can_bus)
     return can_bus
 

@@ -1,4 +1,4 @@
-"""In lock-step several SYNCs may pass in one call; recordings do not show it."""
+"""Several SYNCs per call in lock-step have no effect on recordings."""
 
 from __future__ import annotations
 
@@ -135,7 +135,8 @@ def test_a_recorder_packs_samples_as_one_by_one() -> None:
 def test_after_an_interrupt_amid_several_syncs_the_drives_take_the_next_frame(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    upload = bytes([0x40, 0x00, 0x10, 0, 0, 0, 0, 0])  # 1000h: no drive answers a SYNC so
+    # 1000h: no drive answers SYNC with this object
+    upload = bytes([0x40, 0x00, 0x10, 0, 0, 0, 0, 0])
     with (
         can.Bus("manutec-r15", "sim_plant", ignore_config=True) as bus,
         CanopenDriveBus(bus, load_drives(MANUTEC)) as axes,

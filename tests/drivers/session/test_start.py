@@ -1,4 +1,4 @@
-"""Drives that take their time from NMT start to OPERATIONAL, or never get there."""
+"""Drives that are slow from NMT start to OPERATIONAL, or never reach it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STARTED = bytes([1, NODE])
 
 
 class Late:
-    """The second drive: its node is held pre-operational for so many SYNCs after NMT start."""
+    """Second drive whose node stays pre-operational for this number of SYNCs after NMT start."""
 
     def __init__(self, can_bus: Any, syncs: float) -> None:
         self.can_bus, self.syncs = can_bus, syncs
@@ -60,7 +60,7 @@ def test_a_drive_that_never_becomes_operational_is_named_and_nothing_is_energise
 def test_a_drive_that_becomes_pre_operational_once_it_was_not_stops_all_axes() -> None:
     can_bus, drive_bus = build()
     with can_bus, drive_bus:
-        for _ in range(30):  # by then each has said that it is operational
+        for _ in range(30):  # by then each node has reported that it is operational
             drive_bus.sample()
         can_bus.network.emit(0x700 + NODE, PRE_OPERATIONAL)
         with pytest.raises(NodeSilent, match="is pre-operational in the middle of operation"):

@@ -1,1 +1,1 @@
-"""Random outages of EtherCAT in a session of fast moves: drawn, let happen, judged."""
+"""Random outages of EtherCAT during fast moves: draw, execution, verdict."""

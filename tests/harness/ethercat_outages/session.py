@@ -1,7 +1,7 @@
-"""A session of fast moves of all six axes over EtherCAT, in lock-step, in which an outage happens.
+"""Session of fast moves of all six axes over EtherCAT, in lock-step, with an outage.
 
-The moves and what is promised of them are those over CAN (`outage_sweep.session`). Time passes in
-the plant also while no frame gets there.
+Moves and promises are those over CAN (`outage_sweep.session`). Time passes in the plant also while
+no frame gets there.
 """
 
 from __future__ import annotations
@@ -32,19 +32,20 @@ if TYPE_CHECKING:
 
 AXES = 6
 SHORTEST, LONGEST = 0.005, 0.250
-"""[s]."""
+"""Shortest and longest outage [s]."""
 KINDS = ("transmit", "receive", "both", "cut", "lost", "error")
-"""Frames do not get there, do not come back, neither; a cable is cut; some of them are lost; a
-drive falls to SAFEOP with an error."""
+"""Lost frames to the drives, from the drives, or both; a cut cable; some lost frames; a drive in
+SAFEOP with an error.
+"""
 AFTERWARDS = 3.0
-"""How long drives are left alone in the end [s]."""
+"""Time without a master at the end [s]."""
 LOST_MOST = 0.2
-"""Share of the frames that are lost."""
+"""Largest share of lost frames."""
 
 
 @dataclass(frozen=True)
 class Outage:
-    """What happens to one session.
+    """Outage in one session.
 
     Attributes
     ----------
@@ -74,7 +75,7 @@ class Outage:
 
 
 def draw(seed: int, number: int, cycles: int) -> Outage:
-    """Draw one outage that begins with one of so many cycles."""
+    """Draw an outage that begins in one of this number of cycles."""
     rng = np.random.default_rng([seed, number])
     return Outage(
         number,
@@ -88,7 +89,7 @@ def draw(seed: int, number: int, cycles: int) -> Outage:
 
 
 class OutageWire(PlantWire):
-    """A wire on which an outage happens, with a witness of the machine.
+    """Wire with an outage, and a witness of the machine.
 
     Parameters
     ----------
@@ -111,7 +112,7 @@ class OutageWire(PlantWire):
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Nothing is open."""
+        """Do nothing: there is nothing to close."""
 
     def send(self, frame: bytes | bytearray) -> bool:
         cyclic = frame[START] in {Command.LRW, Command.LRD}
@@ -147,7 +148,7 @@ class OutageWire(PlantWire):
             signal.raise_signal(signal.SIGINT)
 
     def leave_alone(self) -> None:
-        """Let time pass for the drives, with nobody there."""
+        """Let time pass for the drives without a master."""
         ends = self._now + AFTERWARDS
         while self._now < ends:
             self.segment.elapse(drives.sync_period)
@@ -164,7 +165,7 @@ def move_about(wire: OutageWire) -> None:
     Raises
     ------
     DriveError, KeyboardInterrupt
-        What the driver makes of an outage, or of Ctrl-C.
+        Error of the driver after an outage, or Ctrl-C.
     """
     with ServoAxes(EthercatBus(wire, "lock-step"), quick) as axes:
         try:
@@ -178,18 +179,18 @@ def move_about(wire: OutageWire) -> None:
 
 
 quick = drives.model_copy(update={"sdo_timeout": 0.05})
-"""An answer comes at once here, or never."""
+"""Short time-out: here an answer comes at once or never."""
 
 
 def cycles_of_a_session() -> int:
-    """Return how many frames with process data a session takes that nothing disturbs."""
+    """Return the number of frames with process data in an undisturbed session."""
     wire = OutageWire(None)
     move_about(wire)
     return wire.cycles
 
 
 def happen(outage: Outage) -> Verdict:
-    """Let an outage happen, and judge what came of it."""
+    """Run a session with an outage and judge the result."""
     ended, wire = "", OutageWire(outage)
     try:
         move_about(wire)
@@ -201,7 +202,7 @@ def happen(outage: Outage) -> Verdict:
 
 
 def results(seed: int, numbers: Sequence[int]) -> list[tuple[Outage, Verdict]]:
-    """Let the outages of these numbers happen."""
+    """Run and judge the outages of these numbers."""
     cycles = cycles_of_a_session()
     drawn = [draw(seed, number, cycles) for number in numbers]
     return [(outage, happen(outage)) for outage in drawn]

@@ -1,1 +1,1 @@
-"""Every fault of the plant over real frames: harness, cases, table."""
+"""All faults of the plant over real frames: harness, cases, table."""

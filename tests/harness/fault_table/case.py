@@ -1,4 +1,4 @@
-"""One row of the fault table: what happens, what shows it, what is promised."""
+"""Row of the fault table: events, first sign of the fault, promised reaction."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
 
 MID_STROKE = When(set_point=3, after=0.3)
-"""In the second stroke; the first set-point is the travel to the start."""
+"""Instant in the second stroke; the first set-point is the move to the start."""
 
 
 @dataclass(frozen=True)
@@ -27,43 +27,43 @@ class Case:
     Attributes
     ----------
     name, does : str
-        What happens, and what the driver does about it.
+        Event, and reaction of the driver.
     faults : tuple of Fault
     error : type or None
-        What ends the campaign; None when it goes on to its end.
+        Error that ends the campaign; None if it is completed.
     reads : str
-        What the operator reads, among other things.
+        Part of the message to the operator.
     shown : callable, optional
-        Finds the frame that shows the fault, where axes have to be stopped.
+        Function that finds the first frame with a sign of the fault, if axes must be stopped.
     findings : str, optional
-        The check that finds a recording unfit.
+        Check that finds a recording unfit.
     flags : bool
         Samples are flagged one by one.
     noted : bool
-        What is wrong with the samples of a whole session is noted with it.
+        Defects of a whole session's samples are noted with the session.
     may_go_on : bool
-        It may go on to its end as well: it is a matter of the frame that is under way.
+        The campaign may also be completed, depending on the frame affected.
     energised : bool, optional
-        Whether the axes were energised at all; None where that does not matter.
+        True if axes had power at any time; None if irrelevant.
     plan : Plan
-        What is measured meanwhile.
+        Plan of the campaign.
     condition : callable, optional
-        Of the frame of ours with which the faults begin, where no count of set-points says it.
+        Condition of our frame at which the faults begin, in place of a count of set-points.
     interrupted : bool
         Ctrl-C is pressed at the same moment.
     outage : float
-        For how long frames do not get through, as far as that matters for the way [s].
+        Duration of the outage, for the bound on distance [s].
     way : float, optional
         Longest way that an axis may go after the event [rad]; where Ctrl-C or an outage is the
         event, it is `fault_table.stopping_way.allowed_ways` unless stated.
     off_within : float, optional
-        Longest time from the event until all axes are off [s].
+        Largest time from the event until all axes are off [s].
     foreign : tuple of (int, bytes)
         Identifiers and data of what another participant sends once, in the second stroke.
     changed : callable, optional
-        What another participant changes in the drive of the axis at that time, over EtherCAT.
+        Change in the axis's drive by another participant at that time, over EtherCAT.
     unnoticed : float
-        For how long that cannot be noticed [s].
+        Time in which the change cannot be noticed [s].
     kind : str
         Name of all cases that share a line of the table; `{}` holds the lengths of outages.
     """
@@ -94,7 +94,7 @@ class Case:
 def fault(
     what: What, at: When = MID_STROKE, lasts: Span | None = None, axis: int = AXIS, **more: float
 ) -> Fault:
-    """Make a fault of one axis."""
+    """Return a fault of one axis."""
     whole = {"what": what, "axis": axis, "at": at, "lasts": lasts, **more}
     return Fault.model_validate(whole)
 
@@ -102,5 +102,5 @@ def fault(
 def everywhere(
     what: What, at: When = MID_STROKE, lasts: Span | None = None, size: float | None = None
 ) -> Fault:
-    """Make a fault of no axis."""
+    """Return a fault that concerns no single axis."""
     return Fault(what=what, at=at, lasts=lasts, size=size)

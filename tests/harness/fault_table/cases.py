@@ -1,4 +1,4 @@
-"""The faults of the table: what happens, what shows it, what is promised."""
+"""Faults of the table: events, signs, promises."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CLASSES = {
     0x9000: "external",
     0xFF01: "maker's own",
 }
-"""One code of each class of CiA 402."""
+"""One error code of each class of CiA 402."""
 
 _STOPS = "stops"
 _GAP = "flags the sample, without a substitute"
@@ -49,7 +49,7 @@ FOREIGN = (
     ("raises a drive's torque limit", 0x602, "2b726000b80b0000", "6072:00 of joint 2"),
     ("switches a drive's TPDO off", 0x602, "2300180182010080", "1800:01 of joint 2"),
 )
-"""What other participants send that commands drives: identifier, data, what the operator reads."""
+"""Commands of other participants to drives: identifier, data, message to the operator."""
 
 CASES = (
     Case("one TPDO lost", _GAP, (fault(What.TPDO_LOST, lasts=ONCE),), None, "", flags=True),

@@ -1,4 +1,4 @@
-"""The faults of the table over EtherCAT: those of the bus, and of drives as on CAN."""
+"""Faults of the table over EtherCAT: those of the bus, and of drives as on CAN."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 _STOPS = "stops"
 _AWAY = "takes no part in the exchange of process data for 10 cycles in a row"
 _OTHERWISE = frozenset({What.NODE_RESET, What.BUS_OFF, What.SUPPLY_LOST})
-"""What a drive does not do alone, or shows otherwise here."""
+"""Faults that do not exist or have other signs over EtherCAT."""
 MID_CYCLE = When(sync=400)
-"""In the second stroke, as a frame with process data."""
+"""Frame with process data in the second stroke."""
 SHORT, LONG = 0.025, 0.2
 """Outages with and without consequence [s]."""
 
@@ -33,7 +33,7 @@ def _put(place: int, size: int, value: int, node: Any) -> None:
 
 
 def _of_drives() -> Iterator[Case]:
-    """Rows of drives, sensors and motors, which do not know on which bus they are."""
+    """Return rows of drives, sensors and motors, independent of the bus."""
     for case in CASES:
         if case.foreign:
             continue

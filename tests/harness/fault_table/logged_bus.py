@@ -1,4 +1,4 @@
-"""The faulty plant as a bus in lock-step that logs all frames, and has a witness.
+"""Faulty plant as a bus in lock-step with a log of all frames and a witness.
 
 A fault begins as its plan says, or with a frame of ours that fulfils a condition; Ctrl-C may be
 pressed at the same moment. A frame that our adapter refuses takes time from the plant as well: a
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 ROBOT = "manutec-r15"
 SYNC = 0x80
 SETTLING = 3.0
-"""How long drives are left alone afterwards, to react by themselves [s]."""
+"""Time without a master afterwards, for the drives' own reactions [s]."""
 HEARD = 0.002
-"""Time between two looks is that of a SYNC [s], 4 ms: half of it."""
+"""Half the SYNC period of 4 ms, which separates two looks [s]."""
 STEP = 0.01
 FOREIGN = 400
-"""In the second stroke."""
+"""SYNC in the second stroke."""
 
 
 class Seen(NamedTuple):
@@ -51,7 +51,7 @@ class Seen(NamedTuple):
 
 
 class WitnessedLog:
-    """The log of a bus to a faulty plant, and the witness of what follows its first fault.
+    """Log of the bus of a faulty plant, and witness of the events after its first fault.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class WitnessedLog:
         self.began: int | None = None
 
     def leave_alone(self) -> None:
-        """Let time pass without us."""
+        """Let time pass without a master."""
         for _ in range(round(SETTLING / STEP)):
             self.network.elapse(STEP)
             self._look(len(self.log))
@@ -134,7 +134,7 @@ class LoggedBus(can.BusABC, WitnessedLog):
         self.plant = load_plant(ROBOT)
         at_once = () if condition else tuple(faults)
         network = FaultyNetwork(self.plant, "sync", FaultPlan(faults=at_once))
-        # what another participant writes is heard at once, and answered before the next SYNC
+        # frames of another participant are received at once, and answered before the next SYNC
         witness = Witness(network, reaction, unnoticed=HEARD)
         WitnessedLog.__init__(self, network, witness, interrupted=interrupted)
         self.truth = self.plant.state
@@ -167,7 +167,7 @@ class LoggedBus(can.BusABC, WitnessedLog):
             self._hear_another()
 
     def _hear_another(self) -> None:
-        """Pass what another participant sends to the drives, and to us."""
+        """Pass frames of another participant to the drives and to us."""
         self._begin(len(self.log))
         foreign, self._foreign = self._foreign, ()
         for identifier, data in foreign:

@@ -1,4 +1,5 @@
-"""The faulty plant's EtherCAT slaves as a wire in lock-step that logs all frames, with a witness.
+"""Faulty EtherCAT slaves of the plant as a wire in lock-step with a log of all frames and a
+witness.
 
 The log speaks of frames as that of CAN does (`fault_table.logged_bus`): a frame with process data
 is a SYNC, the outputs in it are what an axis is sent, and the inputs of an axis that took part are
@@ -34,23 +35,23 @@ if TYPE_CHECKING:
     from sim_plant.faults.fault_plan import Fault
 
 OUTPUTS = 6
-"""Bytes of the outputs: controlword and target position."""
+"""Size of the outputs [bytes]: controlword and target position."""
 BOTH = 3
-"""Working counter of a drive that took outputs and gave inputs."""
+"""Working counter of a drive that accepted outputs and gave inputs."""
 _REACTING = frozenset({0x07, 0x0F})
-"""Of a statusword: quick stop, fault reaction."""
+"""Bits of a statusword: quick stop, fault reaction."""
 _AXES = load_drives(ROBOTS / f"{ROBOT}.drives.yaml").axes
 
 
 class WatchedSlave:
-    """A slave as the witness asks it: would it react to the loss of our process data?"""
+    """Slave with the witness's question: would it react to the loss of our process data?"""
 
     def __init__(self, slave: object) -> None:
         self._slave = slave
 
     @property
     def is_watching(self) -> bool:
-        """Whether it would, or does."""
+        """Return True if the slave would react to lost process data, or does."""
         slave = self._slave
         if slave.states.state is AlState.OP:  # type: ignore[attr-defined]
             return bool(slave._watchdog)  # type: ignore[attr-defined]
@@ -58,7 +59,7 @@ class WatchedSlave:
 
 
 class WatchedSegment:
-    """The plant as the witness sees it."""
+    """The plant as seen by the witness."""
 
     def __init__(self, segment: Segment, plant: object) -> None:
         self._segment = segment
@@ -72,7 +73,7 @@ class WatchedSegment:
 
 
 class LoggedCable(PlantWire, WitnessedLog):
-    """The faulty slaves at the other end of a wire.
+    """Faulty slaves at the other end of a wire.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ class LoggedCable(PlantWire, WitnessedLog):
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Nothing is open."""
+        """Do nothing: there is nothing to close."""
 
     def send(self, frame: bytes | bytearray) -> bool:
         """Pass a frame to the slaves."""

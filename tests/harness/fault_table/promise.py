@@ -1,4 +1,4 @@
-"""Whether what came of a fault is what its row of the table promises."""
+"""Comparison of the result of a fault with the promise of its row in the table."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from fault_table.trial import Outcome
 
 CYCLES = 2
-"""Within so many SYNCs of the frame that shows a fault all axes are commanded to stop."""
+"""Largest number of SYNCs from the first sign of a fault to the stop command of all axes."""
 
 
 class Row(NamedTuple):
-    """A case, what came of it, and which promises were broken."""
+    """A case, its outcome, and the broken promises."""
 
     case: Case
     outcome: Outcome
@@ -26,7 +26,7 @@ class Row(NamedTuple):
 
 
 def tried(case: Case, *, ethercat: bool = False) -> Row:
-    """Let it happen, over CAN unless stated."""
+    """Run the case, over CAN by default."""
     outcome, bus = run(case, ethercat=ethercat)
     if case.shown and bus.began is not None:
         outcome.cycles = stop_cycles(bus.log, case.shown(bus.log, bus.began))
@@ -55,7 +55,7 @@ def _broken(case: Case, outcome: Outcome) -> list[str]:
 
 
 def _of_the_stop(case: Case, outcome: Outcome) -> dict[str, bool]:
-    """What is promised of way and time, where the event ended the session."""
+    """Return promises on distance and time, each with True if it was kept."""
     promises = {}
     if outcome.error is not None and (case.interrupted or case.outage):
         allowed = allowed_ways(outcome.speeds, case.outage, drives)

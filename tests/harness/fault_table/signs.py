@@ -1,4 +1,4 @@
-"""Which frame is the first to show a fault.
+"""First frame with a sign of a fault.
 
 A fault that makes something stay away is shown by the frame at which the driver's tolerance for it
 runs out: ten SYNCs without a TPDO, a heartbeat's time-out, a request without an answer.
@@ -24,13 +24,15 @@ NODE = drives.axes[AXIS - 1].node
 
 
 def event(log: Sequence[Seen], began: int) -> int:
-    """Frame number of the event itself, which nobody has to be shown: Ctrl-C."""
+    """Return the frame number of the event, for events known to us: Ctrl-C."""
     del log
     return began
 
 
 def trouble(log: Sequence[Seen], began: int) -> int:
-    """Frame number of the first EMCY, boot-up or statusword of a drive that is not enabled."""
+    """Return the frame number of the first EMCY, boot-up or statusword of a drive that is not
+    enabled.
+    """
     nodes = {axis.node for axis in drives.axes}
 
     def shows(frame: Seen) -> bool:
@@ -48,30 +50,32 @@ def trouble(log: Sequence[Seen], began: int) -> int:
 
 
 def jump(log: Sequence[Seen], began: int) -> int:
-    """Frame number of the first TPDO of the axis after the fault."""
+    """Return the frame number of the first TPDO of the axis after the fault."""
     return _first(log, began, lambda f: not f.ours and f.identifier == 0x180 + NODE)
 
 
 def jump_latched(log: Sequence[Seen], began: int) -> int:
-    """Frame number of the second answer of the axis: the first one was latched before."""
+    """Return the frame number of the axis's second answer: the first one was latched before."""
     return jump(log, jump(log, began) + 1)
 
 
 def blindness(log: Sequence[Seen], began: int) -> int:
-    """Frame number of the last of `BLIND` SYNCs that the axis leaves unanswered."""
+    """Return the frame number of the last of `BLIND` SYNCs without an answer of the axis."""
     syncs = [n for n, f in enumerate(log) if n >= began and f.ours and f.identifier == SYNC]
     return syncs[BLIND - 1]
 
 
 def silence(log: Sequence[Seen], began: int) -> int:
-    """Frame number of the first SYNC at or after the time-out of the axis's heartbeat."""
+    """Return the frame number of the first SYNC at or after
+    the time-out of the axis's heartbeat.
+    """
     beats = [n for n, f in enumerate(log[:began]) if not f.ours and f.identifier == 0x700 + NODE]
     due = log[beats[-1]].sync + round(drives.heartbeat_timeout / drives.sync_period)
     return _first(log, began, lambda f: f.ours and f.identifier == SYNC and f.sync >= due)
 
 
 def request(log: Sequence[Seen], began: int) -> int:
-    """Frame number of the first request to the axis after the fault."""
+    """Return the frame number of the first request to the axis after the fault."""
     return _first(log, began, lambda f: f.ours and f.identifier == 0x600 + NODE)
 
 

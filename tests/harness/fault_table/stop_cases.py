@@ -1,4 +1,4 @@
-"""Stops that go wrong: outages of transmitting or receiving, and drives that disobey.
+"""Failing stops: outages of transmitting or receiving, and disobedient drives.
 
 Every outage comes with Ctrl-C in a stroke, in a stroke on its own, and with the third axis's
 command to enable operation.
@@ -28,15 +28,16 @@ if TYPE_CHECKING:
     from sim_plant.faults.fault_plan import Fault
 
 SECOND_STROKE = When(set_point=8, after=0.3)
-"""Of any axis: all six travel to the start, then the measured axis has its strokes."""
+"""Set-point count in the second stroke: all six axes move to the start before the strokes."""
 FULL_SPEED = When(set_point=3, after=0.4)
 LENGTHS = (0.010, 0.025, 0.040, 0.060, 0.090, 0.120, 0.200)
-"""[s]."""
+"""Durations of outages [s]."""
 WAY, OFF_WITHIN = 1.0, 0.5
-"""What a drive at 2.4 rad/s that does not slow down may come to [rad, s]."""
+"""Bounds for a drive that keeps its speed of 2.4 rad/s [rad, s]."""
 WATCHDOG_WITHIN = 1.5
-"""Until a drive that keeps its voltage is off: stop, attempts to switch it off, heartbeat's
-time-out [s]."""
+"""Time until a drive that keeps its voltage is off: stop, switch-off attempts, heartbeat time-out
+[s].
+"""
 
 _RPDO = struct.Struct("<iH")
 _ENABLE = (received(drives.axes[2]).cob_id, Command.ENABLE_OPERATION.value[0])
@@ -45,7 +46,7 @@ _STOPS = "stops"
 
 
 def powering_up(frame: can.Message) -> bool:
-    """Whether a frame commands the third axis to enable operation; two were commanded before."""
+    """Return True if a frame commands the third axis to enable operation, after two others."""
     if frame.arbitration_id != _ENABLE[0]:
         return False
     return bool(_RPDO.unpack(frame.data)[1] == _ENABLE[1])
@@ -61,7 +62,7 @@ def _outages(what: What) -> Iterator[Case]:
 
 
 def _names(what: What, length: float, moment: str) -> dict[str, Any]:
-    """Return name of the case, and of its kind with a place for the lengths."""
+    """Return the name of the case, and of its kind with a placeholder for the durations."""
     named = f"{what.replace('-', ' ')} of {{}} ms {moment}"
     return {"name": named.format(f"{1000 * length:.0f}"), "kind": named}
 

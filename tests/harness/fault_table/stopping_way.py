@@ -1,4 +1,4 @@
-"""How far an axis may go after an event that ends a session, by docs/explanation/safety.md.
+"""Longest distance of an axis after the end of a session, by docs/explanation/safety.md.
 
 While nobody can reach the drives, at most until their watchdogs act, an axis goes on at its speed;
 so it does for the delay that a stop may have; then it slows down at the deceleration that the
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 
 def reaction_time(outage: float, drives: DrivesFile) -> float:
-    """Time after an event in which an axis may go on as it was commanded [s].
+    """Return the time after an event in which an axis may continue as commanded [s].
 
     Parameters
     ----------
     outage : float
-        How long frames do not get through [s].
+        Duration of the outage [s].
     drives : DrivesFile
     """
     return min(outage, drives.heartbeat_timeout) + STOP_DELAY
@@ -34,7 +34,7 @@ def reaction_time(outage: float, drives: DrivesFile) -> float:
 def allowed_ways(
     speeds: NDArray[np.float64], outage: float, drives: DrivesFile
 ) -> NDArray[np.float64]:
-    """Longest way of each axis [rad].
+    """Return the longest distance of each axis [rad].
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One fault, or a few, in the middle of a small campaign, with everything looked at.
+"""One or more faults in the middle of a small campaign, with complete observation.
 
 The driver works on a bus in lock-step that logs all frames and has a witness of the machine. So it
 is known when the first frame showed the fault, when each axis was commanded to stop, how far it
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from fault_table.witness import Witness
 
 AXIS = 2
-"""The axis that is measured, and that fails."""
+"""Measured axis, which has the fault."""
 FAST_AXIS = 1
-"""The one that is measured and that fails where speed matters."""
+"""Measured axis with the fault, where speed matters."""
 
 _STOPS = {Command.QUICK_STOP.value[0], Command.DISABLE_VOLTAGE.value[0]}
 _RPDO = struct.Struct("<iH")
@@ -70,12 +70,12 @@ FAST = _plan(FAST_AXIS, stroke=2.4, velocity=2.4, acceleration=10.0)
 
 
 class AuditedBus(ServoAxes):
-    """The driver, each sample of which is compared with the truth.
+    """Driver whose samples are compared with the truth.
 
     Parameters
     ----------
     seen : LoggedBus or LoggedCable
-        That it works on.
+        Bus under the driver.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class AuditedBus(ServoAxes):
     def __init__(self, seen: LoggedBus | LoggedCable) -> None:
         if isinstance(seen, LoggedBus):
             super().__init__(CanopenBus(seen), drives)
-        else:  # an answer comes at once there, or never
+        else:  # an answer comes at once or never
             quick = drives.model_copy(update={"sdo_timeout": 0.05})
             super().__init__(EthercatBus(seen, "lock-step"), quick)
         self._seen = seen
@@ -99,7 +99,7 @@ class AuditedBus(ServoAxes):
         self._noise = 6.0 * const[:, st.NOISE] + np.abs(const[:, st.CURRENT_PER_MILLE])
 
     def sample(self) -> Sample:
-        """Return the sample, having looked at it."""
+        """Return the sample after comparing it with the truth."""
         sample = super().sample()
         state, flags = self._seen.truth, np.array(sample.flags)
         wrong = np.abs(np.array(sample.q) - state[:, st.Q]) > self._increment
@@ -111,12 +111,12 @@ class AuditedBus(ServoAxes):
 
 @dataclass
 class Outcome:
-    """What came of a fault.
+    """Outcome of a fault.
 
     Attributes
     ----------
     error : DriveError, KeyboardInterrupt or None
-        What ended the campaign.
+        Error that ended the campaign.
     findings : list of str
         Names of the checks that a recording failed.
     kept, kept_with_findings : int
@@ -126,7 +126,7 @@ class Outcome:
     flagged : int
         Samples with a flag.
     notes : tuple of str
-        What the operator read besides.
+        Further messages to the operator.
     cycles : int or None
         SYNCs from the first frame that shows the fault to the last axis's command to stop.
     energised : bool
@@ -134,9 +134,10 @@ class Outcome:
     off : bool
         At the end no axis is energised and none moves.
     off_after : float or None
-        When that was, since the fault began [s].
+        Time from the start of the fault until all axes were off [s].
     ways, speeds : ndarray, shape (n_axes,)
-        Of each axis since then; see `fault_table.witness.Witness`.
+        Distance and highest speed of each axis since the fault began; see
+        `fault_table.witness.Witness`.
     unwatched : set of int
         Axes that were energised with their watchdog off at any time.
     """
@@ -159,14 +160,14 @@ class Outcome:
 
     @property
     def text(self) -> str:
-        """What the operator reads."""
+        """Text of the operator's messages."""
         if self.error is not None:
             return "\n".join([str(self.error), *getattr(self.error, "__notes__", ())])
         return "\n".join([*self.notes, *self.messages])
 
 
 def stop_cycles(log: Sequence[Seen], shown: int) -> int | None:
-    """Return SYNCs from frame number `shown` to the last axis's first command to stop."""
+    """Return SYNCs from frame number `shown` to the last axis's first stop command."""
     waiting = {received(axis).cob_id for axis in drives.axes}
     for frame in log[shown:]:
         if frame.ours and frame.identifier in waiting and _RPDO.unpack(frame.data)[1] in _STOPS:
@@ -177,7 +178,7 @@ def stop_cycles(log: Sequence[Seen], shown: int) -> int | None:
 
 
 def run(case: Case, *, ethercat: bool = False) -> tuple[Outcome, LoggedBus | LoggedCable]:
-    """Measure while something goes wrong; return what came of it, and the bus with its log."""
+    """Run a campaign with faults; return the outcome, and the bus with its log."""
     outcome = Outcome()
     seen: LoggedBus | LoggedCable
     reaction = reaction_time(case.outage, drives)

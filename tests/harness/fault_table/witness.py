@@ -1,7 +1,7 @@
-"""What a plant truly does in a session: who is energised, who watches us, how far the axes go.
+"""True events of a session in the plant: energised axes, watchdogs, distances.
 
 Judged by the machine and by the drives' own dictionaries, never by what the driver or a frame says.
-Whoever passes frames or time to the drives lets the witness look afterwards.
+The buses of this package call `look` after every frame and every advance of time.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from sim_plant.faults.faulty_network import FaultyNetwork
 
 STILL = 1e-3
-"""Speed below which an axis stands [rad/s]."""
+"""Speed below which an axis is at standstill [rad/s]."""
 
 
 class Witness:
-    """Looks at machine and dictionaries.
+    """Observer of machine and dictionaries.
 
     Parameters
     ----------
     network : FaultyNetwork
-        Which it looks at.
+        Observed network.
     reaction : float
         How long after the event nobody can be asked to have stopped an axis [s].
     unnoticed : float
@@ -67,13 +67,13 @@ class Witness:
         self._from = self.ways
 
     def begin(self) -> None:
-        """Take note that the event is now; one before it counts no more."""
+        """Record the event at the present instant, in place of an earlier one."""
         self.began, self.off_after = self._network.time, None
         self._from = self._state[:, st.Q].copy()
         self.ways, self.speeds = np.zeros((2, len(self._state)))
 
     def look(self) -> None:
-        """See what is the case at this instant."""
+        """Observe the present state."""
         enabled = self._state[:, st.ENABLED] != 0.0
         if enabled.any():
             self.energised = True
@@ -82,7 +82,7 @@ class Witness:
             then = {axis: self._since.get(axis, self._network.time) for axis in now}
             self._since = then
             long_ago = self._network.time - self._unnoticed
-            # where nothing may go unnoticed, one look is enough
+            # with a tolerance of zero, one look is enough
             self.unwatched |= {a for a in now if not self._unnoticed or then[a] < long_ago}
         if self.began is not None:
             self._measure(self._network.time - self.began)
@@ -97,6 +97,6 @@ class Witness:
 
     @property
     def all_off(self) -> bool:
-        """No axis is energised and none moves."""
+        """Return True if no axis is energised and none moves."""
         state = self._state
         return not state[:, st.ENABLED].any() and bool(np.all(np.abs(state[:, st.QD]) < STILL))

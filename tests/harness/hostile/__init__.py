@@ -1,1 +1,1 @@
-"""Hostile frames, and what must hold while they arrive; shared by benchmark and tests."""
+"""Hostile frames, and requirements during them; shared by benchmark and tests."""

@@ -1,4 +1,4 @@
-"""Hostile frames at the driver: every sample is compared with what the drives truly said.
+"""Hostile frames at the driver: every sample is compared with the drives' true answers.
 
 A `hostile.storm_bus.StormBus` stands between the driver and the virtual plant. After every frame
 that the driver sends, hostile frames are mixed into the drives' answers, before, between and behind
@@ -38,27 +38,27 @@ if TYPE_CHECKING:
 
 ROBOT = "manutec-r15"
 DISTURBED_SET_UP = 10
-"""Every so many sessions the storm rages from the first frame on, SDO answers included."""
+"""Interval of sessions with a storm from the first frame on, SDO answers included."""
 DISTURBED = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE
 _TPDO = struct.Struct("<Hih")
 
 
 @dataclass(slots=True)
 class DriverFigures:
-    """What a storm came to."""
+    """Figures of a storm."""
 
     frames: int = 0
     samples: int = 0
     forged: int = 0
-    """Axes' shares of samples that a forged TPDO competed for."""
+    """Shares of an axis's samples with a competing forged TPDO."""
     flagged: int = 0
     sessions: int = 0
     ended: dict[str, int] = field(default_factory=dict)
-    """Sessions that ended by trouble in a drive's name, by error."""
+    """Number of sessions that ended with an error in a drive's name, by error."""
 
 
 class DriverStorm:
-    """Sessions of the driver in a storm, one after the other.
+    """Sequence of driver sessions in a storm.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class DriverStorm:
         self._asked: dict[int, int] = {}
 
     def run(self, n_frames: int, progress: Callable[[int], None] = lambda _: None) -> DriverFigures:
-        """Let `n_frames` come upon the driver.
+        """Send `n_frames` hostile frames to the driver.
 
         Raises
         ------

@@ -28,17 +28,17 @@ if TYPE_CHECKING:
     from drivers.drives_file import DrivesFile
 
 QUIET = (0, 0, 400, 700, 1000)
-"""Frames of a session that come back unchanged first, so that it gets further or less far."""
+"""Unchanged frames at the start of a session, which let it reach different stages."""
 SHARES = (0.002, 0.02, 0.3, 1.0)
-"""Of the answers that are changed."""
+"""Shares of changed answers."""
 SAMPLES = 60
 AFTERWARDS = 3.0
-"""How long drives are left alone in the end [s]."""
+"""Time without a master at the end [s]."""
 
 
 @dataclass
 class Figures:
-    """What a storm came to: hostile answers, sessions, and what ended them."""
+    """Figures of a storm: hostile answers, sessions, and their errors."""
 
     answers: int = 0
     sessions: int = 0
@@ -46,7 +46,7 @@ class Figures:
 
 
 class HostileWire(PlantWire):
-    """A wire whose answers are changed, by chance.
+    """Wire that changes answers at random.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class HostileWire(PlantWire):
 
 
 def storm(seed: int, answers: int, drives: DrivesFile) -> Figures:
-    """Let so many hostile answers come upon sessions, one after the other.
+    """Send this many hostile answers to sessions, one after the other.
 
     Raises
     ------

@@ -25,14 +25,14 @@ SERVICES = np.array(
     [0x000, 0x080, 0x100, 0x180, 0x200, 0x280, 0x300, 0x380, 0x400, 0x480, 0x500, 0x580, 0x600,
      0x680, 0x700, 0x780]
 )  # fmt: skip
-"""First identifier of each service of CiA 301; LSS is in the last."""
+"""First identifier of each service of CiA 301, with LSS as the last."""
 
 SPECIFIERS = np.array(
     [0x00, 0x01, 0x10, 0x11, 0x0D, 0x1D, 0x20, 0x21, 0x22, 0x23, 0x27, 0x2B, 0x2F, 0x40, 0x60, 0x70,
      0x80, 0x81, 0x82, 0x83, 0xA0, 0xA1, 0xA2, 0xA3, 0xA4, 0xC0, 0xC1, 0xC2, 0xC4, 0xC6, 0xD1, 0xDD,
      0xE0, 0xFF, 0x02, 0x03, 0x04, 0x7F]
 )  # fmt: skip
-"""First bytes of SDO requests: all that mean something in some phase, and some that never do."""
+"""First bytes of SDO requests: all valid ones, and some invalid ones."""
 
 INDICES = np.array(
     [0x1000, 0x1001, 0x1003, 0x1005, 0x1006, 0x1008, 0x1014, 0x1016, 0x1017, 0x1018, 0x1019, 0x1021,
@@ -50,13 +50,13 @@ VALUES = np.array(
 
 
 class Hostile:
-    """An endless stream of frames.
+    """Endless stream of frames.
 
     Parameters
     ----------
     seed : int
     session : sequence of can.Message
-        Frames of a real session, to be spoilt.
+        Frames of a real session, source of damaged frames.
     """
 
     def __init__(self, seed: int, session: Sequence[can.Message]) -> None:
@@ -94,7 +94,7 @@ class Hostile:
         return [_frame(identifier, row[:size], mark) for identifier, size, row, mark in rows]
 
     def _nodes(self, n: int) -> NDArray[np.int64]:
-        """Mostly our nodes, and the first above all, so that transfers get under way."""
+        """Return node numbers, mostly ours, and often the first, so that transfers begin."""
         nodes = self._rng.choice([1, 1, 1, *NODES], n)
         strange = self._rng.random(n) < 0.05
         nodes[strange] = self._rng.integers(0, 128, strange.sum())
@@ -111,7 +111,7 @@ class Hostile:
     def _near(self, at: NDArray[np.int64], data: NDArray[np.uint8]) -> tuple[object, object]:
         del data
         services = self._rng.choice(SERVICES, len(at))
-        services[services == 0] = 0x700  # resets would switch everything off all the time
+        services[services == 0] = 0x700  # frequent resets would switch everything off
         return services + self._nodes(len(at)), self._rng.integers(0, 9, len(at))
 
     def _sdo(self, at: NDArray[np.int64], data: NDArray[np.uint8]) -> tuple[object, object]:
@@ -170,5 +170,5 @@ def _frame(identifier: int, data: NDArray[np.uint8], mark: int) -> can.Message:
 
 
 def plain(frame: can.Message) -> bool:
-    """Whether CANopen may take it for one of its own: a data frame of 11 bits."""
+    """Return True if CANopen may accept a frame: a data frame of 11 bits."""
     return not (frame.is_remote_frame or frame.is_extended_id or frame.is_error_frame)

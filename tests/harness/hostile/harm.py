@@ -1,5 +1,5 @@
-"""What a storm must never bring about."""
+"""Violations that a storm must never cause."""
 
 
 class Harm(AssertionError):
-    """A hostile frame did what it must not do."""
+    """Violation caused by a hostile frame."""

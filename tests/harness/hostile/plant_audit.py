@@ -1,4 +1,4 @@
-"""What a plant under hostile frames may do: nothing that no legal command asked for.
+"""Audit of a plant under hostile frames: no motion without a legal command.
 
 An axis is *moved by a frame* when, while that frame is handled, its drive asks the servo to
 `enable` or to `move`; nothing else in the plant turns a motor. That is legal only where
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 CONTROLWORD, STATUSWORD = 0x6040, 0x6041
 OFF, IDENTIFIER, NEW_SET_POINT, HALT = 1 << 31, 0x7FF, 0x10, 0x100
 SLACK = 1e-3
-"""What a braked axis may give way [rad]."""
+"""Permitted displacement of a braked axis [rad]."""
 
 
 class Call(NamedTuple):
-    """What a drive asked of its servo."""
+    """Call of a servo by its drive."""
 
     axis: int
     what: str
@@ -46,18 +46,18 @@ class Call(NamedTuple):
 
 
 class WatchedAxis:
-    """A servo that notes by what it is moved."""
+    """Servo that records the frame causing each call."""
 
     def __init__(self, number: int, axis: Axis, calls: list[Call]) -> None:
         self._number, self._axis, self._calls = number, axis, calls
 
     def enable(self) -> None:
-        """Note it and pass it on."""
+        """Record the call and forward it."""
         self._calls.append(Call(self._number, "enable", ()))
         self._axis.enable()
 
     def move(self, *arguments: float) -> None:
-        """Note it and pass it on."""
+        """Record the call and forward it."""
         self._calls.append(Call(self._number, "move", arguments))
         self._axis.move(*arguments)
 
@@ -66,14 +66,14 @@ class WatchedAxis:
 
 
 def watched(machine: Machine) -> list[Call]:
-    """Let the machine's servos note their calls in the list that is returned."""
+    """Record the calls of the machine's servos in the returned list."""
     calls: list[Call] = []
     machine.axes = [WatchedAxis(n, axis, calls) for n, axis in enumerate(machine.axes)]  # type: ignore[misc]
     return calls
 
 
 class PlantAudit:
-    """Judges every frame by what the plant did meanwhile."""
+    """Judge of every frame by the plant's reaction."""
 
     def __init__(self, network: SlaveNetwork, calls: list[Call]) -> None:
         self.controlwords = self.enabled = self.moved = 0
@@ -82,8 +82,8 @@ class PlantAudit:
         self._taken: list[tuple[int, int]] = []
         self._words = dict.fromkeys(range(len(network.nodes)), 0)
         self._accepted = dict.fromkeys(range(len(network.nodes)), 0)
-        # The last frame of each identifier and length: a node may follow another SYNC than the
-        # rest, and a frame that is too short does not replace one that waits.
+        # Last frame of each identifier and length: nodes may follow different SYNCs, and a frame
+        # that is too short does not replace a queued one.
         self._waiting: dict[tuple[int, int], can.Message] = {}
         self._downloads: dict[int, bool] = {}
         self._before: list[State | None] = []
@@ -94,14 +94,14 @@ class PlantAudit:
         self._taken.append((axis, word))
 
     def expect(self, frame: can.Message) -> None:
-        """Take note of what is, before `frame` is handled."""
+        """Record the state before `frame` is handled."""
         words = (node.dictionary.get(STATUSWORD) for node in self._network.nodes)
         self._before = [decode_state(word) for word in words]
         if plain(frame):
             self._waiting[frame.arbitration_id, len(frame.data)] = frame
 
     def judge(self, frame: can.Message, answers: Sequence[can.Message]) -> None:
-        """Compare what happened with what `frame` allows.
+        """Compare the reaction with the permission of `frame`.
 
         Raises
         ------
@@ -138,7 +138,8 @@ class PlantAudit:
         enabled = before is State.OPERATION_ENABLED or twice
         if not enabled or self._accepted[axis] < 0:
             raise Harm(f"{frame}: axis {axis + 1} moved in {before} by {words} without set-point")
-        if any(word & NEW_SET_POINT for word in words):  # a buffered one was bounded when it came
+        # a buffered set-point was checked on arrival
+        if any(word & NEW_SET_POINT for word in words):
             self._check_limits(call)
 
     def _check_limits(self, call: Call) -> None:
@@ -155,7 +156,7 @@ class PlantAudit:
             raise Harm(f"axis {call.axis + 1}: {call.arguments} is beyond the drive's limits")
 
     def _follow_downloads(self, frame: can.Message, answers: Sequence[can.Message]) -> None:
-        """Whether each node's transfer under way is a download to 6040h, by what is on the wire."""
+        """Track whether each node's present transfer is a download to 6040h, from the wire."""
         node = frame.arbitration_id - 0x600
         if not (plain(frame) and 1 <= node <= 127 and len(frame.data) == 8):
             return

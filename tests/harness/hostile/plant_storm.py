@@ -1,4 +1,4 @@
-"""Hostile frames at the plant: through python-can's front door, with real physics behind it."""
+"""Hostile frames at the plant, through python-can's interface, with real physics."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 ROBOT = "manutec-r15"
 ROUND = 20_000
-"""Frames between two power cycles of the plant."""
+"""Number of frames between two power cycles of the plant."""
 RESTORED = 2_000
-"""Frames after which a session's set-up is played again, so that there are drives to disturb."""
+"""Number of frames between repetitions of a session's set-up, so that drives are operational."""
 ALIVE = can.Message(
     arbitration_id=0x601, data=[0x40, 0x00, 0x10, 0, 0, 0, 0, 0], is_extended_id=False
 )
@@ -46,7 +46,7 @@ DEVICE_TYPE = bytes([0x43, 0x00, 0x10, 0x00, 0x92, 0x01, 0x02, 0x00])
 
 @dataclass(slots=True)
 class PlantFigures:
-    """What a storm came to."""
+    """Figures of a storm."""
 
     frames: int = 0
     answers: int = 0
@@ -54,13 +54,13 @@ class PlantFigures:
     enabled: int = 0
     moved: int = 0
     slowest: float = 0.0
-    """Longest time that one frame took [s]."""
+    """Longest processing time of one frame [s]."""
     most: int = 0
-    """Most answers to one frame."""
+    """Largest number of answers to one frame."""
 
 
 def recorded_session() -> list[can.Message]:
-    """Frames that the driver sends from set-up until axes 1 and 2 have made a move."""
+    """Return frames of the driver from set-up to the end of a move of axes 1 and 2."""
     sent: list[can.Message] = []
     drives = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
     with PlantBus(ROBOT) as bus:
@@ -165,7 +165,7 @@ def _exchange(bus: PlantBus, frame: can.Message) -> list[can.Message]:
 
 
 class Stillness:
-    """Sees to it that no axis moves between two looks at which it had no power."""
+    """Check that no axis moves without power between two looks."""
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant

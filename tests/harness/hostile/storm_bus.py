@@ -1,4 +1,4 @@
-"""The virtual plant's bus as the driver finds it in a storm: hostile frames among the answers."""
+"""The virtual plant's bus in a storm: hostile frames among the answers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import can
 from hostile.frames import NODES, Hostile, plain
 
 BURST = 12
-"""Hostile frames for every frame that the driver sends, on average."""
+"""Mean number of hostile frames per frame of the driver."""
 FORGED = 0.02
 """Share of frames that are TPDOs in a drive's name, with its true state and other values."""
 TROUBLE = 1e-4
@@ -19,7 +19,7 @@ TROUBLE = 1e-4
 SYNC, TPDO, RPDO, NEW_SET_POINT = 0x80, 0x180, 0x200, 0x10
 TPDO_SIZE = 8
 OUR_HEARTBEAT = 0x77F
-"""From another master it would keep the drives going when we die."""
+"""Our heartbeat: sent by another master it would keep the drives running without us."""
 _CONTENT = struct.Struct("<Hih")
 
 
@@ -50,14 +50,14 @@ class StormBus(can.BusABC):
         self.misshapen: set[int] = set()
         self.targets: dict[int, int] = {}
         self._pending: tuple[set[int], set[int]] = (set(), set())
-        """`forged` and `misshapen` since the last SYNC was answered: they meet the next one."""
+        """`forged` and `misshapen` since the last answered SYNC; they count for the next one."""
         self._plant = plant
         self._random = random.Random(seed)
         self._frames = iter(Hostile(seed, session))
         self._inbox: deque[can.Message] = deque()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Pass a frame to the plant and its answers back, with others among them."""
+        """Forward a frame to the plant, and its answers back among hostile frames."""
         self._plant.send(msg, timeout)
         answers = []
         while (answer := self._plant.recv(0)) is not None:
@@ -94,7 +94,7 @@ class StormBus(can.BusABC):
             (forged if len(frame.data) == TPDO_SIZE else misshapen).add(node)
 
     def _draw(self) -> can.Message:
-        """Draw a frame; one in a drive's name that would end the session only now and then."""
+        """Draw a frame; rarely one that would end the session in a drive's name."""
         chance = self._random.random()
         if chance < TROUBLE:
             self.suspect = True
@@ -104,14 +104,14 @@ class StormBus(can.BusABC):
         return next(frame for frame in self._frames if not ends_session(frame))
 
     def _trouble(self) -> can.Message:
-        """Make an EMCY, a heartbeat or a TPDO that reports a drive in trouble, of odd length."""
+        """Return an EMCY, a heartbeat or a TPDO that reports a drive in trouble, of odd length."""
         service, size = self._random.choice([(0x80, 2), (0x80, 8), (TPDO, TPDO_SIZE), (0x700, 1)])
         data = self._random.randbytes(size - 1) + self._random.choice([b"\x10", b"\x81", b"\xff"])
         node = self._random.choice(NODES)
         return can.Message(arbitration_id=service + node, data=data, is_extended_id=False)
 
     def _forge(self) -> can.Message:
-        """Make a TPDO that shows the drive's state and values near its own."""
+        """Return a TPDO with the drive's state and values close to its own."""
         node = self._random.choice(NODES)
         word, position, current = _CONTENT.unpack(self.truth.get(node, bytes(TPDO_SIZE)))
         near = self._random.randint
@@ -120,7 +120,7 @@ class StormBus(can.BusABC):
 
 
 def ends_session(frame: can.Message) -> bool:
-    """Whether a frame reports a drive in trouble, commands drives, or is our heartbeat."""
+    """Return True if a frame reports a drive in trouble, commands drives, or is our heartbeat."""
     if not plain(frame):
         return False
     if frame.arbitration_id == OUR_HEARTBEAT or _commands(frame):
@@ -136,7 +136,7 @@ def ends_session(frame: can.Message) -> bool:
 
 
 def _commands(frame: can.Message) -> bool:
-    """Whether a frame commands drives, as a second master or a configuration tool does."""
+    """Return True if a frame commands drives, as a second master or a configuration tool does."""
     service, node = frame.arbitration_id & 0x780, frame.arbitration_id & 0x7F
     if frame.arbitration_id == 0x080:  # SYNC
         return True

@@ -1,1 +1,1 @@
-"""Random outages in a session of fast moves: drawn, let happen, judged."""
+"""Random outages during fast moves: draw, execution, verdict."""

@@ -1,4 +1,4 @@
-"""Which outage happens when: drawn from a seed and a number, so that each can be had again."""
+"""Reproducible draw of outages from a seed and a number."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from sim_plant.faults.fault_plan import Fault, Span, What, When
 
 SHORTEST, LONGEST = 0.005, 0.250
-"""[s]."""
+"""Shortest and longest outage [s]."""
 AXES = 6
 DIRECTIONS = {
     "transmit": (What.TRANSMIT_OUTAGE,),
@@ -17,12 +17,12 @@ DIRECTIONS = {
     "both": (What.TRANSMIT_OUTAGE, What.RECEIVE_OUTAGE),
     "drive": (What.BUS_OFF,),
 }
-"""Of our adapter; the last one concerns one drive alone, in both directions."""
+"""Direction of the outage of our adapter; the last one cuts off one drive, in both directions."""
 
 
 @dataclass(frozen=True)
 class Outage:
-    """What happens to one session.
+    """Outage in one session.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Outage:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """The plan."""
+        """Return the fault plan."""
         at, lasts = When(frame=self.frame), Span(time=self.length)
         return tuple(
             Fault(what=what, axis=self.axis, at=at, lasts=lasts)
@@ -66,7 +66,7 @@ class Outage:
 
 
 def draw(seed: int, number: int, frames: range) -> Outage:
-    """Draw one outage that begins with one of these frames."""
+    """Draw one outage that begins at one of these frames."""
     rng = np.random.default_rng([seed, number])
     direction, axis = str(rng.choice(list(DIRECTIONS))), int(rng.integers(1, AXES + 1))
     return Outage(

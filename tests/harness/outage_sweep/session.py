@@ -1,4 +1,4 @@
-"""A session of fast moves of all six axes, in lock-step, in which an outage happens.
+"""Session of fast moves of all six axes, in lock-step, with an outage.
 
 Powering up, three moves at up to full speed, powering down; then the drives are left alone. What
 counts is what the witness of the machine says (`fault_table.witness`).
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from outage_sweep.draws import Outage
 
 REACH = (1.2, 0.8, 1.2, 1.5, 1.0, 1.5)
-"""Where the moves lead, either side of zero [rad]."""
+"""Targets of the moves on either side of zero [rad]."""
 SHARES = ((1, 1.0), (-1, 0.6), (1, 1.0))
-"""Side and share of the speed limit, move by move."""
+"""Side and share of the speed limit of each move."""
 ACCELERATION = 0.5
-"""Share of the limit: more than that takes the plant's motors to their torque limits."""
+"""Share of the acceleration limit; higher values saturate the plant's motors."""
 
 
 class Verdict(NamedTuple):
-    """What came of an outage.
+    """Verdict on an outage.
 
     Attributes
     ----------
@@ -42,10 +42,10 @@ class Verdict(NamedTuple):
     unwatched : tuple of int
         Axes that were energised with their watchdog off.
     energised : tuple of int
-        Axes that were energised when the drives had been left alone.
+        Axes that still had power after the time without a master.
     way, share : float
-        Longest way of an axis after the event [rad], largest share of the way allowed; 0 where the
-        session went on.
+        Longest distance of an axis after the event [rad], and its share of the allowed distance; 0
+        if the session continued.
     """
 
     ended: str
@@ -56,7 +56,7 @@ class Verdict(NamedTuple):
 
     @property
     def broken(self) -> bool:
-        """Whether a promise was broken."""
+        """Return True if a promise was broken."""
         return bool(self.unwatched or self.energised or self.share > 1.0)
 
 
@@ -66,7 +66,7 @@ def move_about(bus: LoggedBus) -> None:
     Raises
     ------
     DriveError, KeyboardInterrupt
-        What the driver makes of an outage, or of Ctrl-C.
+        Error of the driver after an outage, or Ctrl-C.
     """
     with ServoAxes(CanopenBus(bus), drives) as axes:
         try:
@@ -75,8 +75,8 @@ def move_about(bus: LoggedBus) -> None:
                 while not axes.sample().reached:
                     pass
         except MoveFailed:
-            # A set-point was lost in an outage too short to stop for, and is missed only by its
-            # time-out. Until then the other axes go where they were sent, which is no event.
+            # The driver notices a set-point lost in a short outage only by its time-out. Until then
+            # the other axes continue to their targets, which is no event.
             bus.witness.begin()
             raise
 
@@ -94,7 +94,7 @@ def moves(side: int, share: float) -> dict[int, Move]:
 
 
 def frames_sent() -> range:
-    """Numbers of the frames that the driver sends when nothing happens, from the first SYNC on.
+    """Return numbers of the driver's frames in an undisturbed session, from the first SYNC on.
 
     Before that it asks and configures drives that are off.
     """
@@ -105,7 +105,7 @@ def frames_sent() -> range:
 
 
 def judged(ended: str, state: NDArray[np.float64], witness: Witness, length: float) -> Verdict:
-    """Judge what came of an outage of so long [s], by the plant's state and its witness."""
+    """Judge an outage of this duration [s], by the plant's state and its witness."""
     ways = witness.ways if ended else np.zeros(len(REACH))
     shares = ways / allowed_ways(witness.speeds, length, drives)
     return Verdict(
@@ -118,7 +118,7 @@ def judged(ended: str, state: NDArray[np.float64], witness: Witness, length: flo
 
 
 def happen(outage: Outage) -> Verdict:
-    """Let an outage happen, and judge what came of it."""
+    """Run a session with an outage and judge the result."""
     ended = ""
     reaction = reaction_time(outage.length, drives)
     with LoggedBus(outage.faults, interrupted=outage.interrupted, reaction=reaction) as bus:

@@ -1,4 +1,4 @@
-"""The command line as tests call it."""
+"""Fixture that calls the command line."""
 
 from __future__ import annotations
 

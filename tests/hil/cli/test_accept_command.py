@@ -1,4 +1,6 @@
-"""`hil accept`: a run judged by limits, as page and JUnit XML; limits drafted from a good run."""
+"""`hil accept`: judgement of a run by limits, page, JUnit XML, and
+limits drafted from a good run.
+"""
 
 from __future__ import annotations
 
@@ -134,7 +136,7 @@ def test_a_run_without_a_model_names_the_command_that_makes_it(
 def test_samples_are_counted_from_the_recordings(
     hil: Hil, run: Path, limits: Path, tmp_path: Path
 ) -> None:
-    """A session that was killed may have written recordings that its journal does not count."""
+    """The journal of a killed session may lack recordings."""
     copy = tmp_path / "killed"
     shutil.copytree(run, copy)
     for path in sorted((copy / "recordings").glob("*.h5"))[:3]:

@@ -1,4 +1,4 @@
-"""What a dry run states of the bus follows from the drives file, and from what is streamed."""
+"""Bus cycle in a dry run, from the drives file and the streamed data."""
 
 from __future__ import annotations
 

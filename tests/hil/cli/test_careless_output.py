@@ -1,4 +1,4 @@
-"""What a command is to write, and where, is looked at before it reads or computes anything.
+"""A command checks its outputs before it reads or computes anything.
 
 The commands and their options are found by asking the program, so that none is left out.
 """
@@ -34,7 +34,7 @@ WRITTEN = re.compile(
     r"|of page)\b"
 )
 READ = {"--drives", "--model", "--noise-from", "--refine", "--symmetric", "--workspace"}
-"""Options that name a file or a run to be read, whatever their help says."""
+"""Options that name a file or a run to be read, independent of their help."""
 FILES = {new for new in CALLBACKS if "file" in new}
 EVERY = every_command()
 
@@ -44,13 +44,13 @@ def options(command: Any) -> list[Any]:
 
 
 def callback_of(option: Any) -> str:
-    """Name of our callback, which typer wraps; empty where there is none."""
+    """Return the name of our callback inside typer's wrapper; empty without a callback."""
     wrapped = getattr(option.callback, "__wrapped__", option.callback)
     return str(getattr(wrapped, "__name__", ""))
 
 
 def writing() -> list[Any]:
-    """Command, option and callback of all that is written where the user says."""
+    """Return command, option and callback of all outputs with a path from the user."""
     return [
         pytest.param(name, option.opts[0], callback_of(option), id=f"{name} {option.opts[-1]}")
         for name, command in EVERY.items()
@@ -60,7 +60,7 @@ def writing() -> list[Any]:
 
 
 def arguments(name: str) -> list[str]:
-    """What a command asks for besides: names of files that are not there."""
+    """Return the other arguments of a command: names of missing files."""
     required = [each for each in EVERY[name].params if each.required]
     named = [each for each in required if each.param_type_name == "option"]
     given = [part for each in named if "-o" not in each.opts for part in (each.opts[0], "nowhere")]
@@ -68,7 +68,7 @@ def arguments(name: str) -> list[str]:
 
 
 def plain(text: str) -> str:
-    """Text without the frame and the line ends that the terminal puts into it."""
+    """Return text without frames and line breaks of the terminal."""
     return " ".join(re.sub(r"[│╭╮╰╯─]", " ", text).split())
 
 
@@ -90,7 +90,7 @@ def test_the_options_are_found() -> None:
 def test_nothing_is_read_for_what_cannot_be_written(
     hil: Hil, tmp_path: Path, name: str, option: str, callback: str
 ) -> None:
-    """The files that it would read are not there, and it does not come to miss them."""
+    """The input files are missing, and the command does not notice."""
     file = tmp_path / "file"
     file.write_text("something of the user's")
     chosen = [] if option == "-o" or "-o" not in required(name) else ["-o", tmp_path / "good"]
@@ -151,7 +151,9 @@ def test_a_result_that_could_not_be_kept_is_not_computed(
 def test_a_folder_that_takes_no_files_is_named(
     hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whoever tests this may be allowed to write anywhere, so the system's answer is put in."""
+    """The user of this test may have the right to write anywhere, so the system's refusal is
+    simulated.
+    """
     monkeypatch.setattr("os.access", lambda path, _mode: Path(path) != tmp_path)
     for arguments_ in (("plan", "manutec-r15", "-o", "plan.yaml"), ("run", "plan.yaml", "-o", "r")):
         *before, name = arguments_
@@ -165,7 +167,8 @@ def test_a_taken_run_folder_is_refused_before_the_plan_is_gone_through(
     write_run(tmp_path / "run", manutec)
     plan = tmp_path / "plan.yaml"
     plan.write_text(dump_plan(small_plan))
-    monkeypatch.setattr("hil.tasks.measuring.checked", None)  # before whoever binds the other
+    # before other modules import the function
+    monkeypatch.setattr("hil.tasks.measuring.checked", None)
     monkeypatch.setattr("hil.planning.dry_run.dry_run", None)
     status, _, err = hil("run", plan, "-o", tmp_path / "run")
     assert (status, "already exists; go on with --resume" in err) == (1, True), err
@@ -177,7 +180,8 @@ def test_names_are_looked_at_before_anything_is_estimated(
     hil: Hil, tmp_path: Path, manutec: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = write_run(tmp_path / "run", manutec).path
-    monkeypatch.setattr("hil.results.problem.identified", None)  # before whoever binds the other
+    # before other modules import the function
+    monkeypatch.setattr("hil.results.problem.identified", None)
     monkeypatch.setattr("hil.results.identification.identified", None)
     for wrong, message in (
         (("--method", "improvd"), "did you mean improved"),

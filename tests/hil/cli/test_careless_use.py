@@ -1,4 +1,4 @@
-"""Commands called without what they need, with nothing in a value, and with streams that fail."""
+"""Commands without required values, with empty values, or with failing streams."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def called(shell: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run the program within a line of the shell, where it is ``$HIL``."""
+    """Run a shell line in which the program is ``$HIL``."""
     return subprocess.run(  # noqa: S603 - our own program
         ["/bin/sh", "-c", shell],
         cwd=folder,
@@ -72,7 +72,7 @@ def test_a_stream_that_nobody_reads_takes_no_result_away(tmp_path: Path, end: st
 def test_problems_of_a_plan_that_is_no_file_are_stated(
     small_plan: Plan, manutec: Robot, tmp_path: Path
 ) -> None:
-    """A plan that a command has made itself: no line of a file can be named."""
+    """The command made the plan itself, so no line of a file can be named."""
     first, *others = small_plan.measurements
     too_fast = first.model_copy(update={"velocity": 99.0})
     plan = small_plan.model_copy(update={"measurements": (too_fast, *others)})

@@ -1,4 +1,6 @@
-"""`hil validate`, `accept`, `history` and `payload` name by cause what differs between two runs."""
+"""`hil validate`, `accept`, `history` and `payload` name the causes of differences between two
+runs.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ FOUND = "by cause: axis 6: a load on the last link"
 
 @pytest.fixture(scope="module")
 def runs(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Identified runs: one without a load, one with it, one with it whose upper arm is another."""
+    """Identified runs: without a load, with a load, and with a load and another upper arm."""
     place = tmp_path_factory.mktemp("runs")
     phi = np.array([LOAD.get(name, 0.0) for name in manutec.standard_parameters])
     change = base_parameters(manutec).matrix @ phi

@@ -1,4 +1,4 @@
-"""`hil identify --consistent` and `hil export --to urdf`: bodies, their cost, what is refused."""
+"""`hil identify --consistent` and `hil export --to urdf`: bodies, their cost, and refusals."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from command_line import Hil
 
 TOO_LIGHT = "2:0.5:2"
-"""kg; link 2 of `arm` has s^2 / Izz = 3.4 kg at least."""
+"""Mass in kg; link 2 of `arm` has s^2 / Izz = 3.4 kg at least."""
 
 
 @pytest.fixture(scope="module")

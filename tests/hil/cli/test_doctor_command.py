@@ -1,4 +1,4 @@
-"""`hil doctor`: each point of a computer judged, with what to do; the readings are stated here."""
+"""`hil doctor`: verdict and remedy for each property of a computer; the readings are simulated."""
 
 from __future__ import annotations
 

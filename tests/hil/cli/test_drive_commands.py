@@ -1,4 +1,4 @@
-"""Commands about drives as they are typed: what they print, refuse and ask."""
+"""Commands about drives: output, refusals and questions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def file_with(tmp_path: Path) -> Callable[[str, str], Path]:
-    """The manutec's drives file with its first `old` replaced."""
+    """Return the manutec's drives file with the first `old` replaced."""
 
     def write(old: str, new: str) -> Path:
         text = DRIVES.read_text()
@@ -186,7 +186,7 @@ def test_lines_are_counted_by_grade_and_one_refusal_is_enough() -> None:
 
 
 class Typing(Keys):
-    """A keyboard on which these keys are pressed, one at each look."""
+    """Keyboard with these keys pressed, one at each look."""
 
     def __init__(self, keys: str) -> None:
         super().__init__(io.StringIO())

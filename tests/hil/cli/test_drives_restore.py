@@ -1,4 +1,4 @@
-"""Found settings at the command line: listed beforehand, kept in the run, put back after a kill."""
+"""Found settings at the command line: listed beforehand, kept in the run, restored after a kill."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def start(*arguments: object) -> subprocess.Popen[bytes]:
 
 
 def state_of_the_drives() -> dict[tuple[int, int, int], int]:
-    """What start-up would change, by asking the drives."""
+    """Return the changes that start-up would make, by asking the drives."""
     drives = load_drives(DRIVES)
     with open_bus(PLACE) as bus:
         found = {}
@@ -132,7 +132,7 @@ def state_of_the_drives() -> dict[tuple[int, int, int], int]:
 
 
 def let_time_pass(syncs: int) -> None:
-    """Let the plant's time go on without any heartbeat of a master."""
+    """Advance the plant's time without a master's heartbeat."""
     identity = bytes.fromhex("4018100100000000")
     with open_bus(PLACE) as bus:
         for _ in range(syncs):
@@ -175,7 +175,7 @@ def test_after_kill_9_the_drives_are_put_back_once_they_are_off(
         assert not (tmp_path / "other").exists()
         assert state_of_the_drives() == left
 
-        let_time_pass(400)  # beyond the drives' watch on our heartbeat
+        let_time_pass(400)  # longer than the drives' heartbeat time-out
         status, out, err = hil("drives", "restore", folder / NAME, *where)
         assert (status, err) == (0, "")
         assert "the settings of all drives are restored" in out
@@ -235,7 +235,7 @@ def test_restoring_states_what_drives_do_not_take_back_and_is_done(
     assert "joint 1 6072:00 (max torque)" in out
 
 
-# What sessions leave for the next one on their bus
+# State left by sessions for the next session on their bus
 
 
 BUS = ("virtual", "bench")
@@ -244,13 +244,13 @@ ON_BUS = ("--interface", BUS[0], "--channel", BUS[1])
 
 @pytest.fixture
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Have a state directory of one's own."""
+    """Use a temporary state directory."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return tmp_path / "state" / "hil" / "found-settings"
 
 
 def killed_run(folder: Path) -> None:
-    """Leave what a run leaves that is killed while its drives have power."""
+    """Create the folder of a run killed while its drives had power."""
     folder.mkdir()
     with (
         found_settings.keeper_of_run(folder, *BUS) as keeper,
@@ -328,7 +328,7 @@ def test_beside_a_session_on_its_bus_every_command_to_drives_is_refused(
 
 @pytest.fixture
 def buses(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
-    """Which buses are opened; the drives of a killed run are on each."""
+    """Record which buses are opened; each has the drives of a killed run."""
     opened: list[tuple[str, str]] = []
 
     def bus(interface: str, channel: str, _: object) -> CanopenBus:

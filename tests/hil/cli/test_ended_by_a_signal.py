@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and a terminal that is closed: real processes, as an operator leaves them."""
+"""Ctrl-C, SIGTERM and a closed terminal, with real processes."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ program.main()
 
 @pytest.fixture(scope="module")
 def plant() -> Iterator[None]:
-    """The plant in another process: its time is SYNC, so without one no heartbeat is missed."""
+    """Plant in another process: SYNC advances its time, so no heartbeat is missed without SYNC."""
     with plant_process(PLACE):
         wake(PLACE)
         yield
@@ -74,7 +74,7 @@ def plant() -> Iterator[None]:
 
 @pytest.fixture
 def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
-    """Ten rounds of the small plan."""
+    """Plan of ten rounds of the small plan."""
     measurements = tuple(
         m.model_copy(update={"id": f"{m.id}-{k}"})
         for k in range(10)
@@ -86,7 +86,7 @@ def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
 
 
 class Terminal:
-    """A program in a terminal of its own, that can be closed under it."""
+    """A program in its own terminal, which can be closed."""
 
     def __init__(self, *command: str) -> None:
         self.master, slave = pty.openpty()
@@ -101,7 +101,7 @@ class Terminal:
         os.close(slave)
 
     def read(self) -> None:
-        """Take what is shown, so that the program can go on."""
+        """Read the output, so that the program can continue."""
         while select.select([self.master], [], [], 0.005)[0]:
             try:
                 self.shown += os.read(self.master, 4096)
@@ -114,7 +114,7 @@ class Terminal:
             self.read()
 
     def close(self) -> int:
-        """Close the window; return how the program ended."""
+        """Close the terminal; return how the program ended."""
         os.close(self.master)
         return self.process.wait(60)
 
@@ -126,7 +126,7 @@ def await_recordings(folder: Path, terminal: Terminal) -> None:
 
 
 def states() -> list[int]:
-    """Ask every drive for its state (6041), as nobody commands it any more."""
+    """Read every drive's state (6041) after the end of the master."""
     found = []
     with open_bus(PLACE) as bus:
         for node in range(1, 7):
@@ -256,7 +256,7 @@ def test_an_interrupt_of_generated_code_ends_with_the_same_status(tmp_path: Path
 
 
 class Finalised:
-    """An object during whose end an interrupt comes."""
+    """Object with an interrupt during its finalisation."""
 
     def __del__(self) -> None:
         signal.raise_signal(signal.SIGINT)
@@ -285,7 +285,7 @@ def test_an_interrupt_that_python_drops_ends_the_block_all_the_same(
 def test_an_interrupt_waits_for_a_module_that_is_being_loaded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is compiled crashed, or failed to import, where it came in the middle."""
+    """An interrupt during the import of a compiled module caused a crash or a failed import."""
     source = "import signal\nsignal.raise_signal(signal.SIGINT)\nloaded = True\n"
     (tmp_path / "interrupted_module.py").write_text(source)
     monkeypatch.syspath_prepend(tmp_path)

@@ -1,4 +1,4 @@
-"""What all commands have alike: examples that can be called, output options, exit statuses."""
+"""Common properties of all commands: valid examples, output options, exit statuses."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def test_verbose_shows_where_a_refusal_comes_from(
     from hil import cli
 
     for name, value in (("handlers", []), ("level", logging.root.level)):
-        monkeypatch.setattr(logging.root, name, value)  # other tests log as they did
+        monkeypatch.setattr(logging.root, name, value)  # restore logging for other tests
     with pytest.raises(HilError, match="unknown robot"):
         cli.main(["robot", "puma", "-v"])
     assert logging.getLogger().level == logging.INFO

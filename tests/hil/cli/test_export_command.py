@@ -1,4 +1,4 @@
-"""`hil export`: which files it writes, what they state of their origin, and what it refuses."""
+"""`hil export`: written files, their stated origin, and refusals."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ HOW_TO_RECORDINGS = GUIDES / "other-tools.md"
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of an identified run."""
+    """Folder of an identified run."""
     return identified_run(tmp_path_factory.mktemp("export") / "run")
 
 
@@ -79,7 +79,7 @@ def test_a_verdict_is_stated_with_its_reason(
 
 
 def spoilt(run: Path, folder: Path) -> Path:
-    """A folder whose model's identification failed."""
+    """Return a folder whose model's identification failed."""
     model = Model.load(run)
     outcome = Judgement(word="failed", reason="axes 2 and 3 exchanged", remedy="exchange them")
     folder.mkdir(exist_ok=True)

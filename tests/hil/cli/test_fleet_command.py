@@ -1,4 +1,4 @@
-"""`hil fleet`: the index is added to, never read twice, and asked."""
+"""`hil fleet`: the index grows, never reads a run twice, and answers questions."""
 
 from __future__ import annotations
 
@@ -203,5 +203,5 @@ def test_an_index_of_as_many_rows_as_a_fleet_of_a_thousand_machines_has_is_read(
     (part,) = index.glob("*/*.parquet")
     rows = parquet.read_table(part)
     many = rows.take([k % len(rows) for k in range(1_400_000)])
-    parquet.write_table(many, part, compression="zstd")  # a small file, for repeated rows
+    parquet.write_table(many, part, compression="zstd")  # repeated rows in a small file
     assert hil("fleet", "query", index)[0] == 0

@@ -1,4 +1,4 @@
-"""Whatever prints it, foreign text moves no cursor, forges no line and buries no message."""
+"""Foreign text in any output moves no cursor, forges no line and hides no message."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_it_is_written_out(make: Callable[[str], object], terminal: bool) -> Non
     console.width = 200
     console.print(make(FOREIGN), style="red", markup=False)
     printed = console.file.getvalue()
-    assert r"q\x1b[" in printed  # a narrow column cuts the rest
+    assert r"q\x1b[" in printed  # a narrow column truncates the text
     assert not {"\x9b", "\u202e", "\u2028"} & set(printed)
     assert "\x1b[2J" not in printed
 

@@ -1,4 +1,4 @@
-"""`hil run --foxglove`: where it serves, and what it leaves behind."""
+"""`hil run --foxglove`: addresses, and files left behind."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ EXERCISE, REST = 3.0, 6.0
 
 
 def cli(*arguments):
-    """Run `hil`; returns its exit status."""
+    """Return a function that runs `hil` and returns its exit status."""
     with pytest.raises(SystemExit) as ended:
         main([str(argument) for argument in arguments])
     return ended.value.code or 0
@@ -29,7 +29,7 @@ def robot():
 
 @pytest.fixture(scope="module")
 def planned(robot):
-    """Six speeds of the last axis, briefly; one of them after a rest and an exercise."""
+    """Plan of six short measurements of the last axis; one follows a rest and an exercise."""
     plan = sweep(robot, [5], speeds=6, slowest=0.03)
     first, second, *others = plan.measurements
     history = {"rest": REST, "exercise": EXERCISE}

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def runs(tmp_path: Path) -> list[Path]:
-    """Three runs of one machine; in the last one p2 is greater."""
+    """Three runs of one machine; the last one has a larger p2."""
     model = stated_model(arm(), friction=("offset", "Coulomb", "viscous"))
     folders = []
     for day in (1, 2, 3):

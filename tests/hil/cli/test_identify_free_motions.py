@@ -1,4 +1,4 @@
-"""hil identify on recordings that were imported."""
+"""`hil identify` on imported recordings."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_strokes_of_one_axis_at_a_time_have_a_method_of_their_own(hil: Hil, tmp_
 
 @pytest.fixture
 def half_still(tmp_path: Path) -> tuple[Path, Path]:
-    """Recordings in which axis 1 of a pan-tilt head stands still, and its URDF with inertials."""
+    """Recordings with axis 1 of a pan-tilt head at rest, and the head's URDF with inertials."""
     stated = tmp_path / "head.urdf"
     stated.write_text(urdf("pan-tilt", ROBOTS["pan-tilt"]))
     robot = robot_from_urdf(stated, None, None)

@@ -1,4 +1,4 @@
-"""`hil import`: what it prints, what it refuses, and that it writes nothing then."""
+"""`hil import`: output, and refusals without any written file."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from hil.runs.run import Run
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working folder, with a recording and its map."""
+    """Working folder with a recording and its map."""
     monkeypatch.chdir(tmp_path)
     write_csv(tmp_path / "data.csv", table(4.0))
     write_map(tmp_path, a_map())
@@ -54,7 +54,7 @@ def test_a_draft_names_the_recording_as_seen_from_the_map(hil: Hil, folder: Path
 def test_a_map_reads_files_outside_of_its_folder_where_they_are_allowed_alone(
     hil: Hil, folder: Path
 ) -> None:
-    """A map is a file from somebody else, and the run that is made of it may be sent back."""
+    """A map may come from a stranger, and the user may send back the run made from it."""
     (folder / "maps").mkdir()
     write_map(folder / "maps", a_map("../data.csv"))
     status, _, errors = hil("import", "maps/map.yaml", "-o", "runs/x")
@@ -118,7 +118,8 @@ def test_maps_are_imported_at_once_by_processes(hil: Hil, folder: Path) -> None:
     assert (status, errors) == (0, "")
     assert "second.yaml: 1 motion, second-01: 5 s in 5 blocks" in printed
     for path in (folder / "in-turn").rglob("*"):
-        if path.is_file() and path.name != "run.json":  # which has the times of its making
+        # run.json contains the times of its creation
+        if path.is_file() and path.name != "run.json":
             assert (folder / "x" / path.relative_to(folder / "in-turn")).read_bytes() == (
                 path.read_bytes()
             )

@@ -1,4 +1,4 @@
-"""A run that is interrupted or killed for real, over CAN frames, and finished afterwards."""
+"""A run interrupted or killed for real, over CAN frames, and completed afterwards."""
 
 import signal
 import subprocess
@@ -14,7 +14,7 @@ from hil.runs.run_folder import RunFolder
 
 @pytest.fixture
 def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
-    """Ten rounds of the small plan."""
+    """Plan of ten rounds of the small plan."""
     measurements = tuple(
         m.model_copy(update={"id": f"{m.id}-{k}"})
         for k in range(10)

@@ -1,4 +1,4 @@
-"""Single keys from a terminal, and none where there is no terminal."""
+"""Single keys from a terminal, and none without a terminal."""
 
 import io
 import os
@@ -12,7 +12,7 @@ from hil.terminal.keys import Keys
 
 @pytest.fixture
 def terminal() -> Iterator[tuple[io.FileIO, io.TextIOWrapper]]:
-    """A pseudo terminal: where to type, and what reads from it."""
+    """Pseudo terminal: its writing end, and the reader under test."""
     keyboard, screen = os.openpty()
     with io.FileIO(keyboard, "r+") as typing, io.TextIOWrapper(io.FileIO(screen)) as stream:
         yield typing, stream

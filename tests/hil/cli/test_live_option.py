@@ -1,4 +1,4 @@
-"""`--live`: a port or none, and what is refused before anything moves."""
+"""`--live`: optional port, and refusals before any motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs of several kinds on the command line: identified together, and reported so."""
+"""Runs of several kinds on the command line, identified and reported together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables and sentences on a narrow terminal: no line is longer than it, and nothing is cut.
+"""Tables and sentences on a narrow terminal: no line is too long, and nothing is truncated.
 
 Columns move below or repeat; no number breaks, nor leaves its unit, nor its heading.
 """

@@ -1,4 +1,4 @@
-"""`hil export --patch`: files that are written, and options that do not go with it."""
+"""`hil export --patch`: written files, and incompatible options."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`hil plan --kind`: options of another kind are refused with the reason."""
+"""`hil plan --kind`: options of other kinds are refused with the reason."""
 
 from __future__ import annotations
 

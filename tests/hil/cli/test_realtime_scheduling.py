@@ -1,4 +1,4 @@
-"""What is asked of the system for real time, what it grants, and that all of it is given back."""
+"""Real-time privileges: requested, granted, and given back completely."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Machine(Linux):
-    """A system that grants what it is made with, and notes what happens to it."""
+    """System with the given privileges; it records all calls."""
 
     def __init__(self, *granted: str, isolated: set[int] | None = None) -> None:
         self.log: list[str] = []
@@ -62,7 +62,7 @@ def by_name(measures: tuple[str, ...]) -> dict[str, str]:
 
 
 def granted(measure: str) -> bool:
-    """Whether nothing is left to be granted."""
+    """Return True if all requests were granted."""
     return ";" not in measure
 
 
@@ -125,7 +125,7 @@ def test_a_system_without_these_calls_grants_nothing_and_runs_all_the_same(
 def test_a_user_with_the_right_to_rtprio_alone_gets_a_normal_thread_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Linux lets nobody without CAP_SYS_NICE take back that threads do not inherit the class."""
+    """Without CAP_SYS_NICE, Linux does not permit threads to inherit the class again."""
     policies = [os.SCHED_OTHER]
 
     def put(_pid: int, policy: int, _parameters: os.sched_param) -> None:
@@ -159,7 +159,7 @@ def test_a_processor_whose_calls_are_not_known_is_asked_for_no_slice(
 
 
 def slice_of_this_thread() -> int | None:
-    """Return what the kernel says [ns], None where it does not."""
+    """Return the time slice from the kernel [ns], or None."""
     scheduling = Path("/proc/self/sched")
     if not scheduling.exists():
         return None
@@ -210,6 +210,6 @@ def test_this_machine_has_what_is_said_and_everything_is_as_before_afterwards() 
 
 
 def locked() -> int:
-    """Return how much of this process's memory is locked [kB]."""
+    """Return the locked memory of this process [kB]."""
     status = Path("/proc/self/status").read_text(encoding="ascii")
     return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmLck"))

@@ -1,4 +1,4 @@
-"""docs/tutorials/recording.md: its commands work one after the other and print what it says."""
+"""docs/tutorials/recording.md: its commands work in sequence and print the stated output."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[3]
 TEXT = (ROOT / "docs" / "tutorials" / "recording.md").read_text(encoding="utf-8")
 COMMANDS = re.findall(r"(?m)^hil .*$", TEXT)
 PLANT = ROOT / "examples" / "pan_tilt" / "plant.yaml"
-"""The virtual plant that the recordings are of."""
+"""Virtual plant of the recordings."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Commands that messages of the program offer as remedies exist, with their options."""
+"""Commands offered as remedies by messages exist, with their options."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import hil
 
 EVERY = every_command()
 COMMAND = re.compile(r"\bhil ((?:[a-z]+ ?)+)([^;,()`'\"]*)")
-"""A command with what follows it up to the end of its clause."""
+"""Command with its arguments up to the end of the clause."""
 
 
 def texts(path: Path) -> list[str]:
-    """Messages of a module: its strings, with values of f-strings left out, but no docstrings."""
+    """Return messages of a module: its strings without values of f-strings and docstrings."""
     tree = ast.parse(path.read_text())
     documented = {
         id(first.value)
@@ -39,7 +39,7 @@ def texts(path: Path) -> list[str]:
 
 
 def unknown(text: str) -> list[str]:
-    """Commands and options in a text that the program does not have."""
+    """Return commands and options in a text that do not exist."""
     wrong = []
     for words, rest in COMMAND.findall(text):
         names = words.split()

@@ -1,4 +1,4 @@
-"""`hil replay`: its page, and what its exit status says."""
+"""`hil replay`: page and exit status."""
 
 from __future__ import annotations
 

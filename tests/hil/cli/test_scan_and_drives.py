@@ -1,4 +1,4 @@
-"""`hil drives scan` and `hil drives new`, as an operator at a strange bus calls them."""
+"""`hil drives scan` and `hil drives new`, on a bus unknown to the operator."""
 
 from __future__ import annotations
 

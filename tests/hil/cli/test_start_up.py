@@ -1,4 +1,4 @@
-"""What help and completion load, and that the help of all commands is as their modules state it."""
+"""Modules loaded by help and completion, and agreement of all help texts with their modules."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from command_line import Hil
 
 HEAVY = {"numpy", "scipy", "numba", "h5py", "canopen", "can", "matplotlib"}
-"""pydantic is not among them: typer itself loads it wherever it parses options."""
+"""Slow modules; pydantic is excluded, since typer loads it for the options."""
 
 
 PROGRAM = """
@@ -45,7 +45,7 @@ for line in sys.argv[1:]:
 
 
 def program(*arguments: str, **variables: str) -> tuple[str, set[str]]:
-    """Call `hil` in a process of its own; return what it prints, and the modules that it loaded."""
+    """Call `hil` in a separate process; return its output, and the loaded modules."""
     done = subprocess.run(  # noqa: S603 - our own program
         [sys.executable, "-c", PROGRAM, *arguments],
         env={**os.environ, **variables},
@@ -57,7 +57,7 @@ def program(*arguments: str, **variables: str) -> tuple[str, set[str]]:
 
 
 def completed(words: str) -> tuple[list[str], set[str]]:
-    """Complete the last word of a command line as bash asks for it."""
+    """Complete the last word of a command line like bash."""
     position = str(len(words.split(" ")) - 1)
     printed, loaded = program(_HIL_COMPLETE="complete_bash", COMP_WORDS=words, COMP_CWORD=position)
     return printed.split(), loaded
@@ -156,7 +156,7 @@ def test_each_option_is_explained_in_one_sentence(name: str) -> None:
 def test_the_help_shows_every_word_and_every_unit_in_brackets(
     name: str, hil: Hil, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Rich would swallow [s] and the like where they are not marked as text."""
+    """Rich would remove [s] and similar units unless they are marked as text."""
     monkeypatch.setattr("typer.rich_utils.MAX_WIDTH", 600)
     status, shown, _ = hil(*name.split(), "--help")
     assert status == 0
@@ -166,7 +166,7 @@ def test_the_help_shows_every_word_and_every_unit_in_brackets(
 
 
 def test_units_in_brackets_are_found() -> None:
-    """So that the test above is about something."""
+    """Verify that the test above finds units at all."""
     stated = [parameter.help for command in EVERY.values() for parameter in command.params]
     assert sum("\\[" in text for text in stated) > 20
 

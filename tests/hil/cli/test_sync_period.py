@@ -1,4 +1,4 @@
-"""How late a computer wakes up, by a clock that the test sets, and what follows from it."""
+"""Wake-up jitter of a computer, by a clock set by the test, and the resulting advice."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class Sleeper:
-    """A clock that a wait moves on: to its end and as much beyond as the test says."""
+    """Clock that a wait advances to its end, plus a delay set by the test."""
 
     def __init__(self, late: Iterable[float]) -> None:
         self.now = 100.0
@@ -112,7 +112,7 @@ def test_where_the_kernel_sends_sync_that_is_said() -> None:
 
 
 class Timed:
-    """What was measured on a bus under power."""
+    """Measurements of a bus under power."""
 
     def __init__(self, rate: float, slowest: float, jitter: float) -> None:
         self.achievable_rate = lambda: (rate, slowest)

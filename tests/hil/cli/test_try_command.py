@@ -1,4 +1,4 @@
-"""`hil try`: all of it in a shortened form, stopped in its middle, and used carelessly."""
+"""`hil try`: short complete run, interrupted run, and careless use."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ PUSHED = json.dumps({"torque": [0.0, 350.0, 0.0, 0.0, 0.0, 0.0], "lasts": 0.5})
 
 
 class Visitor(Thread):
-    """Looks at the page, and pushes axis 2 as the page does once it is asked to."""
+    """Client of the page that pushes axis 2 when asked."""
 
     def __init__(self, port: int) -> None:
         super().__init__(daemon=True)
@@ -127,7 +127,7 @@ def test_it_measures_identifies_predicts_and_is_pushed(
 
 
 class Tried:
-    """`hil try` as a process of its own, in a folder."""
+    """`hil try` as a process, in a folder."""
 
     def __init__(self, where: Path, *options: str) -> None:
         self.process = subprocess.Popen(  # noqa: S603 - our own program
@@ -146,7 +146,7 @@ class Tried:
             time.sleep(0.01)
 
     def ended(self) -> str:
-        """Wait for the end; return what it said of itself."""
+        """Wait for the end; return the final message."""
         _, err = self.process.communicate(timeout=60)
         assert self.process.returncode == 130
         assert "Traceback" not in err

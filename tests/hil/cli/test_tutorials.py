@@ -1,4 +1,4 @@
-"""The tutorials on virtual machines: their commands work one after the other."""
+"""Commands of the tutorials on virtual machines work in sequence."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def commands_of(name: str) -> list[str]:
 
 
 def carried_out(hil: Hil, lines: list[str]) -> str:
-    """Carry commands out and return what they print."""
+    """Run commands and return their output."""
     printed = ""
     for line in lines:
         if line.startswith("python"):

@@ -1,4 +1,4 @@
-"""`hil validate`: verdict, exit status, and what is kept of it beside the run and in the model."""
+"""`hil validate`: verdict, exit status, and records in the run's folder and in the model."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="module")
 def folders(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """An identified run, and another one of the same robot."""
+    """Identified run, and another run of the same robot."""
     where = tmp_path_factory.mktemp("runs")
     other = write_run(where / "other", manutec, seed=2)
     return identified_run(where / "first"), other.path
@@ -137,6 +137,7 @@ def test_a_motion_is_measured_for_the_purpose(
 ) -> None:
     first, _ = folders
     status, out, _ = hil("validate", tmp_path / "check", "--model", first, "--measure")
-    assert status in (0, 3)  # the model is of made-up recordings, the motion of the virtual plant
+    # the model is from synthetic recordings, the motion from the virtual plant
+    assert status in (0, 3)
     assert "Predicted torques of this recording" in out
     assert (tmp_path / "check" / "recordings" / "validation.h5").exists()

@@ -1,4 +1,4 @@
-"""An identification and its report begin with what it is worth, and the first cause to look at."""
+"""Identification and report begin with a verdict, and the most likely cause to check."""
 
 from __future__ import annotations
 

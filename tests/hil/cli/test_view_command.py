@@ -1,4 +1,4 @@
-"""`hil view` and `hil dry-run --view`: where pages go, and what is refused."""
+"""`hil view` and `hil dry-run --view`: paths of pages, and refusals."""
 
 from __future__ import annotations
 

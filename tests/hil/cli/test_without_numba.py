@@ -1,4 +1,4 @@
-"""Without Numba and without compiled recursion, recordings are imported and identified as well.
+"""Import and identification without Numba and without the compiled recursion.
 
 The absence of Numba is that of a Python for which it has no wheel yet: nothing of it can be
 imported, and no package of that name is installed. The absence of the compiled recursion is that of

@@ -1,4 +1,4 @@
-"""A command that may be silent for seconds states on the terminal what it computes, beforehand."""
+"""A command that is silent for seconds first states its work on the terminal."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ LONG = [
 
 @pytest.fixture(scope="module", autouse=True)
 def everything_loaded() -> None:
-    """Load all modules: what one takes from another that is patched would stay with it."""
+    """Load all modules, because a module imported later would keep a patched object."""
     for module in pkgutil.walk_packages(package.__path__, "hil."):
         if not module.name.rpartition(".")[2].startswith("_"):  # a library in C is no module
             importlib.import_module(module.name)
@@ -78,13 +78,13 @@ def everything_loaded() -> None:
 
 @pytest.fixture
 def terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the console take what is printed for shown on a terminal."""
+    """Let the console treat the output as a terminal."""
     monkeypatch.setattr(out, "_force_terminal", True)
     monkeypatch.setattr(out, "is_interactive", True)
 
 
 def shown(text: str) -> str:
-    """Text as it is read, without colours and motions of the cursor."""
+    """Return text without colours and cursor motions."""
     return Text.from_ansi(text.replace("\r", "\n")).plain
 
 

@@ -1,4 +1,4 @@
-"""Backlash is found by what a link does within the gap; an axis without a gap is not accused."""
+"""Backlash is identified from the link's motion within the gap, without false alarms."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 STEP = 1e-4
-"""Of the simulation [s]; a sample is the mean over as many as fit in a period."""
+"""Step of the simulation [s]; a sample is the mean over all steps in a period."""
 
 
 def torque_of_gap(seed: int, axis: int, gap: float) -> Array:
-    """Change of the torques by a gap with walls that are stiff and damped, shape (n, 2)."""
+    """Return the torque change by a gap with stiff, damped walls, shape (n, 2)."""
     robot, t = arm(), np.arange(0.0, 12.0, STEP)
     q, qd, qdd = some_motion(t, seed)
     rigid = inverse_dynamics(robot, TRUTH, q, qd, qdd)
@@ -45,7 +45,7 @@ def torque_of_gap(seed: int, axis: int, gap: float) -> Array:
     change = inverse_dynamics(robot, TRUTH, q + moved[0], qd + moved[1], qdd + moved[2]) - rigid
     each = round(PERIOD / STEP)
     mean = change[: len(t) // each * each].reshape(-1, each, 2).mean(axis=1)
-    # the mean is of the samples' middle, half a period later
+    # the mean refers to the middle of the samples, half a period later
     at = np.arange(len(mean))
     return np.column_stack([np.interp(at - 0.5, at, x) for x in mean.T])
 
@@ -75,7 +75,7 @@ def test_backlash_is_named_with_its_axis_and_its_size(
 
 
 def with_twist(data: FreeRecorded, axis: int, compliance: float) -> FreeRecorded:
-    """Link angle less by compliance times transmitted torque, as in a soft gear."""
+    """Return the link angle less compliance times transmitted torque, as in an elastic gear."""
     robot, found = arm(), []
     for seed, (motion, recording) in enumerate(data):
         t = np.arange(len(recording.tau)) * PERIOD

@@ -1,4 +1,4 @@
-"""Which samples share their friction: periods, blocks, and pairs of strokes forth and back."""
+"""Samples with common friction: periods, blocks, and pairs of forward and backward strokes."""
 
 from __future__ import annotations
 

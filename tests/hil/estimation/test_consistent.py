@@ -1,4 +1,4 @@
-"""The nearest robot that consists of bodies: how far it is, and that bodies it is."""
+"""Nearest physically consistent robot: distance and consistency."""
 
 import numpy as np
 import possible_models
@@ -34,13 +34,13 @@ UPRIGHT = (0.0, -9.81, 0.0)
 
 
 def possible(name, seed=0):
-    """A robot and base parameters that bodies have, with standard errors."""
+    """Robot and base parameters of real bodies, with standard errors."""
     robot = Robot.load(name if "/" in name else f"tests/robots/{name}.yaml")
     return robot, *possible_models.possible(robot, seed)
 
 
 def seen(robot, found):
-    """Base parameters of the robot with all link parameters: of the bodies, and of p'."""
+    """Return base parameters of the robot with all link parameters: of the bodies, and of p'."""
     whole, own = base_parameters(robot.free_links()), base_parameters(robot)
     phi = np.concatenate([found.bodies.ravel(), [*found.added.values()]])
     return whole.matrix @ phi, whole.matrix @ own.placement @ found.p
@@ -101,7 +101,7 @@ def test_a_pendulum_whose_mass_is_bounded_needs_the_inertia_of_that_mass_where_i
 
 
 def test_the_published_parameters_of_the_manutec_r15_belong_to_no_bodies():
-    """Ixx2 + Izz2 >= Iyy2 of whatever body, so that p2 + p4 >= 0; printed are -28.1 and 19.9."""
+    """Any body has Ixx2 + Izz2 >= Iyy2, so p2 + p4 >= 0; published are -28.1 and 19.9."""
     robot = Robot.load("manutec-r15")
     covariance = np.diag((0.01 * np.maximum(np.abs(TABLE_3_A), 0.01)) ** 2)
     found = nearest_robot(robot, TABLE_3_A, covariance)

@@ -1,4 +1,4 @@
-"""A plan is asked to make causes visible, and to distinguish them."""
+"""Plans that make causes of error visible and distinguishable."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def plan(manutec):
 
 @pytest.fixture(scope="module")
 def reached(plan, manutec):
-    """A zero of axis 5, which a load passes for in the plan as it is."""
+    """Joint offset of axis 5, which resembles a load in the plan as it is."""
     return reached_of(plan, manutec, "load, zero of axis 5")
 
 

@@ -1,4 +1,6 @@
-"""What lies between current and arm is found: soft gears, late readings, friction of the load."""
+"""Effects between current and arm are identified: elastic
+gears, delays, load-dependent friction.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ if TYPE_CHECKING:
 
 MU = np.array([0.05, 0.05, 0.08, 0.0, 0.0, 0.0])
 COMPLIANCE = 1e-6 * np.array([0.0, 0.5, 1.2, 0.0, 0.0, 0.0])
-"""[rad/(N m)]."""
+"""Compliance of the gears [rad/(N m)]."""
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +59,7 @@ def prepared(recorded: Sequence[tuple[Measurement, Recording]]) -> Prepared:
 
 
 def softened(robot: Robot, s: Signals) -> Signals:
-    """What encoders and currents show if the motion of `s` is that of the links."""
+    """Return encoder and current signals if `s` is the motion of the links."""
     twist = COMPLIANCE * inverse_dynamics(robot, TABLE_3_A, s.q, s.qd, s.qdd)
     qd, qdd = derivatives(twist, s.period)
     tau = s.tau + motor_torque(robot, s.q, qd, qdd)
@@ -65,7 +67,7 @@ def softened(robot: Robot, s: Signals) -> Signals:
 
 
 def loaded(robot: Robot, recording: Recording) -> Recording:
-    """The same with friction that grows with what the gears transmit."""
+    """Return the same signals with friction proportional to the transmitted load."""
     s = signals(recording)
     load = np.abs(inverse_dynamics(robot, TABLE_3_A, s.q, s.qd, s.qdd))
     return replace(recording, tau=recording.tau + MU * load * np.sign(np.round(s.qd, 6)))
@@ -90,7 +92,7 @@ class TestSoftGears:
     def test_links_are_where_they_let_them_be(
         self, manutec: Robot, prepared: Prepared, soft: Prepared
     ) -> None:
-        """Where the axis moves: at rest friction may hold any torque."""
+        """Moving axes only: at rest friction may hold any torque."""
         train = replace(
             directly_driven(manutec), p=TABLE_3_A, compliance=COMPLIANCE, soft=COMPLIANCE > 0
         )
@@ -111,7 +113,7 @@ class TestSoftGears:
 
 @pytest.fixture(scope="module")
 def found(manutec: Robot, recorded: Sequence[tuple[Measurement, Recording]]) -> Estimate:
-    """Estimated where friction grows with the load."""
+    """Return the estimate with load-dependent friction."""
     return estimate(manutec, [(m, loaded(manutec, r)) for m, r in recorded])
 
 
@@ -132,7 +134,7 @@ class TestLoadFriction:
         assert np.linalg.norm(other) < 2 * np.linalg.norm(plain)
 
     def test_it_makes_no_current_late(self, found: Estimate) -> None:
-        """Where an axis changes from driving to braking, the load's friction has a corner too."""
+        """Load-dependent friction has a corner where an axis changes from driving to braking."""
         assert np.abs(found.drive_train.lag[MU > 0]).max() < 4e-5
 
     def test_axes_without_it_have_no_columns_for_it(

@@ -1,4 +1,4 @@
-"""Evidence that is thinned out: friction of many parts leaves rows, many recordings some whole."""
+"""Thinned evidence: many friction terms remove rows, many recordings remove whole blocks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hil.estimation.excluded.evidence import Evidence
 
 
 def evidence(n_parts: int, rows: int, rank: int, n_own: int = 2) -> Evidence:
-    """Two channels of so many parts, each of so many rows, whose friction has a rank."""
+    """Evidence of two channels with this number of blocks and rows, and a rank of the friction."""
     rng = np.random.default_rng(n_parts)
     n = 2 * n_parts * rows
     parts = tuple(

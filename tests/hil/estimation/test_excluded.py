@@ -1,4 +1,4 @@
-"""A cause of error is found with its axis and its size; what would not show is stated."""
+"""Causes of error are found with axis and size; invisible causes are reported."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     Change = Callable[[Array, Array, Array], None]
 
 TRUTH = {"Izz1": 6.0, "sx1": 8.0, "Izz2": 1.2, "sx2": 2.0}
-"""Of an arm whose centres of mass are on its links' own axes."""
+"""Base parameters of an arm whose centres of mass are on the links' axes."""
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,9 @@ def good(robot: Robot) -> FreeRecorded:
 
 
 def changed(data: FreeRecorded, change: Change) -> FreeRecorded:
-    """The recordings with another q and tau; `change` sees the time since the first began, too."""
+    """Return recordings with changed q and tau; `change` receives the
+    time since the first start.
+    """
     found = []
     for number, (motion, recording) in enumerate(data):
         q, tau = recording.q.copy(), recording.tau.copy()
@@ -161,7 +163,7 @@ def test_what_periods_of_a_trajectory_repeat_is_one_sample(manutec: Robot) -> No
 
 
 def test_noise_of_an_axis_at_rest_does_not_show_that_a_position_is_late() -> None:
-    """Where one axis moves at a time, no two positions are compared by their time."""
+    """If one axis moves at a time, relative position delays are not observable."""
     rng = np.random.default_rng(1)
     strokes = campaign(arm(), ARM, without_load)
     loud = changed(strokes, lambda q, _tau, _t: q.__iadd__(rng.normal(scale=1e-4, size=q.shape)))
@@ -242,7 +244,7 @@ def test_a_cause_is_found_with_axis_and_size(
 def test_a_zero_that_a_load_explains_as_well_comes_with_it_and_homing_is_not_advised(
     robot: Robot, good: FreeRecorded
 ) -> None:
-    # a first moment across the last link, which the robot file leaves out, turns gravity as well
+    # a transverse first moment of the last link, missing in the robot file, also rotates gravity
     first, *_ = found_in(robot, changed(good, zero))
     assert (first.cause, first.axes) == ("load", (2,))
     assert re.search(
@@ -273,11 +275,11 @@ def test_a_robot_of_unknown_limits_is_judged_by_what_was_reached(
         (slip, "slip"),
     ):  # fmt: skip
         first, *_ = found_in(without, changed(good, change))
-        assert first.cause == cause  # a zero of the last axis is the same as a load
+        assert first.cause == cause  # a joint offset of the last axis is equivalent to a load
 
 
 def heavier(robot: Robot, share: float) -> FreeRecorded:
-    """The same motion with a greater last link."""
+    """Return the same motion with a heavier last link."""
     values = {head: value * (1 + share * head.endswith("2")) for head, value in TRUTH.items()}
     p = np.array([values[head] for head in base_parameters(robot).heads])
     return recorded(robot, p, n=3, duration=12.0, seed=5)
@@ -285,7 +287,7 @@ def heavier(robot: Robot, share: float) -> FreeRecorded:
 
 @pytest.mark.parametrize(
     ("share", "cause"), [(0.0, None), (0.2, "load")]
-)  # which parameters of one run alone hold
+)  # parameters of one run only
 def test_a_load_that_came_between_two_runs_is_what_changed(
     robot: Robot, good: FreeRecorded, share: float, cause: str | None
 ) -> None:
@@ -331,12 +333,12 @@ def test_a_change_is_no_part_of_the_model_by_which_its_size_is_stated(
         proof.changed(robot, good, later)
     unchanged, off = columns
     np.testing.assert_array_equal(off, unchanged)
-    # a change of friction is tested beside the parameters of both
+    # a friction change is tested beside the parameters of both
     assert np.abs(friction[-1] - off).max() > 1e-6
 
 
 def unmodelled(q: Array, tau: Array, _time: Array) -> None:
-    """Add a torque of the position that no column of the model or of a cause holds."""
+    """Add a position-dependent torque outside the columns of the model and of all causes."""
     tau[:, 0] += 2.0 * np.sin(2.3 * q[:, 0]) * np.cos(1.7 * q[:, 1])
     tau[:, 1] += 1.0 * np.sin(1.4 * q[:, 0] + 2.6 * q[:, 1])
 

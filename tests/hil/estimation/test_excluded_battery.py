@@ -1,4 +1,4 @@
-"""Level and power of the tests of causes are those stated, where the noise is known."""
+"""Level and power of the tests of causes agree with the stated ones for known noise."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ TIMES = 80
 def evidence(
     rng: np.random.Generator, n_groups: int, slow: tuple[float, ...], size: float = 0.0
 ) -> tuple[Evidence, Columns]:
-    """Rows of two axes with white noise, and a torque of each group that is `slow` times as much.
+    """Rows of two axes with white noise, and a common torque of each group, `slow` times as large.
 
-    The first column of the first axis is there with some `size`.
+    The first column of the first axis is present with this `size`.
     """
     axis = np.repeat(np.arange(N_AXES), n_groups * EACH)
     group = np.repeat(np.arange(N_AXES * n_groups), EACH)
@@ -42,7 +42,7 @@ def evidence(
     parts = tuple((slice(k * EACH, (k + 1) * EACH), np.zeros((EACH, 0)))
                   for k in range(N_AXES * n_groups))  # fmt: skip
     names = [Column(cause, k) for k in range(N_AXES) for cause in CAUSES]
-    # columns that hardly change within a group, as those of gravity do
+    # columns that hardly change within a group, like those of gravity
     level = rng.standard_normal((N_AXES * n_groups, len(names)))[group]
     values = level + 0.5 * rng.standard_normal((n, len(names)))
     values[axis[:, None] != np.array([name.axis for name in names])] = 0.0
@@ -61,7 +61,7 @@ def evidence(
 
 
 def share_found(n_groups: int, slow: tuple[float, ...], times: float) -> float:
-    """Share in which the first cause is found at so many times the size that the run states."""
+    """Return how often the first cause is found at a multiple of the size stated by the run."""
     found = 0
     for seed in range(TIMES):
         clean = Battery(*evidence(np.random.default_rng(seed), n_groups, slow))
@@ -83,7 +83,7 @@ def test_level_and_power_are_those_stated(n_groups: int, slow: tuple[float, ...]
 
 
 def test_a_large_cause_does_not_hide_itself_in_the_noise_that_it_makes() -> None:
-    # it is many times the noise, by which the rows' weights go
+    # the cause is many times the noise, which determines the weights of the rows
     assert share_found(6, (0.5, 0.5), 4.0) > 0.98
 
 
@@ -100,7 +100,7 @@ def test_the_size_of_one_column_is_students_t_about_it(degrees: int) -> None:
 
 @pytest.mark.parametrize("response", [0.1, 1.0])
 def test_a_delay_is_sized_by_what_it_does_to_the_recorded_torque(response: float) -> None:
-    # of the recorded torque's derivative the model states a part, and the rest is as large
+    # the model explains a part of the torque's derivative, and the rest is as large
     rng = np.random.default_rng(5)
     rows, columns = evidence(rng, 20, (0.0, 0.0))
     columns = replace(columns, names=(Column("late torque", 0), *columns.names[1:]))
@@ -136,7 +136,7 @@ def test_a_slip_is_named_where_the_zero_that_explains_as_much_is_too_large(manut
     slips = (Column("slip", 0, "60"), Column("slip", 0, "120"))
     names = (Column("zero", 0), *slips, *columns.names[3:])
     columns = replace(columns, names=names, values=values)
-    degrees = 35.0  # beyond the first order; as a slip it is two thirds of that
+    degrees = 35.0  # second-order effect; as a slip it is two thirds of that
     battery = Battery(replace(rows, torque=rows.torque + degrees * values[:, 0]), columns)
     tests = columns.tests
     found = likeliest(battery, tests, LEVEL / len(tests), partial(possible, manutec, rows))

@@ -1,4 +1,4 @@
-"""What a plan will exclude is stated before anything moves."""
+"""Excludable causes of a plan are predicted before any motion."""
 
 from dataclasses import replace
 
@@ -41,13 +41,13 @@ def test_twice_the_noise_hides_twice_as_large_a_cause(plan, manutec, sizes):
     loud = replace(stated, torque=2 * stated.torque, wander=2 * stated.wander)
     twice = sizes_of(plan, manutec, loud)
     both = [twice[each] / size for each, size in sizes.items() if size and twice[each]]
-    # a little less, since the increments of encoders stay as they are
+    # slightly less, since the encoder resolution is unchanged
     assert np.median(both) == pytest.approx(2.0, rel=0.07)
 
 
 def test_what_no_motion_shows_is_never_found(sizes):
     assert sizes["rotor inertia", 1, ""] is None  # of one piece with Izz1
-    assert sizes["zero", 1, ""] is None  # gravity points along the axis
+    assert sizes["zero", 1, ""] is None  # gravity is parallel to the axis
 
 
 def test_a_plan_without_parameters_excludes_nothing(plan, manutec):

@@ -1,4 +1,4 @@
-"""Both estimators: exact where nothing disturbs them, calibrated where noise does."""
+"""Both estimators: exact without disturbances, calibrated with noise."""
 
 from dataclasses import replace
 
@@ -44,7 +44,7 @@ def campaign(robot, plan, friction):
 
 @pytest.fixture(scope="module")
 def symmetric(robot, plan):
-    """A campaign on a machine of steady and symmetric friction, without noise."""
+    """Campaign on a machine with constant and symmetric friction, without noise."""
     return list(campaign(robot, plan, Friction()))
 
 
@@ -98,7 +98,7 @@ class TestLocalFits:
     def test_an_element_that_changes_along_the_way_is_that_where_the_partner_accelerates(
         self, robot
     ):
-        """Without centrifugal torque, which eq. (21) does not know."""
+        """Eq. (21) neglects centrifugal torque, so the test has none."""
         partner = Partner(axis=2, stroke=1.2, velocity=1.5, acceleration=6.0)
         wide = COUPLING.model_copy(update={"stroke": 2.4, "velocity": 0.2, "partner": partner})
         still = Friction(coulomb=40, viscous=0, root=0)
@@ -129,7 +129,7 @@ class TestLocalFits:
 
 class TestTwoStep:
     def test_a_row_counts_by_the_torque_limit_of_its_axis(self, robot, symmetric):
-        """Eq. (16): of an axis with a limit beyond measure nothing counts beside the others."""
+        """Eq. (16): an axis with a very large limit has no weight against the others."""
         local = [local_fit(robot, m, signals(recording)) for m, recording in symmetric]
         joints = list(robot.file.joints)
         joints[1] = joints[1].model_copy(update={"torque_limit": 1e9})

@@ -1,4 +1,4 @@
-"""Half-widths and degrees of freedom where they are known beforehand."""
+"""Half-widths and degrees of freedom with known values."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is found beside the parameters: loads, left-out parameters, lags, drive gains."""
+"""Estimates beside the parameters: loads, omitted parameters, delays, drive gains."""
 
 from dataclasses import replace
 
@@ -113,7 +113,7 @@ def test_what_is_uncertain_of_drives_widens_a_load(robot, runs):
     plain, widened = found_between(robot, runs), found_between(stated, runs)
     assert widened.phi == pytest.approx(plain.phi)
     share = widened.mass.standard_error / widened.mass.value
-    assert 0.003 < share < 0.012  # of several constants, each by 1 %
+    assert 0.003 < share < 0.012  # several torque constants, each by 1 %
     assert plain.mass.standard_error < 0.2 * widened.mass.standard_error
 
 
@@ -121,7 +121,7 @@ def test_a_torque_constant_that_is_off_shows_by_a_known_mass(robot, runs):
     off = np.array([1.0, 1.02, 1.0, 1.0, 1.0, 1.0])
     wrong = [[(m, replace(r, tau=r.tau * off)) for m, r in run] for run in runs]
     found = found_between(robot, wrong, 10.86, gains=True)
-    # of the load the last axis feels the unknown inertia alone, so its gain is uncertain
+    # the last axis only sees the load's unknown inertia, so its gain is uncertain
     assert 1 / found.gains[:5] == pytest.approx(off[:5], abs=5e-3)
     assert found.gains[5] == pytest.approx(1.0, abs=4 * found.gain_errors[5])
     assert found.gains[1] == pytest.approx(1 / 1.02, abs=2e-3)
@@ -132,12 +132,12 @@ def test_nothing_is_found_where_nothing_is_left_out(robot, runs):
     found = examine(robot, prepared(runs[0]))
     assert found.found == ()
     of_link_1 = {name for name in robot.standard_parameters if name.endswith("1")}
-    assert of_link_1 - set(found.absorbed) == {"Izz1"}  # alone moves, about a vertical axis
+    assert of_link_1 - set(found.absorbed) == {"Izz1"}  # moves alone, about a vertical axis
 
 
 @pytest.fixture(scope="module")
 def off_axis(robot, runs):
-    """What is examined of a run, and the run, of a machine whose link 4 has its centre aside."""
+    """Run of a machine with an off-axis centre of mass of link 4, and its examination."""
     complete = examine(robot, prepared(runs[0])).complete
     u = 0.05 * base_parameters(complete).matrix[:, complete.standard_parameters.index("sy4")]
     run = [(m, replace(r, tau=r.tau + gravity_torque(complete, u, r.q))) for m, r in runs[0]]

@@ -1,4 +1,4 @@
-"""A load from runs of free motions: its intervals, gains by its mass, strokes in either run."""
+"""Load from runs of free motions: intervals, gains by a known mass, strokes in either run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from hil.planning.design.by_counts import design
 MASS = 2.805
 LOAD = brick(MASS, (0.03, -0.02, 0.05), 0.05)
 SEEN = ["m", "sx", "sy", "Izz"]
-"""What a SCARA's motions show of it."""
+"""Load parameters observable by a SCARA's motions."""
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +101,7 @@ def test_without_a_load_none_is_found_and_nothing_but_chance_is_left(twin: TwinR
 
 
 def strokes(robot, p, seed: int):
-    """Evidence of strokes of a machine with base parameters p."""
+    """Evidence from strokes of a machine with base parameters p."""
     rng, friction = np.random.default_rng(seed), Friction(offset=np.zeros(robot.n_joints))
     plan = design(robot, {"gravity": 6, "inertia": 16, "coupling": 6})
     fit = SimultaneousFit(robot, [

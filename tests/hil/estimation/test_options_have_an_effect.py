@@ -1,4 +1,4 @@
-"""Every option composes with every method, or is refused with what would have an effect."""
+"""Every option is compatible with every method, or refused with an alternative."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from hil.estimation.options import COVARIANCES, DEFAULTS, NUISANCES, Options
 from hil.friction.terms import LAWS
 
 CHOSEN = {"joint", "free motion"}
-"""Methods that choose a law of friction and all nuisances by themselves."""
+"""Methods that choose friction law and all nuisance parameters themselves."""
 ROBUST = {*CHOSEN, "improved", "back and forth"}
-"""Methods whose errors are stated by any rule."""
+"""Methods whose standard errors are available by any covariance rule."""
 COMPOSES = {
     **{("friction", law): CHOSEN for law in LAWS},
     **{("nuisance", name): CHOSEN for name in ("presliding", "drift")},
@@ -22,7 +22,7 @@ COMPOSES = {
     **{("covariance", rule): ROBUST for rule in COVARIANCES},
     ("covariance", "jackknife"): set(METHODS),
 }
-"""By option and value the methods on which it has an effect."""
+"""Methods on which an option has an effect, by option and value."""
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -1,4 +1,4 @@
-"""A prior of links' bodies completes what recordings leave open, and nothing else."""
+"""A prior of the links' bodies completes unidentified parameters, and nothing else."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ BODIES = np.array([
 ])  # fmt: skip
 """Ixx, Ixy, Ixz, Iyy, Iyz, Izz, sx, sy, sz, m of each link."""
 UNEXCITED, EXCITED = (0, 1, 2), (3, 4, 5)
-"""Base parameters where axis 1 stands still: those of link 1, those of link 2."""
+"""Unexcited and excited base parameters if axis 1 is at rest: those of link 1, those of link 2."""
 
 
 @pytest.fixture(scope="module")
@@ -46,13 +46,15 @@ def truth(robot: Robot) -> Array:
 
 @pytest.fixture(scope="module")
 def moving(robot: Robot, truth: Array) -> FreeRecorded:
-    """Both axes move: everything is excited."""
+    """Recordings of both axes in motion: all parameters are excited."""
     return recorded(robot, truth)
 
 
 @pytest.fixture(scope="module")
 def one_still(robot: Robot, truth: Array) -> FreeRecorded:
-    """Axis 1 stands still: nothing shows its inertia, and weight is like an offset."""
+    """Recordings with axis 1 at rest: its inertia is not observable, and weight resembles an
+    offset.
+    """
 
     def still(t: Array, seed: int = 0) -> tuple[Array, Array, Array]:
         q, qd, qdd = some_motion(t, seed)
@@ -114,13 +116,13 @@ def test_bodies_twice_as_heavy_leave_what_is_excited_unchanged(
 def test_friction_follows_what_the_prior_says_of_weight(
     robot: Robot, one_still: FreeRecorded, truth: Array
 ) -> None:
-    """Recorded torques are explained as well, whatever the prior says."""
+    """The prior of the weight does not change how well the recorded torques are explained."""
     right, heavy = (found(robot, one_still, factor * BODIES) for factor in (1.0, 2.0))
     np.testing.assert_allclose(heavy.residual, right.residual, rtol=0.01)
 
 
 def test_a_prior_is_the_same_in_every_frame() -> None:
-    """Sigmas go with the body, not with the frame that its figures are stated in."""
+    """Standard deviations refer to the body, not to the frame of its parameters."""
     away = np.eye(4)
     away[:3, 3] = 0.4, -0.2, 0.7
     T = parameter_map(away)
@@ -160,7 +162,7 @@ def test_methods_that_take_no_prior_say_so(robot: Robot, moving: FreeRecorded) -
 
 
 def test_intervals_hold_the_truth_where_cad_errs_as_stated(robot: Robot) -> None:
-    """Torques show three combinations of six parameters; bodies are drawn about CAD's figures."""
+    """Torques determine three combinations of six parameters; bodies are drawn about CAD values."""
     rng, of_cad = np.random.default_rng(7), Prior(BODIES, 0.3)
     mean, root = of_cad.predict(robot)
     inside = []

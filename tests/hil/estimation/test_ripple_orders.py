@@ -1,4 +1,4 @@
-"""Torque ripple of orders that the regression does not hold is found with order and amplitude."""
+"""Torque ripple of orders outside the regression is found with order and amplitude."""
 
 from __future__ import annotations
 
@@ -29,12 +29,14 @@ if TYPE_CHECKING:
     Prepared = list[tuple[Measurement, Signals]]
 
 SHARE = 0.01
-"""Amplitude over the torque limit."""
+"""Amplitude as share of the torque limit."""
 
 
 @pytest.fixture(scope="module")
 def slow_motors(manutec: Robot) -> Robot:
-    """With a tenth of the gear ratios, so that the window passes what the motors do."""
+    """Return the robot with a tenth of the gear ratios, so that the window passes motor
+    frequencies.
+    """
     text = re.sub(
         r"gear_ratio: ([\d.]+)", lambda found: f"gear_ratio: {float(found[1]) / 10}", manutec.text
     )
@@ -59,7 +61,8 @@ def rippled(robot: Robot, s: Signals, order: int, phase: float = 0.0) -> Signals
 def test_its_order_and_amplitude_are_found(slow_motors: Robot, prepared: Prepared) -> None:
     fit = SimultaneousFit(slow_motors, [(m, rippled(slow_motors, s, 8)) for m, s in prepared])
     found = unmodelled_ripple(slow_motors, fit)
-    assert set(found.largest) >= {0, 1, 2}  # strokes of the others are shorter than a revolution
+    # strokes of the other axes are shorter than a revolution
+    assert set(found.largest) >= {0, 1, 2}
     for axis, (order, amplitude) in found.largest.items():
         assert order == 8
         assert amplitude == pytest.approx(SHARE * slow_motors.torque_limit[axis], rel=0.2)
@@ -77,7 +80,7 @@ def test_what_it_does_to_the_parameters_is_foreseen(slow_motors: Robot, prepared
 def test_it_is_found_whatever_its_phase_in_each_measurement(
     slow_motors: Robot, prepared: Prepared
 ) -> None:
-    """As where the servo reacts to it, another way at every speed."""
+    """The servo's reaction to ripple may change its phase at every speed."""
     phases = np.random.default_rng(1).uniform(0, 2 * np.pi, len(prepared))
     recorded = [
         (m, rippled(slow_motors, s, 9, phase))

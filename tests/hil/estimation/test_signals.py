@@ -1,4 +1,4 @@
-"""Signal processing: exact where it claims to be, and honest about its reach."""
+"""Signal processing: exact within its stated band, with correct limits of validity."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_the_filter_falls_off_like_order_eight():
 
 
 def test_the_filter_is_the_butterworth_filter_run_forth_and_back():
-    """But for what the ends, which are at rest in a recording, ring into either of them."""
+    """Ends are excluded: recordings rest there, and both filters ring in."""
     noise = np.random.default_rng(5).standard_normal((1500, 3))
     noise[:100], noise[-100:] = noise[100], noise[-101]
     sections = signal.butter(ORDER, 2 * CUTOFF * PERIOD, output="sos")

@@ -1,4 +1,4 @@
-"""Weights of axes and solution are found from each other until they agree."""
+"""Weights of axes and solution are iterated until they agree."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LOUD = 1000.0
 
 
 def reweighted(fit: SimultaneousFit, rounds: int) -> Array:
-    """Base parameters after some rounds of weights from residuals, all axes alike at first."""
+    """Return base parameters after some reweighting rounds, starting from equal weights."""
     blocks = fit.blocks.drop(ROTOR, "load", "load by direction").total
     products, counts, n_base = blocks.products[0], blocks.counts[0], len(base_parameters(ROBOT))
     k = products.shape[-1] - 1 - n_base
@@ -58,7 +58,7 @@ def test_weights_follow_residuals_until_neither_changes() -> None:
 
 
 def test_inertias_that_steps_of_encoders_make_too_small_are_within_what_is_stated() -> None:
-    """The axes move as they are commanded here, so all of what steps add is to be taken off."""
+    """The axes follow their commands here, so the whole bias by encoder steps must be removed."""
     step, prepared = 2e-4, []
     for motion, recording in recorded(ROBOT, TRUTH, n=4, duration=20.0, noise=1e-4):
         q = step * np.rint(recording.q / step)

@@ -1,4 +1,4 @@
-"""Exported C, Python and structured text give the model's numbers, for robots of all kinds."""
+"""Exported C, Python and structured text reproduce the model's values, for robots of all kinds."""
 
 from __future__ import annotations
 
@@ -40,20 +40,21 @@ ROBOTS = {
 }
 CPPCHECK, NM = shutil.which("cppcheck"), shutil.which("nm")
 ADVICE = ("2.5", "12.1", "12.3", "20.5", "20.10")
-"""Advisory rules of MISRA C:2012 that the header does not follow: unused macros of what its user
-calls, brackets that repeat the precedence of * and +, declarations in one line, #undef and ##."""
+"""Advisory rules of MISRA C:2012 not followed by the header: unused macros for its user, brackets
+that repeat the precedence of * and +, declarations in one line, #undef and ##.
+"""
 EXACT = {"warmth_rate": 1e-7}
-"""How closely what is compared with a difference quotient agrees."""
+"""Tolerance of comparisons with a difference quotient."""
 
 
 def motion(robot: Robot, n: int = 20) -> tuple[Array, Array, Array]:
     q, qd, qdd = np.random.default_rng(5).uniform(-3.0, 3.0, (3, n, robot.n_joints))
-    qd[:3] *= np.array([[0.0], [1e-4], [1e-3]])  # at rest, and too slow to have a direction or not
+    qd[:3] *= np.array([[0.0], [1e-4], [1e-3]])  # at rest, and at speeds with doubtful direction
     return q, qd, qdd
 
 
 def expected(model: Model) -> dict[str, tuple[tuple[Array, ...], Array]]:
-    """Arguments and results of each function, by the model itself."""
+    """Return arguments and results of each function, by the model itself."""
     q, qd, qdd = motion(model.robot)
     tau, load = model.predict(q, qd, qdd), model.predict(q, qd, qdd, parts=["rigid bodies"])
     friction = model.predict(q, qd, qdd, parts=["friction"])
@@ -76,7 +77,7 @@ def expected(model: Model) -> dict[str, tuple[tuple[Array, ...], Array]]:
 
 
 def rates(model: Model, qd: Array, warmth: Array) -> Array:
-    """Change of warmth in time, by how far it goes in a microsecond; 0 where there is none."""
+    """Return the rate of warmth from its change in a microsecond; 0 for no warmth."""
     step = 1e-6
     return np.array([
         np.nan_to_num((model.warmth([0.0, step], [v, v], w)[1] - w) / step)
@@ -137,7 +138,7 @@ def test_in_single_precision_nothing_is_computed_in_double(tmp_path: Path) -> No
     )
     for name, (arguments, wanted) in expected(model).items():
         found = called(getattr(library, name), arguments, wanted.shape, np.float32)
-        # ripple over the motor's angle, of 100 and more turns, is what loses digits
+        # digits are lost in ripple over motor angles of 100 and more turns
         assert close(found, wanted, 1e-3), name
 
 
@@ -179,7 +180,7 @@ def test_of_the_library_of_mathematics_the_compiled_code_calls_three_functions(
     listed = [str(NM), "-u", "library.o"]
     done = subprocess.run(listed, cwd=tmp_path, capture_output=True, text=True, check=True)  # noqa: S603
     names = {word.lstrip("_") for word in done.stdout.split()} - {"U"}
-    # the compiler may take sine and cosine of one angle together
+    # the compiler may compute sine and cosine of one angle together
     assert {"sin", "cos", "atan", "sincos", "GLOBAL_OFFSET_TABLE_"} >= names >= {"atan"}
 
 

@@ -1,4 +1,4 @@
-"""Expressions: their value is that of the arithmetic, and what is known beforehand is folded."""
+"""Expressions have the value of their arithmetic, and constants are folded."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def traced(graph: Graph, tree: Any) -> Expression:
 
 
 def value(results: list[Expression]) -> list[float]:
-    """What the code made of expressions computes."""
+    """Return the result of the code made of expressions."""
     named, texts = assignments(results, PLAIN)
     known = dict(VALUES)
     for name, made in named.items():

@@ -1,4 +1,4 @@
-"""No text of a stranger leaves the comments and strings of an exported file."""
+"""Foreign text stays within comments and strings of an exported file."""
 
 from __future__ import annotations
 
@@ -59,11 +59,11 @@ READERS: dict[str, Callable[[str], str]] = {
     ".c": lambda text: re.sub(r"(?s)/\*.*?\*/", "", text).strip(),
     ".h": lambda text: re.sub(r"(?s)/\*.*?\*/", "", text).strip(),
 }
-"""What a program reads in a file, by its ending: everything but comments and origin."""
+"""Readers of a file by its ending: all content but comments and origin."""
 
 
 def with_text(model: Model, text: str) -> tuple[Model, tuple[str, ...]]:
-    """Return a failed model whose provenance and verdict hold a text, and its origin."""
+    """Return a failed model with a text in its provenance and verdict, and its origin."""
     about = {"method": text, "version": text, "identified": text, "together_with": (text,)}
     verdict = Judgement(word="failed", reason=text)
     about = model.provenance.model_copy(update=about)

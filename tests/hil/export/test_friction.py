@@ -1,4 +1,4 @@
-"""Friction for simulators: what it simplifies, and by how much it thereby misses the law."""
+"""Friction for simulators: simplifications, and their stated deviation from the law."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def with_terms(presliding: float = 0.0, **terms: float) -> Model:
-    """A model whose axes all have one law with these coefficients, at speeds up to 2."""
+    """Return a model whose axes all have one law with these coefficients, at speeds up to 2."""
     law = AxisLaw(
         law="stated",
         speed=2.0,

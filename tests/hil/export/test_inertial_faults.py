@@ -1,4 +1,4 @@
-"""Inertials of a URDF that no body has are named by file, line, link and condition."""
+"""Impossible inertials of a URDF are named by file, line, link and condition."""
 
 import re
 
@@ -25,7 +25,7 @@ def read(folder, text):
 
 
 def head(*changes):
-    """A pan-tilt head whose links' inertials are changed, from link 1 on."""
+    """Return a pan-tilt head with changed inertials of its links, from link 1 on."""
     lines = urdf("head", ROBOTS["pan-tilt"]).splitlines()
     links = [number for number, line in enumerate(lines) if "<inertial>" in line]
     for number, (old, new) in zip(links, changes, strict=False):

@@ -1,6 +1,6 @@
-"""Every format, used as its tool uses it, gives the torques of a recording as the model does.
+"""Each export format, used by its tool, gives the model's torques of a recording.
 
-What a format cannot express of friction it states, and the torques are off by just that.
+Friction outside a format is stated, and the torques differ by exactly this amount.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from hil.model.dynamics import inverse_dynamics
 from hil.model.robot import Robot
 from hil.results.consistency import find_consistent_robot
 
-pinocchio = pytest.importorskip("pinocchio", minversion="3.0")  # earlier ones leave rotors out
+pinocchio = pytest.importorskip("pinocchio", minversion="3.0")  # earlier versions omit rotors
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 PERIOD = 1e-3
 SPEED = np.array([1.0, 1.5, 0.2, 1.2])
-"""Of the axes of the SCARA, the third of which slides [rad/s, m/s]."""
+"""Speeds of the SCARA's axes, the third of which is prismatic [rad/s, m/s]."""
 SLOWEST = 0.05 * SPEED
 TERMS: tuple[dict[str, float], ...] = (
     {"offset": 0.2, "Coulomb": 3.0, "viscous": 1.0},
@@ -45,14 +45,16 @@ TERMS: tuple[dict[str, float], ...] = (
     {"offset": 0.0, "Coulomb": 0.4, "viscous": 0.2, "cube root": 0.3},
 )
 PRESLIDING = (0.0, 2e-4, 0.0, 1e-4)
-"""Of the axes [rad, m]: two have it."""
+"""Presliding distances of the axes [rad, m]; two axes have presliding."""
 CODE = ("c", "python")
 SIMPLE = ("ros2", "urdf", "mjcf")
 
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    """A model with bodies, of a robot with a slide, each axis with a friction of its own."""
+    """Model with bodies, of a robot with a prismatic axis, with
+    a different friction law per axis.
+    """
     robot = Robot.load("tests/robots/scara.yaml")
     laws = [
         AxisLaw(
@@ -76,7 +78,9 @@ def _value(value: float) -> TermValue:
 
 
 def recording() -> tuple[Array, Array, Array]:
-    """Positions, velocities, accelerations in 12 s: every speed as often, in both directions."""
+    """Positions, velocities, accelerations of 12 s, with all speeds in both directions equally
+    often.
+    """
     t, turns = PERIOD * np.arange(12000), np.array([4, 5, 6, 7]) / 12
     phase = (t[:, np.newaxis] * turns + 0.1) % 1.0
     rising = phase < 0.5
@@ -87,9 +91,9 @@ def recording() -> tuple[Array, Array, Array]:
 
 
 def sliding(q: Array, qd: Array) -> NDArray[np.bool_]:
-    """Samples whose friction has turned round, at speeds that the law was found from.
+    """Samples with fully reversed friction, at speeds within the law's range.
 
-    Along a recording it has no direction before the first motion.
+    Friction of a recording has no direction before the first motion.
     """
     moved = np.abs(q - q[0]) > 20 * np.max(PRESLIDING)
     return (np.abs(qd) > SLOWEST) & np.logical_or.accumulate(moved)
@@ -137,7 +141,7 @@ def test_friction_json_gives_the_model_s_friction_by_the_formulas_that_it_states
 
 
 def by_formulas(formulas: dict[str, str], own: dict[str, Any], v: Array) -> Array:
-    """Friction of an axis as `friction.json` states it, at no load."""
+    """Return friction of an axis as in `friction.json`, without load."""
     slowest, fastest = own["speeds"]
     sign = np.where(np.abs(v) < 1e-3 * own["speed"], 0.0, np.sign(v))
     clipped = np.clip(np.abs(v), slowest, fastest)
@@ -187,7 +191,7 @@ def test_simple_friction_is_off_on_the_recording_by_what_is_stated(model: Model,
 
 
 def by_ros2(model: Model, text: str) -> Array:
-    """Rigid bodies of the model, armature and friction as a controller adds them."""
+    """Return torques of rigid bodies, armature and friction as added by a controller."""
     q, qd, qdd = recording()
     content = yaml.safe_load(text)["joint_dynamics"]["ros__parameters"]
     joints = [content[name] for name in content["joints"]]
@@ -200,7 +204,7 @@ def by_ros2(model: Model, text: str) -> Array:
 
 
 def by_mujoco(model: Model, text: str) -> Array:
-    """Inverse dynamics of MuJoCo, which adds damping and friction loss by itself."""
+    """Return inverse dynamics of MuJoCo, which includes damping and friction loss."""
     loaded = mujoco.MjModel.from_xml_string(text)
     data, found = mujoco.MjData(loaded), []
     for q, qd, qdd in zip(*recording(), strict=True):
@@ -211,7 +215,7 @@ def by_mujoco(model: Model, text: str) -> Array:
 
 
 def by_pinocchio(model: Model, text: str) -> Array:
-    """`rnea` of Pinocchio, and the friction and damping that it reads but does not add."""
+    """Return `rnea` of Pinocchio plus friction and damping, which it reads but does not apply."""
     loaded = pinocchio.buildModelFromXML(text)
     loaded.armature = model.robot.reflected_inertia
     data, motion = loaded.createData(), recording()

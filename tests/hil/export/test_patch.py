@@ -1,4 +1,4 @@
-"""`hil export --patch`: the user's file back, with other values and nothing else changed."""
+"""`hil export --patch`: a copy of the user's file with only the values changed."""
 
 import re
 
@@ -24,7 +24,7 @@ VALUE = re.compile(
 
 
 def identified(path, **changes):
-    """A model of the robot of a file, as if its bodies and rotors had been found changed."""
+    """Return a model of a file's robot, with bodies and rotors changed as if by identification."""
     robot = hil.Robot.load(path)
     file = patched_file(path, robot)
     added = dict(zip(robot.added_parameters, file.rotors(), strict=False))
@@ -79,7 +79,7 @@ def test_what_no_torque_depends_on_keeps_its_text_and_is_named(tmp_path):
     _, exported = exported_model(model, "mjcf", path, patch=path)
     (remark,) = [each for each in exported.remarks if each.startswith("upper, pan")]
     assert "mass of upper, pos of upper" in remark
-    assert "armature" in remark  # the link's own inertia about the axis takes the difference
+    assert "armature" in remark  # the link's own inertia about the axis absorbs the difference
     text = exported.files["arm.xml"]
     assert 'pos="0.02 0.01 0.1" mass="4"' in text
     assert "<!-- keep   me -->" in text

@@ -1,4 +1,4 @@
-"""`hil export --to ranges`: samples that are possible robots and scatter as the model says."""
+"""`hil export --to ranges`: samples are possible robots with the model's scatter."""
 
 from __future__ import annotations
 

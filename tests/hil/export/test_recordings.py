@@ -1,4 +1,4 @@
-"""Recordings for other tools: what the files hold, read by the tools' own readers."""
+"""Recordings exported for other tools, read by the tools' own readers."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ JOINTS = ("shoulder", "elbow")
 
 @pytest.fixture(scope="module")
 def imported(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """A run of two joints with velocities, recorded elsewhere."""
+    """Run of two joints with velocities, recorded elsewhere."""
     folder = tmp_path_factory.mktemp("imported")
     write_csv(folder / "data.csv", table())
     return import_recordings([write_map(folder, a_map(velocity=True))], folder / "run")
@@ -46,7 +46,7 @@ def imported(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 @pytest.fixture
 def measured(small_plan: Plan, manutec: Robot, tmp_path: Path) -> RunFolder:
-    """A run in two sessions: g1 was measured again in the second, with a gap and a finding."""
+    """Run in two sessions: g1 was repeated in the second, with a gap and a finding."""
     folder = RunFolder.create(tmp_path / "run", small_plan, manutec)
     g1, *others = small_plan.measurements
     with folder.session(SIMULATED) as session:
@@ -67,7 +67,7 @@ def measured(small_plan: Plan, manutec: Robot, tmp_path: Path) -> RunFolder:
 
 
 def mapped(columns: str, **changes: object) -> dict[str, object]:
-    """A map of exported columns; `columns` has places for letter, joint and unit."""
+    """Map of exported columns; `columns` has placeholders for letter, joint and unit."""
     joints = [
         {
             key: {"column": columns.format(letter, j, in_name), "unit": unit}
@@ -207,7 +207,7 @@ def test_torques_of_unknown_gain_have_no_unit_in_their_name(imported: Run, tmp_p
 
 
 def messages(path: Path, topic: str) -> list[tuple[int, object]]:
-    """Messages of a topic by the readers of rosbags."""
+    """Return messages of a topic by the readers of rosbags."""
     from rosbags.highlevel import AnyReader
 
     with AnyReader([path]) as reader:
@@ -308,7 +308,7 @@ def test_what_is_imported_has_velocities_but_no_set_points(imported: Run, tmp_pa
     np.testing.assert_array_equal(velocities, each.recording.qd)
 
 
-# --- what is refused ------------------------------------------------------------------------------
+# --- refusals -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", RECORDINGS)

@@ -1,4 +1,4 @@
-"""URDF and MJCF: what simulators make of them, and what the files state."""
+"""URDF and MJCF: simulated behaviour, and statements in the files."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from hil.model.robot import Robot, robot_from_urdf
 from hil.results.consistency import find_consistent_robot
 from hil.tasks.exporting import exported_model
 
-pinocchio = pytest.importorskip("pinocchio", minversion="3.0")  # earlier ones leave rotors out
+pinocchio = pytest.importorskip("pinocchio", minversion="3.0")  # earlier versions omit rotors
 
 FILES = [
     *sorted(Path("tests/robots").glob("*.yaml")),
@@ -46,7 +46,7 @@ def motions(n):
 
 
 def torques(model):
-    """Of rigid bodies and rotors of the projected model, at some motions."""
+    """Return torques of rigid bodies and rotors of the projected model, at some motions."""
     robot, motion = model.robot, motions(model.robot.n_joints)
     return inverse_dynamics(robot, model.consistent.p, *motion) + motor_torque(robot, *motion)
 
@@ -62,7 +62,9 @@ def by_mujoco(text, n):
 
 
 def mass_matrix(model, data):
-    """All of it, by products with unit vectors: one call in all of MuJoCo's versions."""
+    """Return the full mass matrix by products with unit vectors, a call in all of MuJoCo's
+    versions.
+    """
     columns = []
     for unit in np.eye(model.nv):
         column = np.zeros(model.nv)
@@ -166,7 +168,7 @@ def test_a_model_without_friction_is_exported_without_and_says_so(name):
 
 @pytest.fixture
 def arm(tmp_path):
-    """A URDF with a weld, a mesh and a gripper, the model of its chain, and its path."""
+    """URDF with a fixed joint, a mesh and a gripper, the model of its chain, and its path."""
     text = urdf("askew arm", ROBOTS["askew"], rigid_link=True)
     shape = '<visual><geometry><mesh filename="package://arm/link2.stl"/></geometry></visual>'
     text = text.replace('<link name="link2">', f'<link name="link2"><!-- elbow -->{shape}')
@@ -293,7 +295,7 @@ def test_dry_friction_keeps_its_sign_where_joints_brake_hard_through_zero() -> N
     loaded = mujoco.MjModel.from_xml_string(export(model, "mjcf", ()).files["manutec-r15.xml"])
     data, braking = mujoco.MjData(loaded), 15.0
     for axis, unit in enumerate(np.eye(robot.n_joints)):
-        # the last step before the reversal is what remains
+        # the last step before the reversal remains
         for v in (0.5, 0.05, 1.01 * braking * loaded.opt.timestep, -0.01, -0.5):
             q, qd, qdd = 0.1 * unit, v * unit, -braking * unit
             data.qpos[:], data.qvel[:], data.qacc[:] = q, qd, qdd

@@ -1,4 +1,4 @@
-"""Exported structured text: its grammar, its numbers, its memory, and the block for SoftMotion."""
+"""Exported structured text: grammar, values, memory, and the block for SoftMotion."""
 
 from __future__ import annotations
 
@@ -57,12 +57,14 @@ END_VAR
 END_METHOD
 END_INTERFACE
 """
-"""For what CODESYS's own libraries declare; the method's arguments are those of the wrapper."""
+"""Substitutes for declarations of CODESYS's own libraries; the
+method has the wrapper's arguments.
+"""
 each_robot = pytest.mark.parametrize("kind", ROBOTS)
 
 
 def model_of(kind: str) -> Model:
-    """A model with every term of friction, which reverses over a distance on two axes."""
+    """Return a model with every friction term and presliding on two axes."""
     model = stated_model(Robot.load(ROBOTS[kind]), warm=True)
     law = model.friction_law
     assert law is not None
@@ -80,7 +82,7 @@ def model_of(kind: str) -> Model:
 
 def states(model: Model, n: int = STATES) -> tuple[Array, Array, Array]:
     q, qd, qdd = np.random.default_rng(7).uniform(-3.0, 3.0, (3, n, model.robot.n_joints))
-    qd[: n // 10] *= 1e-3  # at rest, and too slow to have a direction or not
+    qd[: n // 10] *= 1e-3  # at rest, and at speeds with doubtful direction
     return q, qd, qdd
 
 
@@ -97,7 +99,7 @@ def files(model: Model) -> dict[str, str]:
 
 
 def interpreted(model: Model, block: str, arguments: Sequence[Array], *outputs: str) -> Array:
-    """Outputs of a block of the exported text, all samples at once."""
+    """Return outputs of a block of the exported text, all samples at once."""
     name = identifier(model.robot.name)
     unit = Parser(files(model)[f"{name}_dynamics.st"]).units[f"{name}_{block}".upper()]
     values = unit.call(unit.start(), *(list(each.T) for each in arguments))
@@ -111,7 +113,7 @@ def close(found: Array, wanted: Array) -> bool:
 
 
 def one_by_one(model: Model, q: Array, qd: Array, qdd: Array) -> Array:
-    """Torques of states that are no motion: friction reverses at once."""
+    """Return torques of states without history: friction reverses at once."""
     assert not are_successive(q, qd)
     return model.torque(q, qd, qdd)
 
@@ -156,7 +158,7 @@ def test_along_a_motion_the_block_remembers_the_direction_of_friction(kind: str)
     assert close(rigid, model.predict(q, qd, qdd, parts=["rigid bodies"]))
     assert close(gravity, model.gravity(q))
     at_once = interpreted(model, "torque", (q, qd, qdd), "out")
-    assert not close(at_once, torque)  # the memory is what makes the difference
+    assert not close(at_once, torque)  # the memory makes the difference
 
 
 def test_what_is_not_structured_text_is_refused() -> None:
@@ -204,7 +206,7 @@ def test_strucpp_compiles_both_files_beside_stand_ins_for_the_types_of_codesys(
 ) -> None:
     dynamics, wrapper = files(model_of(kind)).values()
     text = STAND_INS + dynamics + wrapper.replace("SMDYN.", "")
-    # STruC++ has no VAR_IN_OUT CONSTANT, which CODESYS has for structures that are not changed
+    # STruC++ lacks VAR_IN_OUT CONSTANT, which CODESYS has for read-only structures
     (tmp_path / "all.st").write_text(text.replace("VAR_IN_OUT CONSTANT", "VAR_IN_OUT"))
     command = [str(STRUCPP), "all.st", "-o", "all.cpp"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603

@@ -1,4 +1,4 @@
-"""Friction over a campaign: a law from what base parameters leave, and how far it wandered."""
+"""Friction over a campaign: a law from the residual of base parameters, and its drift."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ COUNTS = {"gravity": 12, "inertia": 24, "coupling": 3}
 
 
 def found(robot: Robot, *levels: Friction, noise: float = 0.0) -> FrictionLaw:
-    """Law that a whole campaign gives, base parameters known."""
+    """Friction law of a whole campaign with known base parameters."""
     return campaign_friction(robot, TABLE_3_A, stacks(robot, *levels, noise=noise))
 
 
 def stacks(robot: Robot, *levels: Friction, noise: float = 0.0) -> list[list[Stacked]]:
-    """A campaign in which each axis has one level of friction after the other."""
+    """Campaign in which the friction level of each axis changes in turn."""
     rng, recorded, turns = np.random.default_rng(4), [], Counter[int]()
     for measurement in design(robot, COUNTS).measurements:
-        level = levels[turns[measurement.index] % len(levels)]  # so that each axis meets all
+        level = levels[turns[measurement.index] % len(levels)]  # so that each axis has all levels
         turns[measurement.index] += 1
         each = record(robot, measurement, TABLE_3_A, level, noise=noise, rng=rng)
         recorded.append((measurement, each))
@@ -51,7 +51,7 @@ def scaled(share: float) -> Friction:
 
 
 def at_speeds(robot: Robot, law: FrictionLaw) -> tuple[Array, Array, Array]:
-    """Velocities that the law was found at, its torques there and their variances."""
+    """Return velocities of the law's data, its torques there and their variances."""
     shares = np.linspace(-1.0, 1.0, 40)[:, np.newaxis]
     slowest, fastest = np.array([axis.speeds for axis in law.axes if axis and axis.speeds]).T
     qd = np.sign(shares) * (slowest + np.abs(shares) * (fastest - slowest))

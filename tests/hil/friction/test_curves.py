@@ -1,4 +1,4 @@
-"""Friction models (1) to (3) and Stribeck's, fitted to points; the choice among them."""
+"""Friction models (1) to (3) and Stribeck's, fitted to points; model selection."""
 
 import numpy as np
 import pytest

@@ -15,7 +15,7 @@ SPEED = 0.4
 
 
 def with_stops(sigma, seed=0, motion=2400.0, stops=(300.0, 60.0, 120.0), interval=12.0):
-    """Levels every `interval` of motion with stops, and the history that made them."""
+    """Return levels every `interval` of motion with stops, and the motion's history."""
     rng = np.random.default_rng(seed)
     ends, speeds, levels = [], [], []
     now, warmth, settled = 0.0, 0.0, 1.0

@@ -1,4 +1,4 @@
-"""Intervals of friction widen at speeds and after motion that its recordings have not seen."""
+"""Friction intervals widen at speeds and after motion outside the recordings."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ LEVELS = 0.97, 1.0, 1.03, 1.0, 0.98, 1.02
 
 
 def degressive(v: np.ndarray) -> np.ndarray:
-    """Friction that falls towards rest, as an arc tangent does [N m]."""
+    """Friction that decreases towards rest like an arc tangent [N m]."""
     return np.asarray(np.sign(v) * (8.0 + 8.0 * 2 / np.pi * np.arctan(np.abs(v) / 0.3)) + 2.0 * v)
 
 
 def blocks(slowest: float) -> Blocks:
-    """Measurements with speeds from the slowest to nine tenths of the limit, forth and back."""
+    """Measurements at speeds from the slowest to nine tenths of the limit, forward and backward."""
     one_way = np.linspace(slowest, 0.9 * LIMIT, 60)
     v = np.append(one_way, -one_way)
     u, sign = v / LIMIT, np.sign(v)
@@ -71,7 +71,7 @@ def test_intervals_widen_outside_the_speeds_of_the_law_and_hold_what_friction_do
         found.terms[term].value * OF_SPEED[term].column(_samples(speed)) for term in found.terms
     ) + found.slope * (v - speed)
     off = np.abs(degressive(v) - level)
-    assert (off[:3] > 1.0).all()  # the law goes on in a straight line, friction does not
+    assert (off[:3] > 1.0).all()  # the law continues in a straight line, friction does not
     assert (off < 1.96 * np.hypot(stated, found.wander * level)).all()
 
 

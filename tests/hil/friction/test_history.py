@@ -1,4 +1,4 @@
-"""What an axis did before and between its recordings, put together from samples and plan."""
+"""Motion of an axis before and between its recordings, from samples and plan."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def measurement(robot, **changes):
 
 
 def recording(robot, begin, *ends):
-    """Return a recording in which the axis goes evenly through `ends`, one every 10 s."""
+    """Return a recording in which the axis moves evenly through `ends`, one every 10 s."""
     time = np.linspace(0.0, RECORDED * (len(ends) - 1), 50 * (len(ends) - 1) + 1)
     q = np.zeros((len(time), robot.n_joints))
     q[:, AXIS] = np.interp(time, RECORDED * np.arange(len(ends)), ends)

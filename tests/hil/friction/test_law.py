@@ -1,4 +1,4 @@
-"""Friction along a motion beside the law in a constant direction: presliding never exceeds it."""
+"""Presliding friction along a motion never exceeds the law at constant direction."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 PERIOD = 0.002
 ONE = Robot.load("emps")
-"""One axis."""
+"""Single axis."""
 
 
 def law_of(
@@ -44,7 +44,7 @@ def law_of(
 
 
 def motion_of(sizes: list[float], turns: list[float]) -> tuple[Array, Array]:
-    """Positions and velocities of a sum of sines, sample by sample."""
+    """Return positions and velocities of a sum of sines, sample by sample."""
     t = PERIOD * np.arange(400)
     both = list(zip(sizes, turns, strict=False))
     q = sum(size * np.sin(2 * np.pi * turn * t) for size, turn in both)
@@ -53,7 +53,7 @@ def motion_of(sizes: list[float], turns: list[float]) -> tuple[Array, Array]:
 
 
 coefficients = st.floats(-5.0, 5.0)
-# |u| follows the speed at once whichever way friction points, so it moves no bound of the level
+# |u| follows the speed at once in either direction, so the bounds of the level do not move
 laws = st.dictionaries(st.sampled_from(["offset", *DIRECTED]), coefficients, min_size=1).filter(
     lambda terms: any(term in DIRECTED for term in terms)
 )
@@ -81,7 +81,7 @@ def test_friction_after_a_reversal_stays_within_the_law_of_either_direction(
     q, qd = motion_of(sizes, turns)
     loads = np.full_like(q, load)
     along, t = friction_torque(ONE, law, q, qd, loads), q[:, 0]
-    # every sample sliding forward, and sliding backward, as fast as the law knows at least
+    # every sample sliding forward, and sliding backward, at speeds of the law at least
     slowest = speeds[0] if speeds else SLOWEST * law.axes[0].speed
     either = [
         friction_torque(ONE, law, q, side * sliding, loads, [Direction(side + 0.0 * t, 0.0 * t)])
@@ -89,7 +89,7 @@ def test_friction_after_a_reversal_stays_within_the_law_of_either_direction(
         for sliding in (np.abs(qd), np.maximum(np.abs(qd), slowest))
     ]
     rounding = 1e-9 * (1.0 + np.abs(either).max())
-    # before the motion friction has no direction
+    # friction has no direction before the motion
     assert (along >= np.min(either, axis=0) - rounding)[1:].all()
     assert (along <= np.max(either, axis=0) + rounding)[1:].all()
 

@@ -1,4 +1,4 @@
-"""Torque ripple is fitted where it looks like nothing else."""
+"""Torque ripple is fitted only where it is distinguishable from other torques."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ TRUTH = np.array([0.6, 0.1, 0.5, 2.0])
 
 
 def pan_tilt(gear=1.0, half=2.0, kind="revolute"):
-    """Two axes, a vertical one and a level one that gravity loads."""
+    """Two axes, a vertical one and a horizontal one with gravity."""
     joints = [({"alpha": 0}, ["Izz"]), ({"alpha": "-pi/2"}, ["Ixx", "Iyy", "Izz", "sx"])]
     return Robot.create(
         "pan-tilt",
@@ -36,8 +36,8 @@ def pan_tilt(gear=1.0, half=2.0, kind="revolute"):
     [
         (100.0, 2.0, (1, 2, 3, 4, 5, 6)),
         (2.0, 2.0, (2, 3, 4, 5, 6)),
-        (1.0, 3.15, (4, 5, 6)),  # 1 and 2 are columns of gravity and of inertia themselves
-        (1.0, 2.0, ()),  # less than a turn: they all look alike
+        (1.0, 3.15, (4, 5, 6)),  # orders 1 and 2 are columns of gravity and of inertia themselves
+        (1.0, 2.0, ()),  # less than a turn: all orders look alike
         (3.0, 0.35, ()),
     ],
 )
@@ -61,7 +61,7 @@ def test_what_is_left_out_is_said_with_its_reason():
 
 
 def test_gravity_of_a_direct_drive_is_identified():
-    """With ripple of the first order fitted it would not be: they are one column."""
+    """With first-order ripple it would not be: both have the same column."""
     robot = pan_tilt()
     plan = design(robot, {"gravity": 8, "inertia": 16})
     assert np.isfinite(

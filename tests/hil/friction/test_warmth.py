@@ -1,4 +1,4 @@
-"""Warmth of a gear as a state of friction: found where the data show it, claimed nowhere else."""
+"""Gear warmth as a state of friction: identified where data show it, never elsewhere."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TERMS = ("offset", "Coulomb", "viscous")
 
 
 def course(n: int = 60, seed: int = 0) -> tuple[History, np.ndarray]:
-    """An axis that measures for 10 s each, with rests between; times of the measurements."""
+    """Return the history of an axis that measures for 10 s each, with rests, and the times."""
     rests = np.random.default_rng(seed).choice([2.0, 20.0, 90.0, 300.0], n)
     ends = np.cumsum(np.column_stack([rests, np.full(n, 10.0)]).ravel())
     speeds = np.tile([0.0, REFERENCE], n)[:, np.newaxis]
@@ -22,7 +22,7 @@ def course(n: int = 60, seed: int = 0) -> tuple[History, np.ndarray]:
 
 
 def levels(factors: np.ndarray, seed: int = 0) -> Blocks:
-    """Products of measurements with these levels of friction, and noise of the torque."""
+    """Return products of measurements with these friction levels, and torque noise."""
     rng, found = np.random.default_rng(seed), []
     for factor in factors:
         u = rng.uniform(0.1, 0.9) * np.repeat([1.0, -1.0], 50)

@@ -1,4 +1,4 @@
-"""Truth of a plant file, and an estimate set against it: on the virtual plant only."""
+"""True parameters of a plant file, compared with an estimate; on the virtual plant only."""
 
 import re
 import shutil
@@ -31,7 +31,7 @@ def plant_text():
 
 
 def plant_file(tmp_path, old="", new=""):
-    """The packaged plant's file with a change."""
+    """Return the packaged plant's file with a change."""
     assert old in plant_text()
     path = tmp_path / "plant.yaml"
     path.write_text(plant_text().replace(old, new, 1))

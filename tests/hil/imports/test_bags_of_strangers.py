@@ -1,4 +1,4 @@
-"""Bags of strangers unpack to no more than the budget, and hold what they say.
+"""Foreign bags unpack to no more than the budget, and contain the declared data.
 
 Harmless input: the budget is lowered, so that bags of some kilobytes exceed it.
 """
@@ -40,7 +40,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _messages(types: Any, size: int) -> Iterator[bytes]:
-    """Joint states of one joint, each with a frame's name of `size` bytes."""
+    """Return joint states of one joint, each with a frame's name of `size` bytes."""
     kinds = types.types
     for k in range(N):
         header = {"seq": k} if types is ROS1 else {}
@@ -142,7 +142,7 @@ def test_an_mcap_is_read_chunk_by_chunk_where_all_together_exceed_the_budget(
         out.finish()
     assert sum(each.size for each in bags.mcap_chunks(path).values()) > budget.allowed(path)
     assert positions(path) == POSITIONS.tolist()
-    # an index that leads to a chunk in the middle of another record
+    # an index that points to a chunk in the middle of another record
     content = path.read_bytes()
     at = content.rindex(b"\x08", 0, content.rindex(b"zstd"))
     shifted = content[at + 25 : at + 33]

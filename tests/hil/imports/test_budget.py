@@ -1,4 +1,4 @@
-"""What a recording may become: small files that declare or unpack to more are refused first.
+"""Memory budget of recordings: small files that declare or unpack to more are refused first.
 
 Harmless input: the budget is lowered, so that files of some kilobytes exceed it.
 """
@@ -89,7 +89,7 @@ def test_a_chunk_of_mcap_is_counted_before_it_is_unpacked(tmp_path: Path, compre
         writer.finish()
     with pytest.raises(FileError, match="a chunk would take"):
         open_table(path, Format())
-    # who declares less than there is, is counted
+    # rows beyond the declared number are counted
     content = bytearray(path.read_bytes())
     at = content.index(compression.encode(), 8) - 4 - 4 - 8
     content[at : at + 8] = (1).to_bytes(8, "little")
@@ -100,7 +100,7 @@ def test_a_chunk_of_mcap_is_counted_before_it_is_unpacked(tmp_path: Path, compre
 
 @pytest.mark.parametrize("virtual", [True, False])
 def test_values_in_other_files_are_not_read(tmp_path: Path, virtual: bool) -> None:
-    """A file of the user's would become a column of a run that is sent back."""
+    """Otherwise a file of the user would become a column of a run that is sent back."""
     (tmp_path / "notes.bin").write_bytes(bytes(800))
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["t"] = np.arange(100.0)

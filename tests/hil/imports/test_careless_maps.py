@@ -1,4 +1,4 @@
-"""Slips that a map or a file may have: each is one message with a place, or harmless."""
+"""Typical errors in maps and files: each gives one message with a place, or is harmless."""
 
 import os
 
@@ -16,7 +16,7 @@ Q = motion(COLUMNS["t"])[0]
 
 
 def imported(folder, content):
-    """Import a map; return what is stated."""
+    """Import a map; return the printed statement."""
     lines = []
     the_map = write_map(folder, content)
     import_recordings([the_map], folder / "run", lambda s: lines.extend(s.lines()))
@@ -24,7 +24,7 @@ def imported(folder, content):
 
 
 def refusal(folder, content):
-    """Import a map that is wrong; return its one message, once nothing was written."""
+    """Import a wrong map; return its one message after checking that nothing was written."""
     the_map = write_map(folder, content)
     before = sorted(folder.rglob("*"))
     with pytest.raises(FileError) as refused:

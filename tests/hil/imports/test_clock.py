@@ -1,4 +1,4 @@
-"""Recorded velocities are clocks: they show rates, instants and rows that were held."""
+"""Recorded velocities serve as clocks: they reveal rates, instants and held rows."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Exports of controllers, drives and their libraries, in the shapes that these write."""
+"""Exports of controllers, drives and their libraries, in their own formats."""
 
 import csv
 import io
@@ -20,7 +20,7 @@ ROWS = list(zip(T.tolist(), *(COLUMNS[name].tolist() for name in PARTS), strict=
 
 
 def delimited(names, columns, delimiter=",", decimal=".", before="", units=None, quoted=False):
-    """Rows of numbers below a header, as a table is written."""
+    """Return rows of numbers below a header, as in a table."""
     out = io.StringIO()
     writer = csv.writer(out, delimiter=delimiter, lineterminator="\r\n",
                         quoting=csv.QUOTE_ALL if quoted else csv.QUOTE_MINIMAL)  # fmt: skip
@@ -59,7 +59,9 @@ def codesys():
 
 
 def siemens():
-    """Settings of a trace, names, units below them, semicolons, decimal commas, quotation marks."""
+    """Return a trace: settings, names, units below them, semicolons, decimal commas, quotation
+    marks.
+    """
     before = '"Trace";"Axes"\r\n"Date";"31.01.2026 12:00:00"\r\n"Cycle";"0,005";"s"\r\n\r\n'
     names = ["Timestamp", "Axis_1.ActualPosition", "Axis_2.ActualPosition", "Axis_1.ActualVelocity",
              "Axis_2.ActualVelocity", "Axis_1.ActualTorque", "Axis_2.ActualTorque"]  # fmt: skip
@@ -147,7 +149,7 @@ FILES = {
 
 
 class _Marks(yaml.SafeLoader):
-    """Marks as nothing."""
+    """Loader that drops marks."""
 
 
 _Marks.add_constructor("!state", lambda *_: None)

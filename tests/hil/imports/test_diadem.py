@@ -1,4 +1,4 @@
-"""Traces of KUKA's controllers: a header of DIAdem for each drive, and its values beside it."""
+"""Traces of KUKA's controllers: a DIAdem header for each drive, and its values in another file."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,9 @@ def stored(name, unit, file, n, first, *, how="BLOCK", kind="REAL64", factor=1.0
 
 
 def drive(folder, joint, *, ending="r64", **changes):
-    """The trace of one drive: values of all channels, sample by sample; degrees by a factor."""
+    """Write the trace of one drive: values of all channels, sample
+    by sample; degrees by a factor.
+    """
     n, stem = len(COLUMNS["t"]), f"run_NextGenDrive#{joint}"
     text = GENERAL + time(n)
     for first, (name, unit, factor) in enumerate(PARTS.values(), start=1):

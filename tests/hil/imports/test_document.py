@@ -1,4 +1,6 @@
-"""docs/reference/recordings.md: its commands print what it says; it names every key and unit."""
+"""docs/reference/recordings.md: its commands print the stated output; it
+names every key and unit.
+"""
 
 import re
 from pathlib import Path
@@ -19,7 +21,7 @@ BLOCKS = re.findall(r"```(\w*)\n(.*?)```", DOCUMENT, re.DOTALL)
 
 
 def write_recording(folder):
-    """Write what the document says that `arm.csv` holds: polled in time, with a gap."""
+    """Write the documented `arm.csv`: polled in time, with a gap."""
     even = table(30.0)["t"]
     columns = table(time=even + np.random.default_rng(5).uniform(0, 0.002, len(even)))
     recorded = {

@@ -1,4 +1,4 @@
-"""First maps: what a file shows stands in them, what it does not is marked and refused."""
+"""Drafted maps: known values are filled in, unknown ones are marked and refused."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from hil.imports.map_file import load_map
 
 
 class _Marks(yaml.SafeLoader):
-    """Marks as their texts."""
+    """Loader that keeps marks as text."""
 
 
 _Marks.add_constructor("!state", lambda loader, node: f"? {loader.construct_scalar(node)}")

@@ -1,4 +1,4 @@
-"""A recording is the same, to the last bit, from whatever file it comes."""
+"""A recording is bit-identical in all file formats."""
 
 import gzip
 import struct
@@ -76,7 +76,7 @@ def matlab(path):
 def matlab_7_3(path):
     with h5py.File(path, "w", userblock_size=512) as file:
         for name, values in COLUMNS.items():
-            file[name] = values[None]  # a column of MATLAB lies as a row
+            file[name] = values[None]  # a column of MATLAB is a row here
 
 
 def hdf5(path):
@@ -298,7 +298,7 @@ def test_tables_and_timetables_of_matlab_are_columns(tmp_path, version, dated):
 
 
 def structures():
-    """A scope with two inputs, cells of columns, and structures that a loop appended."""
+    """Scope with two inputs, cells of columns, and structures appended by a loop."""
     signals = np.zeros((1, 2), dtype=[("values", object), ("label", object)])
     for k in range(2):
         signals[0, k] = (Q[:, k : k + 1], f"input {k}")
@@ -357,7 +357,7 @@ def test_structures_and_cells_of_matlab_7_3_are_columns(tmp_path):
 
 @pytest.mark.parametrize("kind", ["table", "timetable", "timeseries", "datetime"])
 def test_objects_of_matlab_are_named_with_their_class_and_how_to_save_them(tmp_path, kind, capfd):
-    """Two objects as MATLAB writes these before 7.3, beside each other."""
+    """Two objects beside each other, as MATLAB writes them before 7.3."""
 
     def element(type_, data):
         return struct.pack("<II", type_, len(data)) + data.ljust(-(-len(data) // 8) * 8, b"\0")

@@ -1,4 +1,4 @@
-"""HDF5 of strangers: what its filters unpack to, and what its cells lead to, is bounded.
+"""Foreign HDF5: size after unpacking, and data referenced by cells, are bounded.
 
 Harmless input: the budget is lowered, so that some hundred kilobytes exceed it.
 """

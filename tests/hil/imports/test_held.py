@@ -1,4 +1,4 @@
-"""Measurements that are published more often than they are taken are found, and taken once."""
+"""Repeated values, published more often than measured, are found and used once."""
 
 import re
 
@@ -21,7 +21,7 @@ def made(folder, columns, **changes):
 
 
 def held(columns, rows, *names):
-    """Columns by name, of which some are held over so many rows."""
+    """Return columns by name, some of which are held over this number of rows."""
     at = np.arange(len(columns["t"])) // rows * rows
     return {name: x[at] if name in names else x for name, x in columns.items()}
 

@@ -1,4 +1,4 @@
-"""From maps and recordings to a run folder: units, sides, pieces, rows, strokes; all or nothing."""
+"""Run folders from maps and recordings: units, sides, pieces, rows, strokes; all or nothing."""
 
 import hashlib
 
@@ -15,7 +15,7 @@ from hil.runs.run import Run
 
 
 def made(folder, columns, content=None, name="run", **changes):
-    """Import a CSV of these columns; return the run and what was stated."""
+    """Import a CSV of these columns; return the run and the printed statement."""
     write_csv(folder / "data.csv", columns)
     stated = []
     the_map = write_map(folder, content or a_map(**changes))
@@ -148,7 +148,7 @@ def test_files_are_pieces_of_one_recording(tmp_path):
     for name, part in (("a.csv", slice(0, 1000)), ("b.csv", slice(1000, None))):
         write_csv(tmp_path / name, {key: values[part] for key, values in whole.items()})
     run, _ = made(tmp_path, whole, files=["a.csv", "b.csv"])
-    assert len(run) == 1  # stamps go on, so there is no gap
+    assert len(run) == 1  # stamps continue, so there is no gap
     np.testing.assert_array_equal(run["map-01"].recording.q[:, 1], whole["q2"])
 
 
@@ -215,7 +215,7 @@ def test_what_is_left_out_is_stated_and_kept(tmp_path):
 
 @pytest.mark.parametrize("rows", [1, samples.IN_CACHE])
 def test_angles_that_were_kept_within_a_turn_go_on(tmp_path, monkeypatch, rows):
-    """Also where a turn begins with the first of the rows that are converted together."""
+    """Even if a turn begins with the first of the rows converted together."""
     monkeypatch.setattr(samples, "IN_CACHE", rows)
     columns = table()
     columns["t"] = columns["t"] + 0.002 * np.sin(np.arange(len(columns["t"])))
@@ -264,7 +264,7 @@ def test_without_recorded_velocities_a_run_has_no_array_of_them(tmp_path):
 
 
 def with_resting_elbow():
-    """Columns of a recording whose second joint trembles and does not move."""
+    """Return columns of a recording whose second joint trembles at rest."""
     columns = table(20.0)
     columns["q2"] = 0.3 + 1e-4 * np.random.default_rng(0).standard_normal(len(columns["t"]))
     return columns
@@ -289,7 +289,9 @@ def test_a_doubt_that_the_map_accepts_is_resolved(tmp_path):
 
 
 def back_and_forth(duration=40.0, way=0.4, rate=100.0):
-    """Joint 1 goes forth and back in 4 s, with rests; it begins with a way back."""
+    """Return columns with joint 1 forward and backward in 4 s, with rests; the first motion is
+    backward.
+    """
     t = np.arange(round(duration * rate)) / rate
     phase = (t - 1.0) % 4.0
     q = way * np.interp(phase, [0, 1.5, 2, 3.5, 4], [0, 1, 1, 0, 0])

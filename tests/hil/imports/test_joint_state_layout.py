@@ -1,4 +1,4 @@
-"""Messages that are read at once have the values that rosbags reads from each of them."""
+"""Messages read at once have the values that rosbags reads one by one."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ numbers = st.floats(allow_nan=False, width=64)
 
 @st.composite
 def joint_states(draw):
-    """A message: joints in any order, also twice; parts that lack or exceed them."""
+    """Return a message: joints in any order, also twice; incomplete or surplus parts."""
     names = draw(joints)
     counts = st.sampled_from([len(names), len(names), 0, len(names) + 1])
     values = {

@@ -28,7 +28,7 @@ JOINTS = [
 
 
 def messages(types):
-    """Joint states with the gripper's among them, names in changing order."""
+    """Return joint states including the gripper's, names in changing order."""
     kinds = types.types
     stamp_of, header_of = kinds["builtin_interfaces/msg/Time"], kinds["std_msgs/msg/Header"]
     for k, t in enumerate(COLUMNS["t"]):
@@ -59,7 +59,7 @@ def write_bag(path, plugin):
 
 
 def make(folder, name):
-    """Write a bag as one of its formats; return the file or folder that a map names."""
+    """Write a bag in one of its formats; return the file or folder for a map."""
     if name == "rosbag":
         with Writer1(folder / "bag.bag") as writer:
             topic = writer.add_connection("/joint_states", TYPE, typestore=ROS1)
@@ -190,7 +190,7 @@ def test_a_folder_without_its_metadata_is_its_only_file(tmp_path):
 
 
 def without(*parts):
-    """Joint states of which parts are empty."""
+    """Return joint states with empty parts."""
     for message in messages(ROS2):
         if len(message.name) > 1:
             for part in parts:

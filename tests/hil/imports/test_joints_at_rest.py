@@ -1,4 +1,4 @@
-"""Joints that rest have nothing to show, and nothing is said against them."""
+"""Joints at rest cannot be checked, and cause no complaints."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def suspicions(folder, velocity=True, **columns):
 
 
 def flicker(size, at):
-    """A constant that is off by `size` in a few rows."""
+    """Return a constant with deviations of `size` in a few rows."""
     x = np.full(len(T), 0.3)
     x[at] += size
     return x

@@ -1,4 +1,4 @@
-"""Long text is read by Arrow where its rows are plain, with the same numbers and errors."""
+"""Long text with plain rows is parsed by Arrow, with identical numbers and errors."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ ROWS = [f"{0.004 * k:.3f},{np.sin(k):.9f},{k}" for k in range(300)]
 
 
 def decimals():
-    """Doubles of all exponents, and decimals halfway between two, where rounding decides."""
+    """Return doubles of all exponents, and decimals halfway between two doubles."""
     rng = np.random.default_rng(5)
     every = rng.integers(0, 1 << 64, 20_000, dtype=np.uint64).view(np.float64)
     yield from map(repr, every[np.isfinite(every)].tolist())
@@ -30,7 +30,7 @@ def test_arrow_rounds_decimals_as_python_does():
 
 
 def in_blocks(path, monkeypatch, plain):
-    """Numbers of a file, or the error that it is refused with; count of plain blocks."""
+    """Return numbers of a file, or the error of its refusal, and the count of plain blocks."""
     used = []
 
     def spied(*arguments):

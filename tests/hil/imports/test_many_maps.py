@@ -1,4 +1,4 @@
-"""Several maps at once: the run is that of one after the other, or there is none."""
+"""Several maps in parallel give the run of sequential import, or none."""
 
 import pickle
 from concurrent.futures import BrokenExecutor
@@ -23,12 +23,12 @@ def maps(tmp_path):
 
 
 def sent(what):
-    """The same as another process gets it."""
+    """Return the job as received by another process."""
     return pickle.loads(pickle.dumps(what))  # noqa: S301 - our own
 
 
 def backwards(function, jobs):
-    """The last job is done first, as another process does it."""
+    """Yield results of the last job first, as another process may."""
     for job in reversed(list(jobs)):
         try:
             result = function(sent(job))
@@ -38,7 +38,7 @@ def backwards(function, jobs):
 
 
 def content(folder):
-    """All files of a run but the times of its journal."""
+    """Return all files of a run except the times of its journal."""
     files = {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
     (session,) = read_journal(folder / "run.json").sessions
     files[next(p for p in files if p.name == "run.json")] = session.notes

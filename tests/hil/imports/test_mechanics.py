@@ -1,4 +1,4 @@
-"""Mechanics shows signs, order and units that a map has wrong, before anything is estimated."""
+"""Wrong signs, order and units in a map are found by mechanics before any estimation."""
 
 import re
 from dataclasses import replace
@@ -24,7 +24,7 @@ def excerpt(q, tau):
 
 @pytest.fixture(scope="module")
 def seen(manutec):
-    """A free motion of the manutec-r15, with friction."""
+    """Free motion of the manutec-r15, with friction."""
     w = 2 * np.pi * np.array([0.11, 0.13, 0.17, 0.19, 0.23, 0.29])
     q = 0.7 * np.sin(np.outer(T, w)) + np.array([0, 0.3, -0.4, 0, 0.5, 0])
     qd, qdd = 0.7 * w * np.cos(np.outer(T, w)), -0.7 * w**2 * np.sin(np.outer(T, w))
@@ -101,7 +101,7 @@ def test_two_joints_exchanged(seen, manutec, which, key, words):
 
 
 def test_two_torques_exchanged_of_axes_that_move_alike_among_others_that_are_right(manutec):
-    # each of the two torques has the other's rhythm, so a part of it fits the wrong motion as well
+    # each torque contains the other's frequency, so it partly fits the wrong motion
     w = 2 * np.pi * np.array([0.11, 0.13, 0.13, 0.19, 0.23, 0.29])
     phase = np.array([0, 0, 0.6, 0, 0, 0])
     q = 0.7 * np.sin(np.outer(T, w) + phase) + np.array([0, 0.3, -0.4, 0, 0.5, 0])
@@ -136,7 +136,7 @@ def test_friction_at_reversals_does_not_hide_joints_in_another_order(seen, manut
 
 
 def on_a_portal(masses):
-    """A free motion of three sliding axes, most of whose force is friction."""
+    """Free motion of three prismatic axes, whose force is mostly friction."""
     w = 2 * np.pi * np.array([0.11, 0.13, 0.17])
     q, qd = 0.2 * np.sin(np.outer(T, w)), 0.2 * w * np.cos(np.outer(T, w))
     tau = masses * -(w**2) * q + np.array([30.0, 40.0, 50.0]) * np.tanh(qd / 0.01)

@@ -1,4 +1,4 @@
-"""Columns that are not what the map calls them are named before anything is estimated."""
+"""Columns with wrong meaning in the map are named before any estimation."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def found(tau):
 
 
 def sines(seed):
-    """Torques of two joints with noise of 1 N m."""
+    """Return torques of two joints with noise of 1 N m."""
     noise = np.random.default_rng(seed).standard_normal((len(TIME), 2))
     return 12 * np.sin(np.outer(TIME, [2.1, 3.3])) + noise
 

@@ -1,4 +1,4 @@
-"""Rows of two sources in one recording are found, and named as such; one source never is."""
+"""Rows of two sources in one recording are detected, without false alarms."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def refused(folder, columns, **changes):
 
 
 def merged(every, shift, other):
-    """Rows of another source, one behind each `every` rows, `shift` of a row later."""
+    """Insert a row of another source after each `every` rows, delayed by `shift` of a row."""
     t = np.arange(4000) / 200
     q, _, tau = motion(t)
     at = np.arange(every - 1, len(t), every) + 1

@@ -1,4 +1,4 @@
-"""No recording that import accepts ends identify in a traceback, a NaN or a warning."""
+"""Any imported recording is identified without traceback, NaN or warning."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ACCEPT = ["range", "velocity", "shape", "still", "spikes"]
 
 
 def coarse(step: float, *names: str) -> Callable[[Columns], None]:
-    """Return what rounds columns to a step."""
+    """Return a function that rounds columns to a step."""
 
     def change(columns: Columns) -> None:
         for name in names:
@@ -33,7 +33,7 @@ def coarse(step: float, *names: str) -> Callable[[Columns], None]:
 
 
 def constant(value: float, *names: str) -> Callable[[Columns], None]:
-    """Return what sets columns to a value."""
+    """Return a function that sets columns to a value."""
 
     def change(columns: Columns) -> None:
         for name in names:

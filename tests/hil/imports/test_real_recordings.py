@@ -1,4 +1,4 @@
-"""Recordings of two real machines, where they are at hand."""
+"""Recordings of two real machines, if available."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ JOINT = """
 
 
 def tx40(torques=(1, 2, 3, 4, 5, 6)):
-    """A map of the six axes, with the columns of their torques."""
+    """Map of the six axes, with their torque columns."""
     joints = enumerate(torques, start=1)
     return TX40 + "".join(
         JOINT.format(joint=joint, torque=torque, sign=-1 if joint == 4 else 1, data=DATA)

@@ -1,4 +1,4 @@
-"""The robot of a map: by name, file or URDF, of any types of joints."""
+"""Robot of a map: by name, file or URDF, with joints of any type."""
 
 import numpy as np
 import pytest

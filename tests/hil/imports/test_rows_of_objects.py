@@ -50,7 +50,7 @@ def test_what_is_no_rows_of_json_is_refused_with_the_file(tmp_path, text):
 
 
 def messages(n=N):
-    """Messages of a robot one after the other, as a socket receives them."""
+    """Return successive messages of a robot, as received by a socket."""
     return "".join(
         f'<Rob Type="KUKA"><RIst X="445.0" A="180.0"/><AIPos A1="{q[0]!r}" A2="{q[1]!r}"/>\n'
         f"  <Delay D='0'/><IPOC>{4 * k}</IPOC></Rob>\n"

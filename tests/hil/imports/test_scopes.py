@@ -1,4 +1,4 @@
-"""Exports of scopes in controllers: traces below one another, or channels in pairs of columns."""
+"""Exports of controller scopes: traces below one another, or channels in pairs of columns."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from hil.imports.readers import open_table
 
 
 def stacked(traces):
-    """Traces below one another, each with keys of its own."""
+    """Return traces below one another, each with its own keys."""
     lines = ["[key]; [value]", "Version; 0x03050000", "Name; Plc.Trace", "Comment; "]
     for number, (name, rows) in enumerate(traces.items()):
         lines += [f"{number}.Variable; {name}", f"{number}.Class; 14", f"{number}.Data; "]

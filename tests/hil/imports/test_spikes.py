@@ -1,4 +1,4 @@
-"""Samples that stand out are refused where they outweigh all else, and stated where they do not."""
+"""Outlying samples are refused if they dominate, and reported otherwise."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ AT = [211, 702, 1100, 1555, 1801]
 
 
 def with_spikes(column, value, at=AT):
-    """The recording with some samples of a column replaced, or added to where they are relative."""
+    """Return the recording with some samples of a column replaced, or increased if relative."""
     changed = COLUMNS[column].copy()
     changed[at] = value
     return COLUMNS | {column: changed}

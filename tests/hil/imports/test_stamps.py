@@ -1,4 +1,4 @@
-"""Time stamps as recorders write them: even, late, doubled, coarse, in disorder, with gaps."""
+"""Time stamps of recorders: even, late, doubled, coarse, unordered, with gaps."""
 
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ N = 2001
 
 
 def samples(time, at=None):
-    """Samples of the known motion, taken at `at` [s] and stamped `time`."""
+    """Return samples of the known motion, taken at `at` [s] and stamped `time`."""
     q, qd, tau = motion(time if at is None else at)
     values = np.concatenate([q, tau, qd], axis=1)
     return Samples(time, values, np.isfinite(time), (0,), from_date=False)
@@ -29,7 +29,7 @@ def found(time, at=None):
 
 
 def error(timing, at):
-    """Largest error of the instants that were found, up to a delay [s]."""
+    """Return the largest error of the estimated instants, up to a constant delay [s]."""
     errors = [s.instants - at[s.rows] for s in timing.stretches]
     return max(float(np.ptp(e)) for e in errors)
 

@@ -1,4 +1,4 @@
-"""Stamps as seconds and nanoseconds: exact over a date, refused where they are no such pair."""
+"""Stamps as seconds and nanoseconds: exact across dates, refused for other pairs."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,9 @@ PAIR = {"column": "sec", "unit": "s", "plus": {"column": "nanosec", "unit": "ns"
 
 
 def with_pair(duration=4.0, jitter=0):
-    """Columns of a recording, stamped in two of them; jitter of up to so many ns."""
+    """Return columns of a recording with stamps in two columns, with jitter up to this number of
+    ns.
+    """
     columns = table(duration)
     shaken = np.random.default_rng(0).integers(0, jitter + 1, len(columns["t"]))
     stamp = BEGIN * 10**9 + 123_456_789 + np.round(columns.pop("t") * 1e9).astype(int) + shaken

@@ -1,4 +1,4 @@
-"""Text as Windows programs export it: UTF-16, and measurement files of LabVIEW."""
+"""Text exports of Windows programs: UTF-16, and measurement files of LabVIEW."""
 
 import numpy as np
 import pytest

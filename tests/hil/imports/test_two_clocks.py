@@ -1,4 +1,4 @@
-"""Columns of a second source whose clock goes otherwise, or jumps, are named as such."""
+"""Columns of a second source with another clock rate, or with jumps, are detected."""
 
 import re
 
@@ -15,7 +15,7 @@ MOVING = np.ones(6, dtype=bool)
 
 
 def recorded(robot, begin, lag_of_tau, lag_of_qd):
-    """An excerpt of 10 s of a free motion with friction, two of its columns by other clocks."""
+    """Excerpt of 10 s of a free motion with friction, two of its columns by other clocks."""
     t, rng = begin + np.arange(0, 10, PERIOD), np.random.default_rng(1)
 
     def motion(at):

@@ -1,4 +1,4 @@
-"""``gain: unknown`` in a map: imported as it is recorded, identified, and predicted in SI."""
+"""``gain: unknown`` in a map: imported unscaled, identified, and predicted in SI."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ GAIN = 0.25
 
 
 def write_columns(folder: Path, gain: float, name: str = "data.csv") -> None:
-    """Half a minute of two axes; the first torque in units of some gain."""
+    """Write half a minute of two axes; the first torque has an unknown gain."""
     ((_, made),) = recorded(arm(), TRUTH, n=1, duration=30.0)
     named = ["t", "q1", "q2", "m1", "m2"]
     columns = [made.time, *made.q.T, made.tau[:, 0] / gain, made.tau[:, 1]]
@@ -43,7 +43,7 @@ def write_map_of(folder: Path, content: dict[str, object], name: str = "map.yaml
 
 
 def imported(folder: Path, name: str = "run", stated: list[Statement] | None = None) -> Run:
-    """A run whose first torque is a current of unknown worth."""
+    """Run whose first torque is a current with unknown gain."""
     write_columns(folder, GAIN)
     content = a_map()
     content["joints"][0]["torque"] = {"column": "m1", "unit": "A", "gain": "unknown"}

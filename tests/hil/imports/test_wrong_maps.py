@@ -1,4 +1,4 @@
-"""What is wrong with a map or a file is one message with place and remedy; nothing is written."""
+"""Errors in a map or a file give one message with place and remedy; nothing is written."""
 
 import os
 
@@ -15,7 +15,7 @@ COLUMNS = table(4.0)
 
 
 def refusal(folder, content):
-    """Import a map that is wrong; return its message, once nothing was found to be written."""
+    """Import a wrong map; return its message after checking that nothing was written."""
     if not (folder / "data.csv").exists():
         write_csv(folder / "data.csv", COLUMNS)
     the_map = write_map(folder, content)
@@ -27,7 +27,7 @@ def refusal(folder, content):
 
 
 def with_joint(number, key, **changes):
-    """A map with one part of a joint changed."""
+    """Return a map with one part of a joint changed."""
     content = a_map()
     content["joints"][number][key] = content["joints"][number][key] | changes
     return content
@@ -218,7 +218,7 @@ def test_a_file_that_may_not_be_read(tmp_path):
     assert "a.csv: cannot be read: Permission denied" in refusal(tmp_path, a_map("a.csv"))
 
 
-# --- what contradicts itself ----------------------------------------------------------------------
+# --- contradictions -------------------------------------------------------------------------------
 
 LONG = table(20.0, rate=100.0)
 Q, QD, TAU = motion(LONG["t"])

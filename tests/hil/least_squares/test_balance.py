@@ -1,4 +1,4 @@
-"""Regressions that share unknowns: a kind whose errors repeat within its groups counts less."""
+"""Regressions with common unknowns: group-correlated errors reduce the weight of a kind."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ SAMPLES = 50
 def rows(
     rng: np.random.Generator, groups: int = 20, within: float = 0.0, noise: float = 0.1
 ) -> np.ndarray:
-    """Samples of groups that have white noise, and an error each that repeats.
+    """Samples of groups with white noise, and one common error per group.
 
-    Columns are the same sign within a group, so what repeats there passes for a parameter.
+    Columns have the same sign within a group, so a common error passes for a parameter.
     """
     W = np.abs(rng.normal(size=(groups, SAMPLES, 2))) * rng.choice([-1, 1], size=(groups, 1, 2))
     y = W @ TRUTH + within * rng.normal(size=(groups, 1))
@@ -34,7 +34,7 @@ def blocks_of(rows: np.ndarray, name: str) -> Blocks:
 
 
 def kind(rng: np.random.Generator, name: str, groups: int = 20, **errors: float) -> Regression:
-    """Regression of one channel."""
+    """Return the regression of one channel."""
     return Regression.weighed(blocks_of(rows(rng, groups, **errors), name))
 
 
@@ -44,19 +44,19 @@ def factors(parts: list[Regression]) -> np.ndarray:
 
 @pytest.fixture
 def rng() -> np.random.Generator:
-    """Noise that is the same each time."""
+    """Generator with a fixed seed."""
     return np.random.default_rng(3)
 
 
 def test_kinds_that_are_alike_count_alike(rng: np.random.Generator) -> None:
-    """White noise in both, the same number of groups."""
+    """Both kinds have white noise and the same number of groups."""
     found = factors([kind(rng, "a", 200), kind(rng, "b", 200)])
     assert found[-1] == 1.0
     assert found[0] == pytest.approx(1.0, abs=0.4)
 
 
 def test_what_repeats_within_groups_makes_a_kind_count_less(rng: np.random.Generator) -> None:
-    """Residuals of both have about one size; errors of the first do not average within a group."""
+    """Residuals of both are similar; errors of the first do not average within a group."""
     repeats, white = kind(rng, "a", within=0.3, noise=0.01), kind(rng, "b", noise=0.3)
     assert factors([repeats, white])[0] < 0.2
 
@@ -69,7 +69,7 @@ def test_the_order_of_kinds_does_not_matter(rng: np.random.Generator) -> None:
 
 
 def test_together_they_are_nearer_the_truth_than_each_alone() -> None:
-    """In the mean of forty draws, one kind with errors that repeat and one without."""
+    """Mean over forty draws of a kind with group-correlated errors and one without."""
     errors = []
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -82,14 +82,14 @@ def test_together_they_are_nearer_the_truth_than_each_alone() -> None:
 
 
 def test_each_kind_keeps_its_own_unknowns(rng: np.random.Generator) -> None:
-    """An offset of each channel, and the same parameters."""
+    """Each channel has its own offset; the parameters are common."""
     both = balance([Kind(kind(rng, "a")), Kind(kind(rng, "b"))], SHARED).whole
     assert both.regression.layout.names == ("p1", "p2", "a offset", "b offset")
     assert both.cells is None
 
 
 def test_all_is_the_sum_of_what_each_kind_alone_has(rng: np.random.Generator) -> None:
-    """Parts of the solutions, and of what is known to move them."""
+    """Contributions to the solutions, and to their known disturbances."""
     one, other, moved = kind(rng, "a"), kind(rng, "b"), np.array([[1.0], [0.0]])
     both, parts = balance([Kind(one, effect=moved), Kind(other)], SHARED)
     expected = parts[0] @ one.solution[:2] + parts[1] @ other.solution[:2]
@@ -99,7 +99,7 @@ def test_all_is_the_sum_of_what_each_kind_alone_has(rng: np.random.Generator) ->
 
 
 def test_what_repeats_with_the_motion_makes_a_kind_count_less(rng: np.random.Generator) -> None:
-    """Groups of time each hold all states, in which the same is wrong every time."""
+    """Each group of time has all states, with the same error every time."""
     by_state = rows(rng, groups=6, within=0.3, noise=0.3)
     by_time = np.stack([by_state[:, k::10].reshape(-1, 4) for k in range(10)])
     one, other = Regression.weighed(blocks_of(by_time, "a")), Kind(kind(rng, "b", noise=0.3))

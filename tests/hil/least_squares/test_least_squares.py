@@ -1,4 +1,4 @@
-"""The kit of least squares: against numpy, against itself in other units, against the joint fit."""
+"""Least-squares routines against numpy, against other units, against the joint fit."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @st.composite
 def problems(draw: st.DrawFn) -> tuple[Array, Array]:
-    """W of singular values between 1 and 100, its columns in units of 1e-3 to 1e3, and y."""
+    """Return W with singular values between 1 and 100, columns in units of 1e-3 to 1e3, and y."""
     n = draw(st.integers(2, 6))
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     rows = n + draw(st.integers(1, 20))
@@ -40,12 +40,12 @@ def problems(draw: st.DrawFn) -> tuple[Array, Array]:
 
 
 def close(found: Array, expected: Array, tolerance: float = 1e-8) -> None:
-    """Compare by the largest number of `expected`."""
+    """Compare relative to the largest number of `expected`."""
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * np.abs(expected).max())
 
 
 def lstsq(W: Array, y: Array) -> Array:
-    """Columns of unit length, by numpy."""
+    """Solve with columns of unit length, by numpy."""
     length = np.linalg.norm(W, axis=0)
     solution: Array = np.linalg.lstsq(W / length, y, rcond=None)[0] / length
     return solution
@@ -158,7 +158,8 @@ def test_of_two_columns_that_are_alike_neither_is_determined_but_their_sum_is() 
     N = W.T @ W
     x = fitted(W, 6.0 * t + 1.0)
     np.testing.assert_allclose(W @ x, 6.0 * t + 1.0)
-    np.testing.assert_allclose(x, [3.0, 1.0, 1.0])  # alike in share: the least scaled solution
+    # equal in relative terms: the minimum-norm scaled solution
+    np.testing.assert_allclose(x, [3.0, 1.0, 1.0])
     np.testing.assert_array_equal(undetermined(N), [True, True, False])
     assert inverse_root(N).shape == orthonormal(W)[1].shape == (3, 2)
 

@@ -1,4 +1,4 @@
-"""Equations of all unknowns from inner products of each axis, block by block."""
+"""Normal equations of all unknowns from inner products of each axis, block by block."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WEIGHTS = np.array([4.0, 0.25])
 
 @pytest.fixture(scope="module")
 def rows() -> Array:
-    """Torque and columns of each block and axis."""
+    """Return torque and columns of each block and axis."""
     shape = N_BLOCKS, N_AXES, N_ROWS, 1 + N_SHARED + N_OWN
     return np.random.default_rng(0).standard_normal(shape)
 
@@ -41,7 +41,7 @@ def blocks(products: Array) -> Blocks:
 
 
 def stacked(rows: Array) -> tuple[Array, Array]:
-    """Weighted columns of all unknowns and torque, axis by axis."""
+    """Return weighted columns of all unknowns and torque, axis by axis."""
     W = np.zeros((*rows.shape[:3], N_SHARED + N_AXES * N_OWN))
     for axis, weight in enumerate(WEIGHTS):
         place = axis_place(N_SHARED, N_OWN, axis)

@@ -1,4 +1,4 @@
-"""One regression: blocks of named columns add up; what is found has names and errors."""
+"""Single regression: blocks of named columns add up; estimates have names and errors."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TRUTH = np.array([3.0, -2.0, 0.5, 1.0, -0.5, 2.0])
 
 @pytest.fixture
 def rng() -> np.random.Generator:
-    """Noise that is the same each time."""
+    """Generator with a fixed seed."""
     return np.random.default_rng(7)
 
 
@@ -40,7 +40,7 @@ def samples(rng: np.random.Generator, n_groups: int, noise: float = 0.1) -> tupl
 
 
 def blocks(W: Array, y: Array, own: tuple[str, ...] = OWN) -> Blocks:
-    """Blocks of these samples."""
+    """Return blocks of these samples."""
     rows = np.concatenate([y[..., np.newaxis], W], axis=-1)
     products = np.einsum("gcni,gcnj->gcij", rows, rows)
     counts = np.full(W.shape[:2], float(W.shape[2]))
@@ -48,7 +48,7 @@ def blocks(W: Array, y: Array, own: tuple[str, ...] = OWN) -> Blocks:
 
 
 def stacked(W: Array, y: Array, weights: Array) -> Array:
-    """Weighted least squares over all samples, stacked."""
+    """Return weighted least squares over all stacked samples."""
     rows, sides = [], []
     for channel, weight in enumerate(weights):
         X = np.zeros((*W.shape[:1], *W.shape[2:3], 6))
@@ -91,7 +91,7 @@ def test_columns_that_one_part_lacks_are_zero_there(rng: np.random.Generator) ->
 
 
 def test_an_axis_recorded_in_two_ways_is_two_channels(rng: np.random.Generator) -> None:
-    """Noise and friction differ; what is shared is found from both."""
+    """Noise and friction differ; common parameters are estimated from both."""
     W, y = samples(rng, 40)
     loud = y + 3.0 * rng.normal(size=y.shape) + 2.0 * W[..., 3]
     other = replace(blocks(W, loud), channels=("axis 1 imported", "axis 2 imported"))
@@ -173,7 +173,7 @@ def test_intervals_hold_the_truth_of_white_noise(rule: Covariance) -> None:
         fit = Regression.weighed(blocks(*samples(np.random.default_rng(seed), 20))).fit(rule)
         intervals = np.array(list(fit.conf_int().values()))
         inside.append((intervals[:, 0] <= TRUTH) & (intervals[:, 1] >= TRUTH))
-    # 360 intervals of 95 %, those of a seed not independent
+    # 360 intervals of 95 %, dependent within a seed
     assert 0.91 <= np.mean(inside) <= 0.99
 
 

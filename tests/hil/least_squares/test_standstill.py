@@ -1,4 +1,4 @@
-"""An axis moves where its range exceeds the noise that its positions were measured with."""
+"""An axis moves if its range exceeds the noise of its positions."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ TIME = np.arange(0, 40, T)
 
 
 def moves(*positions):
-    """Whether each axis moves, the last one by a radian beside them."""
+    """Return whether each axis moves; the last one moves by an additional radian."""
     q = np.column_stack([*positions, np.sin(TIME)])
     *found, last = moving([extent(q, T)])
     assert last

@@ -1,4 +1,4 @@
-"""The window at some samples leaves what it leaves there of all samples."""
+"""Thinned windowing equals windowing of all samples at the kept samples."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Covariances: the jackknife, the sandwich and the classical one where they must agree."""
+"""Jackknife, sandwich and classical covariance agree in cases where they must."""
 
 from __future__ import annotations
 

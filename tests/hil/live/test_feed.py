@@ -1,4 +1,4 @@
-"""What processes beside a run are sent, and that none of them can disturb it."""
+"""Data sent to listeners of a run, none of which can disturb it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 SUPPORT = Path(__file__).parents[2] / "support"
 HELD = 1.0
-"""Time after which a listener that hangs is ended, and more than enough for the rest [s]."""
+"""Time after which a hanging listener is ended, plus a margin [s]."""
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +39,7 @@ def _support_on_path(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(plan: Plan, robot: Robot, folder: Path, *manners: str) -> list[Listener]:
-    """Measure on the plant with a listener of each manner; they note in files of their names."""
+    """Measure on the plant with a listener of each behaviour; each writes a file of its name."""
     listeners = [
         Listener(f"listener {manner}", "noting_listener", str(folder.parent / manner), manner)
         for manner in manners

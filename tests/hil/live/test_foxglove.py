@@ -1,4 +1,4 @@
-"""The run as Foxglove gets it: what arrives is what was measured, and no client disturbs a run."""
+"""Foxglove receives the measured data, and no client disturbs a run."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def run(plan: Plan, robot: Robot, folder: Path, port: int) -> Listener:
 
 
 def until(true: Callable[[], object]) -> None:
-    """Wait until something is so."""
+    """Wait for a condition."""
     end = time.monotonic() + 3 * PATIENCE
     while not true():
         assert time.monotonic() < end
@@ -76,7 +76,7 @@ def values_of(status: Any) -> dict[str, str]:
 def shown(
     manutec: Robot, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[FoxgloveClient, RunFolder]:
-    """A client that looked on at a run, and what was recorded of it."""
+    """Client that watched a run, and its recording."""
     folder, port = tmp_path_factory.mktemp("shown") / "run", free_port()
     measurements = (
         Gravity(
@@ -87,7 +87,7 @@ def shown(
     )  # fmt: skip
     robot = PlannedRobot(name=manutec.name, digest=manutec.digest)
     with pytest.MonkeyPatch.context() as patch, FoxgloveClient(port) as client:
-        patch.setattr("hil.live.feed._EVERY", 0.002)  # lock-step takes but a moment
+        patch.setattr("hil.live.feed._EVERY", 0.002)  # lock-step takes only a moment
         run(Plan(robot=robot, measurements=tuple(measurements)), manutec, folder, port)
     return client, RunFolder.open(folder)
 
@@ -104,7 +104,7 @@ def test_joint_states_are_what_was_measured(shown: tuple[FoxgloveClient, RunFold
     stamps = Counter(stamp for stamp, _ in diagnostics)
     compared = 0
     for stamp, state in client.of("/joint_states"):
-        # a client that is behind misses messages, and a busy computer stamps two with the same ms
+        # a slow client misses messages, and a busy computer stamps two with the same ms
         if stamps[stamp] == 1 and times[stamp] in recordings:
             q, tau = recordings[times[stamp]]
             np.testing.assert_allclose(state.position, q, atol=1e-6)
@@ -155,7 +155,7 @@ def test_clients_that_never_read_or_die_disturb_nobody(
 
 
 def _never_read(port: int) -> None:
-    """Subscribe five times, and take no more than what fits into buffers."""
+    """Subscribe five times, and read only the first bytes."""
     with ExitStack() as deaf:
         for _ in range(5):
             subscribe(deaf.enter_context(connected(port, max_queue=1)), range(1, 4))
@@ -163,7 +163,7 @@ def _never_read(port: int) -> None:
 
 
 def _die(port: int) -> None:
-    """Subscribe five times, and go without a word."""
+    """Subscribe five times, and disconnect without closing."""
     for _ in range(5):
         with connected(port) as client:
             subscribe(client, range(1, 4))
@@ -178,7 +178,7 @@ def _refused(port: int) -> bool:
 def test_nobody_is_served_but_at_the_address_that_was_asked_for(port: int) -> None:
     listener = Listener("the stream to Foxglove", MODULE, "127.0.0.1", str(port))
     assert listener.start(lambda: None) == (f"Foxglove: open a connection to ws://127.0.0.1:{port}")
-    with socket.socket() as other:  # of the same computer, by another of its addresses
+    with socket.socket() as other:  # another address of the same computer
         assert other.connect_ex(("127.0.0.2", port)) != 0
     assert not _refused(port)
     listener.close()
@@ -220,7 +220,7 @@ def test_a_package_that_is_missing_is_named_with_its_remedy(
 
 @pytest.fixture
 def published(manutec: Robot, small_plan: Plan) -> Callable[..., dict[str, Any]]:
-    """Take lines after the first one; return the messages of the last by topic, deserialized."""
+    """Publish lines; return the messages of the last line by topic, deserialized."""
     ros = RosLines(RosMessages("--foxglove", "foxglove"))
     store = get_typestore(Stores.ROS2_HUMBLE)
 

@@ -1,4 +1,4 @@
-"""What recordings show while a run goes on: intervals that shrink, torques that were predicted."""
+"""Interim estimates during a run: shrinking intervals, predicted torques."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory, manutec: Robot) -> Run:
-    """A run of which the truth is known, one measurement of it in a folder of its own."""
+    """Run with known truth, with one measurement in a separate folder."""
     path = tmp_path_factory.mktemp("interim") / "run"
     write_run(path, manutec)
     return Run.open(path)
@@ -33,7 +33,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, manutec: Robot) -> Run:
 
 @pytest.fixture(scope="module")
 def shown(run: Run) -> tuple[list[Any], list[Any]]:
-    """Lines of estimates and of torques, recording by recording."""
+    """Return lines of estimates and of torques, recording by recording."""
     interim, recorded = Interim(run.robot), {each.measurement.id: each for each in run}
     estimates, torques = [], []
     for motion in interleave(run.plan.measurements):
@@ -51,7 +51,7 @@ def test_intervals_shrink_and_hold_the_truth(shown: tuple[list[Any], list[Any]])
     estimates, _ = shown
     assert [each["recordings"] for each in estimates] == list(range(1, len(estimates) + 1))
     first, last = shares(estimates[0]), shares(estimates[-1])
-    assert np.isnan(first).sum() > 10  # one measurement shows a few parameters at most
+    assert np.isnan(first).sum() > 10  # one measurement determines a few parameters at most
     half_way = shares(estimates[len(estimates) // 2])
     assert np.all(half_way < 0.5)
     assert np.all(last < 5e-3)
@@ -81,7 +81,7 @@ def test_torques_are_predicted_before_they_are_used_and_lie_in_their_band(
 def test_the_process_reads_what_lines_name_and_passes_over_the_rest(
     run: Run, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Recordings that were there before come first: a run that is resumed."""
+    """Earlier recordings come first if a run is resumed."""
     names = [motion.id for motion in run.motions]
     lines = [{"kind": "event", "name": "Recorded", "measurement": each} for each in (*names, "x")]
     text = "".join(json.dumps(each) + "\n" for each in ({"kind": "start"}, *lines)).encode()

@@ -1,4 +1,4 @@
-"""The live page in a real browser: what it shows, and whether everybody can use it."""
+"""Live page in a real browser: content and accessibility."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrome]:
 def page(
     browser: Chrome, manutec: Robot, small_plan: Plan, ideal_bus: IdealBus
 ) -> Iterator[Served]:
-    """A run that measures g1, open in the browser."""
+    """Run that measures g1, open in the browser."""
     with served() as found:
         found.begin(manutec, small_plan, ideal_bus.axes)
         event = Travelled(3.0, 20.0, small_plan.measurements[0])
@@ -71,7 +71,7 @@ def until(browser: Chrome, condition: Any) -> None:
 
 
 def give(browser: Chrome, page: Served, samples: list[Sample]) -> None:
-    """Publish samples no faster than the page takes them: a page that is behind misses some."""
+    """Publish samples at the page's pace, since a slow page skips some."""
     for begin in range(0, len(samples), 20):
         *before, last = samples[begin : begin + 20]
         for each in before:
@@ -90,7 +90,7 @@ def text(browser: Chrome, name: str) -> str:
 
 
 def cells(browser: Chrome) -> list[list[str]]:
-    """Return what the table of axes shows, row by row."""
+    """Return the content of the table of axes, row by row."""
     return browser.execute_script(  # type: ignore[no-any-return]
         "return [...document.querySelectorAll('#axes tbody tr')]"
         ".map((row) => [...row.children].map((cell) => cell.innerText));"
@@ -167,7 +167,7 @@ def estimate(*halves: float | None) -> dict[str, Any]:
 
 
 def torques(begin: float, number: int = 50) -> dict[str, Any]:
-    """Torques of all axes over so many fortieths of a second."""
+    """Return torques of all axes over this number of fortieths of a second."""
     t = begin + 0.04 * np.arange(number)
     measured = 100 * np.sin(t)[:, np.newaxis] * np.ones(6)
     return lines.torque(range(6), t, measured, measured + 2.0, np.full((number, 6), 5.0))
@@ -177,7 +177,7 @@ def torques(begin: float, number: int = 50) -> dict[str, Any]:
 def watched(
     browser: Chrome, manutec: Robot, small_plan: Plan, ideal_bus: IdealBus, tmp_path: Path
 ) -> Iterator[tuple[Served, Any]]:
-    """A run that is watched and can be pushed, with the plant that takes the pushes."""
+    """Watched run that accepts pushes, with the plant that executes them."""
     path = str(tmp_path / "hand")
     with hand(tmp_path / "hand") as plant, served("127.0.0.1", 0, "--hand", path) as found:
         found.begin(manutec, small_plan, ideal_bus.axes, pushed=True)
@@ -248,7 +248,7 @@ def test_one_cursor_goes_through_curves_and_robot(
     until(browser, lambda: cursors(browser) == [True] * 12)
     begin, end = browser.execute_script("return window.live.curves.span")
     assert begin <= 19.0 <= end <= begin + 10.0 + 1e-9
-    browser.find_element(By.CSS_SELECTOR, ".time button").click()  # what has passed is played
+    browser.find_element(By.CSS_SELECTOR, ".time button").click()  # the recent past is replayed
     until(browser, lambda: browser.execute_script("return window.live.curves.player.time") > 19.1)
     page.sample(Sample(24.1, Q, TAU, (0,) * 6, False))
     browser.find_element(By.CSS_SELECTOR, ".time button:last-child").click()
@@ -264,7 +264,7 @@ def look_back(browser: Chrome, t: float) -> None:
 
 
 def cursors(browser: Chrome) -> list[bool]:
-    """Return which curves have a cursor."""
+    """Return the curves with a cursor."""
     return browser.execute_script(  # type: ignore[no-any-return]
         "return [...document.querySelectorAll('#torques .cursor')].map((each) => !each.hidden);"
     )
@@ -341,7 +341,7 @@ def test_a_link_that_is_dragged_pushes_the_plant_and_is_let_go(
     until(browser, lambda: text(browser, "headline") == "Push found: axis 2, 31.2 N m")
     assert text(browser, "more") == "By currents alone."
     assert "push 1, axis 2: -31.2 N m from outside" in text(browser, "notices")
-    assert "axis 3" not in text(browser, "notices")  # one push reaches several axes
+    assert "axis 3" not in text(browser, "notices")  # one push affects several axes
     page.publish("end", how="finished", text="")
     until(browser, lambda: not browser.find_element(By.ID, "hand").text)
     assert complaints(browser) == []

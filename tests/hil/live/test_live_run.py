@@ -1,4 +1,4 @@
-"""A run that is watched, by the command line: stopped from the page, and disturbed by nothing."""
+"""Watched run from the command line: stopped from the page, otherwise undisturbed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ROUNDS = 5
 
 
 class Run(NamedTuple):
-    """A run that goes on, and its page."""
+    """Running process of a run, and its page."""
 
     process: subprocess.Popen[str]
     page: Served
@@ -39,7 +39,7 @@ class Run(NamedTuple):
         return self.beside("hil.live.page_server")
 
     def beside(self, module: str) -> int:
-        """Return the process beside the run that carries out a module."""
+        """Return the process that executes a module beside the run."""
         number = self.process.pid
         children = Path(f"/proc/{number}/task/{number}/children").read_text().split()
         found = [each for each in children if module in Path(f"/proc/{each}/cmdline").read_text()]
@@ -49,7 +49,7 @@ class Run(NamedTuple):
 
 @pytest.fixture
 def plan_file(tmp_path: Path, small_plan: Plan) -> Path:
-    """Some rounds of the small plan."""
+    """Plan of some rounds of the small plan."""
     path = tmp_path / "plan.yaml"
     path.write_text(dump_plan(repeat_measurements(small_plan, ROUNDS)))
     return path
@@ -107,7 +107,7 @@ def test_a_stop_from_the_page_is_that_of_the_operator_and_the_run_is_resumed(
 def test_a_stop_from_the_page_works_where_ctrl_c_is_ignored(
     plan_file: Path, tmp_path: Path
 ) -> None:
-    """As in a job that a script has started in the background."""
+    """Background jobs of a script ignore Ctrl-C."""
     ignoring = ("sh", "-c", "trap '' INT; exec \"$@\"", "sh")
     run = start(plan_file, tmp_path / "run", before=ignoring)
     wait_for_recordings(tmp_path / "run", 1, run)

@@ -1,4 +1,4 @@
-"""Whom the live page is served to, and what it shows."""
+"""Permitted clients of the live page, and its content."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_our_own_page_can_stop(page: Served) -> None:
     assert page.ask("POST", "/stop", given)[0] == 202
     until(lambda: page.stops)
     page.ask("POST", "/stop", given)
-    assert page.stops == [1]  # a second interrupt would disturb the first one's way
+    assert page.stops == [1]  # a second interrupt would disturb the shutdown by the first
 
 
 def test_nothing_but_a_stop_can_be_asked_for(page: Served) -> None:
@@ -290,7 +290,7 @@ def _is_served(page: Served) -> bool:
 
 
 def test_connections_that_ask_for_nothing_cost_only_themselves(page: Served) -> None:
-    """Where there are too many the oldest get their answer at once; what is served goes on."""
+    """With too many connections the oldest get their answer at once, and service continues."""
     with watching(page.port) as one:
         got = events(one)
         idle = [socket.create_connection(("127.0.0.1", page.port)) for _ in range(WAITING_MAX + 1)]
@@ -423,7 +423,7 @@ def test_a_connection_of_our_own_is_ours(family: socket.AddressFamily) -> None:
 
 
 def test_a_connection_that_was_closed_at_once_is_nobody_s() -> None:
-    """The kernel says of a socket without a program that it is root's, whoever has closed it."""
+    """The kernel reports root as the owner of a socket without a program, whoever closed it."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         client = socket.create_connection(server.getsockname())
         connection, _ = server.accept()
@@ -484,7 +484,7 @@ def test_a_line_that_was_cut_off_is_left_out(page: Served) -> None:
 
 
 def test_the_server_ends_with_the_run_and_says_so(page: Served) -> None:
-    """Also where the run was killed: its end of the pipe is closed then."""
+    """This includes a killed run, whose end of the pipe is then closed."""
     with watching(page.port) as one:
         got = events(one)
         next(got)

@@ -1,4 +1,4 @@
-"""Of two limits of an axis, the robot file's and the drive's, the tighter one holds."""
+"""The tighter of two limits applies: the robot file's or the drive's."""
 
 from __future__ import annotations
 

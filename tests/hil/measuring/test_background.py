@@ -1,4 +1,4 @@
-"""Files written beside the motion: an interrupt at any instruction leaves nothing locked."""
+"""Files written during motion: an interrupt at any instruction leaves no lock."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Interrupting:
-    """A trace that raises an interrupt at the n-th instruction of what is called."""
+    """Trace that raises an interrupt at the n-th instruction of a call."""
 
     def __init__(self, number: int) -> None:
         self.left = number
@@ -31,7 +31,7 @@ class Interrupting:
 
 
 def interrupted_at(number: int) -> bool:
-    """Interrupt the queueing of a task; return whether it came to that."""
+    """Interrupt the queueing of a task; return True if the interrupt occurred."""
     done = threading.Event()
     with Background() as background:
         before = sys.gettrace()

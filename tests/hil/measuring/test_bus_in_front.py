@@ -1,4 +1,4 @@
-"""Buses in front of one another: a sample of a streamed path costs no more questions than one."""
+"""Wrapped buses: a sample of a streamed path costs no additional requests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Streamed:
-    """A bus that follows set-points, and counts how often somebody asks where it is."""
+    """Bus that follows set-points, and counts requests for positions."""
 
     period, axes, notes = 0.004, (), ()
 
@@ -30,7 +30,7 @@ class Streamed:
         self.path = path
 
     def nothing(self, *_: object) -> None:
-        """What else a bus has, and nobody calls here."""
+        """Substitute for unused methods of a bus."""
 
     __enter__ = __exit__ = move = sample = samples = halt = reset = nothing
 

@@ -1,6 +1,6 @@
-"""Every check of a recording, where instants are exact, and where they are not.
+"""All checks of a recording, with exact and with uncertain instants.
 
-Each fault is put into a sound recording as the axes truly moved, which is then sampled: exactly, at
+Each fault is added to the true motion of a sound recording, which is then sampled: exactly, at
 instants that differ from their time stamps, or with telegrams doubled, late and missing.
 """
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 LOOP = 0.02
-"""Time in which a drive's loop takes a jump back [s]."""
+"""Time in which a drive's loop corrects a jump [s]."""
 SEEDS = range(20)
 on_any_clock = pytest.mark.parametrize("clock", CLOCKS, ids=lambda each: each.__name__)
 
 
 def jumped(recording: Recording, axis: int, at: int, size: float) -> Recording:
-    """The encoder jumps, and the loop takes the axis back to what the encoder showed."""
+    """Add an encoder jump, after which the loop restores the shown position."""
     q, since = recording.q.copy(), recording.time[at:] - recording.time[at]
     q[at:, axis] += size * np.exp(-since / LOOP)
     return replace(recording, q=q)
@@ -77,7 +77,7 @@ def test_a_jump_of_two_milliradians_is_found_at_rest(clock: Callable[..., Record
 
 
 def test_a_jump_within_a_short_travel_is_found() -> None:
-    """Of sixty samples one jump and its way back are more than the one in a hundred of usual."""
+    """Among sixty samples, the jump and its return exceed the usual one in a hundred."""
     short = {name: array[:60] for name, array in SOUND["gravity"][1].arrays.items()}
     for size in (2e-3, 0.01, 0.1):
         assert "axis 1" in jumps(jumped(Recording(**short), 0, 30, size))
@@ -88,7 +88,7 @@ def _slowed(sound: Recording) -> Recording:
 
 
 def _creep_interrupted(sound: Recording) -> Recording:
-    """The creeping axis stands for 0.4 s in its first stroke."""
+    """Stop the slow axis for 0.4 s in its first stroke."""
     q = sound.q.copy()
     q[200:300, 0] = q[200, 0]
     return replace(sound, q=q)

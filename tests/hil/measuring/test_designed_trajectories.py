@@ -1,4 +1,4 @@
-"""Designed trajectories on the virtual plant: what passes the dry run is measured without a fault.
+"""Designed trajectories that pass the dry run are measured on the virtual plant without findings.
 
 All axes accelerate at once and load each other, so drives whose limits of acceleration hold for an
 axis by itself run out of torque long before.

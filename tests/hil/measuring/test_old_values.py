@@ -1,4 +1,4 @@
-"""Values that a drive renews less often than SYNC comes: refused or flagged, and not estimated."""
+"""Values renewed less often than SYNC are refused or flagged, and not used."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def held(values: np.ndarray, every: int) -> np.ndarray:
 
 
 def stepped(recording: Recording) -> Recording:
-    """The recording in steps of encoder and current."""
+    """Return the recording with the resolution of encoder and current."""
     q = np.round(recording.q / 1e-5) * 1e-5
     return replace(recording, q=q, tau=np.round(recording.tau / 0.1) * 0.1)
 
@@ -44,7 +44,7 @@ def test_nothing_is_old_in_a_sound_recording(clock: Any, kind: str) -> None:
     for seed in range(10):
         sound = stepped(clock(SOUND[kind][1], np.random.default_rng(seed)))
         flags = mark_old_values(sound, ACCELERATION, AXES).flags & SampleFlag.OLD
-        assert np.mean(flags != 0) < 2e-3  # a telegram that is doubled repeats its values
+        assert np.mean(flags != 0) < 2e-3  # a doubled telegram repeats its values
 
 
 @pytest.mark.parametrize("every", RENEWALS)

@@ -1,4 +1,4 @@
-"""A bus that is held back to so many times the clock on the wall."""
+"""Bus slowed down to a multiple of the wall clock."""
 
 from __future__ import annotations
 

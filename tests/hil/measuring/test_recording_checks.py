@@ -1,4 +1,4 @@
-"""Defects that only a whole recording shows: an encoder that jumps, a current that is none."""
+"""Defects visible in whole recordings only: encoder jumps, constant current."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MEASUREMENT = Gravity(
 
 
 def recording(seed: int = 0, noise: float = 1.0, resolution: float = 0.1) -> Recording:
-    """Strokes of the first of two axes; positions in increments, torque with noise."""
+    """Return strokes of the first of two axes; positions in increments, torque with noise."""
     rng = np.random.default_rng(seed)
     strokes = [MEASUREMENT.profile(k) for k in range(MEASUREMENT.n_strokes)]
     times = [np.arange(0.0, profile.duration, PERIOD) for profile in strokes]
@@ -108,7 +108,7 @@ def test_a_clipped_current_is_found() -> None:
 
 
 def steps(size: float) -> Recording:
-    """Strokes whose noise hides their friction; the torque of the last one is `size` higher."""
+    """Return strokes whose noise hides friction; the torque of the last one is `size` higher."""
     sound = recording(noise=0.0)
     tau = 0.01 * sound.tau + np.random.default_rng(5).normal(0.0, 20.0, sound.tau.shape)
     tau[sound.stroke == 3] += size
@@ -139,7 +139,7 @@ def test_findings_of_a_sliding_axis_are_in_metres_and_newtons() -> None:
 
 
 def without_syncs(count: int) -> Recording:
-    """A recording in which every fifteenth SYNC, `count` in all, was left out."""
+    """Return a recording in which every fifteenth SYNC, `count` in all, is missing."""
     whole = recording()
     there = np.ones(whole.n_samples, dtype=bool)
     there[10 : 10 + 15 * count : 15] = False
@@ -148,7 +148,7 @@ def without_syncs(count: int) -> Recording:
 
 
 def test_one_sample_in_a_hundred_may_be_missing_and_no_more() -> None:
-    """1016 SYNCs: ten may be left out."""
+    """1016 SYNCs: ten may be missing."""
     most = recording().n_samples // 100
     assert "gaps" not in {each.check for each in check(without_syncs(most), MEASUREMENT, ROBOT)}
     found = {each.check: each for each in check(without_syncs(most + 1), MEASUREMENT, ROBOT)}
@@ -167,7 +167,9 @@ def test_of_a_short_recording_one_sample_may_be_missing() -> None:
 
 
 def test_a_limit_counts_while_the_axis_moves_alone() -> None:
-    """On the way to its start and at rest an axis may be at its limit: nothing is read there."""
+    """On the way to its start and at rest an axis may be at its limit, since no data are used
+    there.
+    """
     sound = recording()
     stroke = sound.stroke.copy()
     stroke[:50] = IDLE
@@ -181,7 +183,7 @@ def test_a_limit_counts_while_the_axis_moves_alone() -> None:
 
 
 def test_a_limit_after_a_late_set_point_is_the_computers() -> None:
-    """A drive whose set-points stay out stops at once, with all the torque that it has."""
+    """A drive without new set-points stops at once, with its full torque."""
     sound = recording()
     flags = sound.flags.copy()
     flags[100:103, 0] = SampleFlag.LIMIT

@@ -1,4 +1,4 @@
-"""Rehearsing a plan, and the keyboard during a run."""
+"""Rehearsal of a plan, and the keyboard during a run."""
 
 import os
 import pty
@@ -27,7 +27,7 @@ from hil.terminal.keys import KeyboardStop, Keys
 
 
 def passed(bus, drive: Callable[[], object]) -> np.ndarray:
-    """Configurations that `drive` leads through, shape (n, 6)."""
+    """Return configurations passed by `drive`, shape (n, 6)."""
     seen: list[tuple[float, ...]] = []
 
     def note(sample):
@@ -138,7 +138,7 @@ def test_the_folder_remembers_the_rehearsal_and_measures_the_same_plan_only(
 
 @pytest.fixture
 def terminal() -> Iterator[tuple[int, Keys]]:
-    """What the operator's hand writes to, and the keys read from it."""
+    """Writing end of a pseudo terminal, and the keys read from it."""
     hand, ours = pty.openpty()
     with os.fdopen(ours) as stream:
         yield hand, Keys(stream)

@@ -1,4 +1,4 @@
-"""The sequencer on a recording fake with ideal axes."""
+"""Sequencer on a recording fake with ideal axes."""
 
 import math
 from collections.abc import Callable
@@ -344,7 +344,7 @@ def test_a_bus_with_another_period_is_refused(small_plan, manutec, ideal_bus) ->
 def test_a_torque_that_counts_against_the_motion_ends_the_run_at_once_and_is_kept(
     small_plan, manutec, ideal_bus
 ) -> None:
-    """Not after hours of measuring: all torques of the axis are wrong."""
+    """All torques of the axis are wrong, so hours of measuring would be lost."""
 
     def reversed_friction(sample: Sample) -> Sample:
         speed = np.subtract(sample.q, before[0] or sample.q)

@@ -1,4 +1,4 @@
-"""What keeps a recording from being used: each kind of measurement, and bounds from both sides."""
+"""Unusable recordings of each kind of measurement, with bounds from both sides."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STROKES = [GRAVITY, FRICTION, INERTIA]
 
 
 def carried_out(measurement: Strokes) -> Recording:
-    """The strokes of a measurement, exactly as planned, without rests."""
+    """Return the strokes of a measurement exactly as planned, without rests."""
     return any_clock.carried_out(measurement, rests=0)
 
 
@@ -35,7 +35,7 @@ def found(recording: Recording, measurement: Strokes | Trajectory = GRAVITY) -> 
 
 
 def flagged(recording: Recording, flag: SampleFlag, share: float) -> Recording:
-    """The second axis, at rest, has a flag in a share of the samples."""
+    """Flag a share of the samples of the second axis, which is at rest."""
     flags = recording.flags.copy()
     flags[: round(share * len(flags)), 1] |= np.uint8(flag)
     return replace(recording, flags=flags)

@@ -1,4 +1,4 @@
-"""Unknown rotor inertias, coupled motors and springs are base parameters like others."""
+"""Unknown rotor inertias, coupled motors and springs are base parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Base parameters by Gautier and Khalil's rules, of any chain; those of the paper: test_paper."""
+"""Base parameters by Gautier and Khalil's rules, of any chain; for those of the paper see
+test_paper.
+"""
 
 from __future__ import annotations
 

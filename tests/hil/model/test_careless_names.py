@@ -1,4 +1,4 @@
-"""What a mistyped key or name may have meant, and names in messages without a pattern's syntax."""
+"""Suggestions for mistyped keys and names, and names in messages without pattern syntax."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Cosines and sines of joint angles by the recursion's machine code, against NumPy's."""
+"""Cosines and sines of joint angles in the compiled recursion, against NumPy's."""
 
 import numpy as np
 import pytest

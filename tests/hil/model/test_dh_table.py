@@ -1,4 +1,4 @@
-"""Robot files from Denavit-Hartenberg tables: the same robot, against textbooks and Pinocchio."""
+"""Robot files from Denavit-Hartenberg tables, against textbooks and Pinocchio."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def read(folder: Path, text: str, notation: Notation = "standard", name: str = "
 
 
 def textbook(row: tuple[float, float, float, float, str], q: float, notation: Notation) -> Array:
-    """Transform of a row, as textbooks print it (Spong, eq. 3.10; Craig, eq. 3.6)."""
+    """Return the transform of a row, as in textbooks (Spong, eq. 3.10; Craig, eq. 3.6)."""
     alpha, a, d, theta, kind = row
     alpha, theta = np.radians([alpha, theta])
     theta, d = (theta + q, d) if kind == "revolute" else (theta, d + q)
@@ -82,14 +82,14 @@ def test_every_frame_is_where_textbooks_have_it(
             before, expected = expected, expected @ textbook(row, angle, notation)
             if notation == "modified":
                 assert found == pytest.approx(expected, abs=1e-12)
-            else:  # ours is on the joint's axis, the table's at the far end of the link
+            else:  # our frame is on the joint's axis, the table's at the far end of the link
                 link = textbook((row[0], row[1], 0, 0, "revolute"), 0, "standard")
                 assert found @ link == pytest.approx(expected, abs=1e-12)
                 assert found[:3, 2] == pytest.approx(before[:3, 2], abs=1e-12)
 
 
 def pinocchio_of(rows: Rows, notation: Notation, gravity: Array) -> pin.Model:
-    """The robot joint by joint, from textbook transforms, with random bodies."""
+    """Return the robot joint by joint, from textbook transforms, with random bodies."""
     model, after, rng = pin.Model(), np.eye(4), np.random.default_rng(3)
     model.gravity.linear = gravity
     for number, row in enumerate(rows):
@@ -107,7 +107,7 @@ def pinocchio_of(rows: Rows, notation: Notation, gravity: Array) -> pin.Model:
 
 
 def standard_parameters(model: pin.Model, poses: Array) -> Array:
-    """Pinocchio's bodies in our frames, of these poses at q = 0."""
+    """Return Pinocchio's bodies in our frames, of these poses at q = 0."""
     data, found = model.createData(), []
     pin.forwardKinematics(model, data, pin.neutral(model))
     for k, pose in enumerate(poses, start=1):
@@ -119,7 +119,7 @@ def standard_parameters(model: pin.Model, poses: Array) -> Array:
 
 
 def filled(draft: str) -> str:
-    """A draft with values in place of its marks."""
+    """Return a draft with values in place of its marks."""
     text = re.sub(rf"q_min: {UNSTATED}.*", "q_min: -3", draft)
     text = re.sub(rf"rotor_inertia: {UNSTATED}.*", "rotor_inertia: 0", text)
     return re.sub(rf"{UNSTATED}.*", "3", text)
@@ -142,7 +142,7 @@ def test_a_drafted_robot_has_the_torques_of_its_table(
         assert inverse_dynamics(robot, p, q, qd, qdd) == pytest.approx(expected, abs=1e-9, rel=1e-9)
 
 
-# --- what a table may look like -------------------------------------------------------------------
+# --- permitted tables -----------------------------------------------------------------------------
 
 YAML = """
 angles: rad

@@ -1,4 +1,4 @@
-"""The model against Pinocchio, against its own parts and against conservation of energy."""
+"""Model against Pinocchio, against its own parts and against conservation of energy."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PIN_ORDER = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
 
 def pinocchio_model(robot: Robot) -> pin.Model:
-    """The same frames; inertias do not matter for a regressor."""
+    """Return the same frames; inertias do not matter for a regressor."""
     model = pin.Model()
     model.gravity.linear = robot.gravity
     for k in range(robot.n_joints):
@@ -41,7 +41,7 @@ def pinocchio_model(robot: Robot) -> pin.Model:
 
 
 def pinocchio_regressor(robot: Robot, q, qd, qdd):
-    """Regressor of all standard parameters in our order, shape (n_samples, n, 10 n)."""
+    """Return the regressor of all standard parameters in our order, shape (n_samples, n, 10 n)."""
     model = pinocchio_model(robot)
     data = model.createData()
     found = [
@@ -58,7 +58,7 @@ def motion(n_joints: int, seed: int, n_samples: int = 20):
 
 
 def sparse_standard_parameters(robot: Robot, rng: np.random.Generator):
-    """Random values of what is present, ties kept, zero elsewhere."""
+    """Return random values of the present parameters, ties kept, zero elsewhere."""
     values = {name: rng.normal() for name in robot.present}
     values |= {tied: values[name] for tied, name in robot.ties.items()}
     return np.array([values.get(name, 0.0) for name in robot.standard_parameters])

@@ -1,4 +1,4 @@
-"""Robots from MJCF: what MuJoCo's compiler makes of a file is what the robot is."""
+"""Robots from MJCF agree with MuJoCo's compiler."""
 
 import numpy as np
 import pytest
@@ -88,7 +88,7 @@ TRIANGLES = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 
 
 
 def of_mesh(folder, *, file="tool.obj", stated=False):
-    """Write the arm with a tool of a mesh, which has an inertial or not; return its path."""
+    """Write the arm with a mesh tool, with or without an inertial; return its path."""
     asset = f'<asset><mesh name="tool" file="{file}" scale=".1 .1 .1"/></asset><worldbody>'
     arm = ARM.replace("<worldbody>", asset).replace("autolimits", 'meshdir="meshes" autolimits')
     inertial = '<inertial pos="0 0 0" mass="0.2" diaginertia="0.0002 0.0002 0.0002"/>'
@@ -97,7 +97,7 @@ def of_mesh(folder, *, file="tool.obj", stated=False):
 
 
 def test_only_what_moves_joints_is_compiled(tmp_path):
-    """Of what else a file states no size is allocated, and no file is read."""
+    """Other elements of a file allocate no memory, and their files are not read."""
     plain = read_mjcf(write_arm(tmp_path / "plain"))
     more = ARM.replace(
         "<worldbody>",

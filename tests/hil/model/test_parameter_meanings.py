@@ -1,4 +1,4 @@
-"""What base parameters are in words: for any robot, no two alike."""
+"""Descriptions of base parameters in words are unique, for any robot."""
 
 from __future__ import annotations
 

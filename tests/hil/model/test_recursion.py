@@ -1,4 +1,4 @@
-"""The recursion: machine code, built at installation, and by NumPy's arrays."""
+"""Recursion by machine code, built at installation, and by NumPy arrays."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ recursion = pytest.importorskip("hil.model.recursion", reason="no C compiler at 
 
 @pytest.mark.parametrize("rows", [(0, 1, 2, 3), (2,), (1, 3)])
 def test_arrays_give_what_is_compiled_to_the_last_bit(rows: tuple[int, ...]) -> None:
-    """Whatever parameters of whatever links are asked for, prismatic joints among them."""
+    """For all parameters of all links, including prismatic joints."""
     drawn = np.random.default_rng(5)
     angle = drawn.uniform(-3.0, 3.0, (37, 4))
     others = drawn.uniform(-2.0, 2.0, (3, 37, 4))
@@ -32,7 +32,7 @@ def test_arrays_give_what_is_compiled_to_the_last_bit(rows: tuple[int, ...]) -> 
 
 @pytest.mark.parametrize("n", [1, 3, 4, 5, 2047, 2050, 30_000])
 def test_a_sample_has_the_same_regressor_in_a_call_of_any_size(n: int) -> None:
-    """First call or last, few samples or many: which code computes them is not chosen by it."""
+    """The choice of code does not depend on the first call or the number of samples."""
     robot = Robot.load("manutec-r15")
     q, qd, qdd = np.random.default_rng(6).uniform(-2.0, 2.0, (3, 30_000, robot.n_joints))
     every = regressor(robot, q, qd, qdd)

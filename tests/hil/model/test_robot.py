@@ -1,4 +1,4 @@
-"""Robot files: what they come to, and what is refused with which words."""
+"""Robot files: derived values, and messages of refusals."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def text(manutec) -> str:
 
 
 def refusal(text: str, old: str, new: str) -> str:
-    """Message for a robot file in which the first `old` reads `new`."""
+    """Return the message for a robot file with the first `old` replaced by `new`."""
     assert old in text
     with pytest.raises(FileError) as caught:
         parse_robot(text.replace(old, new, 1), "robot.yaml")

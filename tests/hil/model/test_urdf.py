@@ -1,4 +1,4 @@
-"""Robot files from a URDF: the same robot, checked against Pinocchio's reading of it."""
+"""Robot files from a URDF, checked against Pinocchio's reading."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 GRAVITY = (0.0, 0.0, -9.81)
 N_BASE = {"pan-tilt": 8, "SCARA": 8, "Cartesian": 3, "UR10e": 36, "Panda": 43}
-"""Of rigid bodies, gravity along the first axis where that is vertical."""
+"""Number of base parameters of rigid bodies, with gravity along a vertical first axis."""
 
 
 def chain_of(folder: Path, text: str, base: str | None = None, tip: str | None = None) -> UrdfChain:
@@ -40,7 +40,7 @@ def chain_of(folder: Path, text: str, base: str | None = None, tip: str | None =
 
 
 def filled(draft: str) -> str:
-    """What nobody but the user knows."""
+    """Fill in values known to the user alone."""
     values = {
         "position": 3, "speed": 1, "acceleration": 5, "torque [": 50, "turns": 100,
         "of the motor, 0": 0, "of the motor [": 0.1,
@@ -58,7 +58,9 @@ def robot_of(chain: UrdfChain, gravity: tuple[float, float, float] = GRAVITY) ->
 
 
 def standard_parameters(model: pin.Model, chain: UrdfChain) -> Array:
-    """Pinocchio's bodies in our frames: inertias about the origins, first moments, masses."""
+    """Return Pinocchio's bodies in our frames: inertias about
+    the origins, first moments, masses.
+    """
     n = len(chain.joints)
     ours = find_frames(chain).poses(np.zeros(n), chain.revolute)
     data = model.createData()
@@ -96,7 +98,7 @@ def test_a_robot_has_the_frames_of_its_urdf_whole_turns_aside(tmp_path: Path, na
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_drafted_robot_has_the_torques_of_the_urdf(tmp_path: Path, name: str) -> None:
-    """With the bodies of the URDF, at random states, against Pinocchio; gravity askew."""
+    """Bodies of the URDF, at random states, against Pinocchio, with tilted gravity."""
     text = urdf(name, [(k.replace(CONTINUOUS, REVOLUTE), *rest) for k, *rest in ROBOTS[name]])
     exact = text.replace("3.141592654", str(math.pi)).replace("3.14159 ", f"{math.pi} ")
     exact = exact.replace("1.570796327", H)
@@ -165,7 +167,7 @@ def test_what_a_urdf_does_not_say_is_to_be_stated(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="acceleration_limit: must be stated") as caught:
         parse_robot(draft, "draft.yaml")
     lines = str(caught.value).splitlines()
-    assert len(lines) == 4 * 4 + 2  # four of each joint; a continuous one has no range
+    assert len(lines) == 4 * 4 + 2  # four values per joint; a continuous one has no range
 
 
 def test_fixed_joints_are_merged(tmp_path: Path) -> None:
@@ -332,6 +334,6 @@ def test_limits_that_no_joint_has_are_none(tmp_path: Path) -> None:
     first, second = chain_of(tmp_path, text).joints
     assert np.isnan([first.lower, first.upper, first.velocity, first.effort]).all()
     assert (second.lower, second.upper) == (-1.2, 2.2)
-    # degrees are no such limit: the robot file refuses them with that remark
+    # degrees are no valid limit: the robot file refuses them with a remark
     degrees = text.replace('upper="10000"', 'upper="120"')
     assert chain_of(tmp_path, degrees).joints[0].upper == 120.0

@@ -1,4 +1,4 @@
-"""Whatever the robot: a plan that its own dry run accepts, or the reason why there is none."""
+"""A plan of any robot passes its own dry run, or the reason is stated."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 QUICK = Search(random=4, refined=1, steps=2)
 REASON = "must be at least"
 EVERY = 25
-"""Measurements from one that is predicted to the next: a prediction is as long as a design."""
+"""Interval of measurements with a prediction, which takes as long as a design."""
 
 
 @st.composite
 def joints(draw: st.DrawFn) -> dict[str, object]:
-    """A joint of any range, with limits of which some are far apart."""
+    """Joint of any range, with limits that may differ greatly."""
     revolute = draw(st.booleans())
     half = draw(st.sampled_from([0.35, 1.0, 2.9] if revolute else [0.1, 0.5])) * draw(
         st.floats(0.5, 1.0)
@@ -66,7 +66,7 @@ def joints(draw: st.DrawFn) -> dict[str, object]:
 
 @st.composite
 def robots(draw: st.DrawFn, most: int = 7) -> Robot:
-    """A chain of any axes under gravity from anywhere."""
+    """Chain of any axes under gravity of any direction."""
     turn, tilt = draw(st.floats(0.0, 6.3)), draw(st.sampled_from([0.0, 0.4, math.pi / 2]))
     gravity = (
         9.81 * math.sin(tilt) * math.cos(turn),
@@ -78,13 +78,14 @@ def robots(draw: st.DrawFn, most: int = 7) -> Robot:
     )
     try:
         base_parameters(robot)
-    except RegroupingFailed:  # gravity that is almost square to an axis is refused, as axes are
+    # nearly perpendicular gravity is refused, as nearly perpendicular axes are
+    except RegroupingFailed:
         reject()
     return robot
 
 
 def holds(robot: Robot, planned: Callable[[], Plan]) -> None:
-    """A plan, as it is written and read back, passes; or there is a reason why there is none."""
+    """Check that a plan passes after writing and reading, or has a reason to be impossible."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:

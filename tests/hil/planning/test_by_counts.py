@@ -1,4 +1,4 @@
-"""The design: enough, spread, inside the limits, reproducible."""
+"""Planning by counts: enough measurements, spread, inside the limits, reproducible."""
 
 import numpy as np
 import pytest

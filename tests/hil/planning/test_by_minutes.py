@@ -1,4 +1,4 @@
-"""Plans within minutes: they take that long, and identify all, better than a plan by counts."""
+"""Plans by minutes: correct duration, complete identification, better than plans by counts."""
 
 from functools import partial
 
@@ -27,7 +27,7 @@ MINUTES = 12.0
 
 @pytest.fixture(scope="module", autouse=True)
 def few_options():
-    """Twelve configurations of every element are enough to see what is chosen."""
+    """Limit candidates to twelve configurations of every element."""
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(by_minutes, "pool", partial(pool, each=12))
         yield
@@ -146,7 +146,7 @@ def test_it_is_more_informative_than_a_plan_by_counts_that_takes_as_long(manutec
         for p in (plan, by_counts)
     )
     gain = (np.linalg.slogdet(other)[1] - np.linalg.slogdet(found)[1]) / (2 * n_base)
-    assert gain > 0.04  # of the standard deviations, in the geometric mean
+    assert gain > 0.04  # geometric mean of the standard deviations
 
 
 def test_the_same_robot_and_minutes_give_the_same_plan(manutec, plan, noise):
@@ -195,7 +195,7 @@ def test_gains_are_what_adding_the_measurement_changes(manutec, options, criteri
 
 
 def _log_det(information, n_base):
-    """Of the information of the base parameters, common terms eliminated."""
+    """Return log det of the base parameters' information, common terms eliminated."""
     inverse = np.linalg.inv(information)[:n_base, :n_base]
     return -np.linalg.slogdet(inverse)[1]
 

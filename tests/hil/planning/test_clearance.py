@@ -1,4 +1,4 @@
-"""Capsules, their distance from boxes, and the certainty that a sweep is clear."""
+"""Capsules, their distance from boxes, and proof that a swept path is clear."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def somewhere(rng: np.random.Generator) -> Workspace:
 
 @settings(max_examples=30)
 @given(SEEDS)
-@example(68345)  # passes 0.35 m beside the box, the mean of both ends stands in it
+@example(68345)  # passes 0.35 m beside the box; the mean of both ends is inside
 def test_what_counts_as_clear_is_clear_wherever_one_looks(manutec: Robot, seed: int) -> None:
     rng = np.random.default_rng(seed)
     workspace = somewhere(rng)

@@ -1,4 +1,4 @@
-"""The dry run: limits, time, bus load, identifiability."""
+"""Dry run: limits, time, bus load, identifiability."""
 
 import math
 
@@ -132,7 +132,7 @@ def test_the_stretch_proposed_is_long_enough(small_plan: Plan, manutec: Robot) -
 
 
 def test_gravity_rows_are_the_weighted_torque_of_the_axis(small_plan: Plan, manutec: Robot) -> None:
-    """Table 2: g2 depends on p5, p8 and p13, with g cos q2 before p5."""
+    """Table 2: g2 depends on p5, p8 and p13, with g cos q2 as factor of p5."""
     q2 = 0.7
     plan = gravity_plan(small_plan, 2, (0.0, q2, 0.0, 0.0, 0.0, 0.0))
     row = group_observations(plan, manutec, "gravity")[0]
@@ -182,7 +182,7 @@ def test_one_configuration_cannot_identify_three_parameters(
 def test_configurations_that_hardly_differ_do_not_identify_either(
     small_plan: Plan, manutec: Robot
 ) -> None:
-    """A condition number beyond 1e4 leaves nothing of an estimate."""
+    """A condition number beyond 1e4 makes an estimate useless."""
     rng = np.random.default_rng(3)
     near = [tuple(0.4 + rng.uniform(-2e-5, 2e-5, 6)) for _ in range(8)]
     far = [tuple(0.4 + rng.uniform(-0.2, 0.2, 6)) for _ in range(8)]
@@ -205,7 +205,7 @@ def test_several_configurations_identify_gravity(small_plan: Plan, manutec: Robo
 
 
 def test_a_parameter_that_nothing_excites_is_named(small_plan: Plan, manutec: Robot) -> None:
-    """With q5 = 0 and q4 = 0 throughout, p13 enters g2 as p8 does."""
+    """With q5 = 0 and q4 = 0 throughout, p13 has the same column in g2 as p8."""
     angles = [(0.0, a, b, 0.0, 0.0, 0.0) for a in (-0.8, 0.1, 0.9) for b in (-1.0, 0.2, 1.2)]
     gravity = dry_run(gravity_plan(small_plan, 2, *angles), manutec).groups[0]
     assert gravity.rank == 2

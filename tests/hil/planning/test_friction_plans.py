@@ -1,4 +1,4 @@
-"""Plans for friction: sweeps of speed, motion with stops, characteristics in operation."""
+"""Plans for friction: speed sweeps, motion with stops, characteristics in operation."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Halton's sequence is that of scipy, point by point."""
+"""Halton's sequence equals that of scipy, point by point."""
 
 import pytest
 from scipy.stats import qmc

@@ -1,6 +1,6 @@
-"""Parameters that no gravity torque shows are sought where axes accelerate.
+"""Parameters without gravity torque are identified by acceleration.
 
-The weight on a vertical sliding axis is the same everywhere, and so like an offset of its torque.
+The weight on a vertical prismatic axis is constant, like an offset of its torque.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ UPRIGHT, TILTED = (0.0, 0.0, -9.81), (0.0, 5.0, -8.0)
 
 
 def gantry(gravity: tuple[float, float, float]) -> Robot:
-    """Axes that slide along y, x and -z of the base."""
+    """Prismatic axes along y, x and -z of the base."""
     turns = [("-pi/2", "pi/2"), ("pi/2", "pi/2"), ("pi/2", "0")]
     return Robot.create(
         "gantry",
@@ -77,7 +77,7 @@ def only(plan: Plan, keep: object) -> Plan:
 
 
 def deviation(robot: Robot, plan: Plan) -> float:
-    """Predicted standard deviation of the mass on the vertical axis, after a minute [kg]."""
+    """Return the predicted standard deviation of the vertical axis's mass after a minute [kg]."""
     found = predict(robot, plan.measurements, 0.004, stated_noise(robot))
     (mass,) = base_parameters(robot).groups["gravity"]
     return float(found.deviation[mass]) * np.sqrt(dry_run(plan, robot).duration / 60)
@@ -137,7 +137,7 @@ def test_without_its_acceleration_its_mass_is_not_identifiable(robot: Robot, pla
 
 @pytest.fixture(scope="module")
 def recorded(robot: Robot) -> Recorded:
-    """A small campaign; every torque has an offset."""
+    """Return a small campaign; every torque has an offset."""
     friction = Friction(12.0, 4.0, 3.0, offset=np.array([5.0, -8.0, 20.0]))
     rng = np.random.default_rng(3)
     return [

@@ -1,4 +1,4 @@
-"""How far a trajectory lets axes lag, what drives allow, and a plan that leaves a margin."""
+"""Following error of a trajectory, limits of the drives, and a plan with a margin."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan, load_plan
 from hil.planning.strokes import Partner
 
 PLANS = Path(__file__).parent / "plans"
-"""A plan of each kind of measurement, as it was written when the kind was new."""
+"""Plan with each kind of measurement, in the first file format of that kind."""
 
 angles = st.floats(-10, 10)
 sizes = st.floats(1e-3, 100)

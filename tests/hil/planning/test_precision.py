@@ -1,4 +1,4 @@
-"""Predictions: what the estimator will find, how its normal equations scatter, what that means."""
+"""Predictions of precision agree with the scatter of the estimator's normal equations."""
 
 import re
 
@@ -31,12 +31,12 @@ def plan(manutec):
 
 @pytest.fixture(scope="module")
 def one_of_each(plan):
-    """A measurement of every kind, with the axis whose torque is read."""
+    """Return a measurement of every kind, with the axis whose torque is read."""
     return {m.kind: m for m in reversed(plan.measurements)}
 
 
 def ideal(measurement):
-    """Signals of axes that follow their profiles exactly; torques are zero."""
+    """Return signals of axes that follow their profiles exactly; torques are zero."""
     planned = forecast(measurement, PERIOD)
     n = len(planned.time)
     idle, flags = np.full(n, IDLE, np.int16), np.zeros(planned.q.shape, np.uint8)
@@ -65,7 +65,7 @@ def test_the_information_foreseen_is_what_the_estimator_takes_from_an_ideal_moti
         meant = np.intersect1d(shown, base.groups[ELEMENT_KINDS[kind].group])
         assert shown.size
         assert expected[meant] / found[meant] == pytest.approx(1.0, abs=0.02)
-        # what only a ramp shows, beside constant velocity, changes with one sample more or less
+        # quantities visible on a ramp only depend on one sample more or less
         assert expected[shown] / found[shown] == pytest.approx(1.0, abs=0.1)
 
 
@@ -94,7 +94,7 @@ def test_noise_scatters_the_normal_equations_as_foreseen(manutec, one_of_each, k
 
 
 def coarse(robot, increments=4096):
-    """The robot as if it had no gears: so many increments a turn of the joint."""
+    """Return the robot without gears, with this number of increments per turn of the joint."""
     stated = re.sub(r"gear_ratio: [\d.]+", "gear_ratio: 1", robot.text)
     return parse_robot(
         stated.replace("drive: {", f"drive: {{encoder_resolution: {increments}, "), "coarse.yaml"
@@ -103,7 +103,7 @@ def coarse(robot, increments=4096):
 
 @pytest.mark.parametrize("kind", ["gravity", "inertia"])
 def test_rounded_positions_scatter_the_normal_equations_as_foreseen(manutec, one_of_each, kind):
-    """X'e for e = M times what rounding at any zero of the encoder does to accelerations."""
+    """X'e for e = M times the acceleration error by rounding, for any zero of the encoder."""
     measurement, robot = one_of_each[kind], coarse(manutec, 20000)
     axis, s = measurement.index, ideal(measurement)
     increment = 2 * np.pi / 20000
@@ -224,10 +224,11 @@ def test_what_rounding_leaves_of_a_column_determines_no_parameter():
 
 
 def test_a_unit_of_a_parameter_weighs_most_where_limits_are_small(manutec):
-    """1 kg m2 is nothing for joint 1 with 945 N m and much for joint 6 with 75 N m."""
+    """1 kg m2 is negligible for joint 1 with 945 N m and large for joint 6 with 75 N m."""
     scale = dict(zip(base_parameters(manutec).names, torque_scale(manutec), strict=True))
     assert scale["p14"] > 10 * scale["p1"]
-    # p1 shows in joint 1 alone, p14 as Izz6 in joint 6: rms of an acceleration spread evenly
+    # p1 appears in joint 1 alone, p14 as Izz6 in joint 6: rms of a uniformly distributed
+    # acceleration
     assert scale["p1"] == pytest.approx(15 / np.sqrt(3) / 945, rel=0.05)
 
 

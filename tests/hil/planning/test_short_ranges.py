@@ -1,4 +1,4 @@
-"""What is planned for a robot keeps inside its ranges, however short they are."""
+"""Plans stay inside the robot's ranges, however short these are."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ FEW = {"gravity": 8, "inertia": 20, "coupling": 4}
 
 
 def changed(robot: Robot, **values: float) -> Robot:
-    """The robot with other values in all joints."""
+    """Return the robot with other values in all joints."""
     text = robot.text
     for key, value in values.items():
         text = re.sub(rf"{key}: [-\d.]+", f"{key}: {value}", text)
@@ -27,7 +27,7 @@ def changed(robot: Robot, **values: float) -> Robot:
 
 
 def gantry(ways: tuple[float, ...], speed: float) -> Robot:
-    """Axes that slide along y, x and z of the base."""
+    """Prismatic axes along y, x and z of the base."""
     turns = [("-pi/2", "0"), ("pi/2", "pi/2"), ("pi/2", "pi/2")]
     return Robot.create(
         "gantry",
@@ -48,7 +48,7 @@ def gantry(ways: tuple[float, ...], speed: float) -> Robot:
 
 
 def planned(robot: Robot) -> list[str]:
-    """Problems that the dry run has with a plan of few measurements."""
+    """Return the dry run's problems with a plan of few measurements."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         plan = design(robot, FEW)

@@ -1,4 +1,4 @@
-"""The guarded workspace in plan, dry run, planner, sequencer and on the drives."""
+"""Guarded workspace in plan, dry run, planner, sequencer and on the drives."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Charts: where values stand, what is marked along axes, and what an element of SVG carries."""
+"""Charts: positions of values, marks along axes, and attributes of SVG elements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The picture of what is excluded: a bar for each cause and axis on a scale of torque."""
+"""Picture of excluded causes: a bar for each cause and axis on a scale of torque."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def drawn(*limits: Limit) -> list[Line | Points]:
 def test_a_bar_ends_at_the_torque_beyond_which_the_cause_would_be_found() -> None:
     (bar,) = drawn(limit("zero", 1, 0.3))
     assert isinstance(bar, Line)
-    assert list(bar.x) == [LEAST, 0.3]  # .3 degrees, each worth 1 % of the torque
+    assert list(bar.x) == [LEAST, 0.3]  # .3 degrees, each 1 % of the torque
     assert bar.label == "axis 1"
 
 

@@ -1,4 +1,4 @@
-"""A report states friction as `hil friction` last did: by the same model, with its bound."""
+"""A report states friction of the last `hil friction`: by the same model, with its bound."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
 
 LOADED = 1
-"""Index of an axis that gravity acts on: without a model its symmetry cannot be tested."""
+"""Index of an axis with gravity: without a model its symmetry cannot be tested."""
 BOUND = 0.31
 
 
@@ -24,7 +24,7 @@ def model_folder(tmp_path_factory):
 
 @pytest.fixture
 def run(manutec, tmp_path):
-    """A sweep of one axis, whose friction differs by direction."""
+    """Sweep of one axis with different friction in either direction."""
     plan = sweep(manutec, [LOADED], speeds=6, slowest=0.02)
     folder = RunFolder.create(tmp_path / "run", plan, manutec)
     uneven, begin = Friction(offset=np.array([1.0, -2.0, 0.5, 0.3, -0.2, 0.1])), 0.0

@@ -1,4 +1,4 @@
-"""The report: self-contained, complete, right, and honest about what is weak."""
+"""Report: self-contained, complete, correct, with all weaknesses stated."""
 
 import base64
 import csv
@@ -47,7 +47,7 @@ PLOTS = {
     "torque",
     "friction-law",
 }
-"""Of a campaign without friction measurements, load or diagnosis."""
+"""Plots of a campaign without friction measurements, load or diagnosis."""
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def found(folder):
 
 @pytest.fixture
 def copy(folder, tmp_path, monkeypatch):
-    """A copy of the run to be changed, whose report is written with empty plots."""
+    """Copy of the run to be changed, whose report has empty plots."""
     empty_plots(monkeypatch)
     written = shutil.ignore_patterns("model.yaml", "report.html", "figures")
     shutil.copytree(folder.path, tmp_path / "run", ignore=written)
@@ -83,7 +83,7 @@ def copy(folder, tmp_path, monkeypatch):
 
 @pytest.fixture
 def as_it_was(copy, folder, page, monkeypatch):
-    """A copy whose recordings stay as they are, and so what is found in them."""
+    """Copy with unchanged recordings, and therefore unchanged findings."""
     del page  # with which it was kept
     found = kept(folder)
     monkeypatch.setattr("hil.results.findings.kept", lambda *_: found)
@@ -91,7 +91,7 @@ def as_it_was(copy, folder, page, monkeypatch):
 
 
 def text_of(markup):
-    """What a reader reads: inline markup closed up, everything else a space."""
+    """Return the text seen by a reader: inline markup removed, other tags as spaces."""
     markup = re.sub(r"(?s)<(style|script|svg)\b.*?</\1>", "", str(markup))
     markup = re.sub(r"</?(i|b|sub|sup)>", "", markup)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", markup))
@@ -281,7 +281,9 @@ class TestAdvice:
             assert f"{100 * share:.1f}% of all samples are uncertain" in item.reason
 
     def test_few_degrees_of_freedom_alone_ask_for_nothing(self, folder, found):
-        """Their interval is as wide as it must be; whether it is too wide shows in the torques."""
+        """With few degrees of freedom an interval is wide; the torques
+        show whether it is too wide.
+        """
         few = replace(found["improved"], degrees_of_freedom=np.full(14, 2.0))
         as_many = self.advised(folder, found["improved"])
         assert set(self.advised(folder, few)) == set(as_many)
@@ -350,7 +352,7 @@ class TestAdvice:
 
 class TestPointsOfStep1:
     def test_they_lie_on_the_model_where_it_is_right(self, found):
-        """Friction here has offsets, which step 1 as published takes for gravity."""
+        """Friction has offsets here, which the published step 1 takes for gravity."""
         local = [each for each in found["improved"].local if each.kind == "gravity"]
         raw = {each.axis: each.value - each.model for each in local}
         seen = [(each.shown[0] - each.model) / each.shown[1] for each in local]
@@ -359,7 +361,7 @@ class TestPointsOfStep1:
         assert all(np.isnan(each.believed) for each in found["published"].local)
 
     def test_an_inertia_that_is_wrong_by_a_percent_shows(self, folder, found):
-        """Friction has more terms than in step 1, which must not take up what the model lacks."""
+        """Friction has more terms here than in step 1; they must not hide the model's error."""
         best = found["improved"]
         m, s = next((m, s) for m, s in best.joint.prepared if m.kind == "inertia" and m.index == 1)
         place_of_axis = place(folder.robot, 1)[best.joint.solver.n_base :]

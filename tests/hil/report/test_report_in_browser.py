@@ -1,4 +1,4 @@
-"""The report in a real browser: what its points lead to, and whether everybody can use it."""
+"""Report in a real browser: targets of its links, and accessibility."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ return Math.min(...curves.map(({ y }) => y.filter(Number.isFinite).length));
 """Least number of points of a curve."""
 POINT = '#plot-inertia [data-m="i05"]'
 LARGEST = 1_250_000
-"""Of a page of 39 recordings, a fifth of it what draws the robot [bytes]."""
+"""Size of a page with 39 recordings; a fifth of it is the drawn robot [bytes]."""
 LETTERS = """
 return Math.min(...[...document.querySelectorAll('.chart svg text, .chart svg tspan')]
   .filter((each) => each.getClientRects().length && each.textContent.trim())

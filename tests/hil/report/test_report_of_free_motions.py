@@ -1,4 +1,4 @@
-"""The report of a run that was imported."""
+"""Report of an imported run."""
 
 from __future__ import annotations
 

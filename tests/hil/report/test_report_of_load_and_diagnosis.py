@@ -1,4 +1,4 @@
-"""Loads and diagnoses that commands keep in a run's folder, and how reports show them."""
+"""Loads and diagnoses kept in a run's folder, and their sections of reports."""
 
 import io
 import re
@@ -43,7 +43,7 @@ def hil(*arguments):
 
 @pytest.fixture(scope="module")
 def runs(manutec, tmp_path_factory):
-    """A run without load, one with it, and one of a robot whose file leaves something out."""
+    """Runs without load, with load, and of a robot whose file lacks parameters."""
     place = tmp_path_factory.mktemp("findings")
     base, whole = base_parameters(manutec), manutec.free_links()
     phi = np.array([LOAD.get(name, 0.0) for name in manutec.standard_parameters])
@@ -62,7 +62,7 @@ def diagnosis(runs):
 
 
 def page_of(path):
-    """The report of a run, its plots empty."""
+    """Return the report of a run with empty plots."""
     with pytest.MonkeyPatch.context() as patched:
         empty_plots(patched)
         return report(Run.open(path)).read_text()
@@ -77,7 +77,7 @@ def copies(runs, tmp_path):
 
 @pytest.fixture(scope="module")
 def kept(runs):
-    """What the command found of the load."""
+    """Return the command's record of the load."""
     hil("payload", runs / "bare", runs / "loaded", "--mass", 10.86)
     return load_yaml(runs / "loaded" / "load.yaml", LoadFile)
 
@@ -142,7 +142,7 @@ class TestLoad:
         assert "The load" not in bare_page
 
     def noted(self, place, kept):
-        """What a report of the loaded run would show and note, were the estimate as it was."""
+        """Return table and notes of the loaded run's report, given an estimate."""
         then = SimpleNamespace(values=np.array([each.loaded for each in kept.changes]))
         run = SimpleNamespace(source=Run.open(place / "loaded"), model=then)
         return current(read_load, run, "load.yaml", "hil payload")

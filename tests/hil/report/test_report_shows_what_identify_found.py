@@ -1,4 +1,4 @@
-"""Word, reason, parameters and law of friction in a report are those of `hil identify`."""
+"""Verdict, reason, parameters and friction law of a report equal those of `hil identify`."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def campaign(path: Path, robot: Robot) -> None:
 
 
 def falsified(path: Path, robot: Robot) -> None:
-    """A campaign whose torques of axis 2 have the wrong sign."""
+    """Campaign with the wrong sign of axis 2's torques."""
     write_run(path, robot)
     for each in Run.open(path):
         tau = each.recording.tau * np.where(np.arange(robot.n_joints) == 1, -1.0, 1.0)
@@ -79,7 +79,7 @@ RUNS = {
     "imported strokes": (imported_strokes, None),
 }
 WORDS = {"good": "good", "falsified sign": "failed"}
-"""Of two runs that leave no doubt."""
+"""Verdicts of two unambiguous runs."""
 
 
 @pytest.mark.parametrize("kind", RUNS)
@@ -95,7 +95,7 @@ def test_a_report_shows_what_identify_found(
     assert model.verdict is not None
     assert model.verdict.word == WORDS.get(kind, model.verdict.word)
 
-    # that a report of what is kept is the same is tests/hil/results/test_findings.py's
+    # tests/hil/results/test_findings.py compares reports from kept findings
     (tmp_path / "run" / "findings.json").unlink(missing_ok=True)
     empty_plots(monkeypatch)
     text = page.report(Run.open(tmp_path / "run")).read_text()

@@ -1,4 +1,4 @@
-"""A section of a report has one place: a function, its template and a line of the registry."""
+"""A section of a report is defined by a function, its template and a line of the registry."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ADDED = """{% from "plot.html" import figure %}
 
 
 class Outline(HTMLParser):
-    """Tags that are open, in order, and the text of every section."""
+    """Open tags in order, and the text of every section."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -51,7 +51,7 @@ class Outline(HTMLParser):
             self.open.append(tag)
 
     def handle_startendtag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
-        """Nothing stands in it, so that it is never open."""
+        """Ignore empty elements, which are never open."""
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag, f"line {self.getpos()[0]}"
@@ -63,7 +63,7 @@ class Outline(HTMLParser):
 
 @pytest.fixture(scope="module")
 def mixed(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A campaign that measures friction besides, at six speeds of the last axis."""
+    """Campaign with friction measurements at six speeds of the last axis."""
     path = tmp_path_factory.mktemp("mixed") / "run"
     write_run(path, manutec, more=sweep(manutec, [5], speeds=6).measurements)
     return path
@@ -71,7 +71,7 @@ def mixed(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def read(mixed: Path) -> Iterator[tuple[list[str], str]]:
-    """Ids of the recordings in the order in which a report reads them, and the report."""
+    """Return ids of the recordings in their order of reading, and the report."""
     ids: list[str] = []
     read = Run.read
     with pytest.MonkeyPatch.context() as patched:
@@ -81,7 +81,7 @@ def read(mixed: Path) -> Iterator[tuple[list[str], str]]:
 
 
 def sections_and_templates() -> tuple[set[str], set[str]]:
-    """The functions that make sections of a run, and the templates that their modules name."""
+    """Return the functions for sections of a run, and the templates named by their modules."""
     made, templates = set(), set()
     for module in MODULES:
         tree = ast.parse((HERE / f"{module}.py").read_text())
@@ -151,6 +151,6 @@ def test_every_tag_is_closed_every_plot_has_an_id_of_its_own_and_no_section_is_e
     assert not found.open
     assert len(set(found.ids)) == len(found.ids)
     assert read[1].count("<figure") == len([i for i in found.ids if i.startswith("plot-")])
-    # no load, diagnosis, validation, bodies, nothing of imports; what leads is no section
+    # no load, diagnosis, validation, bodies, or import; the lead is no section
     assert len(found.sections) == len(sections.OF_IDENTIFIED) - 6
     assert all(len(text) > 100 for text in found.sections)

@@ -1,4 +1,4 @@
-"""An axis that slides is stated in m and N: in tables, plots and recordings."""
+"""Prismatic axes have units of m and N in tables, plots and recordings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A model from axes that move back and forth: kept, loaded, validated, reported."""
+"""Model of axes that move back and forth: saved, loaded, validated, reported."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 @pytest.fixture(scope="module")
 def partial(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Of one axis at one configuration."""
+    """Strokes of one axis at one configuration."""
     data = [
         strokes(ROBOT, TRUTH, 0, (0.3, 0.5), way=0.8, period=period, name=name)
         for name, period in (("fast", 1.6), ("slow", 4.0))

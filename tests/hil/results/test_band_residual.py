@@ -1,4 +1,4 @@
-"""The residual that is stated is what any user computes over the same band, for every method."""
+"""The stated residual equals an independent computation over the same band, for every method."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def data() -> FreeRecorded:
 
 
 def independent(model: Model, data: FreeRecorded) -> tuple[np.ndarray, float]:
-    """Residual over the torque of each axis and of all, by SciPy's filter and differences."""
+    """Return the relative residual of each axis and of all, by SciPy's filter and differences."""
     left, torque = [], []
     for _, recording in data:
         step = recording.period

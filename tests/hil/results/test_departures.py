@@ -1,4 +1,4 @@
-"""Machines that depart from their past or their fleet are found, and few others."""
+"""Machines that deviate from their past or their fleet are found, with few false alarms."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RATE = 0.5
 
 
 def fleet(n: int = 40, months: int = 24, seed: int = 0) -> Fleet:
-    """Return machines with one inertia and friction of four axes, moved by temperature."""
+    """Return machines with one inertia and friction of four axes, varied by temperature."""
     random = np.random.default_rng(seed)
     friction = [
         Quantity(f"friction of axis {axis}", "friction level", "N m", axis=axis, speed=1.0)
@@ -49,7 +49,7 @@ def changed(found: Fleet, machine: int, quantity: int, factors: np.ndarray) -> F
 def test_an_unchanged_fleet_keeps_the_stated_rate_of_false_alarms() -> None:
     # 480 machines, one run of each tested: 120 runs in ten years, so 2 alarms are expected
     alarms = sum(len({e.run for e in departures(fleet(seed=s), RATE).changes}) for s in range(12))
-    assert alarms <= 6  # of a Poisson distribution with mean 2, exceeded by 0.5 %
+    assert alarms <= 6  # Poisson distribution with mean 2; exceeded with a chance of 0.5 %
 
 
 def test_the_level_of_a_run_follows_from_rate_and_number_of_runs() -> None:

@@ -1,4 +1,4 @@
-"""Of a recording that is drawn as a curve few samples are predicted, and its extremes are seen."""
+"""Few samples of a drawn recording are predicted, including its extremes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What spoils a result most is named first, and nothing is named where all is noise."""
+"""The largest error source is named first, and none is named for pure noise."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def loaded(robot: Robot, r: Recording) -> Recording:
 
 
 def one_sided(robot: Robot, r: Recording) -> Recording:
-    """Friction 5 % of its level larger forwards than backwards."""
+    """Friction with a forward level 5 % above the backward level."""
     level = np.abs(Friction().torque(np.full(robot.n_joints, 0.1), np.zeros(1)))
     return replace(r, tau=r.tau + 0.05 * level)
 

@@ -1,4 +1,4 @@
-"""What was found in a run is kept for as long as the same would be found again, and no longer."""
+"""Findings of a run are kept exactly as long as they remain valid."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def copy(run: Run, found: Findings, tmp_path: Path) -> Path:
 
 
 def differences(one: Any, other: Any, place: str = "") -> list[str]:
-    """Where two records differ, field by field; the robot comes from its own file."""
+    """Return the different fields of two records; the robot comes from its own file."""
     if isinstance(one, np.ndarray | float):
         same = np.array_equal(one, other, equal_nan=np.asarray(one).dtype.kind == "f")
         return [] if same else [place]
@@ -138,7 +138,7 @@ def test_a_stranger_s_file_restores_records_of_findings_and_calls_nothing_else(
     content = json.loads(whole["content"])
     content[4] = [foreign]  # the advice, of any length
     text = json.dumps(content)
-    digest = _digest(text)  # as if a stranger knew the key
+    digest = _digest(text)  # as if a stranger had the key
     (copy / NAME).write_text(json.dumps(whole | {"content": text, "digest": digest}))
     assert kept(Run.open(copy)) is None
     assert not (copy / "ran").exists()

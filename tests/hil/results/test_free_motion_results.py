@@ -1,4 +1,4 @@
-"""Models of free motions: kept, shown, and predicting torques with friction."""
+"""Models of free motions: saved, displayed, and predicting torques with friction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Condition over time: what is marked as changed, what is not, and what cannot be compared."""
+"""Condition over time: marked changes, unmarked ones, and incomparable runs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ N_TESTS = 30
 
 
 def measured(model: Model, day: int, seed: int, **changes: object) -> Model:
-    """The model as another run would have given it, by errors that its covariance states."""
+    """Return the model of another run, with errors drawn from its covariance."""
     rng = np.random.default_rng(seed)
     error = rng.multivariate_normal(np.zeros(len(model.values)), model.scatter_covariance)
     instant = f"2026-03-{day:02}T08:00:00+00:00"
@@ -43,12 +43,12 @@ def measured(model: Model, day: int, seed: int, **changes: object) -> Model:
 
 
 def machine() -> Model:
-    """A model with friction of Coulomb and viscous terms, which wanders by 3 %."""
+    """Model with Coulomb and viscous friction, whose level drifts by 3 %."""
     return stated_model(arm(), friction=("offset", "Coulomb", "viscous"))
 
 
 def with_coulomb(model: Model, axis: int, factor: float) -> Model:
-    """The model with another Coulomb friction of an axis, from 1."""
+    """Return the model with another Coulomb friction of an axis, from 1."""
     laws = list(model.friction_law.axes)
     own = laws[axis - 1]
     assert own is not None
@@ -79,7 +79,7 @@ def test_an_unchanged_machine_is_marked_in_at_most_one_new_run_of_a_hundred() ->
         any(each.marked for each in adjusted([tested(run, k) for k in range(N_TESTS)]))
         for run in range(runs)
     )
-    # Welch's degrees of freedom keep the level in the mean; 0.5 % is the chance of 4000 draws
+    # Welch's degrees of freedom keep the mean level; 0.5 % is the chance of 4000 draws
     assert 0 < alarms <= (SIGNIFICANT + 0.005) * runs
 
 
@@ -115,7 +115,7 @@ def test_an_offset_is_compared_whatever_law_was_chosen() -> None:
     before = with_coulomb(machine(), 2, 1.0)
     own = before.friction_law.axes[1]
     assert own is not None
-    # as much friction forward and back at half the speed, of another law
+    # equal forward and backward friction at half the speed, of another law
     offset = own.terms["offset"]
     terms = own.terms | {
         "offset": offset.model_copy(update={"value": offset.value - 1.0}),
@@ -131,7 +131,7 @@ def test_an_offset_is_compared_whatever_law_was_chosen() -> None:
 def with_friction(
     model: Model, factors: Sequence[float], measurements: int = 30, *, offsets: bool = False
 ) -> Model:
-    """The model with each axis's friction times a factor, its offset too if asked for."""
+    """Return the model with each axis's friction scaled, optionally with its offset."""
 
     def scaled(terms: dict[str, TermValue], factor: float) -> dict[str, TermValue]:
         return {
@@ -189,7 +189,7 @@ def test_friction_of_two_axes_is_put_down_to_no_temperature() -> None:
 
 
 def other_torque_constant(model: Model, axis: int, share: float) -> Model:
-    """The model as it is found where all torques of an axis are read otherwise by a share."""
+    """Return the model identified with all torques of an axis scaled by a share."""
     assert model.torque_effect is not None
     factors = [1.0 + share * (k + 1 == axis) for k in range(model.robot.n_joints)]
     scaled = with_friction(model, factors, offsets=True)
@@ -292,7 +292,7 @@ def test_different_methods_are_stated() -> None:
 
 
 def saved(model: Model, folder: Path) -> Path:
-    """Folder with the model's file."""
+    """Return a folder with the model's file."""
     folder.mkdir()
     model.save(folder / "model.yaml")
     return folder

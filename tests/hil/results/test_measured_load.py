@@ -1,4 +1,6 @@
-"""`hil payload measure`: a load in minutes beside a run without it, slowly and then faster."""
+"""`hil payload measure`: a load in minutes from slow, then faster
+motion, with a run without load.
+"""
 
 from dataclasses import replace
 
@@ -64,9 +66,9 @@ def load_of(robot):
 
 
 def carried_out(path, plan, robot, p, seed=7, machine=None):
-    """A run of `plan` by a machine with base parameters `p`, a row for each measurement or one.
+    """Return a run of `plan` by a machine with base parameters `p`, a row per measurement or one.
 
-    Each run has offsets of its own. `machine` has more parameters than `robot`, if it is given.
+    Offsets differ between runs. `machine`, if given, has more parameters than `robot`.
     """
     p = np.broadcast_to(p, (len(plan.measurements), np.shape(p)[-1]))
     folder = RunFolder.create(path, plan, robot)
@@ -155,7 +157,7 @@ def test_a_load_that_is_rigid_is_said_to_be(found):
     assert not found.is_loose
     said = verdict(found)[1]
     assert said.startswith("rigid and fixed, as far as axes ")
-    # of Ixx, which a sag changes by twice the first moment
+    # Ixx changes with a sag by twice the first moment
     (half,) = (q.half_width for q in found.quantities() if q.name == "Ixx")
     assert (
         f"sag of the centre of mass up to {1e3 * 2.108 * half / (2 * MASS * DISTANCE):.2g} mm"
@@ -165,7 +167,7 @@ def test_a_load_that_is_rigid_is_said_to_be(found):
 
 @pytest.fixture(scope="module")
 def beside(bare, stages, robot, tmp_path_factory):
-    """The load found that is mounted beside the axis, and its first moments and mass."""
+    """Return the estimate of an eccentric load, with its first moments and mass."""
     machine = robot.free_links([robot.n_joints - 1])
     mass, centre = 4.0, np.array([0.06, -0.03, 0.1])
     about = mass * (centre @ centre * np.eye(3) - np.outer(centre, centre)) + 0.01 * np.eye(3)

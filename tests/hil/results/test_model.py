@@ -1,4 +1,4 @@
-"""A model calculates what the equations say, with intervals, and refuses what it cannot use."""
+"""A model evaluates its equations with intervals, and refuses invalid input."""
 
 from dataclasses import replace
 
@@ -41,7 +41,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def uncertain(model):
-    """The same with torque constants that are known to a percent or so."""
+    """Model with torque constants known to about a percent."""
     effect = np.random.default_rng(3).normal(size=(14, 3)) * 0.01
     return replace(model, drive_covariance=effect @ effect.T)
 
@@ -78,7 +78,7 @@ class TestTorques:
         text = str(model.summary())
         assert "Friction over the campaign" in text
         for axis in model.friction_law.axes:
-            assert axis.law.split()[0] in text  # where it is folded, its first word
+            assert axis.law.split()[0] in text  # first word of the folded text
         assert "Friction over" not in str(
             replace(model, friction_law=FrictionLaw.absent(6)).summary()
         )
@@ -189,7 +189,9 @@ class TestIntervals:
 
 class TestFile:
     def test_a_file_of_an_earlier_version_has_the_same_model(self, run, model, tmp_path):
-        """It lacks the robot, the degrees of freedom and the drives' part of the covariance."""
+        """The old file lacks the robot, degrees of freedom and
+        the drives' part of the covariance.
+        """
         model.save(tmp_path / NAME)
         kept = yaml.safe_load((tmp_path / NAME).read_text())
         for key in ("robot_file", "degrees_of_freedom", "drive_covariance"):
@@ -262,7 +264,7 @@ def test_an_unknown_method_lists_all(run):
 
 @pytest.fixture(scope="module")
 def driven(manutec, tmp_path_factory):
-    """A run of one trajectory."""
+    """Return a run of one trajectory."""
     return write_trajectory_run(tmp_path_factory.mktemp("trajectory") / "run", manutec)
 
 

@@ -1,4 +1,4 @@
-"""model.yaml: what `identify` writes is what it found, and can be used and judged without it."""
+"""model.yaml contains the complete result of `identify`, usable without the run."""
 
 import shutil
 from dataclasses import replace
@@ -24,7 +24,7 @@ def run(manutec, tmp_path_factory):
 
 
 def identified(path, method="improved"):
-    """What `hil identify` does: the model, and its file in the run's folder."""
+    """Model of `hil identify`, and its file in the run's folder."""
     model = identify(Run.open(path), method)
     model.save(path / NAME)
     return model
@@ -37,7 +37,7 @@ def found(run):
 
 @pytest.fixture
 def copy(run, tmp_path):
-    """The run as it was before it was identified, to be changed."""
+    """Copy of the run before its identification, to be changed."""
     shutil.copytree(run, tmp_path / "run")
     (tmp_path / "run" / NAME).unlink(missing_ok=True)
     return tmp_path / "run"

@@ -1,4 +1,4 @@
-"""`hil payload` on imported runs: the load, the gains by its mass, and what is refused."""
+"""`hil payload` on imported runs: load, gains by its mass, and refusals."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 MASS = 2.805
 LOAD = brick(MASS, (0.03, -0.02, 0.05), 0.05)
 GAINS = np.array([1.08, 0.93, 1.0, 1.05])
-"""True torque of each axis over that of the map."""
+"""True torque of each axis relative to the map."""
 NEVER = ("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "sz")
-"""What a SCARA's last link, which turns about the vertical alone, never shows."""
+"""Load parameters never visible in a SCARA, whose last link turns about the vertical alone."""
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def twin() -> TwinRecorder:
 
 @pytest.fixture(scope="module")
 def runs(twin: TwinRecorder, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Runs without and with a load, by right gains, by wrong ones and by unknown ones."""
+    """Runs without and with a load, with correct, wrong and unknown gains."""
     place = tmp_path_factory.mktemp("loads")
     bare, loaded = twin.recorded(1, n=2), twin.recorded(2, LOAD, n=2)
     write_free_run(place / "again", twin.robot, twin.recorded(3, n=1))
@@ -66,7 +66,7 @@ def found_in(runs: Path, kind: str, mass: float | None = None, *, gains: bool = 
 
 @pytest.fixture(scope="module")
 def kept(runs: Path) -> LoadFile:
-    """What the command writes."""
+    """Return the file written by the command."""
     hil("payload", runs / "bare", runs / "loaded")
     return load_yaml(runs / "loaded" / "load.yaml", LoadFile)
 

@@ -1,4 +1,4 @@
-"""Parameters that no robot has fail; impossible links and edges of a search lower the word."""
+"""Impossible parameters fail; impossible links and edges of a search lower the verdict."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One regression of recordings of any kind: options, names, parts of the torque, mixtures."""
+"""Regression of recordings of any kind: options, names, torque parts, mixtures."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def strokes(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
 def free_motion(
     robot: Robot, moving: int = 6, noise: float = 0.002
 ) -> tuple[FreeMotion, Recording]:
-    """A motion of the first axes that somebody else recorded."""
+    """Externally recorded motion of the first axes."""
     every, still = some_trajectory(robot), (0.0,) * 15
     amplitudes = {
         name: tuple(row if k < moving else still for k, row in enumerate(getattr(every, name)))
@@ -56,43 +56,43 @@ def free_motion(
 
 
 def both_of(run: Run) -> list[tuple[RecordedMotion, Recording]]:
-    """Measurements of a run with their recordings."""
+    """Return measurements of a run with their recordings."""
     return [(each.measurement, each.recording) for each in run]
 
 
 def of_axis_1(run: Run, robot: Robot) -> list[tuple[RecordedMotion, Recording]]:
-    """Strokes and an import in which the others stand still."""
+    """Strokes of axis 1 and an import in which the other axes rest."""
     strokes = [each for each in both_of(run) if each[0].moved == (0,)]
     return [*strokes, free_motion(robot, moving=1)]
 
 
 @pytest.fixture(scope="module")
 def imported(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """A motion of all axes that somebody else recorded."""
+    """Externally recorded motion of all axes."""
     path: Path = tmp_path_factory.mktemp("problem") / "imported"
     return write_free_run(path, manutec, [free_motion(manutec)])
 
 
 @pytest.fixture(scope="module")
 def measured(strokes: Run) -> ModelFit:
-    """Strokes by themselves."""
+    """Regression of the strokes alone."""
     return hil.regression(strokes).fit()
 
 
 @pytest.fixture(scope="module")
 def free(imported: Run) -> ModelFit:
-    """The import by itself."""
+    """Regression of the import alone."""
     return hil.regression(imported).fit()
 
 
 @pytest.fixture(scope="module")
 def both(strokes: Run, imported: Run) -> ModelFit:
-    """Both kinds as one regression."""
+    """Regression of both kinds."""
     return hil.regression(strokes, imported).fit()
 
 
 def variances(fit: ModelFit) -> np.ndarray:
-    """Of the base parameters."""
+    """Return variances of the base parameters."""
     return np.diag(fit.estimate.covariance)
 
 
@@ -127,7 +127,7 @@ def test_what_an_import_does_not_show_is_as_uncertain_as_without_it(
     recordings = [*both_of(strokes), free_motion(manutec, moving=3)]
     beside = estimate(manutec, recordings, "joint").standard_error
     of_the_wrist = slice(8, 14)
-    # lags, steps of encoders and compliances count, whatever is beside the strokes
+    # lags, encoder steps and compliances count with any additional recordings
     assert (beside[of_the_wrist] > 0.9 * alone[of_the_wrist]).all()
 
 
@@ -144,7 +144,7 @@ def test_lags_leave_base_parameters_as_uncertain_beside_a_load(
 def test_an_error_of_a_torque_constant_does_to_a_mixture_what_is_stated(
     both: ModelFit, strokes: Run, manutec: Robot
 ) -> None:
-    axis, share = 2, 2e-4  # weights of the axes stay
+    axis, share = 2, 2e-4  # weights of the axes are unchanged
     scaled = []
     for motion, recording in [*both_of(strokes), free_motion(manutec)]:
         tau = recording.tau.copy()
@@ -186,7 +186,7 @@ def test_parts_of_the_torque_add_up(
     names = ("gravity", "inertia", "velocity", "rotors", "friction")
     total = np.sum([parts[name] for name in names], axis=0)
     np.testing.assert_allclose(parts["measured"] - total, parts["left"])
-    # friction of the strokes is not that of the import
+    # strokes and import have different friction
     most = 0.05 if kind == "free" else 0.3
     assert np.linalg.norm(parts["left"]) < most * np.linalg.norm(parts["measured"])
     assert len(parts["time"]) == len(total)

@@ -1,4 +1,4 @@
-"""Tables of results: one value, drawn on a terminal, on a page and in a notebook."""
+"""Tables of results, drawn on a terminal, on a page and in a notebook."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def printed(table: Table, width: int = 100) -> str:
 
 
 def read(page: str) -> str:
-    """What a reader reads of HTML."""
+    """Return the text of HTML as seen by a reader."""
     return re.sub(r"<[^>]+>", " ", re.sub(r"</?(i|b|sub|sup)>", "", page))
 
 

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 ROBOT = Robot.load("manutec-r15")
 SPEED, ACCELERATION = 0.8, 0.4
-"""Shares of the limits that the fast trajectory uses; with these, up to 0.8 of the torque."""
+"""Shares of the limits used by the fast trajectory, which needs up to 0.8 of the torque."""
 WINDOW = 0.2
-"""Following error window: axes that are fed nothing are far behind [rad]."""
+"""Following error window, wide for axes without feed-forward [rad]."""
 
 
 def trajectory(seed: int, cycles: int, period: float, harmonics: int, fast: bool) -> Trajectory:
@@ -57,7 +57,7 @@ def called(*words: object) -> Result:
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A model from 20 s of motion on the plant, friction's drift on."""
+    """Model from 20 s of motion on the plant, with drifting friction."""
     folder = tmp_path_factory.mktemp("model") / "run"
     plan = plan_of(trajectory(3, 4, 5.0023, 10, fast=False))
     measure(plan, ROBOT, folder, folder, OnBus(SIMULATED, None, None, None))
@@ -67,7 +67,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A plan of a fast trajectory, and the drives with a wide window of following errors."""
+    """Plan of a fast trajectory, and drives with a wide following error window."""
     folder = tmp_path_factory.mktemp("files")
     plan, drives = folder / "plan.yaml", folder / "drives.yaml"
     plan.write_bytes(dump_plan(plan_of(trajectory(21, 1, 4.0, 4, fast=True))).encode())
@@ -80,7 +80,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture(scope="module")
 def tracked(model: Path, files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a tracking."""
+    """Folder of a tracking experiment."""
     folder = tmp_path_factory.mktemp("tracking") / "fast"
     done = called(
         "track", files["plan"], "--model", model, "-o", folder, "--drives", files["drives"]
@@ -173,7 +173,7 @@ def test_friction_goes_over_from_one_direction_to_the_other_without_a_jump(model
 
 
 def test_friction_slower_than_any_sample_goes_on_plainly(model: Path) -> None:
-    """The law itself may go anywhere there."""
+    """The law itself may have any shape there."""
     found = Model.load(model)
     q = np.zeros((2, 6))
     v = np.stack([0.02 * ROBOT.velocity_limit, 0.2 * ROBOT.velocity_limit])

@@ -1,4 +1,4 @@
-"""What a model is worth shows on a recording that it was not made from."""
+"""Validation of a model on recordings other than those of its identification."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def test_the_prediction_is_the_model_s_own_and_what_fitted_friction_leaves_a_sec
         s = signals(recording[each.measurement])
         at = np.searchsorted(s.time, each.time)
         own = model.predict(s.q, s.qd, s.qdd)[at, each.axis]
-        # rows of strokes are smoothed over a few samples, which shows where torques change
+        # stroke rows are averages of a few samples, which matters where torques change
         assert np.median(np.abs(each.predicted - own)) < 0.02 * np.abs(own).max()
     for score in found.axes:
         assert score.own_friction

@@ -1,4 +1,4 @@
-"""What an identification is worth: the worst of what speaks against it, causes found before all."""
+"""Verdict of an identification: the worst finding, preceded by any cause found."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_cause_counts_by_how_far_it_moves_the_torques(model: Model) -> None:
 
     assert judged(0.2) == "failed"
     assert judged(0.05) == "doubtful"
-    assert judged(1e-5) == "good"  # less than the torques are uncertain by
+    assert judged(1e-5) == "good"  # less than the uncertainty of the torques
 
 
 def test_of_two_causes_that_cannot_be_told_apart_none_is_to_be_corrected_at_once(
@@ -98,7 +98,7 @@ def limit(cause: str, axis: int, size: float | None, torque: float = 0.01) -> Li
 
 
 def within(model: Model, *limits: Limit, usual_effect: Array | None = None) -> tuple[str, Array]:
-    """Reasons of a good model that excludes this, and the figures in them."""
+    """Return reasons of a good model with this excluded cause, and the figures in them."""
     found = verdict(
         replace(model, excluded=Excluded(found=(), limits=limits, tests=1)), usual_effect
     )
@@ -108,7 +108,9 @@ def within(model: Model, *limits: Limit, usual_effect: Array | None = None) -> t
 
 
 def effects(model: Model) -> Array:
-    """Of torque constants, then rotor inertias: each the parameters' own errors, ten times."""
+    """Return effects of torque constants, then rotor inertias: ten times the parameters' own
+    errors.
+    """
     error = 10.0 * np.sqrt(np.diag(model.covariance))
     return np.tile(error[:, np.newaxis], 2 * model.robot.n_joints)
 

@@ -1,4 +1,4 @@
-"""The first word on imported recordings: columns that are no torques of this motion have failed."""
+"""Verdict on imported recordings: columns other than torques of the motion have failed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def identified(path: Path, change: Callable[[Array], Array]) -> Model:
-    """Identify recordings whose torques were changed."""
+    """Identify recordings with changed torques."""
     data = recorded(arm(), TRUTH)
     for _, recording in data:
         recording.tau[:] = change(recording.tau)

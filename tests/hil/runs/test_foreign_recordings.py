@@ -1,4 +1,4 @@
-"""Recordings of a run folder that declare too much, or are not in the file itself."""
+"""Recordings of a run folder with too much declared data, or with data in other files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A run folder that a stranger has sent: whatever lies in it, nothing outside it is written."""
+"""A stranger's run folder never causes writing outside of it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MINE = "the user's own file"
 
 @pytest.fixture
 def victim(tmp_path: Path) -> Path:
-    """A file of the user's, outside the folder."""
+    """File of the user outside the folder."""
     path = tmp_path / "victim.txt"
     path.write_text(MINE)
     return path

@@ -1,4 +1,4 @@
-"""A recording belongs to its run; a run can be evaluated without one that is damaged."""
+"""A recording belongs to its run; a run with a damaged recording remains usable."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def run(whole: Path, tmp_path: Path) -> Run:
 
 
 def of_another_run(run: Run, run_id: str | None) -> str:
-    """Let the first recording be one of the same measurement in another run; return its id."""
+    """Replace the first recording by the same measurement of another run; return its id."""
     name = run.ids[0]
     path = run.path / "recordings" / f"{name}.h5"
     write_measured(path, replace(run[name], run=run_id), run.robot)

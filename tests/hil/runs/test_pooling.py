@@ -1,4 +1,4 @@
-"""Runs of one robot identified together, and what they teach for the next plan."""
+"""Joint identification of a robot's runs, and their use for the next plan."""
 
 import shutil
 from functools import partial
@@ -26,7 +26,7 @@ def run(manutec, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def again(run):
-    """The same recordings under another name."""
+    """Return the same recordings under another name."""
     return shutil.copytree(run, run.parent / "second")
 
 
@@ -59,10 +59,10 @@ def together(run, again):
 
 @pytest.mark.long
 def test_the_same_recordings_twice_give_the_same_model_surer(together):
-    """By the root of two at least: with few measurements the jackknife is careful.
+    """The root of two at least: with few measurements the jackknife is conservative.
 
-    Only p14 shows the gear of axis 6, which counts as soft here: what is uncertain of that by the
-    sampling does not average out.
+    Only p14 shows the gear of axis 6, which counts as elastic here; its uncertainty by sampling
+    does not average out.
     """
     alone = identified_model()
     assert together.values == pytest.approx(alone.values, rel=1e-3, abs=1e-3)

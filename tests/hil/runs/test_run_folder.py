@@ -1,4 +1,4 @@
-"""Run folders: atomic recordings, resuming, refusing."""
+"""Run folders: atomic recordings, resuming, refusals."""
 
 import errno
 import json
@@ -356,7 +356,7 @@ def test_the_folder_of_a_run_without_recordings_can_be_discarded(
 def test_a_journal_states_whether_its_bus_was_the_virtual_plant_s(
     folder: RunFolder, bus: str, stated: bool | None, simulated: bool
 ) -> None:
-    """Files of earlier versions have the bus's name alone."""
+    """Journals of earlier versions contain only the name of the bus."""
     journal = folder.journal.add_session(Session(started="x", bus=bus, simulated=stated))
     assert journal.simulated is simulated
 
@@ -372,11 +372,11 @@ def test_a_session_notes_whether_its_bus_is_the_virtual_plant_s(
 
 
 def test_what_a_killed_session_recorded_is_in_its_journal(folder: RunFolder, ideal_bus) -> None:
-    """With the file of a recording the journal on the disk counts it, before the session ends."""
+    """The journal on the disk counts a recording as soon as its file exists."""
     campaign = run_campaign(folder, ideal_bus)
     first = next(event for event in campaign if isinstance(event, Recorded))
     recorded = first.recording.n_samples
-    next(campaign)  # what comes next has the recording written beside
+    next(campaign)  # the following step writes the recording
     for _ in range(500):
         on_disk = RunFolder.open(folder.path).journal.sessions[-1]
         if on_disk.sync.samples:
@@ -399,7 +399,7 @@ def test_a_folder_that_a_killed_process_began_is_removed_by_the_next(tmp_path: P
         assert not abandoned.exists()
         assert not forgotten.exists()
         with whole_folder(tmp_path / "run"):
-            assert part.exists()  # a process at work holds a lock on it
+            assert part.exists()  # a running process holds a lock on it
         (tmp_path / "run").rmdir()
     assert all(other.exists() for other in others)
     assert (tmp_path / "run").exists()
@@ -408,7 +408,7 @@ def test_a_folder_that_a_killed_process_began_is_removed_by_the_next(tmp_path: P
 def test_the_folder_above_a_new_run_is_flushed_to_the_disk(
     tmp_path: Path, small_plan: Plan, manutec: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Else a power cut takes the whole run: its name is not on the disk."""
+    """Otherwise a power cut loses the whole run, whose name is not on the disk."""
     flushed: list[Path] = []
     monkeypatch.setattr("hil.runs.atomic_file._flush_folder", flushed.append)
     RunFolder.create(tmp_path / "new" / "run", small_plan, manutec)

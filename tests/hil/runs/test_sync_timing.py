@@ -1,4 +1,4 @@
-"""What a run states about its SYNC."""
+"""SYNC timing of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The builtin simulator beside closed solutions, the model's own dynamics, and MuJoCo."""
+"""Builtin simulator against closed solutions, the model's own dynamics, and MuJoCo."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +28,7 @@ def law(**terms):
 
 
 def carriage(viscous=0.0):
-    """An axis of 2 kg that slides level, with 4 N of Coulomb friction."""
+    """Horizontal prismatic axis of 2 kg with 4 N of Coulomb friction."""
     model = model_of(Robot.load("emps"), np.array([MASS]), np.array([0.01]), friction=False)
     return Arm(
         replace(model, friction_law=FrictionLaw(axes=(law(Coulomb=COULOMB, viscous=viscous),)))
@@ -122,7 +122,7 @@ def ur10e(seed=0):
 
 
 def swinging(model, time):
-    """Torques that swing a robot about, at, above and below its friction."""
+    """Return torques that swing a robot around, at, above and below its friction."""
     phases = np.arange(model.robot.n_joints)
     return model.gravity(np.zeros(len(phases))) + 12.0 * np.sin(9.0 * time[:, None] + phases)
 
@@ -147,7 +147,8 @@ def test_builtin_and_mujoco_agree_within_a_fiftieth_of_the_motion_and_closer_wit
     from hil.simulation.mujoco_arm import MujocoArm
 
     model, none = ur10e(), np.zeros(6)
-    pushed = law(Coulomb=3.0, viscous=0.5, offset=1.2)  # that MuJoCo has as an actuator's bias
+    # MuJoCo applies these torques as an actuator's bias
+    pushed = law(Coulomb=3.0, viscous=0.5, offset=1.2)
     axes = (pushed, *model.friction_law.axes[1:])
     model = replace(model, friction_law=FrictionLaw(axes=axes))
     time = np.arange(0.0, 0.6, 0.002)

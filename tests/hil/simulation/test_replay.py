@@ -1,4 +1,4 @@
-"""`hil replay`: recorded commands into the simulated arm, errors, page and exit status."""
+"""`hil replay`: simulated response to recorded commands, errors, page and exit status."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    """A recording of the carriage, made by its own simulation."""
+    """Recording of the carriage, from its own simulation."""
     return carriage_run()
 
 

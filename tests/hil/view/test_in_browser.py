@@ -1,4 +1,4 @@
-"""The page in a real browser: where it draws the robot, and whether everybody can use it."""
+"""Page in a real browser: position of the drawn robot, and accessibility."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def show(
 
 
 def projected(robot: Robot, q: np.ndarray, seen: dict[str, Any]) -> np.ndarray:
-    """Where the camera sees the origins of all links' frames (n_joints, 2) [pixels]."""
+    """Return image positions of all links' frame origins (n_joints, 2) [pixels]."""
     frames = Frames(robot.alpha, robot.d, robot.theta, robot.r, np.eye(4))
     origins = frames.poses(q, robot.revolute)[:, :, 3]
     clip = origins @ np.reshape(seen["matrix"], (4, 4)).T
@@ -138,7 +138,7 @@ def test_a_plan_opens_on_the_axis_that_moves_most(
 
 
 def test_a_robot_is_really_drawn(browser: Chrome, plan_page: Path) -> None:
-    """What the axis that is measured is marked with is seen at one of its points."""
+    """The mark of the measured axis is visible at one of its points."""
     show(browser, plan_page)
     found = browser.execute_script("""
         const { scene } = window.view;
@@ -199,7 +199,9 @@ def test_sliders_of_a_robot_are_usable_too(browser: Chrome, manutec: Robot, tmp_
 def test_a_swept_volume_reaches_from_end_to_end(
     browser: Chrome, manutec: Robot, tmp_path: Path
 ) -> None:
-    """A trajectory passes more configurations than are drawn; those that are cover all of it."""
+    """Fewer configurations are drawn than a trajectory passes; they
+    still cover its whole extent.
+    """
     sine = tuple((0.5, -0.25) for _ in range(6))
     cosine = ((0.0, 0.0),) * 6
     long = Trajectory(id="t", q=(0.0,) * 6, period=20.0, sine=sine, cosine=cosine)

@@ -1,4 +1,4 @@
-"""What the page of a plan, a run or a robot is as a file, and what data it holds."""
+"""Page of a plan, a run or a robot: file and contained data."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def unpacked(given: dict[str, Any]) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def whole_plan(manutec: Robot) -> Plan:
-    """The plan of 34 minutes."""
+    """Plan of 34 minutes."""
     return design(manutec)
 
 
@@ -102,7 +102,7 @@ def test_the_licence_of_what_is_bundled_stands_in_the_page(manutec: Robot) -> No
 
 
 def test_the_bundle_is_that_of_its_sources() -> None:
-    """`make view-bundle` makes it anew."""
+    """If not, rebuild it by `make view-bundle`."""
     web = ROOT / "web"
     sources = [
         *(f"src/{path.name}" for path in (web / "src").iterdir()),
@@ -142,7 +142,9 @@ def test_segments_follow_each_other_in_the_plan_s_order(small_plan: Plan, manute
 def test_the_page_holds_the_planned_motion(
     small_plan: Plan, manutec: Robot, tmp_path: Path
 ) -> None:
-    """At the middle of a stroke's ramp, of its cruise, and at its end."""
+    """Compare instants in the middle of a ramp, in the middle of constant speed, and at the
+    stroke's end.
+    """
     page.write_page(tmp_path / "plan.html", lambda most: plan_scene(small_plan, manutec, most))
     data = read(tmp_path / "plan.html")
     g1 = small_plan.measurements[0]
@@ -166,7 +168,8 @@ def test_a_friction_measurement_is_preceded_by_rest_and_exercise(
     scene = plan_scene(plan, manutec, 100)
     assert scene.planned
     begin = scene.segments[-1].begin
-    moving = scene.planned[0].time[scene.planned[0].slope != 0.0]  # corners between ramp and cruise
+    # corners between ramp and constant speed
+    moving = scene.planned[0].time[scene.planned[0].slope != 0.0]
     after = moving[moving > begin]
     assert after.min() > begin + 2.0
     assert ((after > begin + 2.0) & (after < begin + 7.0)).sum() >= 4

@@ -1,4 +1,4 @@
-"""Torques that a page draws beside a motion are all that the drives give, friction included."""
+"""Predicted torques on a page include all torques of the drives, with friction."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hil.view.along_motion import Predicted
 
 MOST = 100_000
-"""Instants; with fewer of them accelerations are too coarse to judge torques by."""
+"""Number of instants; with fewer, accelerations are too coarse to judge torques."""
 
 
 @pytest.mark.long

@@ -1,4 +1,4 @@
-"""Curves of a page by few knots: in C, and by Python where there was no compiler."""
+"""Curve simplification in C, and in Python without a compiler."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ def test_both_ways_keep_the_same_knots_within_the_tolerance(
     monkeypatch: pytest.MonkeyPatch, n: int, tolerance: float
 ) -> None:
     drawn = np.random.default_rng(2)
-    time = np.cumsum(drawn.choice([0.0, 0.01], n, p=[0.1, 0.9]))  # instants may be the same
+    time = np.cumsum(drawn.choice([0.0, 0.01], n, p=[0.1, 0.9]))  # repeated instants are permitted
     value = np.sin(time) + 0.02 * drawn.standard_normal(n)
     found = packed.simplify(time, value, tolerance)
     between = np.interp(time, found.time, found.value)

@@ -1,4 +1,4 @@
-"""Meshes that a URDF names, in the frames of the robot's links."""
+"""Meshes of a URDF, in the frames of the robot's links."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def obj(corners: np.ndarray) -> bytes:
 
 @pytest.fixture
 def scara(tmp_path: Path) -> Path:
-    """A URDF in a package, whose second link has the shape `shape` and whose base has a box."""
+    """URDF in a package, whose second link has the shape `shape` and whose base has a box."""
     package = tmp_path / "scara_description"
     (package / "meshes").mkdir(parents=True)
     (package / "urdf").mkdir()
@@ -91,7 +91,7 @@ def test_a_file_that_cannot_be_read_is_refused(
 
 
 def test_a_mesh_stands_in_the_frame_of_its_link(scara: Path) -> None:
-    """Its corners are where the URDF's own kinematics has them, at any configuration."""
+    """Its corners are at the positions given by the URDF's own kinematics, in any configuration."""
     write(scara, '<mesh filename="package://scara_description/meshes/arm.stl" scale="2 2 2"/>',
           '<origin xyz="0.1 0 0.2" rpy="0.3 0.2 0.1"/>')  # fmt: skip
     robot, chain = Robot.load(scara), read_urdf(scara)

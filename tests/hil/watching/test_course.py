@@ -1,4 +1,4 @@
-"""Torques as they are drawn: means of a few samples each, none left out, with their band."""
+"""Drawn torques: means of a few samples each, complete, with their band."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ EACH = round(APART / PERIOD)
 
 
 class Detector:
-    """Predicts half of what is measured, all in one block."""
+    """Detector that predicts half of the measured torque, all in one block."""
 
     def __init__(self, model: object, period: float) -> None:
         del model, period
@@ -55,7 +55,7 @@ def test_means_follow_each_other_however_samples_come(watcher: Watcher, block: i
     assert course.time == pytest.approx(PERIOD * (EACH * np.arange(1, n + 1) - 1))
     assert course.measured[:, 0] == pytest.approx(EACH * np.arange(n) + (EACH - 1) / 2)
     assert course.predicted == pytest.approx(course.measured / 2)
-    assert np.all(course.band == 2.0)  # that of the window as long as the mean
+    assert np.all(course.band == 2.0)  # window as long as the mean
     assert len(watcher.course().time) == 0
     take(watcher, 190, EACH)
     assert len(watcher.course().time) == 1

@@ -1,4 +1,4 @@
-"""Pushes on the virtual plant, friction's drift on: seen live, seen again, and what they stop."""
+"""Pushes on the virtual plant with drifting friction: live detection, replay, and stops."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ ROBOT = Robot.load("manutec-r15")
 LEARNED = 6.0
 """Time in which thresholds are learned [s]."""
 PUSHES = {2: (8.0, 0.10), 4: (9.5, -0.10)}
-"""By axis: when somebody pushes [s], and with which share of the torque limit."""
+"""Start of each push [s] and its share of the torque limit, by axis."""
 
 
 def plan_of(seed: int, cycles: int, period: float, shares: tuple[float, float]) -> Plan:
@@ -57,7 +57,7 @@ def plan_of(seed: int, cycles: int, period: float, shares: tuple[float, float]) 
 
 
 def strokes_of(axes: tuple[int, ...], cycles: int) -> Plan:
-    """Strokes whose corners follow each other at once, and slow ones with a rest between."""
+    """Return strokes without pauses at corners, and slow ones with a rest in between."""
     drawn: list[Measurement] = []
     for axis in axes:
         speed, acceleration = (
@@ -81,7 +81,7 @@ def called(*words: object) -> Result:
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A model from 20 s of motion on the plant."""
+    """Model from 20 s of motion on the plant."""
     folder = tmp_path_factory.mktemp("model") / "run"
     plan = plan_of(3, 4, 5.0023, (0.9, 0.49))
     measure(plan, ROBOT, folder, folder, OnBus(SIMULATED, None, None, None))
@@ -117,7 +117,7 @@ def faults(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def pushed(
     model: Path, plan: Path, faults: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, Result]:
-    """Folder of a watch with two pushes, and what the command showed."""
+    """Folder of a watch with two pushes, and the command's output."""
     folder = tmp_path_factory.mktemp("watch") / "pushed"
     words = ("watch", plan, "--model", model, "-o", folder, "--learn", LEARNED)
     return folder, called(*words, "--bus-option", f"faults={faults}")
@@ -147,7 +147,7 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
     assert 'data-r="t"' in page  # the recording with the alarms is played
     found = load_yaml(folder / NAME, Watched)
     assert found.learned == pytest.approx(LEARNED, abs=0.01)
-    for axis in found.axes:  # a push in the first 15 s of motion counts as scatter too
+    for axis in found.axes:  # a push in the first 15 s of motion is also taken for scatter
         assert axis.soon
         assert axis.soon < (0.15 if axis.axis in PUSHES else 0.08) * axis.limit
     assert all(0 <= axis.blind <= 1 for axis in found.axes)
@@ -189,7 +189,7 @@ def test_an_interrupted_watch_keeps_what_it_has_seen(
     assert found.axes[5].soon is None
     page = (folder / "watch.html").read_text()
     assert ("<strong>doubtful</strong> nothing was watched" in page) == (motion < 5)
-    assert 'class="outcome good"' not in page  # other axes than the second stood
+    assert 'class="outcome good"' not in page  # axes other than the second did not move
 
 
 @pytest.mark.parametrize("at_once", [1, 5])
@@ -229,7 +229,7 @@ def test_a_push_may_stop_all_axes(model: Path, plan: Path, faults: Path, tmp_pat
     assert "live page: http://127.0.0.1:" in done.output
     assert [alarm.axis for alarm in load_yaml(tmp_path / "x" / NAME, Watched).alarms] == [2]
     assert "all axes stop" in done.output
-    assert "emergency stop" not in done.output  # all have shown that they are off
+    assert "emergency stop" not in done.output  # all have confirmed that they are off
     assert not (tmp_path / "x" / "run").exists()
 
 

@@ -1,4 +1,4 @@
-"""What a watch learns while nobody pushes: distances, friction's level, scatter."""
+"""Quantities learned by a watch without pushes: distances, friction level, scatter."""
 
 import numpy as np
 import pytest
@@ -13,14 +13,14 @@ PERIOD = 0.004
 
 
 def back_and_forth() -> np.ndarray:
-    """Steps of two axes that swing by 0.1 rad."""
+    """Return steps of two axes that swing by 0.1 rad."""
     t = PERIOD * np.arange(2000)
     q = 0.1 * np.sin(np.outer(t, (2.0, 3.0)))
     return np.diff(q, axis=0, prepend=q[:1])
 
 
 def directions(step: np.ndarray, distance: np.ndarray) -> np.ndarray:
-    """Directions of friction after Dahl."""
+    """Return directions of friction after Dahl."""
     none = np.zeros_like(step)
     return Turning(distance, PERIOD).take(step, none, none, none).direction
 

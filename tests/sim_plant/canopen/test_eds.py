@@ -1,4 +1,4 @@
-"""The drive's EDS: complete, consistent, and nothing in it that the drive does not serve."""
+"""EDS of the drive: complete, consistent, and without unsupported objects."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def test_every_readable_entry_can_be_uploaded_in_its_declared_size(desk: Desk) -
     dictionary = desk.network.nodes[0].dictionary
     for entry in drive_entries().values():
         if entry.index == 0x1003 and entry.subindex:
-            continue  # an empty history has nothing to hand out
+            continue  # an empty history returns nothing
         data = dictionary.upload(entry.index, entry.subindex)
         assert not entry.code or len(data) == entry.size
 

@@ -1,7 +1,7 @@
-"""Data sheets of all virtual drives are such as strict readers take without a message.
+"""Strict readers accept the data sheets of all virtual drives without a message.
 
-Three readers that are not ours were tried: canopen, which these tests use; node-canopen, which
-refuses a DOMAIN with PDOMapping; dcf-tools (`dcfchk`), which these tests use where it is installed.
+Three independent readers were tried: canopen, which these tests use; node-canopen, which refuses a
+DOMAIN with PDOMapping; dcf-tools (`dcfchk`), which these tests use where it is installed.
 """
 
 from __future__ import annotations

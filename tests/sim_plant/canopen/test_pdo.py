@@ -30,7 +30,7 @@ def tpdos(frames: list[tuple[int, bytes]], identifier: int = TPDO) -> list[bytes
 
 
 def quiet_others(desk: Desk) -> None:
-    """Switch the event-driven TPDO1 of the other nodes off."""
+    """Switch off the event-driven TPDO1 of the other nodes."""
     for node in range(2, 7):
         desk.write(0x1800, 1 << 31 | 0x180 + node, 1, node)
 

@@ -1,4 +1,4 @@
-"""The SDO server, driven by canopen's client and, where a client would not, frame by frame."""
+"""SDO server, driven by canopen's client or, beyond its abilities, frame by frame."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_block_upload_hands_out_the_whole_eds(master: canopen.Network, checked: 
         assert stream.read() == EDS_PATH.read_bytes()
 
 
-# One abort code after the other
+# Sequence of abort codes
 
 
 @pytest.mark.parametrize(

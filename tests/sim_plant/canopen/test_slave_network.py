@@ -1,4 +1,4 @@
-"""All drives on one segment: time, arbitration, and that nothing on the bus can upset them."""
+"""All drives on one segment: time, arbitration, and robustness against any frame."""
 
 from __future__ import annotations
 

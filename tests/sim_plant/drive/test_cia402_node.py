@@ -1,4 +1,4 @@
-"""The power state machine, option codes, faults and profile position of one drive."""
+"""Power state machine, option codes, faults and profile position of one drive."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from desk import Desk
     from ideal_machine import IdealAxis
 
-# Names and patterns written down again from the standard, apart from the drive's own tables.
+# Names and patterns from the standard, independent of the drive's own tables.
 PATTERNS = {
     "not ready to switch on": (0x4F, 0x00),
     "switch on disabled": (0x4F, 0x40),
@@ -92,7 +92,7 @@ def control(desk: Desk, controlword: int) -> None:
 
 
 def set_point(desk: Desk, target: int, bits: int = 0, velocity: int = 100_000) -> None:
-    """Set a set-point with a rising edge of bit 4, and take the edge back."""
+    """Send a set-point with a rising edge of bit 4, then clear the bit."""
     desk.write(0x6081, velocity)
     desk.write(0x607A, target)
     control(desk, ENABLE | NEW | bits)

@@ -1,4 +1,4 @@
-"""Homing mode of the plant's drives, in front of ideal axes."""
+"""Homing mode of the plant's drives, with ideal axes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 START, ENABLED, HALTED = 0x1F, 0x0F, 0x10F
 REACHED, ATTAINED = 1 << 10, 1 << 12
 SWITCH = 1_000_000
-"""Where the limit switches of the ideal drives stand, on either side [increments]."""
+"""Positions of the limit switches of the ideal drives, on either side [increments]."""
 
 
 @pytest.fixture
 def homing(desk: Desk) -> Desk:
-    """A drive that is enabled in homing mode, some way from its switches."""
+    """Return a drive enabled in homing mode, at some distance from its switches."""
     desk.machine.axes[0].demand = 950_000.0
     desk.write(0x6060, 6)
     desk.write(0x6099, 400_000, subindex=1)

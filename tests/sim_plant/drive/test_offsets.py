@@ -1,4 +1,4 @@
-"""What the plant's drives feed forward: the master's offsets, and their demand's velocity."""
+"""Feed-forward of the plant's drives: the master's offsets, and the velocity of their demand."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HALT = 0x10F
 
 
 def fed(ideal_machine: IdealMachine) -> list[tuple[object, ...]]:
-    """What the drive has fed forward to its loops, in order."""
+    """Return the drive's feed-forward to its loops, in order."""
     return [call[1:] for call in ideal_machine.axes[0].calls if call[0] == "feed forward"]
 
 
@@ -71,7 +71,7 @@ def test_how_much_a_drive_feeds_forward_by_itself_is_2010h(
 
 
 def loops(**profile: float) -> tuple[float, float]:
-    """Torque that the loops of axis 3 command at rest, and its limit [N m]."""
+    """Return the torque commanded by the loops of axis 3 at rest, and its limit [N m]."""
     plant = load_plant("manutec-r15")
     plant.state[2, st.ENABLED] = 1.0
     plant.state[2, st.TORQUE_LIMIT] = 540.0

@@ -1,4 +1,4 @@
-"""What a personality does to a drive of the plant: its EDS, its dictionary, its firmware."""
+"""Effect of a personality on a drive of the plant: EDS, dictionary, firmware."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ ALL = [load_personality(name) for name in packaged_personalities()]
 
 
 def desk_of(personality: Personality) -> Desk:
-    """Drives of a personality in front of ideal axes."""
+    """Return drives of a personality with ideal axes."""
     machine = IdealMachine()
     machine.drives = tuple(replace(drive, personality=personality) for drive in machine.drives)
     network = SlaveNetwork(machine)

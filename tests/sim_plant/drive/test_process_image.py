@@ -1,4 +1,4 @@
-"""What all axes show: whose drive has news at a SYNC, and whose has none."""
+"""Process image of all axes: drives with and without news at a SYNC."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def readings(*axes: Reading) -> np.ndarray:
 
 @pytest.fixture(params=["by itself", "with frames"])
 def latched(request: pytest.FixtureRequest) -> tuple[ProcessImage, ProcessImage | FrameBlock]:
-    """An image, and what readings are latched by."""
+    """Return an image, and the function that latches readings."""
     image = ProcessImage(N_AXES)
     if request.param == "by itself":
         return image, image

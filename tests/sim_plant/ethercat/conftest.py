@@ -1,4 +1,4 @@
-"""Slaves on one cable, their motors ideal."""
+"""Slaves on one cable, with ideal motors."""
 
 from __future__ import annotations
 

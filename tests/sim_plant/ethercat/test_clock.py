@@ -1,4 +1,4 @@
-"""The distributed clock: delays, offsets, drift, SYNC0."""
+"""Distributed clock: delays, offsets, drift, SYNC0."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def master(segment: Segment) -> Master:
 
 
 def times(master: Master, slave: int) -> tuple[int, int]:
-    """System time and its difference to the reference, signed [ns]."""
+    """Return system time and its signed difference to the reference [ns]."""
     raw = master.read(slave, 0x910, 32).data
     difference = struct.unpack_from("<I", raw, 28)[0]
     size = difference & 0x7FFF_FFFF

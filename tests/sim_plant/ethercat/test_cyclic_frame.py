@@ -1,4 +1,4 @@
-"""Frames that come again and again are passed as any frame is."""
+"""Repeated frames have the same effect as single frames."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ AXES, ADDRESS = 3, 0x1001
 
 
 def session(segment: Segment) -> tuple[list[bytes | None], int]:
-    """Return what came back of frames of which many are alike, and how many were so for it.
+    """Return answers to frames, many of them equal, and the number handled as repeated.
 
-    Outputs stay for some frames; meanwhile SDOs write the same objects and change the mode.
+    Outputs are constant for some frames; meanwhile SDOs write the same objects and change the mode.
     """
     answers: list[bytes | None] = []
     alike = 0

@@ -1,4 +1,4 @@
-"""The description of a drive says what its slave serves, in the form that tools read."""
+"""The description (ESI) of a drive matches the slave's services, in the form required by tools."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sim_plant.ethercat.objects import coe_entries, drive_objects, strip_can
 from sim_plant.personality import load_personality, packaged_personalities
 
 SCHEMA = "ETHERCAT_SCHEMA"
-"""Variable that names the folder of EtherCATInfo.xsd, which may not be passed on."""
+"""Variable that names the folder of EtherCATInfo.xsd, which may not be redistributed."""
 
 
 def written(path: Path, *options: str) -> ElementTree.Element:

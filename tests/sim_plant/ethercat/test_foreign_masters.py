@@ -1,4 +1,4 @@
-"""Masters of EtherCAT that others wrote find six drives, configure and move them."""
+"""Independent EtherCAT masters find six drives, configure and move them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ DOCS = Path(__file__).parents[3] / "docs"
 OP, SAFEOP = 8, 4
 ENABLED, READY = 0x27, 0x21
 NEAR = 20
-"""Increments that friction and noise leave, of 4096 a revolution of the motor."""
+"""Position error by friction and noise [increments], of 4096 a revolution of the motor."""
 
 
 @needs("pysoem")
@@ -33,7 +33,7 @@ def test_soem_configures_six_drives_and_moves_them(master: str) -> None:
 
 
 @needs("kickcat")
-@pytest.mark.flaky(reruns=2)  # it takes a frame that a busy machine delays for a lost one
+@pytest.mark.flaky(reruns=2)  # the master takes a frame delayed by a busy machine for lost
 def test_kickcat_moves_six_drives() -> None:
     seen = session("kickcat")
     assert (seen["slaves"], seen["type"]) == (6, "92010200")

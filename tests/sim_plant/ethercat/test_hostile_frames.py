@@ -1,4 +1,4 @@
-"""Nothing that comes by wire upsets a slave, and nothing energises a drive that nobody enabled."""
+"""No frame upsets a slave or energises a drive that nobody enabled."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def mutated(rng: random.Random, frame: bytes) -> bytes:
 
 
 def service(rng: random.Random) -> bytes:
-    """Make something like a CoE service."""
+    """Return a malformed CoE service."""
     index = rng.choice((0x1000, 0x1018, 0x1600, 0x1C12, 0x1C32, 0x6060, 0x6081, 0x2000))
     command = rng.choice((0x40, 0x50, 0x21, 0x31, 0x23, 0x2F, 0x60, 0x70, 0x01, 0x80, 0xE0))
     head = struct.pack("<HBHBI", rng.choice((2, 8)) << 12, command, index, rng.randrange(4), 5)
@@ -95,7 +95,7 @@ def test_mutated_frames_of_a_master_energise_nothing(seed: int) -> None:
     assert "move" not in energised
 
 
-# of seed 100 a frame that is no longer EtherCAT's came between its like
+# seed 100 includes a frame that is not EtherCAT among similar ones
 @pytest.mark.parametrize("seed", [0, 1, 100])
 def test_among_any_frames_those_that_come_again_are_passed_as_any_frame_is(
     seed: int, monkeypatch: pytest.MonkeyPatch

@@ -1,4 +1,4 @@
-"""The same commands to the same plant: what comes back on EtherCAT is what comes back on CAN."""
+"""The same commands give the same answers over EtherCAT and over CAN."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ Row = list[tuple[int, ...]]
 
 
 def commands(cycle: int) -> tuple[int, int]:
-    """Controlword and target of every axis: switched on, two strokes, halted in the second."""
+    """Return controlword and target of every axis: switched on, two
+    strokes, halted in the second.
+    """
     if cycle < 3:
         return (6, 7, 15)[cycle], 0
     if cycle < 300:
@@ -27,7 +29,7 @@ def commands(cycle: int) -> tuple[int, int]:
 
 
 def on_can() -> list[Row]:
-    """Each SYNC lets a cycle pass, latches, and lets set-points act."""
+    """Return answers over CAN: each SYNC lets a cycle pass, latches, and activates set-points."""
     network = SlaveNetwork(load_machine("manutec-r15", SEED))
     network.power_on()
     seen: list[Row] = []
@@ -46,7 +48,7 @@ def on_can() -> list[Row]:
 
 
 def on_ethercat() -> list[Row]:
-    """Each frame brings what was latched before it came."""
+    """Return answers over EtherCAT: each frame returns the values latched before."""
     segment = Segment(load_machine("manutec-r15", SEED))
     segment.power_on()
     master = Master(segment.process)

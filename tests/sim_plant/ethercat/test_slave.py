@@ -1,4 +1,4 @@
-"""A slave as a master meets it: registers, states, sync managers, FMMUs, EEPROM, watchdog."""
+"""Slave as seen by a master: registers, states, sync managers, FMMUs, EEPROM, watchdog."""
 
 from __future__ import annotations
 

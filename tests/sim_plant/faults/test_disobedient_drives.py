@@ -1,6 +1,6 @@
-"""Drives that do not do what their controlword commands: what the commands and the watchdog reach.
+"""Drives that ignore their controlword: effect of commands and of the watchdog.
 
-Judged by the statusword of the drive and by the machine, which may contradict each other.
+The tests examine both statusword and machine, which may contradict each other.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def command(faulty: FaultyNetwork, word: int) -> None:
 
 
 def shown(faulty: FaultyNetwork) -> tuple[str, bool]:
-    """State in the statusword of axis 1, and whether the machine has it energised."""
+    """Return the state in axis 1's statusword, and True if the machine has it energised."""
     word = faulty.nodes[0].dictionary.get(0x6041)
     state = STATES[word & (0x4F if word & 0x48 else 0x6F)]
     return state, bool(faulty.machine.plant.state[0, st.ENABLED])

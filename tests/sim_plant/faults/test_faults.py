@@ -1,4 +1,4 @@
-"""Faults by plan: read, begun and ended in time, and survived as docs/reference/faults.md says."""
+"""Faults by plan: read, begun and ended in time, with the reactions in docs/reference/faults.md."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ QUICK = (
     "a drive falls to SAFEOP with an error",
     "safe torque off of a drive",
 )
-"""Rows over EtherCAT that are tried at every change; the others are long."""
+"""Rows over EtherCAT in every test run; the others are long."""
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
@@ -148,7 +148,7 @@ def test_a_fault_in_time_begins_and_ends_in_time(begin: float, after: float, las
     assert watch.over
 
 
-# What injections do to frames; that of the rest shows in the table
+# Effect of injections on frames; other effects are shown by the fault table
 
 
 def identifiers(frames: list[tuple[float, int, bytes]]) -> list[int]:
@@ -350,7 +350,7 @@ def test_a_push_from_outside_is_met_by_motor_and_friction_until_it_is_over() -> 
     assert abs(after - before) < 150
 
 
-# The plant served with a plan
+# Plant served with a fault plan
 
 
 def test_a_served_plant_takes_a_plan() -> None:

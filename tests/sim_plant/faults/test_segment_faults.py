@@ -1,4 +1,4 @@
-"""Faults of EtherCAT, and those of drives behind it."""
+"""Faults of EtherCAT, and of drives connected by it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def faulty(tmp_path: Path) -> Callable[[str], FaultySegment]:
 
 
 def energised(segment: FaultySegment) -> Master:
-    """Return a master that has brought all drives to OPERATION ENABLED."""
+    """Return a master with all drives in OPERATION ENABLED."""
     master = Master(segment.process)
     master.to_op(*range(6))
     for word in (6, 7, 15, 15):

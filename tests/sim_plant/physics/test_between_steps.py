@@ -1,4 +1,4 @@
-"""Encoders are read at the present instant, also where that is between two steps of the physics."""
+"""Encoders are read at the present instant, even between two steps of the physics."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sim_plant.physics import state as st
 from sim_plant.plant import load_plant
 
 POSITION = 0
-"""Place of the position in a reading."""
+"""Index of the position in a reading."""
 
 
 @pytest.mark.parametrize("ahead", [0.0, 0.0004, 0.0009])
@@ -22,4 +22,4 @@ def test_a_moving_axis_is_read_where_it_is_between_two_steps(ahead: float) -> No
     plant.advance(ahead)
     way = plant.read().reshape(6, -1)[:, POSITION] - there
     assert way == pytest.approx(ahead * 1.5 * plant.const[:, st.COUNTS_PER_RAD], abs=1.0)
-    assert np.array_equal(plant.state[:, st.Q], before)  # the machine itself goes on in steps
+    assert np.array_equal(plant.state[:, st.Q], before)  # the machine itself advances in steps

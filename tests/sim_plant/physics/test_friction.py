@@ -1,4 +1,4 @@
-"""The plant's friction against its formula, and its slow states against theirs."""
+"""The plant's friction against its formula, and its slow states against their formulas."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STILL = Noise(torque=0.0, ripple=0.0)
 def characteristic(
     i: int, v: float, warmth: float, settled: float, wander: float = 0.0, eps: float | None = None
 ) -> float:
-    """The stated formula, term by term."""
+    """Return the stated formula, term by term."""
     f0, fm, vmax = CREEP[i], FULL_SPEED[i], SPEED_LIMIT[i]
     eps = ASYMMETRY[i] if eps is None else eps
     s, speed = math.copysign(1.0, v), abs(v)
@@ -62,7 +62,7 @@ def with_friction(file: PlantFile, **changes: object) -> PlantFile:
 
 
 def slide(plant: Plant, i: int, v: float) -> float:
-    """Friction torque once the bristle has bent."""
+    """Return friction torque after the bristle has bent."""
     for _ in range(5000):
         found = friction.torque(plant.const, plant.state, i, v, 1e-3)
     return float(found)
@@ -100,7 +100,7 @@ def default() -> Plant:
 
 @pytest.mark.parametrize("share", [-0.6, -0.05, 0.01, 0.2, 0.9])
 def test_motor_torque_of_an_axis_in_steady_motion_is_its_friction(share: float) -> None:
-    """Of joint 1, which gravity does not load, all others being held."""
+    """Joint 1 is not loaded by gravity; all others are held."""
     plant = machine(drift=False, noise=STILL)
     drive = plant.file.axes[0].drive
     per_rad = drive.gear_ratio * drive.increments / math.tau
@@ -144,7 +144,7 @@ def test_transmitted_torque_of_an_axis_at_rest_is_the_arms_weight() -> None:
 
 
 def _gravity_torque(plant: Plant) -> Array:
-    """By the principle of virtual work, from the first moments alone."""
+    """Return gravity torque by the principle of virtual work, from the first moments alone."""
 
     def potential(q: Array) -> float:
         rotation, origin, energy = np.eye(3), np.zeros(3), 0.0
@@ -171,7 +171,7 @@ def _gravity_torque(plant: Plant) -> Array:
 def test_an_axis_at_rest_stays_still_without_chatter(
     held_by: str, drift: bool, bound: float
 ) -> None:
-    """With drift to a tenth of an increment, as the bristle yields to the load."""
+    """Creep up to a tenth of an increment is permitted, since the bristle yields to the load."""
     plant = machine(drift=drift)
     if held_by == "servo":
         for servo in plant.axes:
@@ -189,7 +189,7 @@ def test_an_axis_at_rest_stays_still_without_chatter(
 
 
 def slowly(plant: Plant, seconds: float, share: float, dt: float = 1.0) -> None:
-    """Slow states alone, all axes at `share` of their speed limits, without wander."""
+    """Simulate slow states alone, all axes at `share` of their speed limits, without wander."""
     state, const = plant.state, plant.const
     state[:, st.QD] = share * np.array(SPEED_LIMIT)
     quiet = np.zeros(6)

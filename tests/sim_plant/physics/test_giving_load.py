@@ -1,4 +1,4 @@
-"""A load that gives way to gravity, as none does that is bolted on."""
+"""Load that yields to gravity, unlike a rigid load."""
 
 import numpy as np
 import pytest

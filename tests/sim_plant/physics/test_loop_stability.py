@@ -1,4 +1,4 @@
-"""Gains with which the drives do not hold the arm are refused, with the bound that they break."""
+"""Gains that cannot hold the arm are refused, with the violated bound."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def with_drive(axis: int, **changes: Any) -> PlantFile:
-    """The manutec-r15 with another drive on an axis (from 0)."""
+    """Return the manutec-r15 with another drive on an axis (from 0)."""
     file = load_plant_file("manutec-r15")
     axes = list(file.axes)
     drive = axes[axis].drive.model_copy(update=changes)
@@ -37,7 +37,7 @@ def inertia_of(file: PlantFile) -> ReflectedInertia:
 
 
 def swing(file: PlantFile, axis: int, monkeypatch: pytest.MonkeyPatch) -> float:
-    """How fast an axis still moves half a second after a push, as a share of its speed limit."""
+    """Return the speed of an axis half a second after a push, as a share of its limit."""
     monkeypatch.setattr("sim_plant.plant.refuse_unstable", lambda *_: None)
     plant = Plant(file)
     for servo in plant.axes:
@@ -70,7 +70,7 @@ def test_a_load_inertia_that_is_far_too_large_is_refused_with_the_largest_that_h
 def test_the_bound_is_where_the_simulated_axis_begins_to_oscillate(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """At joint 6, whose inertia hardly depends on where the arm stands."""
+    """Joint 6, whose inertia hardly depends on the arm's configuration."""
     with pytest.raises(Unstable) as caught:
         Plant(with_drive(5, load_inertia=1e4))
     most = bound_in(str(caught.value))

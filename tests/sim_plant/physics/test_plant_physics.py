@@ -1,4 +1,4 @@
-"""The plant as a whole: energy, payload, and that the same seed gives the same bytes."""
+"""The plant as a whole: energy, payload, and reproducibility by the seed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ STEEL_DISC = Payload(mass=10.86, centre=(0.0, 0.0, 0.14), Ixx=0.02584, Iyy=0.025
 
 
 def real_links() -> PlantFile:
-    """The manutec-r15 with links that have a mass, so that Pinocchio knows their energy."""
+    """Return the manutec-r15 with link masses, so that Pinocchio can compute their energy."""
     file = load_plant_file("manutec-r15")
     masses, offsets = (80.0, 40.0, 30.0, 15.0, 6.0, 3.0), (-0.2, 0.2, 0.1, -0.3, 0.05, 0.1)
     axes = tuple(
@@ -43,7 +43,7 @@ def real_links() -> PlantFile:
 
 
 def free_arm(step: float, torque: Array) -> Plant:
-    """No friction, no ripple; motors that give a constant torque whatever the arm does."""
+    """Return an arm without friction and ripple, with constant motor torques."""
     plant = Plant(
         real_links().model_copy(update={"step": step, "noise": Noise(torque=0.0, ripple=0.0)})
     )
@@ -60,7 +60,7 @@ def free_arm(step: float, torque: Array) -> Plant:
 
 
 def energy(plant: Plant) -> float:
-    """Kinetic, motors included, and potential [J], by Pinocchio."""
+    """Return kinetic energy, including motors, and potential energy [J], by Pinocchio."""
     model = pin.Model()
     for k, axis in enumerate(plant.file.axes):
         about_x = pin.utils.rotate("x", math.radians(axis.frame.alpha_deg))
@@ -176,7 +176,7 @@ def test_the_gears_transmit_what_the_arm_takes_and_the_motors_the_rest(manutec: 
 
 
 def session(plant: Plant, pieces: list[float]) -> bytes:
-    """All axes moving; every reading and the whole state."""
+    """Return every reading and the whole state of a motion of all axes."""
     for servo, axis in zip(plant.axes, plant.file.axes, strict=True):
         per_rad = axis.drive.gear_ratio * axis.drive.increments / math.tau
         servo.enable()
@@ -212,7 +212,7 @@ def test_the_seed_is_the_plant_files_by_default() -> None:
 @settings(deadline=None, max_examples=25)
 @given(h.lists(h.integers(0, 40_000), min_size=1, max_size=12))
 def test_time_in_pieces_is_time_at_once(quarters: list[int]) -> None:
-    """In quarters of a step, as pieces need not be whole steps."""
+    """Pieces of a quarter of a step, since pieces need not be whole steps."""
     whole, pieces = load_plant("manutec-r15"), load_plant("manutec-r15")
     step = whole.file.step
     at_once = session(whole, [sum(quarters) * step / 4])

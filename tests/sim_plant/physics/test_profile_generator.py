@@ -25,7 +25,7 @@ TRAPEZOIDS = {
 
 
 def corners(p: float, v: float, segments: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Position and velocity at the beginning and after every segment."""
+    """Return position and velocity at the beginning and after every segment."""
     found = [(p, v)]
     for duration, a in segments:
         p, v = p + v * duration + a * duration**2 / 2, v + a * duration
@@ -60,7 +60,9 @@ def test_every_trapezoid_ends_at_rest_at_its_target_and_keeps_its_limits(
 def test_no_time_is_lost(
     p: float, v: float, target: float, velocity: float, acceleration: float, deceleration: float
 ) -> None:
-    """As fast as allowed, or never at constant speed; a turn only where braking comes too late."""
+    """As fast as permitted, or without constant speed; the axis reverses only if braking is too
+    late.
+    """
     *turn, change, cruise, braking = trapezoid(p, v, target, velocity, acceleration, deceleration)
     path = corners(p, v, [*turn, change, cruise, braking])
     assume(abs(target - path[len(turn)][0]) > 1e-6)
@@ -76,7 +78,7 @@ def test_no_time_is_lost(
 
 
 class Desk:
-    """Joint 1 of the plant in SI."""
+    """Joint 1 of the plant in SI units."""
 
     def __init__(self) -> None:
         self.plant: Plant = load_plant("manutec-r15")

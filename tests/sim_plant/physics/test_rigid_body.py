@@ -36,7 +36,7 @@ PINOCCHIO = [0, 1, 2, 3, 4, 7, 5, 8, 9, 6]
 
 
 class Arm(NamedTuple):
-    """What `forward_dynamics` wants to know."""
+    """Arguments of `forward_dynamics`."""
 
     joints: tuple[int, ...]
     frames: Array
@@ -53,7 +53,9 @@ def truth() -> Arm:
 
 
 def random_arm(n: int, rng: np.random.Generator, kinds: Array | None = None) -> Arm:
-    """Real bodies on frames that point anywhere; joints turn unless `kinds` says otherwise."""
+    """Return real bodies on frames of any orientation; joints
+    are revolute unless `kinds` differs.
+    """
     alpha = rng.uniform(-np.pi, np.pi, n)
     d, r = rng.uniform(-1.0, 1.0, (2, n))
     frames = np.column_stack(
@@ -79,7 +81,7 @@ def random_arm(n: int, rng: np.random.Generator, kinds: Array | None = None) -> 
 
 
 def pinocchio_model(arm: Arm) -> pin.Model:
-    """The same frames; links where they have a mass."""
+    """Return the same frames; links with a mass have it."""
     model = pin.Model()
     model.gravity.linear = arm.gravity
     for k, (ca, sa, *origin) in enumerate(arm.frames):
@@ -146,7 +148,7 @@ def test_arms_that_slide_and_turn_from_any_angle_move_as_pinocchios(n: int, seed
 def test_accelerations_of_the_truth_are_those_of_pinocchios_regressor(
     truth: Arm, seed: int
 ) -> None:
-    """Its links have no mass, so that Pinocchio takes them as parameters only."""
+    """Its links have no mass, so Pinocchio accepts them as parameters only."""
     rng = np.random.default_rng(seed)
     model = pinocchio_model(truth)
     q, qd, tau = rng.uniform(-3.0, 3.0, (3, 6)) * np.array([[1.0], [1.0], [300.0]])

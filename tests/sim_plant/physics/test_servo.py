@@ -28,7 +28,7 @@ def machine(**changes: object) -> Plant:
 
 
 def move(plant: Plant, i: int, target: float, velocity: float, acceleration: float) -> None:
-    """Joint side, SI."""
+    """Move an axis, given joint values in SI units."""
     scale = INCREMENTS_PER_RAD[i]
     goal = DIRECTION[i] * target * scale + ZERO[i]
     plant.axes[i].move(goal, velocity * scale, acceleration * scale, acceleration * scale)
@@ -39,7 +39,7 @@ def read(plant: Plant) -> list[Reading]:
 
 
 def events_of(plant: Plant) -> list[tuple[float, int, AxisEvent]]:
-    """Grows as the plant reports: instant [s], axis, events."""
+    """Return a growing list of the plant's events: instant [s], axis, events."""
     seen: list[tuple[float, int, AxisEvent]] = []
     plant.handle_event = lambda axis, bits: seen.append((plant.time, axis, AxisEvent(bits)))
     return seen
@@ -263,7 +263,9 @@ def test_current_noise_is_white_with_a_quarter_of_a_percent_of_peak_torque() -> 
 def test_a_servo_that_moves_evenly_works_against_the_ripple_of_its_motor(
     other: OtherRipple | None,
 ) -> None:
-    """Orders 1, 2 and 6 of the motor's angle, each with 0.3 % of peak torque, and one at will."""
+    """Orders 1, 2 and 6 of the motor's angle, each with 0.3 % of peak torque, and one chosen by the
+    test.
+    """
     plant = machine(noise=Noise(torque=0.0, other_ripple=other), drift=False)
     move(plant, 0, 2.0, 0.01, 1.0)  # slow, so that the velocity loop keeps the speed
     plant.advance(1.0)

@@ -1,4 +1,4 @@
-"""Soft gears, backlash and a lagging current: each does what its key in the plant file says."""
+"""Elastic gears, backlash and a lagging current have the effects stated in the plant file."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ from sim_plant.plant import Plant
 from sim_plant.plant_file import Drive, Noise, load_plant_file
 
 SOFT = (570e3, 570e3, 240e3, 20e3, 10e3, 20e3)
-"""Gears on which the arm oscillates at some 20 Hz and the hand at some 40 Hz [N m/rad]."""
+"""Stiffness of gears at which the arm oscillates at about 20 Hz and the hand at about 40 Hz [N
+m/rad].
+"""
 ELBOW = 2
-"""Joint 3, on which the weight of the forearm acts."""
+"""Joint 3, which carries the weight of the forearm."""
 
 
 def machine(drive=None, position=(0, 0, 0, 0, 0, 0), **changes):
-    """The manutec-r15, noiseless and switched on; `drive` gives each axis's own keys."""
+    """Return the manutec-r15, noiseless and switched on; `drive` gives each axis's own keys."""
     file = load_plant_file("manutec-r15")
     axes = tuple(
         axis.model_copy(
@@ -44,7 +46,7 @@ def soft(**own):
 
 
 def swing(plant, i, angle):
-    """Move one axis by `angle` [rad] and yield at every step of the way."""
+    """Move one axis by `angle` [rad] and yield at every step of the motion."""
     per_rad = plant.const[i, st.COUNTS_PER_RAD]
     zero = plant.const[i, st.ZERO]
     goal = (plant.profile[i, st.DEMAND] + angle) * per_rad + zero
@@ -55,7 +57,7 @@ def swing(plant, i, angle):
 
 
 def angle_behind(plant):
-    """By how much the motors are ahead of the links [rad]."""
+    """Return the angle by which the motors are ahead of the links [rad]."""
     return plant.state[:, st.Q] - plant.flaws[:, fl.LINK_Q]
 
 

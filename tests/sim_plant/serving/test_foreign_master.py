@@ -1,4 +1,4 @@
-"""A session by a master that is not ours: canopen's, over the plant's own bus and a stock one.
+"""Session of canopen's independent master, over the plant's own bus and a stock one.
 
 Nothing of the driver takes part. Where an answer comes from another thread, an SDO read after it
 is the barrier: frames keep their order.
@@ -31,7 +31,7 @@ LSS_MASTER, LSS_SLAVE, TIME, GUARD = 0x7E5, 0x7E4, 0x100, 0x700
 def master(
     request: pytest.FixtureRequest, ideal_channel: str, ideal_machine: IdealMachine
 ) -> Iterator[canopen.Network]:
-    """canopen's network with a remote node for each drive."""
+    """Network of canopen with a remote node for each drive."""
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.02
     if request.param == "sim_plant":
@@ -59,7 +59,7 @@ def _with_nodes(network: canopen.Network) -> Iterator[canopen.Network]:
 
 @pytest.fixture
 def patient_402(monkeypatch: pytest.MonkeyPatch) -> None:
-    """canopen's drive profile waits for a slow machine, too."""
+    """Let canopen's drive profile wait for a slow machine."""
     for name in (
         "RESET_FAULT",
         "SWITCH_OP_MODE",
@@ -71,7 +71,7 @@ def patient_402(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def sync(master: canopen.Network, count: int = 1) -> None:
-    """Send SYNCs one by one and wait until each was answered."""
+    """Send SYNCs one by one and wait for the answers to each."""
     for _ in range(count):
         master.sync.transmit()
         barrier(master)
@@ -221,7 +221,7 @@ def test_a_lost_heartbeat_of_the_master_is_a_fault_that_it_can_reset(
     assert node.sdo[0x1001].raw == 0x11  # pre-operational by now: SDO only
     master.send_message(0x77F, b"\x05")
     node.nmt.state = "OPERATIONAL"
-    for word in (0x00, 0x80):  # its own reset_from_fault waits for a TPDO that SYNC must call
+    for word in (0x00, 0x80):  # its own reset_from_fault waits for a TPDO triggered by SYNC
         node.controlword = word
     sync(master)
     assert not node.is_faulted()

@@ -1,4 +1,4 @@
-"""Pushes that come from outside, beside the bus."""
+"""Pushes from outside, independent of the bus."""
 
 from __future__ import annotations
 

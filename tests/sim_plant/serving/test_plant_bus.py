@@ -1,4 +1,4 @@
-"""The plant as a python-can interface, shared channels, and the plant served on another bus."""
+"""The plant as a python-can interface, shared channels, and the plant on another bus."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_an_interrupt_at_any_moment_of_a_frame_leaves_the_channel_usable(
     for moment in itertools.count():
         if not interrupted_while_sending(bus, moment):
             break
-        # in a thread: a lock that was left locked would have the test wait for ever
+        # in a thread: a lock left behind would block the test forever
         later = threading.Thread(target=bus.send, args=(SYNC,), daemon=True)
         later.start()
         later.join(10)
@@ -85,7 +85,9 @@ def test_an_interrupt_at_any_moment_of_a_frame_leaves_the_channel_usable(
 
 
 def interrupted_while_sending(bus: can.BusABC, moment: int) -> bool:
-    """Send a SYNC with an interrupt after so many calls; whether there were as many."""
+    """Send a SYNC with an interrupt after this number of calls;
+    return False if there were fewer.
+    """
     left = moment
 
     def count(_frame: object, event: str, _argument: object) -> None:
@@ -146,7 +148,7 @@ def test_filters_hold(bus: can.BusABC) -> None:
 def test_recv_waits_no_longer_than_its_timeout(bus: can.BusABC) -> None:
     begin = time.monotonic()
     assert bus.recv(0.05) is None
-    assert 0.04 < time.monotonic() - begin < 30.0  # a busy machine, not for ever
+    assert 0.04 < time.monotonic() - begin < 30.0  # waits for a busy machine, but not forever
 
 
 def test_recv_wakes_up_when_another_thread_sends(bus: can.BusABC) -> None:
@@ -335,7 +337,7 @@ def test_a_fault_plan_goes_wrong_on_the_bus(tmp_path: Path) -> None:
 
 
 def read_object(bus: PlantBus, node: int, index: int) -> bytes | None:
-    """Upload an object by SDO; None where there is none."""
+    """Upload an object by SDO; return None if it is missing."""
     request = struct.pack("<BHB4x", 0x40, index, 0)
     bus.send(can.Message(arbitration_id=0x600 + node, data=request, is_extended_id=False))
     while (frame := bus.recv(0)) is not None:

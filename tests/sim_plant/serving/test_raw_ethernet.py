@@ -1,4 +1,4 @@
-"""The server of EtherCAT frames: what comes in goes through the slaves and out again."""
+"""Server of EtherCAT frames: received frames pass the slaves and are sent back."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ COMING, LEAVING = 0, 4
 
 
 class Wire:
-    """A cable with some frames on it; the last one stops the server."""
+    """Cable with some frames on it; the last one stops the server."""
 
     def __init__(self, stop: threading.Event, frames: list[tuple[bytes, int]], fails: int) -> None:
         self.sent: list[bytes] = []
         self._frames, self._stop, self._fails = frames, stop, fails
         self.ours, self.theirs = socket.socketpair()
-        self.theirs.send(b"!")  # there is always something to read
+        self.theirs.send(b"!")  # always readable
 
     def close(self) -> None:
         self.ours.close()

@@ -1,4 +1,6 @@
-"""Virtual twins: whatever the robot, its plant is a machine, and its files agree with its own."""
+"""Virtual twins of any robot: the plant is physically valid, and
+its files agree with the robot's.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,7 @@ MANUTEC = Path(__file__).parents[3] / "hil" / "robots" / "manutec-r15.yaml"
 
 @pytest.fixture(scope="module", params=[*N_BASE, "manutec-r15"])
 def robot(request: pytest.FixtureRequest) -> Path:
-    """Robot files of all kinds; the manutec-r15's leaves parameters out and ties two."""
+    """Robot files of all kinds; the manutec-r15's omits parameters and ties two."""
     return MANUTEC if request.param == "manutec-r15" else ROBOTS / f"{request.param}.yaml"
 
 
@@ -56,7 +58,7 @@ def plant(folder: Path) -> Plant:
 
 
 def changed(folder: Path, name: str, *changes: tuple[str, str]) -> Path:
-    """A robot file with changes."""
+    """Return a robot file with changes."""
     text = (ROBOTS / f"{name}.yaml").read_text()
     for old, new in changes:
         assert old in text
@@ -94,7 +96,7 @@ def test_the_plant_has_parameters_that_the_robot_can_have(robot: Path, folder: P
 def test_the_plant_weighs_what_the_identification_s_model_says(
     robot: Path, folder: Path, plant: Plant
 ) -> None:
-    """Two programs that share nothing: frames, kinds of joints, gravity and bodies agree."""
+    """Independent programs agree on frames, kinds of joints, gravity and bodies."""
     described = Robot.load(robot)
     p = true_parameters(described, folder / "plant.yaml")
     for q in configurations(build.reach(plant.file), 5):
@@ -103,7 +105,7 @@ def test_the_plant_weighs_what_the_identification_s_model_says(
 
 
 def test_the_links_are_bodies(plant: Plant) -> None:
-    """M(q) without any motor is positive definite, so that the motors lend nothing."""
+    """M(q) without any motor is positive definite, so that the motors hide nothing."""
     for q in configurations(build.reach(plant.file), 50):
         own = mass_matrix(plant._arm, q)
         moved = np.abs(own).max(axis=0) > 0
@@ -111,7 +113,7 @@ def test_the_links_are_bodies(plant: Plant) -> None:
 
 
 def test_no_axis_is_overloaded_by_gravity_and_acceleration(plant: Plant) -> None:
-    """With motor and friction, at the share of the acceleration limit that plans use."""
+    """With motor and friction, at the plans' share of the acceleration limit."""
     drives = [axis.drive for axis in plant.file.axes]
     limit = np.array([drive.peak_torque for drive in drives])
     motor = np.array([0.6 * d.acceleration_max * d.motor_inertia for d in drives])
@@ -124,7 +126,7 @@ def test_no_axis_is_overloaded_by_gravity_and_acceleration(plant: Plant) -> None
 
 
 def test_every_axis_has_something_to_find(plant: Plant) -> None:
-    """Links take a part of the torque limit that noise and friction leave visible."""
+    """Links take a part of the torque limit that friction and noise leave visible."""
     limit = np.array([axis.drive.peak_torque for axis in plant.file.axes])
     faster = np.array([axis.drive.acceleration_max for axis in plant.file.axes])
     most = np.zeros(len(limit))
@@ -220,7 +222,7 @@ def test_nothing_is_written_over(tmp_path: Path) -> None:
 
 
 def test_serving_needs_no_command() -> None:
-    """As ever: python -m sim_plant --interface ... --channel ..."""
+    """Serve by python -m sim_plant --interface ... --channel ..."""
     result = CliRunner().invoke(app, ["--interface", "nowhere", "--channel", "c"])
     assert result.exit_code == 1
     assert "nowhere" in result.output
@@ -243,7 +245,7 @@ def test_nothing_else_is_evaluated(text: str) -> None:
 def test_a_plant_with_another_gear_than_its_drives_file_is_refused_before_anything_moves(
     folder: Path, tmp_path: Path
 ) -> None:
-    """Gear 101 for 100: the drives state their own gear, so nobody need notice it later."""
+    """Gear 101 instead of 100: the drives state their own gear, so nobody would notice it later."""
     text = (folder / "plant.yaml").read_text()
     stated = re.search(r"gear_ratio: ([\d.]+)", text)
     assert stated

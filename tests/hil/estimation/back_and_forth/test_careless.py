@@ -1,4 +1,4 @@
-"""Strokes that are of no use, or of less use than they seem: one message each, with the remedy."""
+"""Unsuitable strokes: one message each, with the remedy."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ROBOT = arm()
 def ways(forth: tuple[float, float], back: tuple[float, float], speeds: tuple[float, float]) -> (
     tuple[FreeMotion, Recording]
 ):  # fmt: skip
-    """Two pairs of strokes of axis 2 at constant speeds, and the ways from one to the next."""
+    """Two pairs of strokes of axis 2 at constant speeds, and the motions between them."""
     stretches, numbers, at = [], [], forth[0]
     for number in range(4):
         (begin, end), speed = ((forth, speeds[0]), (back, speeds[1]))[number % 2]
@@ -47,7 +47,7 @@ def ways(forth: tuple[float, float], back: tuple[float, float], speeds: tuple[fl
 
 
 def refused(*data: tuple[FreeMotion, Recording]) -> str:
-    """What is said of them."""
+    """Return the message of the refusal."""
     with pytest.raises(NotEnoughData) as caught:
         estimate(ROBOT, list(data), NAME)
     return str(caught.value)
@@ -125,7 +125,7 @@ def test_another_axis_that_moves_too_is_accounted_for_and_stated() -> None:
 
 
 def _rates(q: Array, added: list[Array] | None) -> list[Array]:
-    """Smooth velocities and accelerations of counted positions, and what is added to them."""
+    """Return smooth velocities and accelerations of counted positions, and their errors."""
     half = 6
     qd = np.gradient(q, PERIOD, axis=0)
     kernel = np.ones(2 * half + 1) / (2 * half + 1)

@@ -1,4 +1,4 @@
-"""Which unknowns normal equations determine, and what they stand for."""
+"""Identifiable unknowns of normal equations, and the combinations they represent."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from hil.estimation.back_and_forth.excitation import excitation
 
 MANY = 1e12
-"""Sum of squares of torques beside which noise is nothing."""
+"""Sum of squares of torques far above the noise."""
 
 
 def columns(seed: int, n: int = 5, decades: float = 3.0) -> np.ndarray:
-    """Columns whose sizes differ by up to twice as many decades."""
+    """Columns whose magnitudes span up to twice this number of decades."""
     rng = np.random.default_rng(seed)
     return rng.standard_normal((50, n)) * 10.0 ** rng.uniform(-decades, decades, n)
 
@@ -30,14 +30,14 @@ def test_independent_columns_are_all_kept_as_they_are(seed: int) -> None:
 def test_a_combination_is_kept_out_and_the_kept_stand_for_its_share(
     seed: int, share: float
 ) -> None:
-    # squares of columns 1e4 times as long as others hold the sum of both up to rounding only
+    # squares of columns 1e4 times as large hold the sum of both up to rounding only
     W = columns(seed, decades=1.5)
     W[:, 3] = share * W[:, 1] + W[:, 0]
     found = excitation(W.T @ W, 4, MANY)
     assert len(found.kept) == 3
     p = np.array([1.0, -2.0, 3.0, 0.5])
     torque = W[:, :4] @ p
-    # parts below a thousandth of a column are left out of what it stands for
+    # parts below a thousandth of a column are omitted from the combination
     tolerance = 5e-3 * float(abs(W[:, :4] * p).max())
     np.testing.assert_allclose(W[:, :4] @ (found.combination @ p), torque, atol=tolerance)
     np.testing.assert_array_equal((found.combination @ p)[found.lost], 0.0)
@@ -45,7 +45,7 @@ def test_a_combination_is_kept_out_and_the_kept_stand_for_its_share(
 
 @pytest.mark.parametrize("times", [1.8e7, 1e5, 30.0])
 def test_of_parameters_that_look_alike_the_one_that_shows_is_kept(times: float) -> None:
-    """Not p30 for p30 + 1.8e7 p35, whose value is no mass moment of any body."""
+    """Keep p30, not p30 + 1.8e7 p35, whose value is no mass moment of any body."""
     W = columns(3)
     W[:, 2] = W[:, 0] / times
     found = excitation(W.T @ W, 4, MANY)
@@ -54,7 +54,7 @@ def test_of_parameters_that_look_alike_the_one_that_shows_is_kept(times: float) 
 
 
 def test_a_parameter_that_would_stand_for_one_that_is_not_kept_is_not_either() -> None:
-    """Of two columns alike the difference is lost in noise; a third one is tiny, and shows it."""
+    """The difference of two equal columns is lost in noise; a tiny third column depends on it."""
     W = columns(4)
     difference = 1e-3 * np.linspace(-1.0, 1.0, 50) * W[:, 1]
     W[:, 3] = W[:, 1] + difference
@@ -72,7 +72,7 @@ def test_what_nuisance_explains_is_not_kept() -> None:
 
 
 def test_what_noise_would_decide_is_not_kept() -> None:
-    """A column that differs from another one by less than shows in the torque."""
+    """A column whose difference from another one is below the resolution of the torque."""
     W = columns(2)
     W[:, 3] = W[:, 1] * (1.0 + 1e-3 * np.linspace(-1.0, 1.0, 50))
     assert len(excitation(W.T @ W, 4, MANY).kept) == 4

@@ -1,4 +1,4 @@
-"""Base parameters and curves of friction from strokes of one axis at a time."""
+"""Base parameters and friction curves from strokes of one axis at a time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROBOT = arm()
 
 
 def steady(qd: Array, time: Array, load: Array) -> Array:
-    """The curve of `curved`, without drift and load."""
+    """Curve of `curved`, without drift and load."""
     return curved(qd, np.full_like(time, np.inf), 0.0 * load)
 
 
@@ -81,7 +81,7 @@ def test_no_odd_friction_shifts_anything(
 
 
 def test_friction_that_wears_off_steadily_is_no_gravity() -> None:
-    """A stroke back always comes later: without its trend, friction would pass for gravity."""
+    """A backward stroke always comes later: without a trend, friction would pass for gravity."""
 
     def trend(qd: Array, time: Array, _: Array) -> Array:
         return np.asarray(np.sign(qd) * (20.0 - 0.5 * time)[:, np.newaxis])
@@ -118,7 +118,7 @@ def test_what_strokes_do_not_show_is_kept_out_and_the_rest_stands_for_sums() -> 
 def test_uncertain_drives_make_parameters_uncertain() -> None:
     robot = arm(torque_constant_uncertainty=0.02)
     found = estimate(robot, campaign(robot, TRUTH), NAME)
-    # all torques of both axes by 2 %: gravity of the outer axis follows that of the axis
+    # all torques of both axes by 2 %: gravity of the outer axis scales like that of this axis
     assert np.sqrt(found.drive_covariance[4, 4]) == pytest.approx(0.02 * TRUTH[4], rel=0.3)
 
 
@@ -141,7 +141,7 @@ def test_free_motions_among_them_are_passed_over_and_named() -> None:
 
 
 def test_friction_is_curved_enough_to_matter() -> None:
-    """The tests above would pass with Coulomb and viscous friction as well; this is neither."""
+    """Otherwise the tests above would pass with Coulomb and viscous friction as well."""
     speeds = np.linspace(0.1, 2.0, 20)[:, np.newaxis]
     friction = curved(speeds, np.zeros(20), np.zeros((20, 1)))
     line = np.polyfit(speeds[:, 0], friction[:, 0], 1)

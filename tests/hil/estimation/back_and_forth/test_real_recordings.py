@@ -1,4 +1,4 @@
-"""The recording of a real carriage that goes back and forth, where it is at hand."""
+"""Recording of a real carriage that moves back and forth, if available."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_mass_and_friction_are_the_published_ones(tmp_path: Path) -> None:
     (curve,) = fit.curves
     assert curve.plain["Coulomb"].value == pytest.approx(20.39, rel=0.03)
     assert curve.plain["viscous"].value == pytest.approx(203.5, rel=0.03)
-    # the curve itself departs from that straight line
+    # the curve itself deviates from the straight line
     for point in curve.points:
         assert point.friction == pytest.approx(20.39 + 203.5 * point.speed, rel=0.06)
     assert fit.overall_residual < 0.037

@@ -1,4 +1,4 @@
-"""What other laws of friction and dead zones would have found counts in the covariance."""
+"""The covariance includes the spread of results among alternative friction laws and dead zones."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ N_BASE = len(TRUTH)
 
 
 def covariance(friction: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Of the arm's unknowns from one choice to another."""
+    """Return the covariance of the arm's unknowns between choices."""
     robot, data = arm(), recorded(arm(), TRUTH, friction, noise=0.05)
     gathered = gather(robot, data, VARIANTS[DEFAULT])
     return covariance_of_choices(gathered.products, gathered.choice)
@@ -29,7 +29,7 @@ def covariance(friction: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def strange() -> np.ndarray:
-    """With a friction that no law holds."""
+    """Recordings with friction outside all laws."""
     return covariance(
         lambda qd: COULOMB * np.sign(qd) * (1 + 0.6 * np.exp(-((qd / 0.15) ** 2))) + np.sin(6 * qd)
     )

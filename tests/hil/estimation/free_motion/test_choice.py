@@ -1,4 +1,4 @@
-"""Laws of friction and dead zones are chosen by what they predict of held-out blocks."""
+"""Friction laws and dead zones are chosen by prediction of held-out blocks."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def motion_of(recording: Recording) -> tuple[Array, Array, Array]:
-    """Smooth positions of a recording without noise of the position, and their derivatives."""
+    """Return smooth positions of a noiseless recording, and their derivatives."""
     qd = np.gradient(recording.q, recording.time, axis=0)
     return recording.q, qd, np.gradient(qd, recording.time, axis=0)
 
@@ -69,7 +69,7 @@ def test_a_few_blocks_call_for_nothing_richer_than_the_usual() -> None:
 
 def test_an_alternative_that_is_not_certainly_better_itself_is_not_chosen() -> None:
     usual = np.full(8, 1.0)
-    # gains by chance, which the best one does not certainly beat, and gains of every block
+    # gains by chance, with no certain advantage of the best one, and gains in every block
     poor = usual - np.array([0.9, -0.5, 0.6, -0.7, 0.9, -0.8, 0.8, -0.6])
     rich = usual - np.array([0.30, 0.35, 0.25, 0.30, 0.40, 0.30, 0.20, 0.35])
     assert simplest({"usual": usual, "poor": poor, "rich": rich}) == "rich"
@@ -83,7 +83,7 @@ def test_fewer_than_six_blocks_show_nothing(n_blocks: int) -> None:
 
 
 def test_no_friction_at_all_is_no_alternative_to_the_classical_law() -> None:
-    # a bad block would make any difference chance
+    # a bad block would make any difference insignificant
     found = estimate(arm(), recorded(arm(), TRUTH, np.zeros_like, n=1), "free motion").details
     assert found is not None
     assert {axis.law for axis in found.axes} == {"Coulomb and viscous"}
@@ -111,7 +111,7 @@ def test_textbook_friction_gets_the_textbook_law(seed: int) -> None:
 
 
 def test_friction_of_the_load_takes_a_share_of_it_or_is_none() -> None:
-    # a torque that falls with the load is no friction of a gear
+    # torque that decreases with load is no gear friction
     def tau(share: float) -> list[str]:
         data = recorded(arm(), TRUTH, n=2)
         for _, recording in data:
@@ -149,7 +149,7 @@ def test_friction_as_simple_as_it_is_keeps_the_simple_law() -> None:
 
 
 def test_a_law_whose_terms_an_axis_does_not_show_is_not_tried() -> None:
-    """Behind an unknown gear there is no ripple, so laws with it are those without."""
+    """An unknown gear ratio excludes ripple, so laws with ripple equal those without."""
     robot = arm(geared=False)
     p = np.ones(len(base_parameters(robot)))
     found = estimate(robot, recorded(robot, p), "free motion").details
@@ -171,7 +171,7 @@ def test_a_degressive_friction_gets_a_law_that_is() -> None:
 
 
 def presliding(qd: np.ndarray) -> np.ndarray:
-    """Friction that rises steeply from nothing."""
+    """Recordings with friction that rises steeply from zero velocity."""
     return 12.0 * np.sign(qd) * np.tanh((qd / 0.03) ** 4)
 
 
@@ -192,7 +192,7 @@ def test_a_presliding_that_no_law_holds_gets_a_dead_zone_and_counts_as_residual(
     with_zone = estimate(arm(), recorded(arm(), TRUTH, presliding), "free motion")
     without = estimate(arm(), recorded(arm(), TRUTH, presliding), "weighted least squares")
     assert with_zone.details.dead_zone > 0
-    # scored at all speeds, what was left out of the fit counts
+    # the score includes speeds omitted from the fit
     assert (with_zone.residual > 0.9 * without.residual).all()
     error, of_all = (np.linalg.norm(found.p - TRUTH) for found in (with_zone, without))
     assert error < of_all

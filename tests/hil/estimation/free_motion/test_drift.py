@@ -1,4 +1,4 @@
-"""Friction whose level changes while one measures."""
+"""Friction whose level drifts during the measurement."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ DURATION = 130.0
 
 
 def falling(t: np.ndarray) -> np.ndarray:
-    """Level of the first axis, that of the second being 1."""
+    """Return the level of the first axis; the second one has 1."""
     return 1.3 - 0.6 * t / DURATION
 
 
 def drifting(level: Callable[[np.ndarray], np.ndarray], duration: float = DURATION) -> FreeRecorded:
-    """One recording in which friction but for its offset has some level over time."""
+    """One recording whose friction, except the offset, has a given level over time."""
     ((motion, each),) = recorded(arm(), TRUTH, lambda qd: 0 * qd, n=1, duration=duration)
     qd = np.gradient(each.q, PERIOD, axis=0)
     size = np.column_stack([level(each.time), np.ones(len(qd))])

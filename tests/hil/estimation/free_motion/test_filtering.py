@@ -1,4 +1,4 @@
-"""The low-pass: what it keeps, what it differentiates, and how far an end spoils it."""
+"""Low-pass filter: passband, derivatives, and edge effects."""
 
 from __future__ import annotations
 

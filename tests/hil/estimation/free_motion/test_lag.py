@@ -1,4 +1,4 @@
-"""Torques that are recorded later than positions: the lag of each axis is found and taken back."""
+"""Torque delay of each axis is estimated and compensated."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LAGS = np.array([0.004, 0.008])
 
 
 def lagging(seed: int, lags: np.ndarray = LAGS) -> list:
-    """Recordings whose torques come later by some lags, whole numbers of samples."""
+    """Recordings with torque delays of whole samples."""
     late = []
     for motion, each in recorded(arm(), TRUTH, seed=seed):
         columns = [np.roll(x, round(lag / PERIOD)) for x, lag in zip(each.tau.T, lags, strict=True)]

@@ -52,7 +52,7 @@ def test_uncertain_gains_are_carried_to_the_intervals() -> None:
     uncertain = arm(rotor_inertia=0.0, torque_constant_uncertainty=0.05)
     data = recorded(uncertain, TRUTH)
     found = estimate(uncertain, data, "least squares")
-    # all gains together scale all parameters
+    # a common factor of all gains scales all parameters
     assert found.drive_effect.sum(axis=1) == pytest.approx(0.05 * found.p, rel=1e-6, abs=1e-9)
     assert found.drive_covariance == pytest.approx(found.drive_effect @ found.drive_effect.T)
     exact = estimate(arm(rotor_inertia=0.0), data, "least squares")
@@ -174,7 +174,7 @@ def with_cut_off(data: FreeRecorded, cut_off: float) -> FreeRecorded:
 
 
 def test_the_default_leaves_no_more_than_weighted_least_squares_where_sensors_have_a_zero() -> None:
-    # axes that turn through small angles: weight is as constant there as the zero of a sensor
+    # small angles: weight is nearly constant there, like a sensor offset
     data = recorded(arm(), TRUTH, n=2, duration=12.0, noise=0.05)
     for _, recording in data:
         middle = np.array([1.0, 0.5])
@@ -192,7 +192,9 @@ def test_the_default_leaves_no_more_than_weighted_least_squares_where_sensors_ha
 
 
 def test_recordings_of_two_rates_are_kinds_of_their_own(robot: Robot) -> None:
-    """Each has its own filter; the parameters are of both, the settings of the fastest."""
+    """Each rate has its own filter; the parameters are common, the settings are those of the
+    fastest.
+    """
     whole = recorded(robot, TRUTH)
     slow = [(motion, thinned(recording, 2)) for motion, recording in whole[2:]]
     together = estimate(robot, [*whole[:2], *slow], "free motion")
@@ -204,6 +206,6 @@ def test_recordings_of_two_rates_are_kinds_of_their_own(robot: Robot) -> None:
 
 
 def thinned(recording: Recording, every: int) -> Recording:
-    """Every second sample, as a slower controller records."""
+    """Return every second sample, as a slower controller records."""
     names = [each.name for each in fields(Recording) if getattr(recording, each.name) is not None]
     return replace(recording, **{name: getattr(recording, name)[::every] for name in names})

@@ -1,4 +1,4 @@
-"""An unusual offset of friction that passes for weight makes both doubtful; others do not."""
+"""An unusual friction offset that resembles weight makes both doubtful."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ LAYOUT = Layout(("p1",), COLUMNS, axis_names(1))
 
 
 def unknowns(error: float, own: float) -> tuple[np.ndarray, np.ndarray]:
-    """One mass and the friction of its axis: both off by `error` [N], the offset by `own` more."""
+    """One mass and its axis's friction, both off by `error` [N],
+    the offset by `own` in addition.
+    """
     x = np.zeros(1 + len(COLUMNS))
     x[0], x[OFFSET], x[COULOMB] = 8.0 - error / G, error, FRICTION
     along = np.zeros(len(x))

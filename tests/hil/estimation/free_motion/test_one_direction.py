@@ -1,4 +1,4 @@
-"""An axis that moves in one direction only: Coulomb friction and an offset look alike there."""
+"""Motion in one direction only: Coulomb friction and offset cannot be distinguished."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 INERTIA, OFFSET, COULOMB, VISCOUS = 0.5, 0.3, 1.0, 1.0
 SPEEDS = 0.1 * np.arange(1, 11)
-"""Of the drive, one after the other [rad/s]."""
+"""Successive speeds of the drive [rad/s]."""
 HELD, RAMP = 2.5, 0.5
-"""How long each lasts [s], and the acceleration between them [rad/s^2]."""
+"""Duration of each speed [s], and the acceleration in between [rad/s^2]."""
 ROBOT = Robot.create(
     "drive",
     [
@@ -46,7 +46,7 @@ ROBOT = Robot.create(
 
 
 def driven(speeds: Array, rest: float = 0.0) -> tuple[FreeMotion, Recording]:
-    """A drive that holds speeds one after the other, and stands still before and after."""
+    """Motion of a drive through several constant speeds, with rest before and after."""
     parts, last = [np.zeros(round(rest / PERIOD))], 0.0
     for speed in (*speeds, 0.0):
         ramp = np.linspace(last, speed, round(abs(speed - last) / RAMP / PERIOD), endpoint=False)
@@ -101,7 +101,7 @@ def test_offset_and_coulomb_friction_are_stated_together(
 
 @pytest.mark.parametrize("cut_off", [20.0, 40.0, 62.5])
 def test_their_sum_is_certain_however_wide_the_band_is(cut_off: float) -> None:
-    """What other laws call an offset is no error of the sum, which all of them share."""
+    """Other laws only divide the sum differently, which is no error of the sum."""
     motion, recording = driven(SPEEDS, rest=3.0)
     found = estimate(ROBOT, [(motion.model_copy(update={"cut_off": cut_off}), recording)], DEFAULT)
     one_way = found.details.axes[0].one_way

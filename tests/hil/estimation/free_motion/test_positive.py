@@ -1,4 +1,6 @@
-"""Mass matrices that no bodies have are mended where the data allow it, and stated where not."""
+"""Mass matrices of impossible bodies are corrected within
+the uncertainty, and otherwise reported.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Friction after a reversal: its direction follows over a distance, which the motion shows."""
+"""Presliding: friction changes sign over a distance, which is estimated from the motion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hil.friction.direction import are_successive, friction_direction
 from hil.friction.law import friction_torque
 
 DISTANCE = 2e-3
-"""Of the arm's friction [rad]."""
+"""Presliding distance of the arm's friction [rad]."""
 
 
 @given(
@@ -64,7 +64,7 @@ def test_rows_in_reverse_are_no_motion() -> None:
 
 
 def with_presliding() -> list:
-    """Recordings of small motions whose friction follows over `DISTANCE`."""
+    """Recordings of small motions with friction that reverses over `DISTANCE`."""
     data = recorded(arm(), TRUTH, lambda qd: VISCOUS * qd, noise=0.1)
     slow = []
     for motion, each in data:

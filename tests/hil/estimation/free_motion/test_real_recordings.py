@@ -1,4 +1,4 @@
-"""Public recordings of real machines; skipped where they are not at hand."""
+"""Public recordings of real machines; skipped if unavailable."""
 
 from __future__ import annotations
 
@@ -128,8 +128,10 @@ ONES = {
 
 
 KNOWN_LOSSES = {"motor torques with a counterbalance": [3]}
-"""Axes on which another motion is predicted worse by more than a fifth: a defect that is known.
-Presliding gains an eighth over all axes of the counterbalanced arm, and costs its third 1.203."""
+"""Axes with a known defect: the prediction error on another motion grows by more than a fifth.
+Presliding reduces the error of all axes of the counterbalanced arm by an eighth, but that of the
+third axis grows to 1.203 times.
+"""
 
 
 @pytest.mark.parametrize("name", ONES)
@@ -148,7 +150,7 @@ def test_the_default_leaves_no_more_than_weighted_least_squares(name: str, tmp_p
 
 
 def left(model: Model, run: Run) -> Array:
-    """Root mean square that a model leaves of each axis of a run [N m]."""
+    """Return the rms residual of a model for each axis of a run [N m]."""
     (measured,) = run
     return np.asarray(
         np.sqrt(np.mean(predict_recording(model, measured.recording).residual ** 2, 0))

@@ -1,4 +1,4 @@
-"""Cut-off frequency and source of velocities follow from the recordings."""
+"""Cut-off frequency and velocity source are chosen from the recordings."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_stretches_are_as_long_as_a_low_cut_off_needs() -> None:
         (motion.model_copy(update={"cut_off": 1.0}), each)
         for motion, each in recorded(arm(), TRUTH, n=1, duration=30.0) * 20
     ]
-    # twenty recordings share 150 s: 5 s of each, of which the low-pass would spoil all
+    # twenty recordings share 150 s; the low-pass would spoil all 5 s of each
     assert {round(each.n_samples * each.period) for each in survey(data).stretches} == {5}
     gathered = gather(arm(), data, VARIANTS[DEFAULT])
     assert all(motion.used.any() for motion in gathered.stretches)

@@ -1,4 +1,4 @@
-"""Slides along gravity: what no recording tells apart is said so, and the remedy works."""
+"""Vertical slides: indistinguishable parameters are reported, and the remedy works."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ UNKNOWN = {"gear_ratio": 1.0, "rotor_inertia": "unknown", "torque_constant": "un
 
 
 def lift(rotor_inertia="unknown", gravity=(0.0, 0.0, -G), axis=0):
-    """A slide and a joint that turns on it, in either order."""
+    """Slide and revolute joint on it, in either order."""
     limits = {
         "q_min": -3.0, "q_max": 3.0, "velocity_limit": 9.0, "acceleration_limit": 90.0,
         "torque_limit": 900.0,
@@ -38,7 +38,9 @@ def recordings(robot, truth):
 
 
 def truth_of(robot):
-    """Standard parameters of 30 kg on the slide, 8 kg of rotor and 5 kg that turn."""
+    """Return standard parameters of 30 kg on the slide, 8 kg of rotor and 5 kg on the revolute
+    joint.
+    """
     known = {"m": 30.0, "Izz": 0.9, "sx": 1.5, "sy": 0.4, "Ia": 8.0}
     standard = np.zeros(len(robot.standard_parameters))
     for number, name in enumerate(robot.standard_parameters):
@@ -66,7 +68,7 @@ def test_with_the_rotor_in_the_mass_torques_are_the_same_and_the_offset_has_its_
     q, qd, qdd = some_motion(np.arange(500) * 0.01, seed=7)
     expected = inverse_dynamics(unknown, truth_of(unknown), q, qd, qdd)
     torques = inverse_dynamics(zero, found.p, q, qd, qdd)
-    expected[:, 0] += 8.0 * G  # the weight that the offset of friction takes away again
+    expected[:, 0] += 8.0 * G  # weight compensated by the friction offset
     np.testing.assert_allclose(torques, expected, atol=0.02 * np.abs(expected).max(axis=0).max())
 
 

@@ -1,4 +1,4 @@
-"""Gears that give way: their compliances are found from imported recordings, and bias nothing."""
+"""Elastic gears: compliances are identified from imported recordings, and cause no bias."""
 
 from __future__ import annotations
 
@@ -21,11 +21,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 COMPLIANCE = np.array([5e-5, 2e-4])
-"""The arm swings with 5 and 8 Hz on either gear, its motion having up to 1 Hz [rad/(N m)]."""
+"""Compliance of each gear [rad/(N m)]: the arm resonates at 5 and 8 Hz,
+its motion has up to 1 Hz.
+"""
 
 
 def soft(seed: int) -> list:
-    """Recordings of motors whose arm hangs on gears that give way."""
+    """Recordings of motors whose arm is connected by elastic gears."""
     rng, found = np.random.default_rng(seed), []
     for k, (motion, each) in enumerate(recorded(arm(), TRUTH, seed=seed)):
         link = some_motion(each.time, seed + k)

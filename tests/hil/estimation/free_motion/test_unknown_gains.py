@@ -1,4 +1,4 @@
-"""Gains that a map leaves unknown are found with the parameters, or refused in words."""
+"""Unknown gains in a map are estimated with the parameters, or refused with a reason."""
 
 from __future__ import annotations
 

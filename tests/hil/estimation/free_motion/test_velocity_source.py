@@ -1,4 +1,4 @@
-"""Which velocity is taken, joint by joint, and what is stated of it."""
+"""Velocity source of each joint, and the reported choice."""
 
 from __future__ import annotations
 
@@ -25,7 +25,9 @@ CUT_OFF = 10.0
 
 
 def with_velocity(change: Callable[[Array, int], Array], of_position: float = 1e-3) -> FreeRecorded:
-    """Recordings of coarse positions; `change` makes recorded velocities of time and number."""
+    """Recordings of coarse positions; `change` computes recorded velocities
+    from time and number.
+    """
     data = recorded(arm(), TRUTH, of_position=of_position, n=3)
     return [
         (motion, replace(recording, qd=change(recording.time, seed)))
@@ -34,7 +36,7 @@ def with_velocity(change: Callable[[Array, int], Array], of_position: float = 1e
 
 
 def late(seconds: float) -> Callable[[Array, int], Array]:
-    """Velocities that come late, with a little noise."""
+    """Return delayed velocities with slight noise."""
 
     def shifted(time: Array, seed: int) -> Array:
         qd = some_motion(time - seconds, seed)[1]
