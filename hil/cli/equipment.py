@@ -74,7 +74,7 @@ def equip(command: Any, path: str) -> Any:
     command.epilog = epilog(path)
     parameters = command.get_params
     command.get_params = lambda context: name_types(parameters(context), context)
-    paragraphs = (command.help or "").split("\n\n")  # rich removes these blanks at line ends
+    paragraphs = (command.help or "").split("\n\n")  # rich would keep the line ends
     command.help = "\n\n".join(" ".join(each.split()) for each in paragraphs)
     for name, member in getattr(command, "commands", {}).items():
         equip(member, f"{path} {name}")

@@ -86,7 +86,7 @@ def carry_out(
     with locked(folder.path), interruptible(ended) as refuse_lost:
         try:
             last = _move(events, real_time, refuse_lost, display)
-        except (BrokenPipeError, SystemExit):  # rich converts an interrupt into another error
+        except (BrokenPipeError, SystemExit):  # rich raises SystemExit for a broken pipe
             report(f"the output was closed, the axes are off; {_describe_rest(folder)}")
             raise typer.Exit(1) from None
         except (DriveError, FileError) as error:

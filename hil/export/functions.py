@@ -80,7 +80,7 @@ def functions(model: Model) -> tuple[Function, ...]:
     """Return the functions with all required model parts identified."""
     has_friction = len(model.axes_without_friction) < model.robot.n_joints
     lack = ", ".join(map(str, model.axes_without_friction))
-    known = f"(unknown and left out for axis {lack})" if lack else ""
+    known = f" (unknown and left out for axis {lack})" if lack else ""
     parts = f"rigid bodies, motors{f' and friction{known}' if has_friction else '; no friction'}"
     found = [
         _made(model, "gravity", "Gravity torques g(q), with springs where there are any.", "q"),

@@ -310,7 +310,7 @@ def _describe_end(error: BaseException) -> lines.Line:
         isinstance(error, typer.Exit) and error.exit_code == STATUS
     ):
         return {"how": "stopped", "text": "stopped by the operator"}
-    # rich converts an interrupt into another error
+    # rich raises SystemExit for a broken pipe
     if isinstance(error, (BrokenPipeError, SystemExit)):
         return {"how": "stopped", "text": "nobody reads the output of the terminal"}
     return {"how": "failed", "text": str(error) or type(error).__name__}
