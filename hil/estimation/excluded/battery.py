@@ -430,9 +430,9 @@ class Battery:
     def _bias(self, noise: EncoderNoise, at: Indices) -> Array:
         """Return the expected bias of the scores of columns by encoder noise, shape (k,)."""
         names = self.columns.names
-        products = [noise.of_column(names[k]) for k in (*at, *self.given)]
+        products = [noise.column_products(names[k]) for k in (*at, *self.given)]
         own, given = np.split(np.column_stack(products), [len(at)], axis=1)
-        estimated = np.hstack([noise.of_parameters, given])
+        estimated = np.hstack([noise.parameter_products, given])
         weighted = self._D[:, at] * self._root[:, None]
         along = (self._coefficients @ (self._Q.T @ weighted))[: estimated.shape[1]]
         return -self.weights @ (own - estimated @ along)

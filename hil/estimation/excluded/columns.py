@@ -104,7 +104,7 @@ class Columns:
         return [k for k, name in enumerate(self.names) if name.cause in self.free]
 
 
-class Rows:
+class EvidenceRows:
     """Rows of the evidence, with the torque predicted by base parameters."""
 
     def __init__(
@@ -119,12 +119,12 @@ class Rows:
         self.motor = self._own(motor_torque(robot, self.q, self.qd, self.qdd))
         self._of_axis = -1, np.empty((3, 0))
 
-    def accelerated(self, joint: int) -> Rows:
+    def accelerated(self, joint: int) -> EvidenceRows:
         """Return the rows with one unit of acceleration more of a joint."""
         motion = self.evidence.motion.copy()
         motion[:, 2, :, joint] += 1.0
         moved = replace(self.evidence, motion=motion)
-        return Rows(self.robot, self.p, moved, self.whole_evidence)
+        return EvidenceRows(self.robot, self.p, moved, self.whole_evidence)
 
     def _own(self, x: Array) -> Array:
         return np.take_along_axis(x, self.evidence.axis[:, None], axis=1)[:, 0]
@@ -248,7 +248,7 @@ def columns(robot: Robot, p: Array, evidence: Evidence, free: Sequence[str] = FI
     p : ndarray, shape (n_base,)
         Base parameters for the torques.
     """
-    rows = Rows(robot, p, evidence)
+    rows = EvidenceRows(robot, p, evidence)
     gears = _soft(rows) if "soft gears" in free else ()
     return _gathered((*_columns(rows), *gears), evidence, free)
 
@@ -256,7 +256,9 @@ def columns(robot: Robot, p: Array, evidence: Evidence, free: Sequence[str] = FI
 def finer(robot: Robot, p: Array, evidence: Evidence, every: Columns, key: Key) -> Columns:
     """Replace the gaps of an axis by gaps close to `key`; return the new columns."""
     axis, microns = key[1], float(key[0].split()[1])
-    of_gaps = _gap_columns(Rows(robot, p, evidence), axis, (1e-6 * microns * FINER).tolist())
+    of_gaps = _gap_columns(
+        EvidenceRows(robot, p, evidence), axis, (1e-6 * microns * FINER).tolist()
+    )
     new, at = _gathered(of_gaps, evidence, every.free), every.gaps(axis)
     names, values = list(every.names), every.values.copy()
     for k, name in zip(at, new.names, strict=True):
@@ -277,7 +279,7 @@ def _gathered(
 
 def late(robot: Robot, p: Array, evidence: Evidence) -> Array:
     """Return the change of torque per ms of delay, by row."""
-    return -1e-3 * Rows(robot, p, evidence).time_derivative
+    return -1e-3 * EvidenceRows(robot, p, evidence).time_derivative
 
 
 def instants(evidence: Evidence) -> list[float]:
@@ -298,17 +300,17 @@ def across_gravity(robot: Robot) -> Array:
     return np.array([first, np.cross(down, first)])
 
 
-def _columns(rows: Rows) -> Iterator[tuple[Column, Array]]:
+def _columns(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:
     for axis in np.unique(rows.evidence.axis).tolist():
         yield from columns_of(rows, axis)
         yield from _gap_columns(rows, axis, HALF_GAPS)
     yield from columns_of(rows, -1)
 
 
-def columns_of(rows: Rows, axis: int) -> Iterator[tuple[Column, Array]]:
+def columns_of(rows: EvidenceRows, axis: int) -> Iterator[tuple[Column, Array]]:
     """Yield the columns of an axis, without those of backlash; -1 for the causes of all axes."""
     if axis < 0:
-        yield from _of_all_axes(rows)
+        yield from _common_columns(rows)
         return
     evidence, mine = rows.evidence, rows.evidence.axis == axis
     hours = (evidence.time - rows.whole_evidence.time.mean()) / 3600.0
@@ -339,7 +341,7 @@ def columns_of(rows: Rows, axis: int) -> Iterator[tuple[Column, Array]]:
             yield Column(cause, axis, "cosine"), mine * np.cos(order * q)
 
 
-def _of_all_axes(rows: Rows) -> Iterator[tuple[Column, Array]]:
+def _common_columns(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:
     robot, evidence = rows.robot, rows.evidence
     if np.ptp(evidence.axis):
         yield Column("torques of all axes", -1), -0.01 * rows.total
@@ -349,7 +351,7 @@ def _of_all_axes(rows: Rows) -> Iterator[tuple[Column, Array]]:
     yield from _load(rows)
 
 
-def _soft(rows: Rows) -> Iterator[tuple[Column, Array]]:
+def _soft(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:
     """Yield the column of each fitted compliance, per 1 % of the twist."""
     for axis in range(rows.robot.n_joints):
         moved = rows.twist(axis)
@@ -358,14 +360,14 @@ def _soft(rows: Rows) -> Iterator[tuple[Column, Array]]:
 
 
 def _gap_columns(
-    rows: Rows, axis: int, half_gaps: Sequence[float]
+    rows: EvidenceRows, axis: int, half_gaps: Sequence[float]
 ) -> Iterator[tuple[Column, Array]]:
     unit = np.pi / 180 if rows.robot.revolute[axis] else 1e-3
     for half_gap, column in zip(half_gaps, rows.backlash_torque(axis, half_gaps), strict=True):
         yield Column(f"play {1e6 * half_gap:.0f}", axis), unit / half_gap * column
 
 
-def _load(rows: Rows) -> Iterator[tuple[Column, Array]]:
+def _load(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:
     """Yield columns of the last link's missing parameters, or of all for a later load."""
     robot, evidence = rows.robot, rows.evidence
     complete = robot.free_links([robot.n_joints - 1])
