@@ -67,7 +67,7 @@ def import_(
 ) -> None:
     """Import recordings of any robot into a run folder."""
     if (draft is None) == (not maps):
-        raise typer.BadParameter("give maps, or a recording with --draft: one of the two")
+        raise typer.BadParameter("give either maps, or a recording with --draft")
     if draft is not None:
         _draft(draft, output)
         return
@@ -174,8 +174,8 @@ def export(
         paths = _write_recordings(source, to, output, urdf, without)
     elif to not in SIMULATORS and (urdf or patch or masses):
         raise typer.BadParameter(
-            f"--urdf, --patch and --mass concern bodies, absent from {to}; use them with "
-            f"{' and '.join(SIMULATORS)}",
+            f"--urdf, --patch and --mass are for formats with rigid bodies, not for {to}; use "
+            f"them with {' and '.join(SIMULATORS)}",
             param_hint="--to",
         )
     else:

@@ -44,12 +44,12 @@ if TYPE_CHECKING:
     Display = Callable[[Console], AbstractContextManager[Take]]
 
 _LEARNING = (
-    "The axes follow a motion that the model has never seen. The coloured band about each predicted"
-    " torque becomes as wide as measured torques scatter."
+    "The axes follow a motion that was not used for the model. The coloured band about each "
+    "predicted torque becomes as wide as the scatter of measured torques."
 )
 _WATCHING = (
-    "Each measured torque is compared with its prediction. The band holds 95 % of what is normal;"
-    " torque that leaves it for long enough comes from outside."
+    "Each measured torque is compared with its prediction. The band includes 95 % of normal "
+    "torques; torque outside for long enough is an external torque."
 )
 _FOUND = (
     "Found by motor currents and encoders alone: no sensor measures the push. Red lines in the"
@@ -253,7 +253,7 @@ class Feed:
         for listener in self._listeners:
             if listener.gone and listener.what not in self._missed:
                 self._missed.add(listener.what)
-                self._say(f"{listener.what} has ended by itself; the run goes on without it")
+                self._say(f"{listener.what} has ended; the run continues without it")
 
 
 class FedBus(BusInFront):

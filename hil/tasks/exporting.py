@@ -142,8 +142,8 @@ def _refuse_patch(model: Model, to: str, urdf: Path | None, patch: Path) -> None
         )
     if model.failed:
         raise InvalidValue(
-            f"its identification {model.verdict}; a patched file could not say so: export without"
-            " --patch"
+            f"its identification {model.verdict}, which a patched file cannot state: export "
+            "without --patch"
         )
 
 

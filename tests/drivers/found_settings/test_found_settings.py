@@ -293,7 +293,7 @@ def test_the_watchdog_is_put_back_last_and_never_to_a_drive_that_is_on() -> None
         assert [place[1:] for place in written if place[0] == 1][-1] == (0x1016, 1)
         assert {place[1] for place in written if place[0] == 2} == {0x6040}
         assert can_bus.drives[2].value(0x1016, 1) == 127 << 16 | 500
-        assert any("joint 2 (node 2): does not hold again" in note for note in axes.notes)
+        assert any("joint 2 (node 2): earlier values not restored" in note for note in axes.notes)
 
 
 def test_pdos_are_put_back_in_the_order_that_the_standard_asks_for() -> None:

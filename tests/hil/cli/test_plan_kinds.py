@@ -31,7 +31,7 @@ ROBOT = "manutec-r15"
         ("--kind load --model RUN", "the robot is that of the run without the load"),
         ("--kind friction --experiment stops", "stops takes one axis: --axis"),
         ("--kind strokes --at-most 4", "it is for load"),
-        ("--with-trajectories", "for trajectories alone there is kind trajectory"),
+        ("--with-trajectories", "for only trajectories use kind trajectory"),
     ],
 )
 def test_options_of_another_kind_are_refused_with_the_reason(

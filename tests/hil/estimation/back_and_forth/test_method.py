@@ -126,7 +126,7 @@ def test_the_method_is_chosen_where_nothing_else_was_recorded() -> None:
     alone = [motion for motion, _ in campaign(ROBOT, TRUTH)]
     free = [motion for motion, _ in recorded(ROBOT, TRUTH, n=1)]
     assert default_method(alone) == (
-        NAME, "in all recordings one axis moves back and forth by itself",
+        NAME, "all recordings are strokes of a single axis",
     )  # fmt: skip
     name, reason = default_method([*alone, *free])
     assert name == "free motion"

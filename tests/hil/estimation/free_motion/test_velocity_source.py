@@ -74,7 +74,7 @@ def test_one_that_lags_by_more_than_half_a_period_is_not_taken(periods: float, t
 
 def test_one_that_contradicts_the_positions_is_not_taken() -> None:
     data = with_velocity(lambda time, seed: 1.5 * late(0.0)(time, seed))
-    assert sources(data) == [(False, "the recorded one differs from it by 50 %")] * 2
+    assert sources(data) == [(False, "the recorded velocity differs by 50 %")] * 2
 
 
 def test_joints_are_judged_one_by_one() -> None:
