@@ -73,7 +73,7 @@ def import_(
         return
     if workers is not None and scheduler not in (None, LOCAL):
         raise typer.BadParameter(
-            "--workers applies to this machine, not to a Dask cluster; leave it out",
+            "--workers applies to this machine, not to a Dask cluster; omit --workers",
             param_hint="--workers",
         )
     from hil.imports.importing import import_recordings
@@ -190,7 +190,7 @@ def _refuse(to: str, **given: object) -> None:
     for name, value in given.items():
         if value:
             raise typer.BadParameter(
-                f"not applicable to {to}; leave it out", param_hint=f"--{name}"
+                f"not applicable to {to}; omit the option", param_hint=f"--{name}"
             )
 
 

@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recorded
 
 NONE = (
-    "no axis that moves back and forth by itself among the recordings; import some with kind: "
+    "no strokes of a single axis among the recordings; import some with kind: "
     "{back_and_forth: JOINT} in the map, or omit --method"
 )
-OTHER = "no axis that moves back and forth by itself; this method takes no other recordings"
+OTHER = "no strokes of a single axis; this method uses no other recordings"
 
 
 def fit_back_and_forth(

@@ -52,8 +52,8 @@ _WATCHING = (
     "torques; torque outside for long enough is an external torque."
 )
 _FOUND = (
-    "Found by motor currents and encoders alone: no sensor measures the push. Red lines in the"
-    " curves mark when it was found."
+    "Detected by motor currents and encoders only: no sensor measures the push. Red lines in the "
+    "curves mark when it was found."
 )
 _EVERY = 1 / 25
 """Minimum interval between transmitted samples [s]."""
@@ -310,5 +310,5 @@ def _describe_end(error: BaseException) -> lines.Line:
     ):
         return {"how": "stopped", "text": "stopped by the operator"}
     if isinstance(error, (BrokenPipeError, SystemExit)):  # rich turns the one into the other
-        return {"how": "stopped", "text": "nobody reads the output of the terminal"}
+        return {"how": "stopped", "text": "the output of the terminal was closed"}
     return {"how": "failed", "text": str(error) or type(error).__name__}

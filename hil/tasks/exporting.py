@@ -151,7 +151,7 @@ def _unused_inertials(given: Given, model: Model) -> Iterator[str]:
     """Yield the reasons for not using the inertials of a URDF, if stated."""
     if given.reader.file.root.find("link/inertial") is not None:
         for fault in inertial_faults(given, model.robot):
-            yield f"{fault}; until then {SHAPES} stand in for the inertials of all links"
+            yield f"{fault}; until then {SHAPES} replace the inertials of all links"
 
 
 def exported_recordings(

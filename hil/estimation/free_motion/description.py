@@ -206,8 +206,8 @@ def remarks(
         )
     elif solution.moved:
         said.append(
-            "least squares alone had a mass matrix that is not positive definite; parameters "
-            f"were moved by at most {solution.moved:.2g} standard errors to correct this"
+            "the mass matrix by least squares was not positive definite; it was corrected by "
+            f"changes of parameters, at most {solution.moved:.2g} standard errors"
         )
     names = loose_parameters(robot, products.pieces[0], solution.fit, torque)
     if names:

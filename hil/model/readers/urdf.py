@@ -40,9 +40,9 @@ MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prisma
 OTHER_TYPES = ("fixed", "floating", "planar")
 """Further joint types of the URDF format."""
 PARALLELOGRAM = (
-    "loops are not modelled. A parallelogram drive is a serial chain whose motor turns with two"
-    " joints: leave its crank and rod out, and state couplings in a robot file, such as couplings:"
-    " [{motor: 3, joint: 2, ratio: 1}]"
+    "loops are not modelled. A parallelogram drive is a serial chain whose motor turns with two "
+    "joints: omit its crank and rod, and state couplings in a robot file, such as couplings: "
+    "[{motor: 3, joint: 2, ratio: 1}]"
 )
 XACRO = "a URDF is expanded xacro: write one with: xacro FILE.xacro -o FILE.urdf"
 

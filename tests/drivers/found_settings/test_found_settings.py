@@ -504,7 +504,7 @@ def test_limits_that_were_set_anew_after_a_kill_hold_in_the_next_session_and_aft
         assert can_bus.drives[2].value(0x6072) == 0
     assert load_found_settings(path).restored
     (note,) = [note for note in axes.notes if "6072:00" in note]
-    assert "held 5000 when it was found and 3000 in a session that was ended" in note
+    assert "held 5000 before and 3000 in an interrupted session" in note
     assert "joint 1 (node 1)" in note
     assert "300" in note
 

@@ -23,7 +23,7 @@ ROBOT = "manutec-r15"
     ("line", "why"),
     [
         ("--kind friction --minutes 5", "its speeds and their durations follow from the experim"),
-        ("--kind friction --gravity 5", "--gravity does not go with kind friction: it is for str"),
+        ("--kind friction --gravity 5", "--gravity does not apply to kind friction: it is for str"),
         ("--kind strokes --axis 2", "it is for friction"),
         ("--kind strokes --period 20", "it is for trajectory"),
         ("--kind trajectory --experiment stops", "it is for friction"),

@@ -99,7 +99,7 @@ def test_the_file_holds_the_law_its_curve_and_both_simplifications() -> None:
     assert (np.array(axis["curve"]["standard_error"]) >= 0.05 * wanted).all()
     assert axis["coulomb_and_viscous"]["misfit_rms"] > axis["stribeck"]["misfit_rms"]
     assert "axis 2: Coulomb" in exported.remarks[1]
-    assert "miss the law by" in exported.remarks[1]
+    assert "differ from the law by" in exported.remarks[1]
 
 
 def test_friction_cold_and_warm_is_stated_with_its_own_misfit() -> None:
@@ -143,7 +143,7 @@ def test_code_keeps_the_laws_of_the_other_axes_and_states_the_one_that_lacks() -
     assert law is not None
     blind = replace(model, friction_law=FrictionLaw(axes=(*law.axes[:5], None)))
     made = {each.name: each for each in functions(blind)}
-    assert made["torque"].purpose.endswith("which is unknown and left out of axis 6.")
+    assert made["torque"].purpose.endswith("(unknown and left out for axis 6).")
     assert "FRICTION UNKNOWN: no law of friction of axis 6" in str(
         description(blind, (), functions(blind))
     )

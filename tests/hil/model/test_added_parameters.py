@@ -150,7 +150,7 @@ def test_motors_turn_with_the_joints_that_they_are_coupled_to() -> None:
         (SPRINGS.replace("joint: 3}", "joint: 2, shape: sine}"), r"springs.1: is stated twice"),
         (
             LIFT + "springs: [{joint: 1, shape: sine}]",
-            r"springs.0.shape: sine must be linear at a joint that slides",
+            r"springs.0.shape: sine must be linear at a prismatic joint",
         ),
         (
             LIFT.replace("torque_l", "drive: {rotor_inertia: 1e-5, torque_constant: 1}, torque_l"),

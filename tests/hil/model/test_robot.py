@@ -138,7 +138,7 @@ def test_frames_may_be_written_in_lengths_and_pi(chains):
         ("l1: 0.50", "l1: 500", "l1 looks like millimetres"),
         ("l1: 0.50", "l1: -0.50", "-0.5 m must be positive"),
         ("{l1: 0.50", "{m3: 0.50, l1: 0.50", "'m3' cannot name a length"),
-        ("gravity: [0, 0, -9.81]", "gravity: [0, 0, -9810]", "it is 9.81 on Earth"),
+        ("gravity: [0, 0, -9.81]", "gravity: [0, 0, -9810]", "9.81 on Earth"),
         ("gravity: [0, 0, -9.81]", "gravity: [0, -9.81]", "missing; add this key"),
         ("parameters: [Izz]", "parameters: [Izz, Izz]", "Izz is stated twice; remove one"),
         ("parameters: [Izz]", "parameters: [Jzz]", "must be 'Ixx'"),

@@ -122,7 +122,7 @@ def test_refining_states_the_deviations_now_and_then(hil, run, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((), "give a robot, or a run with --refine"),
+        ((), "give either a robot, or a run with --refine"),
         (("manutec-r15", "--minutes", "20", "--gravity", "9"), "omit them with"),
         (("manutec-r15", "--refine", "runs/x"), "give either a robot"),
         (("--refine", "runs/x", "--with-trajectories"), "--with-trajectories cannot be used with"),

@@ -74,7 +74,7 @@ def test_speeds_that_differ_too_much() -> None:
     message = refused(ways((0.0, 1.0), (1.0, 0.0), (0.5, 1.0)))
     assert "s: pair 1: forward at 0.501 rad/s, backward at 1 rad/s, a ratio above 1.5" in message
     assert "(and 1 more pair)" in message
-    assert "move both ways at one speed, or write kind: free" in message
+    assert "move in both directions at one speed, or write kind: free" in message
 
 
 def test_strokes_over_different_ways() -> None:
@@ -118,7 +118,7 @@ def test_another_axis_that_moves_too_is_accounted_for_and_stated() -> None:
     moved = replace(recording, q=q, tau=recording.tau + now - before)
     found = estimate(ROBOT, [*data[:-1], (motion, moved)], NAME)
     assert any(
-        "beside the axis that is to move alone, axis 1 moved in s2-5" in remark
+        "besides the stated axis, axis 1 moved in s2-5" in remark
         for remark in found.details.remarks
     )
     np.testing.assert_allclose(found.p, TRUTH, atol=0.03)
