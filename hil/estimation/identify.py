@@ -98,7 +98,7 @@ def default_method(motions: Sequence[RecordedMotion]) -> tuple[str, str]:
     if motions and alone == len(motions) and not unknown:
         return BACK_AND_FORTH, "all recordings are strokes of a single axis"
     if motions and free == len(motions):
-        reason = "all recordings are imported free motions"
+        reason = "all recordings are imported"
         if alone and not unknown:
             reason += (
                 f"; for {alone} recordings with strokes of a single axis, --method "

@@ -31,7 +31,7 @@ def folder(tmp_path: Path) -> Path:
 def test_the_method_is_chosen_by_what_was_recorded_and_stated(hil: Hil, folder: Path) -> None:
     status, shown, _ = hil("identify", folder)
     assert status == 0
-    assert "free motion method: all recordings are imported free motions" in shown
+    assert "free motion method: all recordings are imported" in shown
     assert "Friction" in shown
     assert "Residual torque of the fit, all samples" in shown
     assert (folder / "model.yaml").exists()

@@ -104,7 +104,7 @@ def test_a_dry_run_predicts_from_an_earlier_run(hil, run):
     assert "noise as in an earlier run" in out
     status, out, _ = hil("dry-run", run / "plan.yaml")
     assert status == 0
-    assert "noise expected: 0.25% of the torque limit" in out
+    assert "expected noise: torque 0.25% of the torque limit" in out
 
 
 def test_refining_states_the_deviations_now_and_then(hil, run, tmp_path):

@@ -75,7 +75,7 @@ def test_each_format_gives_the_same_triangles(name: str, content: bytes, tmp_pat
 
 @pytest.mark.parametrize(("name", "content", "message"), [
     ("a.dae", b"<COLLADA/>", r"\.dae must be \.stl or \.obj; convert it"),
-    ("a.stl", binary_stl(TETRAHEDRON)[:-10], "cut off"),
+    ("a.stl", binary_stl(TETRAHEDRON)[:-10], "truncated"),
     ("a.stl", b"solid made", "no triangles"),
     ("a.stl", b"solid made\nvertex 1 2\n", "three coordinates"),
     ("a.obj", b"v 0 0 0\nf 1 2 3", "a face names vertex '2'"),

@@ -55,7 +55,7 @@ def refused(*data: tuple[FreeMotion, Recording]) -> str:
 
 def test_no_recording_of_that_kind() -> None:
     assert refused(*recorded(ROBOT, TRUTH, n=1)) == (
-        "no axis that moves back and forth by itself among the recordings; import some with kind:"
+        "no strokes of a single axis among the recordings; import some with kind:"
         " {back_and_forth: JOINT} in the map, or omit --method"
     )
 
