@@ -114,8 +114,7 @@ class XmlFile:
 
         def refused(*_: object) -> None:
             raise FileError(
-                f"{self.path}:{parser.CurrentLineNumber}: declares an entity; write out what it"
-                " stands for"
+                f"{self.path}:{parser.CurrentLineNumber}: declares an entity; write out its text"
             )
 
         handlers: dict[str, Callable[..., object]] = {

@@ -76,7 +76,7 @@ class FrameLog(can.BusABC):
         except Exception as error:  # missing libraries of a format raise errors of any type
             path.unlink()
             raise FileError(
-                f"{path}: {error}; choose .asc or .log, which survive a kill best, or .blf"
+                f"{path}: {error}; choose .asc or .log (best after a kill), or .blf"
             ) from error
         self._bus = bus
         self.lock_step = find_capabilities(bus).lock_step

@@ -181,9 +181,9 @@ class KernelSync(can.BusABC):
             left = ends - self._clock()
             if left <= 0:
                 raise BusUnavailable(
-                    f"{self.channel_info}: no SYNC came back from the kernel for"
-                    f" {patience:.2g} s; check cable and termination, and that"
-                    " the interface is up (ip -details link)"
+                    f"{self.channel_info}: no SYNC received from the kernel for {patience:.2g} "
+                    "s; check cable and termination, and that the interface is up (ip -details "
+                    "link)"
                 )
             frame = self.recv(left)
             if frame is not None:

@@ -228,8 +228,8 @@ class ReplayBus(can.BusABC):
     def _end(self, where: str) -> NoReturn:
         self._over, self._last = True, None
         raise BusUnavailable(
-            f"{self._path}: ends after frame {self._number} {self._log.damage}, {where}; what was"
-            " measured up to here is complete"
+            f"{self._path}: ends after frame {self._number} {self._log.damage}, {where}; "
+            "measurements up to here are complete"
         )
 
     def _apply_filters(self, filters: CanFilters | None) -> None:

@@ -56,7 +56,7 @@ class Section:
         """Store a value; record a contradiction with an earlier one."""
         known = self.values.get(key.lower())
         if known and value and key.lower() in _DECISIVE and known.lower() != value.lower():
-            self.contradictions.append(f"stands twice: {key}={known} and {key}={value}")
+            self.contradictions.append(f"stated twice: {key}={known} and {key}={value}")
         if value or known is None:
             self.values[key.lower()] = value
 
@@ -88,7 +88,7 @@ def sections_of(raw: bytes, source: str) -> tuple[dict[str, Section], list[str]]
             plain = re.split(r"\s;|^;", value, maxsplit=1)[0].strip().strip('"')
             section.put(key.strip(), plain)
     if doubled:
-        notes.append(f"stands twice and was merged: [{'], ['.join(sorted(doubled))}]")
+        notes.append(f"stated twice and merged: [{'], ['.join(sorted(doubled))}]")
     return sections, notes
 
 

@@ -45,7 +45,7 @@ _RESETS = frozenset({129, 130})
 _WRITES = frozenset({1, 6})
 """Command specifiers of SDO requests that start a download or block download."""
 _READS = frozenset({2, 5})
-_REMEDY = "nobody else may command these drives: end that master or tool first"
+_REMEDY = "only one master may command these drives: stop the other master or tool first"
 
 
 class ForeignFrames:

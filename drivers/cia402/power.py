@@ -107,8 +107,7 @@ class Power:
                 server.put(objects.CONTROLWORD, word)
             if not self.wait(lambda: self._state(server) is not State.FAULT, STEP_TIME):
                 raise DriveFault(
-                    f"{server.label}: the fault comes back after a reset: {reason}; remove the"
-                    " cause"
+                    f"{server.label}: the fault returns after a reset: {reason}; remove the cause"
                 )
         self.switch_off(server)
 

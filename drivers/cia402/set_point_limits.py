@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 ROUNDING = 1e-3
 """Share by which differences may exceed a limit."""
 _SMALLER = "plan a slower or smaller motion"
-_REVIEW = "plan a slower motion, check the model that it comes from"
+_REVIEW = "plan a slower motion, check the model"
 
 
 def check_move(move: Move, axis: Axis) -> None:
@@ -141,9 +141,9 @@ def check_path(path: Array, axes: Sequence[Axis], here: Sequence[float], period:
         first, window = float(path[0, number]), axis.drive.position_window
         if not abs(first - here[number]) <= window:
             raise LimitExceeded(
-                f"{joint_of(axis)}: the path begins at {first:.5g} {unit}, the axis stands at"
-                f" {here[number]:.5g} {unit}; they may differ by {window:g} {unit}"
-                " (position_window): move there first"
+                f"{joint_of(axis)}: the path begins at {first:.5g} {unit}, the axis is at "
+                f"{here[number]:.5g} {unit}; they may differ by {window:g} {unit} "
+                "(position_window): move there first"
             )
         for what, values, low, high, per in (
             ("set-point", path[:, number], limits.q_min, limits.q_max, ""),

@@ -152,7 +152,7 @@ def _constant(quantity: VendorObject, counts: int, stated: float) -> Comparison:
         f"{quantity.value(counts):g} N m/A",
         "torque_constant",
         f"{stated:g} N m/A",
-        "more than between rms and peak: correct torque_constant or the drive's parameter",
+        "beyond the rms-peak factor 1.41: correct torque_constant or the drive's parameter",
     )
 
 

@@ -212,7 +212,7 @@ class Line:
             if self.foreign
             else "; check the cable to the first drive and its supply"
         )
-        raise BusUnavailable(f"no frame comes back within {self.patience:g} s{other}")
+        raise BusUnavailable(f"no frame returned within {self.patience:g} s{other}")
 
     def read_all(self, place: int, size: int) -> Answer:
         """Read a register of all slaves at once: combined bits, and the number of slaves."""

@@ -128,7 +128,7 @@ class Mailbox:
                 break
             self._repeat()
         else:
-            raise NoAnswer(f"its mailbox was lost on the way {ATTEMPTS} times", WHERE)
+            raise NoAnswer(f"its mailbox was lost {ATTEMPTS} times", WHERE)
         if answers[0].counter != 1:
             return None
         content = answers[0].data
@@ -233,7 +233,7 @@ class SdoClient:
             if is_last or not part:
                 break
         if len(data) != length:
-            raise NoAnswer(f"{len(data)} of {length} bytes came", IN_MAILBOX)
+            raise NoAnswer(f"{len(data)} of {length} bytes received", IN_MAILBOX)
         return data
 
     def download(self, index: int, subindex: int, data: bytes) -> None:

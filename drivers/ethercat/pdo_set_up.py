@@ -244,6 +244,6 @@ def others(mapped: Mapped, entries: Iterable[Entry]) -> tuple[Entry, ...]:
     """Return further objects in a mapping, in whole bytes."""
     named = {entry.word for entry in entries}
     carried = [
-        Entry(*key, f"u{8 * size}", "mapped beside") for key, (_, size) in mapped.places.items()
+        Entry(*key, f"u{8 * size}", "also mapped") for key, (_, size) in mapped.places.items()
     ]
     return tuple(entry for entry in carried if entry.word not in named)

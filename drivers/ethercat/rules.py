@@ -24,11 +24,11 @@ _MASTER = "it takes its cycle from the frames"
 REQUIREMENTS = add_rows((
     refused(
         mapping_count(ASSIGNED_OUT), Use.SET, "it cannot be commanded by process data",
-        serves=_ANY, served="what it assigns must carry controlword and target",
+        serves=_ANY, served="its assignment must include controlword and target",
     ),
     refused(
         mapping_count(ASSIGNED_IN), Use.SET, "it sends no process data",
-        serves=_ANY, served="what it assigns must carry statusword, position and current",
+        serves=_ANY, served="its assignment must include statusword, position and current",
     ),
     *(
         silent(each, Use.SET, _MASTER, serves=_ANY, kept=ROUNDED, served=_MASTER)

@@ -281,7 +281,7 @@ def _reconcile(server: RemoteDictionary, earlier: FoundDrive) -> FoundDrive:
         present = None if each.written is None else read_if_held(server, each.entry)
         update = {"written": present}
         if present is not None and each.was_changed(present):
-            server.note(f"{each.comparison(present)} and stands")
+            server.note(f"{each.comparison(present)} and is kept")
             update["value"] = present
         objects.append(each.model_copy(update=update))
     return earlier.model_copy(update={"objects": tuple(objects)})

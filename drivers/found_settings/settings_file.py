@@ -115,8 +115,8 @@ class FoundObject(FileModel):
     def comparison(self, present: int) -> str:
         """Describe the values: found, written and present."""
         return (
-            f"object {self.entry} held {self.value} when it was found and {self.written} in a "
-            f"session that was ended; now it holds {present}: it has been set up anew since"
+            f"object {self.entry} held {self.value} before and {self.written} in an interrupted "
+            f"session; now it holds {present}: it has been set up anew since"
         )
 
     @property

@@ -227,5 +227,5 @@ def _brakes(unpowered: UnpoweredDrives, axes: Sequence[AxisDrive]) -> Iterator[V
             "holding without power (brake)",
             f"moved {sagged:.2g} {unit} in {REST_TIME:g} s",
             f"at most {axis.position_window:g} {unit}",
-            "the axis sinks when it is switched off: check the brake before anything else",
+            "the axis sinks when switched off: check the brake first",
         )

@@ -87,8 +87,8 @@ def _judge_constant(place: str, axis: AxisDrive, *, rated: bool) -> Verdict:
         remedy = f"a factor of 1.41: rms and peak are confused in one of them{_amplitudes(axis)}"
     elif rated and axis.torque_constant is not None:
         remedy = (
-            "the drive states the same rated_current and rated_torque, so correct torque_constant:"
-            f" {axis.torque_constant / ratio:.4g} N m/A leads from one to the other"
+            "the drive states the same rated_current and rated_torque, so correct "
+            f"torque_constant: {axis.torque_constant / ratio:.4g} N m/A agrees with both"
         )
     return grade_check(
         abs(ratio - 1) <= CONSISTENT,

@@ -137,7 +137,7 @@ def _judge_by_ratio(place: str, drive: AxisDrive, ratio: float) -> Verdict:
     if apart >= NEAR:
         confused = _apart(apart, math.sqrt(2)) < ALIKE
         times = drive.current.per_count * expected[stated] / ratio
-        remedy = f"see its manual: in its unit one count would be per_count: {times:.2g}"
+        remedy = f"see the drive's manual: one count would be per_count: {times:.2g}"
         if confused:
             remedy = "a factor of 1.41: rms and peak are confused"
         return Verdict(Grade.WARNING, place, CHECK, f"contradicts, {found}", bound, remedy)

@@ -190,7 +190,7 @@ def _identity(dictionary: Dictionary) -> Iterator[str]:
 
 def _current(review: Review, dictionary: Dictionary) -> Iterator[str]:
     chosen = review.current
-    yield "current: # torques are computed from this object: nothing about it may be guessed"
+    yield "current: # torques are computed from this object: no value may be guessed"
     if chosen is None:
         yield "  " + _line("index", None, "", "object of the motor current, such as 0x6078")
         yield "  " + _line("type", None, "", "i16, i32 or f32")

@@ -142,13 +142,13 @@ def meaning_of(chosen: CurrentCandidate | None, dictionary: Dictionary) -> str:
     """Return a hint for the current object's unit."""
     choice = ", ".join(basis.value for basis in Basis)
     if chosen is None:
-        return f"what one count is: {choice}"
+        return f"unit of one count: {choice}"
     place = chosen.declared.place
     if chosen.basis is None:
         rated = also_named(dictionary, "rated_current").replace("may hold it", "may be in its unit")
-        return f"what one count of {place} is: {choice}; see its manual{rated}"
+        return f"unit of one count of {place}: {choice}; see its manual{rated}"
     return (
-        f"what one count of {place} is: {choice}; by the standard {chosen.basis.value}, see the "
+        f"unit of one count of {place}: {choice}; by the standard {chosen.basis.value}, see the "
         "drive's manual"
     )
 

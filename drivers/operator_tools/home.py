@@ -139,9 +139,8 @@ def home(
     limits = effective_limits(server.find, axis, server.label)
     if limits.wrap is not None:
         raise DriveRefused(
-            f"{server.label}: positions wrap around (607B) within the limits of the drives file, so"
-            " that it would not hold its position by itself after homing; home it with the maker's"
-            " tool"
+            f"{server.label}: positions wrap around (607B) within the limits of the drives file: "
+            "the drive would not hold its position after homing; home it with the maker's tool"
         )
     _refuse(server, limits.apply_to(axis), homing)
     intent = (
@@ -177,9 +176,9 @@ def _refuse(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
         )
     if supported is not None and not supported & Mode.HOMING.supported_bit:
         raise DriveRefused(
-            f"{server.label}: no homing mode (6502 = {supported:08X}h, bit 5 is clear); bring the "
-            f"axis to a mark instead and state its position there in zero, now it is "
-            f"{server.get(objects.POSITION)}"
+            f"{server.label}: no homing mode (6502 = {supported:08X}h, bit 5 is clear); move the "
+            "axis to a mark instead and state the position there, now "
+            f"{server.get(objects.POSITION)}, as zero"
         )
     fastest = SLOW * axis.limits.velocity
     for key, value in (("velocity", homing.velocity), ("creep", homing.creep)):

@@ -47,7 +47,7 @@ def require_consent(operator: Operator, intent: str) -> None:
         The operator does not consent.
     """
     if not operator.agrees(intent):
-        raise StoppedByOperator("nothing was powered on, since the operator did not agree")
+        raise StoppedByOperator("nothing was powered on: the operator did not agree")
 
 
 def pressed(operator: Operator) -> str:

@@ -41,7 +41,7 @@ Masses = Annotated[
     typer.Option(
         "--mass",
         metavar="LINK:MIN:MAX",
-        help="Bounds on the mass of a link \\[kg], for bodies; may be repeated.",
+        help="Bounds on the mass of a link \\[kg], for physical consistency; may be repeated.",
     ),
 ]
 Without = Annotated[

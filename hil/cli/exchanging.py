@@ -67,13 +67,13 @@ def import_(
 ) -> None:
     """Import recordings of any robot into a run folder."""
     if (draft is None) == (not maps):
-        raise typer.BadParameter("give maps, or a recording with --draft: one of the two")
+        raise typer.BadParameter("give either maps, or a recording with --draft")
     if draft is not None:
         _draft(draft, output)
         return
     if workers is not None and scheduler not in (None, LOCAL):
         raise typer.BadParameter(
-            "--workers applies to this machine, not to a Dask cluster; leave it out",
+            "--workers applies to this machine, not to a Dask cluster; omit --workers",
             param_hint="--workers",
         )
     from hil.imports.importing import import_recordings
@@ -174,8 +174,8 @@ def export(
         paths = _write_recordings(source, to, output, urdf, without)
     elif to not in SIMULATORS and (urdf or patch or masses):
         raise typer.BadParameter(
-            f"--urdf, --patch and --mass concern bodies, absent from {to}; use them with "
-            f"{' and '.join(SIMULATORS)}",
+            f"--urdf, --patch and --mass are for formats with rigid bodies, not for {to}; use "
+            f"them with {' and '.join(SIMULATORS)}",
             param_hint="--to",
         )
     else:
@@ -190,7 +190,7 @@ def _refuse(to: str, **given: object) -> None:
     for name, value in given.items():
         if value:
             raise typer.BadParameter(
-                f"not applicable to {to}; leave it out", param_hint=f"--{name}"
+                f"not applicable to {to}; omit the option", param_hint=f"--{name}"
             )
 
 

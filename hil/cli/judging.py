@@ -80,8 +80,7 @@ def validate(
     if truth is not None and model_path is None:
         if measure or realtime or where != RobotsBus():
             raise typer.BadParameter(
-                "--measure and bus options do not go with --truth (no measurement takes place); "
-                "leave them out"
+                "--measure and bus options cannot be used with --truth (no measurement takes place)"
             )
         _against_truth(folder, truth, method, others, without)
         return
@@ -89,7 +88,7 @@ def validate(
         raise typer.BadParameter("give either --model, or --truth for a virtual plant")
     if method or others or without:
         raise typer.BadParameter(
-            "--method, --with and --without go with --truth; a model is validated as it is"
+            "--method, --with and --without need --truth; a model is validated unchanged"
         )
     with working("reading the model"):
         from hil.commands import validate as command
@@ -254,7 +253,7 @@ def history(
     fail_on_change: Annotated[
         bool,
         typer.Option(
-            "--fail-on-change", help="Exit with status 4 where anything of the newest run changed."
+            "--fail-on-change", help="Exit with status 4 if a quantity of the newest run changed."
         ),
     ] = False,
 ) -> None:

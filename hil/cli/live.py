@@ -30,8 +30,8 @@ def _address(value: str | None) -> str | None:
             ip_address(value)
         except ValueError:
             raise typer.BadParameter(
-                f"{value!r} is no IP address; give that of an interface of this computer, such as"
-                " 192.168.0.5, or 0.0.0.0 for all"
+                f"{value!r} is not an IP address; give that of an interface of this computer, "
+                "such as 192.168.0.5, or 0.0.0.0 for all"
             ) from None
     return value
 
@@ -133,13 +133,13 @@ def listeners(
         if port is not None:
             found.append((what, module, address or LOOPBACK, str(port), *more))
         elif address is not None:
-            raise typer.BadParameter(f"it goes with {option}", param_hint=f"{option}-address")
+            raise typer.BadParameter(f"needs {option}", param_hint=f"{option}-address")
     if not found:
         return []
     from hil.live.listener import Listener
 
     started = [Listener(*each) for each in found]
     if shown.live is not None and folder is not None:
-        estimator = "the estimate beside the run", "hil.live.estimator", str(folder)
+        estimator = "the estimation during the run", "hil.live.estimator", str(folder)
         started.append(Listener(*estimator, answers=True))
     return started

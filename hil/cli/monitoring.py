@@ -113,7 +113,7 @@ def follow(
             paused ^= pressed.count("p") % 2 == 1
             if seen is None or not paused:
                 seen = draw()
-            hint = "paused: p goes on, q quits" if paused else "p pauses, q quits"
+            hint = "paused: p continues, q quits" if paused else "p pauses, q quits"
             live.update(Group(Drawn(seen), Text(hint)), refresh=True)
 
 

@@ -136,9 +136,9 @@ def render(result: DryRun, robot: Robot) -> None:
             if group.hidden:
                 names = _join_titles(group.hidden, robot)
                 say(
-                    f"{names}: gravity torques alone do not distinguish these from an offset or "
-                    "from one another, accelerations do; condition and rank are of all kinds of "
-                    "measurement together",
+                    f"{names}: distinguished from an offset or from one another only by "
+                    "accelerations, not by gravity torques; condition and rank are of all kinds "
+                    "of measurement together",
                 )
 
 

@@ -129,8 +129,8 @@ def plan(
         typer.Option(
             min=0.1,
             max=LONGEST / 60,
-            help="Duration of motion \\[min]; default 5 for a trajectory, 3 for a load; without "
-            "it strokes are chosen by number.",
+            help="Duration of motion \\[min]; default 5 for a trajectory, 3 for a load; if "
+            "omitted, strokes are chosen by number.",
         ),
     ] = None,
     warm_up: Annotated[

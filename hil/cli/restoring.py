@@ -113,9 +113,8 @@ def _bus_of(
     bus = interface, channel or PLANT
     if None not in kept and bus != kept and not other_bus:
         raise FileError(
-            f"{file}: belongs to drives on {kept[0]} {kept[1]}, not on {bus[0]} {bus[1]}; leave "
-            "--interface and --channel out, or add --other-bus if these drives are on that bus "
-            "now"
+            f"{file}: belongs to drives on {kept[0]} {kept[1]}, not on {bus[0]} {bus[1]}; omit "
+            "--interface and --channel, or add --other-bus if these drives are on that bus now"
         )
     return bus
 

@@ -75,7 +75,7 @@ def new(
     if sum(given is not None for given in (urdf, dh, mdh)) != 1:
         raise typer.BadParameter("give one of --urdf, --dh and --mdh")
     if urdf is None and (base or tip):
-        raise typer.BadParameter("--from and --to name links of a URDF; leave them out")
+        raise typer.BadParameter("--from and --to apply only to a URDF; omit both")
     if urdf is not None:
         text, found, rounded = _draft_from_urdf(urdf, base, tip, gravity)
     else:

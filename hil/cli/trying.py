@@ -58,7 +58,7 @@ IDENTIFYING = (
     "One regression over all recordings yields the base parameters: the combinations of masses, "
     "centres of mass and inertias that determine the motor torques. The axes are off meanwhile."
 )
-IDENTIFIED = "The next motion tests the model: no recording was like it."
+IDENTIFIED = "The next motion tests the model: it differs from all recordings."
 FURTHER = (
     "hil view {folder}/pushed/run",
     "hil plan manutec-r15 -o plan.yaml",
@@ -188,7 +188,7 @@ def _model_lines(robot: Robot, model: Model) -> Iterator[tuple[str, dict[str, ob
         yield "estimate", estimate_line(robot, free, n, model.values, half, known)
     if (left := model.band_residual) is not None:
         share = f"{100 * left.overall:.2g} % of the torque up to {left.band:g} Hz"
-        yield "headline", {"text": f"Identified: the model leaves {share}", "more": IDENTIFIED}
+        yield "headline", {"text": f"Identified: residual {share}", "more": IDENTIFIED}
 
 
 class _TimeUp(Exception):

@@ -76,7 +76,7 @@ def view(
         page = page_of_plan(path)
     else:
         _refuse(robot_file, "--robot", "a robot")
-        _refuse(model_path, "--model", "a robot, which stands still")
+        _refuse(model_path, "--model", "a robot without motion")
         read, page = partial(_read_robot, what, workspace, urdf, meshes), Path(f"{path.stem}.html")
     refuse_page(output or page)
     with working(f"reading {what}"):
@@ -189,4 +189,4 @@ def _is_plan(path: Path) -> bool:
 
 def _refuse(given: object, option: str, what: str) -> None:
     if given is not None:
-        raise typer.BadParameter(f"{option} does not go with {what}; leave it out")
+        raise typer.BadParameter(f"{option} does not apply to {what}; omit the option")

@@ -73,7 +73,7 @@ class WatchView:
         """Draw torques and thresholds of all axes, and the present measurement."""
         watcher = self._watcher
         state = "learning thresholds, no alarms yet" if watcher.learning else "watching"
-        heads = figures("measured", "predicted", "from outside", "threshold", "last alarm")
+        heads = figures("measured", "predicted", "external", "threshold", "last alarm")
         last = {alarm.axis: alarm for alarm in watcher.alarms}
         rows = []
         for axis, torques in enumerate(watcher.torques(), start=1):

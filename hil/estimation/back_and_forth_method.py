@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recorded
 
 NONE = (
-    "no axis that moves back and forth by itself among the recordings; import some with kind:"
-    " {back_and_forth: JOINT} in the map, or leave --method out"
+    "no strokes of a single axis among the recordings; import some with kind: "
+    "{back_and_forth: JOINT} in the map, or omit --method"
 )
-OTHER = "no axis that moves back and forth by itself; this method takes no other recordings"
+OTHER = "no strokes of a single axis; this method uses no other recordings"
 
 
 def fit_back_and_forth(
@@ -66,8 +66,8 @@ def fit_back_and_forth(
     if not len(excited.kept):
         axes = ", ".join(str(axis + 1) for axis in sorted({each.axis for each in recordings}))
         raise NotIdentifiable(
-            f"the strokes of axis {axes} show no base parameter; record other axes, or state in the"
-            " robot file which link parameters are present"
+            f"the strokes of axis {axes} identify no base parameter; record other axes, or state "
+            "in the robot file which link parameters are present"
         )
     n, whole = len(names), samples(robot, recordings)
     left = residuals(whole, recordings, solution)
@@ -114,8 +114,8 @@ def _condensed(robot: Robot, recorded: Recorded) -> tuple[list[Halves], list[Lef
         if motion.unknown_gains:
             axes = ", ".join(map(str, motion.unknown_gains))
             raise NotIdentifiable(
-                f"{motion.id}: the gain of axis {axes} is unknown, which half-sums do not show;"
-                " state it in the map, or identify by --method 'free motion'"
+                f"{motion.id}: the gain of axis {axes} is unknown and cannot be found from "
+                "half-sums; state it in the map, or identify by --method 'free motion'"
             )
         try:
             halves = halves_of(robot, motion, recording)
@@ -127,5 +127,5 @@ def _condensed(robot: Robot, recorded: Recorded) -> tuple[list[Halves], list[Lef
     if not (found or useless):
         raise NotEnoughData(NONE)
     if not found:
-        raise NotEnoughData(f"no pair of strokes is of use: {'; '.join(map(str, useless))}")
+        raise NotEnoughData(f"no usable pair of strokes: {'; '.join(map(str, useless))}")
     return found, useless + others

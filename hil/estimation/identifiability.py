@@ -81,9 +81,9 @@ def require_all_groups(robot: Robot, fits: Sequence[LocalFit], condition: dict[s
             names, found = ", ".join(base.names[c] for c in columns), len(_rows(robot, fits, group))
             why = "" if found < len(columns) else f": {BOUND}"
             raise NotIdentifiable(
-                f"{found} usable {' and '.join(_kinds(group))} measurements do not identify"
-                f" {names}{why}; measure more configurations of that kind (see: hil dry-run), or"
-                " finish the run with --resume"
+                f"{found} usable {' and '.join(_kinds(group))} measurements do not identify "
+                f"{names}{why}; measure more configurations of this kind (see: hil dry-run), or "
+                "finish the run with --resume"
             )
 
 

@@ -85,8 +85,7 @@ EFFECTIVE = {
 }
 """Effective option values by method; the default for methods not listed is that of `Effective`."""
 RIVALS = (
-    "methods that they are compared with are run from the repository:"
-    " python -m benchmarks.rivals RUN --method NAME"
+    "methods for comparison run from the repository: python -m benchmarks.rivals RUN --method NAME"
 )
 """Hint to methods of earlier versions, kept for comparison only."""
 
@@ -97,18 +96,20 @@ def default_method(motions: Sequence[RecordedMotion]) -> tuple[str, str]:
     alone = sum(map(goes_back_and_forth, motions))
     unknown = any(isinstance(each, FreeMotion) and each.unknown_gains for each in motions)
     if motions and alone == len(motions) and not unknown:
-        return BACK_AND_FORTH, "in all recordings one axis moves back and forth by itself"
+        return BACK_AND_FORTH, "all recordings are strokes of a single axis"
     if motions and free == len(motions):
-        reason = "all recordings are of motions that somebody else chose"
+        reason = "all recordings are imported"
         if alone and not unknown:
             reason += (
-                f"; of {alone} of them, in which one axis moves back and forth by itself,"
-                f" --method '{BACK_AND_FORTH}' finds friction without a law"
+                f"; for {alone} recordings with strokes of a single axis, --method "
+                f"'{BACK_AND_FORTH}' finds friction without a law"
             )
         return DEFAULT, reason
     if free:
-        return JOINT, f"{len(motions) - free} of {len(motions)} recordings were measured here"
-    return "improved", "all recordings were measured here"
+        return JOINT, (
+            f"{len(motions) - free} of {len(motions)} recordings were measured by hil run"
+        )
+    return "improved", "all recordings were measured by hil run"
 
 
 def estimate(
@@ -151,8 +152,8 @@ def refuse_without_effect(method: str, options: Options) -> None:
     """
     if options.prior is not None and method in (BACK_AND_FORTH, "published"):
         raise UnknownName(
-            f"method {method!r}: takes no prior; leave --prior out, or take --method improved, or"
-            f" '{DEFAULT}' for imports"
+            f"method {method!r}: takes no prior; omit --prior, or use --method improved, or "
+            f"'{DEFAULT}' for imports"
         )
     if method not in METHODS:
         raise UnknownName(f"method {method!r} must be one of: {'; '.join(METHODS)}; {RIVALS}")
@@ -164,6 +165,6 @@ def refuse_without_effect(method: str, options: Options) -> None:
         if without := [value for value in values if value not in effective]:
             known = ", ".join(effective) or "none"
             raise Mismatch(
-                f"{option} {without[0]!r} has no effect on method {method!r} (with an effect:"
-                f" {known}); leave it out"
+                f"{option} {without[0]!r} has no effect on method {method!r} (with an effect: "
+                f"{known}); omit the option"
             )

@@ -183,8 +183,8 @@ def _mass_element(
     W, C, n = signals.columns[used], signals.sides[used], 2 + len(base_parameters(robot))
     if len(W) < FEWEST * W.shape[1]:
         raise NotEnoughData(
-            f"{len(W)} usable samples must be at least {FEWEST * W.shape[1]}; repeat it"
-            " with a longer stroke or a higher velocity"
+            f"{len(W)} usable samples must be at least {FEWEST * W.shape[1]}; repeat the "
+            "measurement with a longer stroke or a higher velocity"
         )
     Q, root = orthonormal(W)
     pr = root @ (Q.T @ C)
@@ -297,7 +297,7 @@ LOCAL_FITS: dict[str, Callable[[Robot, Any, Signals], LocalFit]] = {
 """Fit by kind of measurement, for kinds with an element of g(q) or M(q)."""
 ELSEWHERE = {
     "friction": "",
-    "trajectory": "the published method takes strokes alone; the improved one trajectories too",
-    "free": "the published method takes strokes alone; the improved one free motions too",
+    "trajectory": "the published method uses only strokes; the improved one trajectories too",
+    "free": "the published method uses only strokes; the improved one free motions too",
 }
 """Remark by kind of measurement without base parameters in step 1."""

@@ -89,7 +89,7 @@ def noise_levels(robot: Robot, prepared: Prepared) -> Levels:
         level = white[axis] if sums else expected.white[axis]
         found.append(_likeliest(sums, float(level), float(expected.walk[axis])))
     a, b = np.array(found).T
-    noise = Noise(np.sqrt(a), np.sqrt(MINUTE * b), "noise as an earlier run showed it")
+    noise = Noise(np.sqrt(a), np.sqrt(MINUTE * b), "noise as in an earlier run")
     measured = (replace(each.foreseen, information=each.N) for each in pieces)
     return Levels(noise, add_up(robot, measured, noise), joint.solve())
 

@@ -116,7 +116,7 @@ class Prior:
             raise InvalidValue(f"prior: {self.relative:g} must be a share above 0, at most 1")
         for link, body in enumerate(self.bodies, start=1):
             if np.linalg.eigvalsh(pseudo_inertia(body))[0] <= 0.0:
-                raise InvalidValue(f"prior: link {link} must have a mass that spreads in space")
+                raise InvalidValue(f"prior: link {link} must have mass and extension")
 
     def stated(self, names: Sequence[str], share: Array) -> FromPrior:
         """Describe the prior's contribution to named parameters, by the share f."""

@@ -214,7 +214,7 @@ def _signals(recording: Recording) -> Signals:
     time = recording.time[0] + period * np.arange(n)
     missing = np.ones(n, dtype=bool)
     if not sampled.any():
-        raise NotEnoughData("no usable sample among all those recorded; repeat it")
+        raise NotEnoughData("no usable sample; repeat the measurement")
     missing[index[sampled]] = False
     q = _interpolate_columns(time, recording.time[sampled], recording.q[sampled])
     tau = _interpolate_columns(time, recording.time[sampled], recording.tau[sampled])

@@ -324,8 +324,8 @@ def _refuse_unknown_gains(measurement: RecordedMotion) -> None:
     if isinstance(measurement, FreeMotion) and measurement.unknown_gains:
         axes = ", ".join(map(str, measurement.unknown_gains))
         raise NotIdentifiable(
-            f"{measurement.id}: the gain of axis {axes} is unknown, which only methods for free"
-            f" motions find; take --method '{DEFAULT}', or state the gain in the map"
+            f"{measurement.id}: the gain of axis {axes} is unknown; only methods for free "
+            f"motions find gains: use --method '{DEFAULT}', or state the gain in the map"
         )
 
 

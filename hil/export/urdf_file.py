@@ -78,8 +78,8 @@ def given_urdf(path: Path | str, robot: Robot) -> Given:
             return Given(path, reader, chain)
         whys.append(f"from {chain.base} to {chain.tip} {found}")
     raise Mismatch(
-        f"{path}: no chain of {robot.n_joints} joints has the frames of {robot.name}: {whys[-1]};"
-        " give the URDF that the robot was made from, or leave it out"
+        f"{path}: no chain of {robot.n_joints} joints has the frames of {robot.name}: "
+        f"{whys[-1]}; give the URDF of the robot file, or none"
     )
 
 

@@ -261,10 +261,10 @@ def _words(a: Array, covariance: Array, bounds: tuple[float, float] | None) -> t
     if bounds is not None and (a[3] < bounds[0] * 1.001 or a[3] > bounds[1] * 0.999):
         found.append("a3, a4: the knee lies outside the measured speeds; only their sum is known")
         return tuple(found)
-    found += [f"a{k + 1}: the data do not determine it" for k in np.flatnonzero(np.isinf(error))]
+    found += [f"a{k + 1}: not determined by the data" for k in np.flatnonzero(np.isinf(error))]
     if bounds is not None and UNCERTAIN * a[3] < error[3] < np.inf:
         found.append(
-            f"a4: standard error {100 * error[3] / a[3]:.0f} % of its value, nor a3 for sure"
+            f"a4: standard error {100 * error[3] / a[3]:.0f} % of its value, and a3 not certain"
         )
     for k in np.flatnonzero(error[:3] > UNCERTAIN * np.abs(a[:3])):
         others = np.abs(correlated[k]) * (np.arange(len(a)) != k)
@@ -273,8 +273,8 @@ def _words(a: Array, covariance: Array, bounds: tuple[float, float] | None) -> t
         # then three times as uncertain, 1 / sqrt(1 - 0.95^2)
         if others[partner] > 0.95:
             found.append(
-                f"a{k + 1}: standard error {100 * error[k] / max(abs(a[k]), 1e-300):.0f} % of its"
-                f" value, correlation {correlated[k, partner]:.2f} with a{partner + 1}: known"
-                " together only"
+                f"a{k + 1}: standard error {100 * error[k] / max(abs(a[k]), 1e-300):.0f} % of "
+                f"its value, correlation {correlated[k, partner]:.2f} with a{partner + 1}: only "
+                "known together"
             )
     return tuple(found)

@@ -202,9 +202,9 @@ def _constant(name: str, tau: float, error: float, seen: bool, at_bound: bool) -
     """Return the time constant exp(`tau`), with the reason if not identifiable."""
     value, word = float(np.exp(tau)), ""
     if not seen:
-        word = "its effect is lost in the scatter; measure longer, or with stops"
+        word = "effect below the scatter; measure longer, or with stops"
     elif at_bound:
-        word = f"at its bound, {value:.0f} s; the run holds no such change"
+        word = f"at its bound, {value:.0f} s; no such change in this run"
     elif error > UNCERTAIN:
         by = f"uncertain by {100 * error:.0f} %" if np.isfinite(error) else "not excited"
         word = f"{by}; measure longer, or with more stops"

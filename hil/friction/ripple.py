@@ -65,9 +65,9 @@ def ripple_left_out(robot: Robot) -> str:
         for axis, orders in found.items()
     )
     return (
-        f"torque ripple is not fitted at these multiples of the motor's angle: {axes}. They cannot"
-        " be distinguished from gravity, inertia or each other; what there is of it becomes part"
-        " of the base parameters"
+        f"torque ripple is not fitted at these multiples of the motor's angle: {axes}. They "
+        "cannot be distinguished from gravity, inertia or each other; such ripple becomes part "
+        "of the base parameters"
     )
 
 

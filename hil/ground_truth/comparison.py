@@ -237,8 +237,8 @@ def _refuse_other_model(run: Run, others: Sequence[Run]) -> None:
     if len(together) != len(others):
         given = "".join(f" --with {each}" for each in together)
         raise Mismatch(
-            f"{path}: was made from {len(together) + 1} runs, and {len(others) + 1} would be"
-            f" compared; compare with{given or 'out --with'}, or identify the same runs first"
+            f"{path}: identified from {len(together) + 1} runs, but {len(others) + 1} are given; "
+            f"compare with{given or 'out --with'}, or identify the same runs first"
         )
 
 

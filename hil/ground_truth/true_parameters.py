@@ -161,8 +161,8 @@ def true_parameters(robot: Robot, plant: Path | str) -> Array:
     if not path.exists():
         known = [each.stem for each in packaged_plants()]
         raise UnknownName(
-            f"{plant}: no plant file, nor the name of a plant that comes along"
-            f"{did_you_mean(str(plant), known)}; available: {', '.join(known) or 'none'}"
+            f"{plant}: neither a plant file nor a packaged "
+            f"plant{did_you_mean(str(plant), known)}; available: {', '.join(known) or 'none'}"
         )
     content = load_yaml(path, Plant)
     refuse_other_machine(robot, content, path)
@@ -182,9 +182,9 @@ def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> 
         names = robot.standard_parameters
         absent = [n for n, v in zip(names, standard, strict=True) if v and n not in robot.present]
         raise FileError(
-            f"{path}: no base parameters of {robot.name} give this plant's torques:"
-            f" {', '.join(absent) or 'a tied parameter differs from the one it is tied to'};"
-            " add what the plant has to the robot file and plan anew"
+            f"{path}: no base parameters of {robot.name} give this plant's torques: "
+            f"{', '.join(absent) or 'a tied parameter differs from the one it is tied to'}; add "
+            "these parameters to the robot file and plan anew"
         )
 
 
@@ -210,8 +210,8 @@ def _differences(robot: Robot, plant: Plant) -> Iterator[tuple[Place, str]]:
     if not np.allclose(plant.gravity, robot.gravity, atol=ROUNDED_OFF, rtol=0):
         yield (
             ("gravity",),
-            f"{_listed(plant.gravity)} m/s2 must be {_listed(robot.gravity)} m/s2, as the robot"
-            f" file says; {_REMEDY}",
+            f"{_listed(plant.gravity)} m/s2 must be {_listed(robot.gravity)} m/s2, as in the "
+            f"robot file; {_REMEDY}",
         )
     for k, axis in enumerate(plant.axes):
         yield from _axis_differences(robot, k, axis)
@@ -222,7 +222,7 @@ def _axis_differences(robot: Robot, k: int, axis: PlantAxis) -> Iterator[tuple[P
     if axis.joint != joint:
         yield (
             ("axes", k, "joint"),
-            f"{axis.joint} must be {joint}, as the robot file says; {_REMEDY}",
+            f"{axis.joint} must be {joint}, as in the robot file; {_REMEDY}",
         )
     frame = axis.frame
     there = (np.radians(frame.alpha_deg), frame.d, np.radians(frame.theta_deg), frame.r)
@@ -230,16 +230,16 @@ def _axis_differences(robot: Robot, k: int, axis: PlantAxis) -> Iterator[tuple[P
     if not np.allclose(there, stated, atol=ROUNDED_OFF, rtol=0):
         yield (
             ("axes", k, "frame"),
-            f"alpha, d, theta, r = {_listed(there)} must be {_listed(stated)}, as the robot file"
-            " says; parameters of other frames cannot be compared",
+            f"alpha, d, theta, r = {_listed(there)} must be {_listed(stated)}, as in the robot "
+            "file; parameters of other frames cannot be compared",
         )
     gear, known = axis.drive.gear_ratio, float(robot.gear_ratio[k])
     # 1e-6: relative rounding error of digits in a file; an unknown gear ratio (NaN) is not reported
     if abs(gear - known) > 1e-6 * known:
         yield (
             ("axes", k, "drive", "gear_ratio"),
-            f"{gear:g} must be {known:g}, as the robot file says: with another gear every position"
-            " and torque is scaled",
+            f"{gear:g} must be {known:g}, as in the robot file: with another gear every position "
+            "and torque is scaled",
         )
 
 

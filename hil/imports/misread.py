@@ -149,8 +149,8 @@ def _fits_none(evidence: Evidence, joint: int, correlation: float) -> str:
                 " order of the columns"
             )
     return (
-        f"does not follow the position of joint {joint + 1} (correlation {correlation:.2f});"
-        " correct one of the columns, or leave velocity out"
+        f"does not follow the position of joint {joint + 1} (correlation {correlation:.2f}); "
+        "correct one of the columns, or omit velocity"
     )
 
 

@@ -44,16 +44,16 @@ if TYPE_CHECKING:
     Display = Callable[[Console], AbstractContextManager[Take]]
 
 _LEARNING = (
-    "The axes follow a motion that the model has never seen. The coloured band about each predicted"
-    " torque becomes as wide as measured torques scatter."
+    "The axes follow a motion that was not used for the model. The coloured band about each "
+    "predicted torque becomes as wide as the scatter of measured torques."
 )
 _WATCHING = (
-    "Each measured torque is compared with its prediction. The band holds 95 % of what is normal;"
-    " torque that leaves it for long enough comes from outside."
+    "Each measured torque is compared with its prediction. The band includes 95 % of normal "
+    "torques; torque outside for long enough is an external torque."
 )
 _FOUND = (
-    "Found by motor currents and encoders alone: no sensor measures the push. Red lines in the"
-    " curves mark when it was found."
+    "Detected by motor currents and encoders only: no sensor measures the push. Red lines in the "
+    "curves mark when it was found."
 )
 _EVERY = 1 / 25
 """Minimum interval between transmitted samples [s]."""
@@ -254,7 +254,7 @@ class Feed:
         for listener in self._listeners:
             if listener.gone and listener.what not in self._missed:
                 self._missed.add(listener.what)
-                self._say(f"{listener.what} has ended by itself; the run goes on without it")
+                self._say(f"{listener.what} has ended; the run continues without it")
 
 
 class FedBus(BusInFront):
@@ -312,5 +312,5 @@ def _describe_end(error: BaseException) -> lines.Line:
         return {"how": "stopped", "text": "stopped by the operator"}
     # rich raises SystemExit for a broken pipe
     if isinstance(error, (BrokenPipeError, SystemExit)):
-        return {"how": "stopped", "text": "nobody reads the output of the terminal"}
+        return {"how": "stopped", "text": "the output of the terminal was closed"}
     return {"how": "failed", "text": str(error) or type(error).__name__}

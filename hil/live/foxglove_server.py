@@ -39,7 +39,7 @@ TOPICS = {"/joint_states": ros.JOINT_STATE, "/diagnostics": ros.DIAGNOSTICS, "/e
 """Topics and message types."""
 _STATES = {ros.OK: "under power", ros.STALE: "without power", ros.FAULT: "stopped by a fault"}
 _REMARKS = {
-    SampleFlag.MISSING: "no sample came",
+    SampleFlag.MISSING: "no sample received",
     SampleFlag.LIMIT: "the drive limits its torque",
 }
 

@@ -157,9 +157,9 @@ class Requests(BaseHTTPRequestHandler):
         body = self.rfile.read()
         asked = {"stop": STOP_HEADER} | ({"push": PUSH_HEADER} if self.site.hand else {})
         if place not in asked:
-            self._text(HTTPStatus.NOT_FOUND, "nothing but stop can be asked for")
+            self._text(HTTPStatus.NOT_FOUND, "only stop can be requested")
         elif self.headers.get(asked[place]) != "1":
-            self._text(HTTPStatus.FORBIDDEN, f"a {place} is taken from the live page alone")
+            self._text(HTTPStatus.FORBIDDEN, f"a {place} is accepted only from the live page")
         elif place == "push" and not _is_push(body):
             self._text(
                 HTTPStatus.BAD_REQUEST,
@@ -203,7 +203,7 @@ class Requests(BaseHTTPRequestHandler):
             )
             return None
         if origin is not None and origin != f"http://{host}":
-            self._text(HTTPStatus.FORBIDDEN, "another site's pages get nothing here")
+            self._text(HTTPStatus.FORBIDDEN, "requests of other sites are refused")
             return None
         place = _within(self.path, self.site.secret)
         if place is None:
@@ -211,8 +211,7 @@ class Requests(BaseHTTPRequestHandler):
         elif not self.site.secret and not is_ours(self.connection):
             self._text(
                 HTTPStatus.FORBIDDEN,
-                "the page is served to the user of the run alone; for others, serve it with"
-                " --live-address",
+                "the page is served only to the user of the run; for others use --live-address",
             )
             return None
         return place

@@ -210,7 +210,7 @@ def _pass_on(streams: Streams, closed: Callable[[], None] | None) -> None:
             closed()
             closed = None
     if not streams.ended:
-        streams.take(_line("end", how="lost", text="the run has ended without a word"))
+        streams.take(_line("end", how="lost", text="the run has ended without a message"))
     until = time.monotonic() + 0.5
     while not streams.idle and time.monotonic() < until:
         time.sleep(0.01)

@@ -52,8 +52,8 @@ class Drive(FileModel):
     def _check_encoder_resolution(cls, value: float | None) -> float | None:
         if value is not None and not 1 <= value <= 2**32:
             raise ValueError(
-                f"{value:g} must be between 1 and 2^32 increments per turn of the motor; leave the"
-                " key out if it is not known"
+                f"{value:g} must be between 1 and 2^32 increments per turn of the motor; omit "
+                "the key if unknown"
             )
         return value
 
@@ -63,7 +63,9 @@ class Drive(FileModel):
         if value == UNKNOWN:
             return value
         if not value > 0:
-            raise ValueError(f"{value:g} must be positive; the sense of rotation is the drive's")
+            raise ValueError(
+                f"{value:g} must be positive; state the sense of rotation in the drives file"
+            )
         return value
 
     @field_validator("rotor_inertia")
@@ -71,14 +73,14 @@ class Drive(FileModel):
     def _check_rotor_inertia(cls, value: float | Unknown) -> float | Unknown:
         if value in (0, UNKNOWN):
             return value  # 0: no separate rotor; a direct drive is part of its link
-        return positive(value, "kg m2", 0.5, "it looks like kg cm2, or like the joint side")
+        return positive(value, "kg m2", 0.5, "it looks like kg cm2, or a joint-side value")
 
     @field_validator("torque_constant")
     @classmethod
     def _check_torque_constant(cls, value: float | Unknown) -> float | Unknown:
         if value == UNKNOWN:
             return value
-        return positive(value, "N m/A", 20.0, "it looks like mN m/A, or like the joint side")
+        return positive(value, "N m/A", 20.0, "it looks like mN m/A, or a joint-side value")
 
     @field_validator("rotor_inertia_uncertainty", "torque_constant_uncertainty")
     @classmethod
@@ -91,8 +93,8 @@ class Drive(FileModel):
     def _check_reflection(self) -> Self:
         if self.gear_ratio == UNKNOWN and self.rotor_inertia not in (0, UNKNOWN):
             raise ValueError(
-                f"rotor_inertia {self.rotor_inertia:g} kg m2 reaches the joint by the gear_ratio,"
-                " which is unknown; state it, or leave rotor_inertia unknown too"
+                f"rotor_inertia {self.rotor_inertia:g} kg m2 needs a known gear_ratio; state the "
+                "gear_ratio, or leave rotor_inertia unknown too"
             )
         return self
 
@@ -127,7 +129,7 @@ class CoupledMotor(FileModel):
     @classmethod
     def _check_ratio(cls, value: float) -> float:
         if not 0 < abs(value) <= 100:
-            raise ValueError(f"{value:g} must be within +-100 and not 0; leave the coupling out")
+            raise ValueError(f"{value:g} must be within +-100 and not 0; remove the coupling")
         return value
 
 

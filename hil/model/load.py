@@ -83,8 +83,8 @@ def load_columns(robot: Robot) -> LoadColumns:
     free = free[:, np.abs(K @ free).max(axis=0, initial=0.0) > 1e-9]
     if not free.size:
         raise NoLoad(
-            f"{robot.name}: no parameter of the last link is present in the robot file, so a load"
-            " would show nowhere; add m, sx, sy, sz and inertias to its parameters"
+            f"{robot.name}: no parameter of the last link is present in the robot file, so a "
+            "load cannot be found; add m, sx, sy, sz and inertias to its parameters"
         )
     absent = zip(LINK_PARAMETERS, names, strict=True)
     return LoadColumns(K, free, tuple(short for short, name in absent if name not in robot.present))

@@ -129,8 +129,8 @@ def parse(text: str) -> Polynomial:
             return found
     shown = text if len(text) <= _LENGTH_MAX else f"{text[:_LENGTH_MAX]}..."
     raise ValueError(
-        f"{shown!r} is no expression; write a number, pi, a length's name, or sums, products and"
-        " quotients by numbers of these"
+        f"{shown!r} is not an expression; write a number, pi, a length's name, or sums, products "
+        "and quotients by numbers of these"
     )
 
 

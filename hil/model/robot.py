@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 ROBOTS = Path(__file__).parents[1] / "robots"
 DESCRIPTIONS = (".urdf", ".xml", ".xacro")
 """Endings of URDF and MJCF files."""
-_NEEDED = "is unknown; state it, since nothing moves without it"
+_NEEDED = "is unknown; state it: needed for motions"
 _TIE = re.compile(r"^\s*(\w+)\s*=\s*(\w+)\s*$")
 
 
@@ -105,7 +105,7 @@ class Robot(RobotArrays):
             return _load_description(path, base, tip, gravity)
         if any(each is not None for each in (base, tip, gravity)):
             raise InvalidValue(
-                f"{path}: is no URDF, and states its chain itself; leave base, tip and gravity out"
+                f"{path}: is not a URDF, and states its chain itself; omit base, tip and gravity"
             )
         return parse_robot(text, str(path))
 
@@ -342,7 +342,7 @@ def unknown_for_motion(robot: RobotArrays) -> Iterator[Problem]:
         if joint.drive is None:
             yield (
                 ("joints", j),
-                "drive is not stated; nothing moves without its gear_ratio",
+                "drive is not stated; motions need its gear_ratio",
             )
             continue
         for key in ("gear_ratio", "torque_constant"):
@@ -393,7 +393,8 @@ def _wrong_couplings(robot: RobotArrays) -> Iterator[Problem]:
         if coupling.motor in [other.motor for other in stated[:index]]:
             yield (
                 ("couplings", index, "motor"),
-                f"motor {coupling.motor} is coupled already; one joint besides its own is the most",
+                f"motor {coupling.motor} is coupled already; at most one joint besides its own "
+                "allowed",
             )
 
 
@@ -407,4 +408,4 @@ def _wrong_springs(robot: RobotArrays) -> Iterator[Problem]:
             yield ("springs", index), "is stated twice; remove one"
         elif spring.shape != "linear" and not robot.revolute[spring.joint - 1]:
             at = ("springs", index, "shape")
-            yield at, f"{spring.shape} must be linear at a joint that slides"
+            yield at, f"{spring.shape} must be linear at a prismatic joint"

@@ -122,8 +122,8 @@ class Joint(FileModel):
         bound = math.inf if stated == UNKNOWN else stated
         if value is not None and not 0 < value < bound:
             raise ValueError(
-                f"{value:g} must be positive and below torque_limit = {bound:g}; leave the key out"
-                " if it is not known"
+                f"{value:g} must be positive and below torque_limit = {bound:g}; omit the key if "
+                "unknown"
             )
         return value
 
@@ -171,7 +171,7 @@ class RobotFile(FileModel):
     def _check_gravity(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
         magnitude = math.hypot(*value)
         if magnitude > 30:
-            raise ValueError(f"{magnitude:g} m/s2 must be at most 30 m/s2: it is 9.81 on Earth")
+            raise ValueError(f"{magnitude:g} m/s2 must be at most 30 m/s2: 9.81 on Earth")
         return value
 
     @field_validator("lengths")

@@ -89,7 +89,7 @@ def plot_torque(model: Model, run: Run | Path | str, measurement: str | None = N
         if found := stretches(model, [(each.measurement, each.recording)]):
             shown = [stretch.part(0.0, np.inf, MOST) for stretch in found.values()]
             return Figure(torque_chart(shown, model.robot))
-    raise NotEnoughData(f"{run.path}: no recording that a model predicts torques of")
+    raise NotEnoughData(f"{run.path}: no recording with torques predicted by a model")
 
 
 def plot_friction(model: Model) -> Figure:

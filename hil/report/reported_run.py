@@ -122,7 +122,7 @@ class ReportedRun:
     @cached_property
     def own_torques(self) -> ShownTorques:
         """Torques of the run itself."""
-        words = "The model was made from these recordings; hil validate shows others."
+        words = "The model was identified from these recordings; hil validate uses others."
         return ShownTorques(stretches(self.model, self.recordings), self.recordings, words)
 
     @cached_property
@@ -131,7 +131,7 @@ class ReportedRun:
         for each in reversed(self.kept_model.validations if self.kept_model else ()):
             with suppress(HilError):
                 other = tuple(recorded(Run.open(self.source.path / each.run)))
-                words = f"Held out: {each.run}, from which the model was not made."
+                words = f"Held out: {each.run}, not used for the model."
                 return ShownTorques(stretches(self.model, other), other, words)
         return self.own_torques
 

@@ -159,7 +159,10 @@ def advice(campaign: CampaignResult) -> tuple[Reservation, ...]:
 
 
 def _measured(campaign: CampaignResult) -> Iterator[Reservation]:
-    planned, resume = campaign.plan.measurements, "move its recording away and --resume"
+    planned, resume = (
+        campaign.plan.measurements,
+        ("move the recording to another folder and continue with --resume"),
+    )
     measured_ids = {measured.measurement.id for measured in campaign.measured}
     missing = [m.id for m in planned if m.id not in measured_ids]
     if missing:
@@ -216,8 +219,8 @@ def _outliers(campaign: CampaignResult) -> Iterator[Reservation]:
                 f"residual {value.residual:.2g} {campaign.robot.torque_unit(axis)}, "
                 f"{value.residual / usual:.0f} times the usual residual of {kind} measurements "
                 f"of axis {axis + 1}",
-                "look for a cause (contact, saturation, a cable), move its recording away and"
-                " --resume",
+                "look for a cause (contact, saturation, a cable), move the recording to another "
+                "folder and continue with --resume",
                 value.id,
             )
 

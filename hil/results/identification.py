@@ -240,7 +240,7 @@ def _add_cause(error: HilError, proof: Excluded | None) -> HilError:
     if proof is None or not proof.found:
         return error
     cause = proof.found[0]
-    return type(error)(f"{cause}; {cause.remedy}\nas it stands, {error}")
+    return type(error)(f"{cause}; {cause.remedy}\nwithout this correction: {error}")
 
 
 def method_for(run: Run, others: Sequence[Run] = ()) -> tuple[str, str]:

@@ -136,8 +136,8 @@ def regression(
         raise UnknownName(f"friction {friction!r} must be auto, or a law: {'; '.join(LAWS)}")
     if friction != "auto" and not any(run.imported for run in (*runs, *loaded)):
         raise Mismatch(
-            f"friction {friction!r}: needs imported runs, and 0 of {len(runs)} runs are; runs of "
-            "hil run fit friction anew in each measurement; use 'auto'"
+            f"friction {friction!r}: for imported runs only (0 of {len(runs)}); in measured runs "
+            "friction is fitted in each measurement; use 'auto'"
         )
     named = (nuisance,) if isinstance(nuisance, str) else tuple(nuisance)
     options = Options(friction, named, covariance, prior)

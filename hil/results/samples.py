@@ -56,9 +56,7 @@ def _array(name: str, values: ArrayLike, n_joints: int) -> Array:
         raise InvalidArray(f"{name} has shape {array.shape}; {_wanted(n_joints)}")
     if not np.isfinite(array).all():
         bad = int(np.count_nonzero(~np.isfinite(array)))
-        raise InvalidArray(
-            f"{name} has {bad} values that are NaN or infinite; leave those samples out"
-        )
+        raise InvalidArray(f"{name} has {bad} values that are NaN or infinite; omit these samples")
     return array
 
 

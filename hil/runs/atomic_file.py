@@ -182,8 +182,8 @@ def refuse_link(path: Path) -> None:
     """
     if path.is_symlink():
         raise FileError(
-            f"{path}: is a symbolic link to {path.readlink()}, and nothing is written behind it;"
-            " put a folder in its place, or move the whole folder about it instead"
+            f"{path}: is a symbolic link to {path.readlink()}; links are not followed: replace "
+            "the link by a folder, or move the whole parent folder instead"
         )
 
 
@@ -216,8 +216,8 @@ def locked(path: Path) -> AbstractContextManager[None]:
     return _held(
         path,
         os.O_RDONLY,
-        f"{path}: another process measures into it now; wait for its end, or choose another folder"
-        " with -o",
+        f"{path}: another process measures into this folder; wait for its end, or choose another "
+        "folder with -o",
     )
 
 

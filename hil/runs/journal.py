@@ -134,8 +134,8 @@ class SyncTiming(FileModel):
         if self.worst < EXACT:
             return f"{self.samples} samples, {lost}; SYNC in lock-step"
         return (
-            f"{self.samples} samples, {lost}; SYNC off its period by {self.jitter * 1e3:.2g} ms"
-            f" (rms), {self.worst * 1e3:.2g} ms at most"
+            f"{self.samples} samples, {lost}; SYNC jitter {self.jitter * 1e3:.2g} ms (rms), "
+            f"{self.worst * 1e3:.2g} ms at most"
         )
 
 

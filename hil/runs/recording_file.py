@@ -192,7 +192,9 @@ def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, obj
             " version"
         )
     if attributes["checksum"] != _checksum(arrays, meta):
-        raise FileError(f"{path}: content does not fit its checksum; {replace_or_leave_out(path)}")
+        raise FileError(
+            f"{path}: content does not match its checksum; {replace_or_leave_out(path)}"
+        )
     measurement = _measurement.validate_json(str(meta["measurement"]))
     recording = Recording(**arrays)
     return Measured(

@@ -170,8 +170,8 @@ class Run:
         """
         if isinstance(self.plan, RecordedMotions):
             raise FileError(
-                f"{self.path}: was imported and has no plan; this needs a run that was measured"
-                " here: hil run plan.yaml"
+                f"{self.path}: was imported and has no plan; a run measured by hil run is "
+                "needed: hil run plan.yaml"
             )
         return self.plan
 
@@ -347,8 +347,8 @@ class Run:
             )
         if measured.run != self.journal.run_id:
             raise FileError(
-                f"{path}: was measured in another run than that of {self.path / 'run.json'}; put"
-                f" the run's own file back, {replace_or_leave_out(path)}"
+                f"{path}: was measured in another run than that of {self.path / 'run.json'}; "
+                f"restore the run's own file, {replace_or_leave_out(path)}"
             )
         return measured
 

@@ -142,8 +142,8 @@ class RunFolder(Run):
         ):
             if then != given:
                 raise FileError(
-                    f"{self.path}: the {name} differs from the one that the run was started with;"
-                    " resume with the same, or start a new run with -o"
+                    f"{self.path}: the {name} differs from that of the run's start; resume with "
+                    "the earlier one, or start a new run with -o"
                 )
 
     def refuse_other_drives(self, axes: Sequence[AxisInfo]) -> None:

@@ -254,8 +254,8 @@ class Arm:
                 return found, friction, most
             qdd, load = found, bias + (mass - self._rotors) @ found
         raise NotEnoughData(
-            f"the model of {self._robot.name}: friction grows with the load as fast as the load;"
-            " take --friction plain"
+            f"the model of {self._robot.name}: load-dependent friction is as large as the load; "
+            "use --friction plain"
         )
 
     def resolved(self, state: State, tau: Array) -> State:
@@ -409,6 +409,6 @@ def _factor(mass: Array, name: str) -> Array:
         return np.asarray(np.linalg.cholesky(mass))
     except np.linalg.LinAlgError as error:
         raise NotEnoughData(
-            f"the model of {name}: its mass matrix is not positive definite along the motion, so it"
-            " cannot be simulated; identify it from more motion, or see hil.Model.verdict"
+            f"the model of {name}: the mass matrix is not positive definite along the motion and "
+            "cannot be simulated; identify the model from more motion, or see hil.Model.verdict"
         ) from error

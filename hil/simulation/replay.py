@@ -135,8 +135,8 @@ class Replay:
             if each.lost
         ]
         return (
-            f"the simulation left the recording: {'; '.join(found)}; what follows is not scored;"
-            " restart it more often, with --restart 0.5 (restart=0.5)"
+            f"the simulation diverged from the recording: {'; '.join(found)}; later samples are "
+            "not scored; restart more often, with --restart 0.5 (restart=0.5)"
             if found
             else ""
         )
@@ -152,7 +152,7 @@ class Replay:
         past = np.flatnonzero(self.largest > wide).tolist()
         if self.lost or past:
             axes = ", ".join(f"{axis + 1} ({self._shown(axis, self.largest)})" for axis in past)
-            reason = f"largest error of axis {axes} passes its limit" if past else self.lost
+            reason = f"largest error of axis {axes} exceeds its limit" if past else self.lost
             return Verdict("failed", "failed", reason)
         return Verdict("good", "good", "all position errors are within their limits")
 
@@ -172,7 +172,7 @@ class Replay:
             for axis in range(self.robot.n_joints)
         ]
         return table(
-            "Simulated positions beside the recorded ones",
+            "Simulated and recorded positions",
             ("axis", *figures("rms error", "largest error", "range", "rms, % of the range")),
             rows,
             "Errors of the positions over all scored samples, and range of the recorded positions.",
@@ -249,7 +249,7 @@ def replay(
 
         if friction not in (None, "exported"):
             raise InvalidValue(
-                f"friction {friction}: MuJoCo has the exported friction; leave it out"
+                f"friction {friction}: MuJoCo uses the exported friction; omit the option"
             )
         friction, arm = "exported", MujocoArm(model)
     else:

@@ -101,10 +101,9 @@ class BusState:
             same = ours is not None and path == ours.resolve()
             if not same and left_behind(path):
                 raise FileError(
-                    f"{path}: drives on {self._bus} hold what an earlier session wrote, which was"
-                    " ended before it could put back what it had found; with the drives off, put"
-                    f" it back: {self._remedy(path)} (or remove the file if the drives have been"
-                    " set up anew)"
+                    f"{path}: drives on {self._bus} hold settings of an interrupted session; "
+                    f"with the drives off, restore the earlier ones: {self._remedy(path)} (or "
+                    "remove the file if the drives have been set up anew)"
                 )
 
     def _named(self) -> Path | None:
@@ -119,20 +118,19 @@ class BusState:
             raise self._damaged(f"{self.word}: must hold the path of a file")
         if not path.exists():
             raise FileError(
-                f"{path}: is missing, and {self.word} names it as the file of what drives on"
-                f" {self._bus} held before a session that was ended before it could put that back;"
-                f" put its folder back and, with the drives off, do {self._remedy(path)}; or"
-                f" remove {self.word} if the drives hold again what they held, or have been set up"
-                " anew"
+                f"{path}: is missing; {self.word} names it as the file of earlier settings of "
+                f"drives on {self._bus}, needed after an interrupted session; put its folder "
+                f"back and, with the drives off, do {self._remedy(path)}; or remove {self.word} "
+                "if the drives have been restored or set up anew"
             )
         return path
 
     def _damaged(self, why: str) -> FileError:
         return FileError(
-            f"{why}; it names the file of what drives on {self._bus} held before a session that"
-            " was ended before it could put that back: find found-settings.yaml in the folder of"
-            " the latest run on this bus and, with the drives off, do"
-            f" {self._remedy('FOLDER/found-settings.yaml')}; then remove {self.word}"
+            f"{why}; it names the file of earlier settings of drives on {self._bus}, needed "
+            "after an interrupted session: find found-settings.yaml in the folder of the latest "
+            "run on this bus and, with the drives off, do "
+            f"{self._remedy('FOLDER/found-settings.yaml')}; then remove {self.word}"
         )
 
     def _remedy(self, path: Path | str) -> str:

@@ -142,8 +142,8 @@ def _refuse_patch(model: Model, to: str, urdf: Path | None, patch: Path) -> None
         )
     if model.failed:
         raise InvalidValue(
-            f"its identification {model.verdict}; a patched file could not say so: export without"
-            " --patch"
+            f"its identification {model.verdict}, which a patched file cannot state: export "
+            "without --patch"
         )
 
 
@@ -151,7 +151,7 @@ def _unused_inertials(given: Given, model: Model) -> Iterator[str]:
     """Yield the reasons for not using the inertials of a URDF, if stated."""
     if given.reader.file.root.find("link/inertial") is not None:
         for fault in inertial_faults(given, model.robot):
-            yield f"{fault}; until then {SHAPES} stand in for the inertials of all links"
+            yield f"{fault}; until then {SHAPES} replace the inertials of all links"
 
 
 def exported_recordings(

@@ -97,6 +97,7 @@ def _reported(keeper: SettingsKeeper) -> Iterator[SettingsKeeper]:
     finally:
         if keeper.unrestored and keeper.path is not None:
             sys.stderr.write(
-                f"not all drives hold again what they held before; it is kept in {keeper.path}:"
-                f" with the drives off, put it back with hil drives restore {keeper.path}\n"
+                "not all drives have their earlier settings again; these are kept in "
+                f"{keeper.path}: with the drives off, restore them with hil drives restore "
+                f"{keeper.path}\n"
             )

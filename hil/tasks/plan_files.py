@@ -54,6 +54,6 @@ def _robot_file(the_plan: Plan, source: Path) -> str | Path:
     path = source.parent / the_plan.robot.file
     if not path.exists():
         raise FileError(
-            f"{source}: robot.file: {path} is not there; name the robot file with --robot"
+            f"{source}: robot.file: {path} does not exist; name the robot file with --robot"
         )
     return path

@@ -77,7 +77,7 @@ def designed(kind: str, now: Now = lambda _: None, **options: Any) -> Designed:
         if kind not in kinds:
             option, taking = f"--{name.replace('_', '-')}", " and ".join(kinds)
             why = _REASONS.get((kind, name), f"it is for {taking or 'no kind of plan'}")
-            raise Unsuited(f"{option} does not go with kind {kind}: {why}; leave it out")
+            raise Unsuited(f"{option} does not apply to kind {kind}: {why}; omit the option")
     return KINDS[kind](now=now, **options)
 
 
@@ -146,30 +146,29 @@ def _strokes(
     asked = {"gravity": gravity, "inertia": inertia, "coupling": coupling}
     counts = {kind: number for kind, number in asked.items() if number is not None}
     _refuse(
-        ((robot is None) == (not refine), "give a robot, or a run with --refine: one of the two"),
+        ((robot is None) == (not refine), "give either a robot, or a run with --refine"),
         (
             counts and (minutes is not None or refine),
-            "--gravity, --inertia and --coupling are for a plan by counts; leave them out with"
-            " --minutes and --refine, which choose them",
+            "--gravity, --inertia and --coupling are for a plan by counts; omit them with "
+            "--minutes and --refine, which choose the counts",
         ),
         (
             refine and (warm_up or workspace is not None or noise_from is not None),
-            "--refine takes workspace and noise from the run; leave --warm-up, --workspace and"
-            " --noise-from out",
+            "--refine takes workspace and noise from the run; omit --warm-up, --workspace and "
+            "--noise-from",
         ),
         (
             with_trajectories and refine,
-            "--with-trajectories does not go with --refine, which chooses among strokes",
+            "--with-trajectories cannot be used with --refine, which chooses among strokes",
         ),
         (
             with_trajectories and minutes is None,
-            "--with-trajectories needs --minutes, within which all kinds are weighed against each"
-            " other; for trajectories alone there is kind trajectory",
+            "--with-trajectories needs --minutes, to choose among all kinds; for only "
+            "trajectories use kind trajectory",
         ),
         (
             distinguish is not None and (refine or minutes is not None),
-            "--distinguish adds to a plan by counts, as much as causes need; leave --minutes and"
-            " --refine out",
+            "--distinguish extends a plan by counts as far as needed; omit --minutes and --refine",
         ),
         (
             noise_from is not None and minutes is None and distinguish is None,
@@ -226,7 +225,7 @@ def _refined(now: Now, runs: Sequence[Path], minutes: float) -> Designed:
     from hil.planning.prediction.precision import information, precision
     from hil.tasks.robot_drives import experience_of
 
-    now("finding what the runs have shown")
+    now("reading earlier runs")
     folders, (noise, known, _) = experience_of(runs)
     first, robot = folders[0], folders[0].robot
     taken = {measurement.id for folder in folders for measurement in folder.motions}
@@ -309,14 +308,14 @@ def _load(
     if model is None:
         raise Unsuited("kind load needs the run without the load: --model")
     _refuse(
-        (len(refine) > 1, "kind load takes one run with --refine, that of its slow strokes"),
+        (len(refine) > 1, "kind load takes one run with --refine, the run of slow strokes"),
         (refine and at_most is not None, "--at-most is for slow strokes; --refine knows the load"),
     )
-    now("reading what the run without the load knows")
+    now("reading the run without the load")
     bare = BareRun(model)
     known = bare.known
     if refine:
-        now("estimating the load, and choosing faster measurements by it")
+        now("estimating the load and choosing faster measurements")
         slow = Run.open(refine[0])
         found = estimate_load(bare, [slow])
         return Designed(fast_plan(known, minutes, slow.planned, found, pose), model.robot)

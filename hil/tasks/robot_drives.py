@@ -47,7 +47,7 @@ def packaged_drives(the_robot: Robot) -> Path:
     """
     path = _packaged(the_robot)
     if not path.exists():
-        raise FileError(f"{the_robot.name}: no drives file comes along; give one with --drives")
+        raise FileError(f"{the_robot.name}: no packaged drives file; give one with --drives")
     return path
 
 
@@ -224,10 +224,10 @@ def expected_of(robot: Robot, run: Path | None, drives_file: Path | None = None)
     folders, levels = experience_of([run])
     if folders[0].robot.digest != robot.digest:
         raise FileError(
-            f"{run}: was measured with another robot file of {folders[0].robot.name} than this plan"
-            f" is for; leave --noise-from out, or name a run of {robot.name} as it is now"
+            f"{run}: was measured with another robot file of {folders[0].robot.name} than this "
+            f"plan is for; omit --noise-from, or name a run with the present file of {robot.name}"
         )
-    return Expected(levels.noise, levels.p, "as an earlier run showed them")
+    return Expected(levels.noise, levels.p, "as in an earlier run")
 
 
 def experience_of(runs: Sequence[Path]) -> tuple[list[Run], Levels]:

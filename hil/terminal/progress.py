@@ -89,7 +89,7 @@ def notice(event: Event) -> str:
             f"  {reasons}"
         )
     if isinstance(event, events.Paused):
-        return "paused, the axes stay under power; any key goes on, s or space stops"
+        return "paused, the axes stay under power; any key continues, s or space stops"
     return ""
 
 

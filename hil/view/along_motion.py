@@ -244,8 +244,8 @@ def smallest(found: Distances, workspace: Workspace) -> str:
     name = workspace.boxes[int(found.box[at])].name
     where = f"link {found.link[at] + 1}, {round(found.track.time[at] / INSTANT) * INSTANT:.1f} s"
     if depth < 0:
-        return f"a link reaches {-depth:.3f} m into {name} ({where} after the beginning)"
-    return f"smallest distance to a box: {depth:.3f} m to {name} ({where} after the beginning)"
+        return f"a link reaches {-depth:.3f} m into {name} ({where} after the start)"
+    return f"smallest distance to a box: {depth:.3f} m to {name} ({where} after the start)"
 
 
 def _nearest(robot: Robot, workspace: Workspace, q: Array) -> tuple[Array, NDArray[np.intp]]:

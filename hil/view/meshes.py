@@ -49,7 +49,9 @@ def read_triangles(path: Path, largest: int = 100_000_000) -> Array:
         content = path.read_bytes()
     corners = readers[path.suffix.lower()](content, path)
     if not len(corners) or not np.isfinite(corners).all():
-        raise FileError(f"{path}: has no triangles, or corners that are no numbers; export it anew")
+        raise FileError(
+            f"{path}: has no triangles, or corners that are not numbers; export it anew"
+        )
     return corners
 
 
@@ -60,11 +62,11 @@ def _stl(content: bytes, path: Path) -> Array:
         found = np.frombuffer(content, _TRIANGLE, count, header)["corners"]
         return found.astype(np.float64)
     if content.lstrip()[:5].lower() != b"solid":
-        raise FileError(f"{path}: is no STL file, or is cut off; export it anew")
+        raise FileError(f"{path}: is not an STL file, or is truncated; export it anew")
     words = (line.split() for line in content.decode("ascii", "replace").splitlines())
     corners = [_numbers(w[1:4], path) for w in words if w and w[0].lower() == "vertex"]
     if len(corners) % 3:
-        raise FileError(f"{path}: {len(corners)} vertices must be three a triangle; export it anew")
+        raise FileError(f"{path}: {len(corners)} vertices must be a multiple of 3; export it anew")
     return np.array(corners).reshape(-1, 3, 3)
 
 

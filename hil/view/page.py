@@ -56,8 +56,8 @@ def write_page(path: Path, make: Callable[[int], Scene], largest: int = 3_000_00
             write_file(path, content)
             return size
     raise InvalidValue(
-        f"{path}: the page has {size / 1e6:.1f} MB, at most {largest / 1e6:.0f} MB; show fewer"
-        " measurements, or leave --urdf out"
+        f"{path}: the page has {size / 1e6:.1f} MB, at most {largest / 1e6:.0f} MB; show fewer "
+        "measurements, or omit --urdf"
     )
 
 
@@ -92,7 +92,8 @@ def refuse_other_file(path: Path) -> None:
             if MARK.encode() in file.read(1000):
                 return
     raise FileError(
-        f"{path}: already exists and no page of hil view; remove it or choose another name with -o"
+        f"{path}: already exists and is not a page of hil view; remove it or choose another name "
+        "with -o"
     )
 
 

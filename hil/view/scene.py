@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 ANGLE = 1e-5
 """Resolution of a position [rad or m]."""
-WITHOUT_MODEL = "No torque without a model; --model RUN adds the torque that it predicts."
+WITHOUT_MODEL = "No torque without a model; --model RUN adds predicted torque."
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,8 +155,7 @@ def plan_scene(
         predicted=torque,
         distances=near,
         notes=(
-            "As the dry run reckons it; it begins with all joints at 0, since where the robot"
-            " stands is not known.",
+            "As computed by the dry run, from all joints at 0: the robot's position is not known.",
             *_describe_distance(near, plan.workspace),
             *_describe_capsules(robot),
             *(() if torque else (WITHOUT_MODEL,)),
@@ -204,8 +203,8 @@ def run_scene(
         predicted=found.predicted,
         distances=near,
         notes=(
-            "As it was measured. Pauses are left out, and ways between recordings, which are not"
-            " recorded, are drawn straight.",
+            "As measured. Pauses are left out; travel between recordings is not recorded and "
+            "drawn straight.",
             *_describe_distance(near, workspace),
             *_describe_capsules(run.robot),
         ),
@@ -236,7 +235,7 @@ def _describe_capsules(robot: Robot) -> tuple[str, ...]:
     if all(stated):
         return ()
     links = ", ".join(str(link) for link, known in enumerate(stated, start=1) if not known)
-    return (f"Capsules are assumed, since the robot file states none, of: link {links}.",)
+    return (f"Capsules assumed (none in the robot file) for: link {links}.",)
 
 
 def _segment(segment: Segment, kind: int) -> dict[str, object]:

@@ -179,8 +179,8 @@ def _refuse_other(chain: UrdfChain, robot: Robot, urdf: Path) -> None:
     """Refuse a URDF with frames different from the robot file."""
     if difference(chain, robot):
         raise Mismatch(
-            f"{urdf}: its joints from {chain.base} to {chain.tip} are not where those of"
-            f" {robot.name} are; give the URDF that the robot file was written from"
+            f"{urdf}: its joints from {chain.base} to {chain.tip} differ in position from those "
+            f"of {robot.name}; give the URDF of the robot file"
         )
 
 

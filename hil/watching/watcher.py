@@ -350,6 +350,6 @@ class WatchingBus(BusInFront):
 def describe_alarm(alarm: Alarm, unit: str) -> str:
     """Describe an alarm: axis, time, size and threshold."""
     return (
-        f"axis {alarm.axis}: {alarm.torque:+.3g} {unit} from outside at {alarm.time:.3f} s, in a"
-        f" mean over {1e3 * alarm.window:.0f} ms; threshold {alarm.threshold:.3g} {unit}"
+        f"axis {alarm.axis}: external torque {alarm.torque:+.3g} {unit} at {alarm.time:.3f} s, "
+        f"mean over {1e3 * alarm.window:.0f} ms; threshold {alarm.threshold:.3g} {unit}"
     )

@@ -76,8 +76,8 @@ class Segment(TimedNetwork):
         for drive in machine.drives:
             if drive.axis > 1:
                 raise FileError(
-                    f"{drive.name}: axis {drive.axis} of node {drive.node_id}; this plant has"
-                    " several axes in one node on CAN alone: give each a node of its own"
+                    f"{drive.name}: axis {drive.axis} of node {drive.node_id}; several axes in "
+                    "one node are supported only on CAN: give each a node of its own"
                 )
         self._clock = clock
         self._default_cycle = cycle

@@ -261,7 +261,7 @@ class TestFailure:
         self, tmp_path: Path, program: Callable[..., tuple[int, str, str]]
     ) -> None:
         status, _, err = program("-o", tmp_path / "study", "--plant", "puma")
-        assert (status, "puma: no plant file" in err) == (1, True)
+        assert (status, "puma: neither a plant file" in err) == (1, True)
         assert not (tmp_path / "study").exists()
 
     def test_planning_is_announced_on_a_terminal(

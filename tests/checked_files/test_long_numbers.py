@@ -15,7 +15,7 @@ class _Model(FileModel):
     "text", ["1" + ":1" * NUMBER_MAX, "9" * (NUMBER_MAX + 1), "0." + "1" * NUMBER_MAX]
 )
 def test_a_number_of_more_characters_than_any_needs_is_refused(text: str) -> None:
-    with pytest.raises(FileError, match=rf"a.yaml:1: .*no number of at most {NUMBER_MAX} char"):
+    with pytest.raises(FileError, match=rf"a.yaml:1: .*not a number of at most {NUMBER_MAX} char"):
         parse_yaml(f"value: {text}", _Model, "a.yaml")
 
 

@@ -187,7 +187,7 @@ def test_every_drive_that_cannot_serve_is_named_at_once() -> None:
     ("objects", "words"),
     [
         ({(0x1018, 2): ("u32", 0x77)}, "product code 00000077h, the drives file expects 00000402h"),
-        ({(0x1000, 0): ("u32", 401)}, "device profile 401 is no CiA 402 drive"),
+        ({(0x1000, 0): ("u32", 401)}, "device profile 401 is not a CiA 402 drive"),
         (
             {(0x6502, 0): ("u32", 0x304)},
             "neither profile position nor cyclic synchronous position mode (6502 = 00000304h",

@@ -282,9 +282,7 @@ def test_a_tpdo_that_cannot_be_switched_off_is_noted_with_what_it_costs(
     can_bus, drive_bus = stubborn(0x282, kind)
     with can_bus, drive_bus:
         assert drive_bus.sample().flags == (0, 0, 0)
-    note = (
-        f"joint 2 (node 2): TPDO 2 cannot be switched off: it goes on to be sent under 282h {when}"
-    )
+    note = f"joint 2 (node 2): TPDO 2 cannot be switched off: still sent under 282h {when}"
     assert [n for n in drive_bus.notes if n.startswith(note)]
 
 
@@ -452,7 +450,10 @@ def noted(objects: Objects) -> list[str]:
 @pytest.mark.parametrize(
     ("objects", "words"),
     [
-        ({(0x607C, 0): ("i32", -70)}, "607C:00 (home offset) is -70: positions are shifted by it"),
+        (
+            {(0x607C, 0): ("i32", -70)},
+            "607C:00 (home offset) is -70: positions shift by this offset",
+        ),
         (
             {(0x607B, 1): ("i32", -180_000), (0x607B, 2): ("i32", 179_999)},
             "positions wrap around in [-180000, 179999] (607B), outside the limits",

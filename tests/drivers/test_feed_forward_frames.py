@@ -261,7 +261,7 @@ def test_what_is_beyond_the_limits_is_refused_and_nothing_is_sent(
 def test_drives_that_were_not_set_up_for_it_are_fed_nothing() -> None:
     with (
         wired(feed_forward=False) as wire,
-        pytest.raises(DriveRefused, match="not set up to take what is fed forward"),
+        pytest.raises(DriveRefused, match="not set up for feed-forward"),
     ):
         wire.stream(torque=bump(TORQUE).tolist())
 

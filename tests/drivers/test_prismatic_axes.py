@@ -150,7 +150,7 @@ def test_software_limits_that_are_fixed_are_stated_in_metres() -> None:
         ([0.0, 9.0], "set-point 9 m after"),
         ([0.0, 0.1], "velocity 25 m/s after"),
         ([0.0, 0.001], "acceleration 62.5 m/s^2 after"),
-        ([1.0, 1.0], "begins at 1 m, the axis stands at 0 m"),
+        ([1.0, 1.0], "begins at 1 m, the axis is at 0 m"),
     ],
 )
 def test_paths_are_refused_in_metres(path: list[float], words: str) -> None:

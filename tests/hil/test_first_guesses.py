@@ -97,7 +97,7 @@ class TestRobot:
             hil.Robot.load(tmp_path / name)
 
     def test_what_is_of_a_urdf_alone_is_refused_elsewhere(self) -> None:
-        with pytest.raises(InvalidValue, match="leave base, tip and gravity out"):
+        with pytest.raises(InvalidValue, match="omit base, tip and gravity"):
             hil.Robot.load("emps", tip="link2")
         with pytest.raises(UnknownName, match=r"ending in \.urdf"):
             hil.Robot.load("enps")

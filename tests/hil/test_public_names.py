@@ -128,7 +128,7 @@ def test_two_models_are_compared(campaign: Path) -> None:
 def test_a_plan_is_made_checked_and_refused() -> None:
     plan = hil.plan("manutec-r15", gravity=8, inertia=12)
     assert hil.dry_run(plan).problems == ()
-    with pytest.raises(ValueError, match="period does not go with kind strokes: it is for traj"):
+    with pytest.raises(ValueError, match="period does not apply to kind strokes: it is for traj"):
         hil.plan("manutec-r15", period=20.0)
 
 

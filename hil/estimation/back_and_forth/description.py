@@ -195,21 +195,21 @@ def remarks(
     never = [str(axis + 1) for axis in range(robot.n_joints) if axis not in moved]
     if never:
         yield (
-            f"no strokes of axis {', '.join(never)}: its torque is not used, since static friction"
-            " bears an unknown part of it; record strokes of it too"
+            f"no strokes of axis {', '.join(never)}: its torque is not used, because static "
+            "friction carries an unknown share; record strokes of this axis too"
         )
     single = sum(len(each.pairs) == 1 for each in recordings)
     if single:
         yield (
-            f"{single} of {len(recordings)} recordings have one pair of strokes: what friction does"
-            " between forth and back does not show there; two pairs or more show it"
+            f"{single} of {len(recordings)} recordings have one pair of strokes, too few to see "
+            "changes of friction between forth and back; record two pairs or more"
         )
     also = [each.id for each in recordings if each.also_moving]
     if also:
         axes = sorted({axis + 1 for each in recordings for axis in each.also_moving})
         yield (
-            f"beside the axis that is to move alone, axis {', '.join(map(str, axes))} moved in"
-            f" {', '.join(also)}; its motion is in the model's columns"
+            f"besides the stated axis, axis {', '.join(map(str, axes))} moved in "
+            f"{', '.join(also)}; the model includes this motion"
         )
     loose = loose_parameters(robot, whole, solution.fit, left.torque)
     if loose:

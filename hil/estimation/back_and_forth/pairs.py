@@ -122,7 +122,8 @@ def pairs_of(motion: Motion, stroke: Numbers, axis: int, unit: str) -> Pairs:
     forth, back = (each[np.isin(key[each], rows)] for each in (forth, back))
     if not useless and not len(rows):
         raise NotEnoughData(
-            "no stroke forth has one back after it; record at least one pair, or write kind: free"
+            "no forward stroke with a backward stroke after it; record at least one pair, or "
+            "write kind: free"
         )
     if not len(rows):
         more = len(useless) - 1
@@ -162,15 +163,15 @@ def _reason(q: Array, qd: Array, forth: Mask, back: Mask, bins: Indices, unit: s
     if len(common) < FEWEST:
         there, again = (f"{x.min():.3g} to {x.max():.3g} {unit}" for x in (q[forth], q[back]))
         return (
-            f"forth it passes {there}, back {again}, which is {len(common)} bins of position in"
-            f" common where {FEWEST} are needed; let both strokes go over the same way"
+            f"forward {there}, backward {again}: {len(common)} bins of position in common, at "
+            f"least {FEWEST} needed; move both strokes over one range"
         )
     both = np.isin(bins, common)
     speeds = [float(np.mean(np.abs(qd[each & both]))) for each in (forth, back)]
     if max(speeds) > UNLIKE * min(speeds):
         return (
-            f"forth it goes at {speeds[0]:.3g} {unit}/s, back at {speeds[1]:.3g} {unit}/s, a ratio"
-            f" above {UNLIKE:g}: friction at such different speeds does not cancel; move both ways"
-            " at one speed, or write kind: free"
+            f"forward at {speeds[0]:.3g} {unit}/s, backward at {speeds[1]:.3g} {unit}/s, a ratio "
+            f"above {UNLIKE:g}: friction at such different speeds does not cancel; move in both "
+            "directions at one speed, or write kind: free"
         )
     return ""

@@ -75,9 +75,10 @@ class BodyBounds:
         for link, (least, most) in self.masses.items():
             if not 0 < least < most:
                 raise InvalidValue(
-                    f"mass of link {link}: {least:g} to {most:g} kg must rise from a positive"
-                    f" value; write {link}:{min(abs(least), abs(most)) or LEAST_MASS:g}:"
-                    f"{max(abs(least), abs(most)) or MOST_MASS:g}, or leave the bound out"
+                    f"mass of link {link}: {least:g} to {most:g} kg must be positive and "
+                    "ascending; write "
+                    f"{link}:{min(abs(least), abs(most)) or LEAST_MASS:g}:"
+                    f"{max(abs(least), abs(most)) or MOST_MASS:g}, or omit the bound"
                 )
 
     def refuse_other_links(self, robot: Robot) -> None:

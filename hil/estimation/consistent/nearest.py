@@ -93,8 +93,8 @@ def nearest_robot(
     # minimum share of the thickness after rounding, which matters for links of a few grams
     if thickness.min() < 0.25 * bounds.thickness:
         raise NotRealisable(
-            f"the bodies that were found are {1e3 * thickness.min():.2g} mm thick instead of"
-            f" {1e3 * bounds.thickness:.2g} mm: the estimate is too far from any bodies"
+            f"the links found are {1e3 * thickness.min():.2g} mm thick instead of "
+            f"{1e3 * bounds.thickness:.2g} mm: the estimate is too far from physical consistency"
         )
     # distance d below which the estimate itself meets all conditions
     outside = distance > 1e-4**2

@@ -62,7 +62,8 @@ def least_squares(A: Array, b: Array, inequalities: Sequence[Inequality]) -> Sol
         if usable:
             return min(usable, key=lambda each: float(np.sum((A @ each.u - b) ** 2)))
     raise NotRealisable(
-        "no bodies meet all conditions: widen the bounds of masses and centres of mass"
+        "no physically consistent links meet all conditions: widen the bounds of masses and "
+        "centres of mass"
     )
 
 

@@ -230,8 +230,8 @@ CAUSES = {
     ),
     "measurements that disagree": Cause(
         "", "", "", 0.0,
-        "a check of the differences between these measurements: a hand that touches something, a "
-        "machine that warms up, torque ripple",
+        "a check of the differences between these measurements: contact, warming up, torque "
+        "ripple",
     ),
     "unknown": Cause(
         "", "", "", 0.0,

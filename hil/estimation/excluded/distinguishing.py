@@ -145,7 +145,7 @@ def causes_named(robot: Robot, text: str) -> list[Key]:
         if name in BY_TIME:
             raise UnknownName(
                 f"{name}: depends on the time of a measurement, not on the configuration; "
-                "measure longer, or come back to the first configurations at the end"
+                "measure longer, or repeat the first configurations at the end"
             )
         if name not in PLANNED:
             raise UnknownName(

@@ -243,9 +243,9 @@ def recorded_products(
 def too_short(longest: float, spoilt: float, processing: Processing) -> NotEnoughData:
     """Return the error for recordings completely spoilt by the low-pass; times in s."""
     return NotEnoughData(
-        f"the longest recording has {longest:.3g} s, of which the low-pass at"
-        f" {processing.cut_off:.3g} Hz spoils {spoilt:.3g} s at its ends; import longer ones, or"
-        " state a higher cut_off in the map"
+        f"the longest recording has {longest:.3g} s, and the low-pass at "
+        f"{processing.cut_off:.3g} Hz makes {spoilt:.3g} s at the ends unusable; import longer "
+        "ones, or state a higher cut_off in the map"
     )
 
 

@@ -182,32 +182,32 @@ def remarks(
     said = []
     if found.duration < SHORT or products.n_pieces < FEW_BLOCKS:
         said.append(
-            f"{found.duration:.3g} s of recordings are little: intervals show less than may be"
-            f" wrong; add some, {SHORT:g} s or more"
+            f"{found.duration:.3g} s of recordings, at least {SHORT:g} s needed: intervals may "
+            "be too small; add recordings"
         )
     if condition > POOR:
         said.append(
-            f"condition number {condition:.3g}: some combinations of parameters and"
-            " friction hardly show in the torque; add recordings of other motions"
+            f"condition number {condition:.3g}: some combinations of parameters and friction "
+            "hardly influence the torque; add recordings of other motions"
         )
     if found.still:
         axes = ", ".join(str(axis + 1) for axis in found.still)
-        said.append(f"axis {axes} stands still in all recordings: its friction is not identified")
+        said.append(f"axis {axes} does not move in the recordings: its friction is not identified")
     for axis, one in _one_way(products, solution.fit).items():
         said.append(
             f"axis {axis + 1} {one} {robot.torque_unit(axis)}; add recordings in both directions"
         )
     if not solution.possible:
         said.append(
-            "the mass matrix is not positive definite, and no parameters that make it so explain"
-            " the torques as well: leave them out of simulations; check signs, units, gear ratios"
-            " and torque constants of the map and the robot file, and add recordings with greater"
-            " acceleration"
+            "the mass matrix is not positive definite, and parameters with a positive definite "
+            "one explain the torques less well: do not simulate with these parameters; check "
+            "signs, units, gear ratios and torque constants of the map and the robot file, and "
+            "add recordings with greater acceleration"
         )
     elif solution.moved:
         said.append(
-            "least squares alone had a mass matrix that is not positive definite; parameters were"
-            f" moved by at most {solution.moved:.2g} standard errors to mend that"
+            "the mass matrix by least squares was not positive definite; it was corrected by "
+            f"changes of parameters, at most {solution.moved:.2g} standard errors"
         )
     names = loose_parameters(robot, products.pieces[0], solution.fit, torque)
     if names:

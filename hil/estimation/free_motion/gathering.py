@@ -85,8 +85,7 @@ def free_motions(recorded: Recorded) -> Iterable[tuple[FreeMotion, Recording]]:
     found = Selected(recorded, lambda motion, _: isinstance(motion, FreeMotion))
     if not any(True for _ in found):
         raise NotEnoughData(
-            "no free motions among the recordings; import some with hil import, or leave --method"
-            " out"
+            "no free motions among the recordings; import some with hil import, or omit --method"
         )
     return cast("Iterable[tuple[FreeMotion, Recording]]", found)
 

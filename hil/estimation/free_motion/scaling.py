@@ -207,8 +207,8 @@ def _fit_gains(recorded: Blocks, unknown: tuple[int, ...], p: Array) -> Scaling:
     lost = [axis for axis, each in zip(unknown, reciprocal, strict=True) if not each > 0]
     if lost:
         raise NotIdentifiable(
-            f"{_gains_of(lost)} cannot be found: the parameters found beside say nothing of the"
-            f" signals, or their reverse; {REMEDY}"
+            f"{_gains_of(lost)} cannot be found: with the other parameters found, the signals "
+            f"have no effect or the reverse sign; {REMEDY}"
         )
     gains = np.ones(recorded.n_channels)
     gains[list(unknown)] = 1.0 / reciprocal
@@ -304,8 +304,8 @@ def require_scale(robot: Robot, recorded: Blocks, unknown: tuple[int, ...]) -> N
     listed = ", ".join(name for name in base_parameters(robot).names if name in lost)
     both = f"{'it' if len(axes) == 1 else 'them'} {listed or 'all its friction'}"
     raise NotIdentifiable(
-        f"{_gains_of(axes)} and with {both} are determined only up to scale: multiplied alike they"
-        f" leave all torques as they are; {REMEDY}"
+        f"{_gains_of(axes)} and with {both} are determined only up to scale: a common factor "
+        f"changes no torque; {REMEDY}"
     )
 
 

@@ -109,9 +109,9 @@ def _chosen(bandwidths: Sequence[float], period: float) -> tuple[float, str]:
     most = min(1.0 / (FINE * period), HIGHEST)
     wanted = float(np.median(bandwidths)) if bandwidths else most
     if wanted > most:
-        return most, "the motion stands out from noise at all frequencies that samples show"
+        return most, "the motion exceeds the noise at all sampled frequencies"
     return max(wanted, LOWEST), (
-        f"up to it the positions' spectrum is {ABOVE:g} times the noise or more"
+        f"up to this frequency the positions' spectrum is {ABOVE:g} times the noise or more"
     )
 
 
@@ -237,14 +237,14 @@ def _source(figures: Array, period: float) -> VelocitySource:
         return VelocitySource(recorded=False, reason="the axis does not move")
     different, lag, noise = np.median(moving, axis=0)
     if different > SAME and not abs(lag) > LAG * period:
-        reason = f"the recorded one differs from it by {100 * different:.2g} %"
+        reason = f"the recorded velocity differs by {100 * different:.2g} %"
     elif abs(lag) > LAG * period:
         late = "late" if lag > 0 else "early"
-        reason = f"the recorded one is {1e3 * abs(lag):.3g} ms {late}"
+        reason = f"the recorded velocity is {1e3 * abs(lag):.3g} ms {late}"
     elif not noise < 1:
-        reason = f"the recorded one has {noise:.2g} times its noise"
+        reason = f"the recorded velocity has {noise:.2g} times the noise"
     else:
         return VelocitySource(
-            recorded=True, reason=f"it has {noise:.2g} times the noise of the derivative"
+            recorded=True, reason=f"{noise:.2g} times the noise of the derivative"
         )
     return VelocitySource(recorded=False, reason=reason)

@@ -222,10 +222,10 @@ def require_determined(robot: Robot, pieces: Regression) -> None:
         reasons, still = [], lost
     if still:
         reasons.append(
-            f"the recorded motions do not excite {_listed(base, still)}; add recordings in which"
-            " more joints move through more of their ranges, or state in the robot file which link"
-            " parameters are present, or take what is open from CAD (hil identify --prior cad=0.3"
-            " --urdf FILE)"
+            f"the recorded motions do not excite {_listed(base, still)}; add recordings in which "
+            "more joints move through more of their ranges, or state in the robot file which "
+            "link parameters are present, or take missing parameters from CAD (hil identify "
+            "--prior cad=0.3 --urdf FILE)"
         )
     raise NotIdentifiable(". ".join(reasons))
 
@@ -254,10 +254,10 @@ def _explain_slide(base: BaseParameters, lost: Sequence[int], axis: int, column:
     """
     others = [k for k in lost if k != column]
     return (
-        f"no recording tells the rotor inertia of axis {axis + 1} ({base.names[column]}) from the"
-        f" mass that it moves (in {_listed(base, others)}): on a slide gravity is a constant force,"
-        f" as the offset of friction is. State the rotor_inertia of joint {axis + 1} in the robot"
-        " file (the robot.yaml of the run folder is one), as in drive: {gear_ratio: 1,"
-        " rotor_inertia: 0, torque_constant: unknown}. With 0 the mass has it in it and the offset"
-        " its weight, and torques are the same"
+        f"the rotor inertia of axis {axis + 1} ({base.names[column]}) cannot be distinguished "
+        f"from the moved mass (in {_listed(base, others)}): on a prismatic axis gravity is a "
+        "constant force, like the offset of friction. State the rotor_inertia of joint "
+        f"{axis + 1} in the robot file (the robot.yaml of the run folder is one), as in drive: "
+        "{gear_ratio: 1, rotor_inertia: 0, torque_constant: unknown}. With 0 the mass includes "
+        "the rotor inertia and the offset the weight; torques are the same"
     )

@@ -152,9 +152,8 @@ def _alike(unknown: Mapping[str, tuple[int, ...]]) -> tuple[int, ...]:
     for other, its in unknown.items():
         if its != axes:
             raise Mismatch(
-                f"{other}: the axes of unknown gain are {list(its)}, but those of {name} are"
-                f" {list(axes)}; an axis has one gain in all recordings: state it in all maps or in"
-                " none"
+                f"{other}: the axes of unknown gain are {list(its)}, but those of {name} are "
+                f"{list(axes)}; state the gain of an axis in all maps, or in none"
             )
     return tuple(axis - 1 for axis in axes)
 

@@ -168,7 +168,9 @@ def _windows(m: Friction, s: Signals, gear_ratio: float) -> list[Mask]:
     """Select samples at constant velocity by stroke, over common angles: whole motor turns."""
     steady = [_steady(m, s, stroke) for stroke in range(m.n_strokes)]
     if any(window.sum() < FEWEST for window in steady):
-        raise NotEnoughData("no window of constant velocity in both directions; repeat it")
+        raise NotEnoughData(
+            "no window of constant velocity in both directions; repeat the measurement"
+        )
     q = s.q[:, m.index]
     low = max(float(q[window].min()) for window in steady)
     high = min(float(q[window].max()) for window in steady)
@@ -177,7 +179,9 @@ def _windows(m: Friction, s: Signals, gear_ratio: float) -> list[Mask]:
         high = low + math.floor((high - low) / turn) * turn
     shared = [window & (q >= low) & (q <= high) for window in steady]
     if any(window.sum() < FEWEST for window in shared):
-        raise NotEnoughData("both directions share too few angles at constant velocity; repeat it")
+        raise NotEnoughData(
+            "both directions share too few angles at constant velocity; repeat the measurement"
+        )
     return shared
 
 

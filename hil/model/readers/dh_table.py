@@ -226,8 +226,8 @@ def convert_table(text: str, source: str) -> str:
     used = [(k, line) for k, line in enumerate(lines) if _is_row(line)]
     if len(used) > 1 + MOST_JOINTS:
         raise FileError(
-            f"{source}:{used[1 + MOST_JOINTS][0] + 1}: {len(used) - 1} rows must be at most"
-            f" {MOST_JOINTS}, one a joint; remove the others"
+            f"{source}:{used[1 + MOST_JOINTS][0] + 1}: {len(used) - 1} rows must be at most "
+            f"{MOST_JOINTS}, one per joint; remove the others"
         )
     if not used:
         raise FileError(f"{source}:1: has no rows; the first is {','.join(KEYS)}")
@@ -263,8 +263,8 @@ def _header(names: list[str], at: str) -> tuple[list[str], dict[str, str]]:
         key = _GREEK.get(key, key)
         if key not in (*KEYS, *LIMITS, "name") or (unit and key not in _UNITS):
             raise FileError(
-                f"{at}: {name[:40]!r} must be one of {', '.join((*KEYS, *LIMITS))} or name; units"
-                " stand behind alpha, theta, a and d: alpha [deg]"
+                f"{at}: {name[:40]!r} must be one of {', '.join((*KEYS, *LIMITS))} or name; "
+                "units follow alpha, theta, a and d: alpha [deg]"
             )
         if key in keys:
             raise FileError(f"{at}: {key} is stated twice; remove one of the columns")

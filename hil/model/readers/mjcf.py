@@ -103,11 +103,11 @@ def _reader(path: Path) -> _Reader:
         model = mujoco.MjModel.from_xml_string(*text.reduce())
     except ValueError as error:
         why = " ".join(str(error).split())
-        raise FileError(f"{path}: MuJoCo does not compile it: {why}") from error
+        raise FileError(f"{path}: cannot be compiled by MuJoCo: {why}") from error
     if len(text.bodies) != model.nbody:
         raise FileError(
-            f"{path}: {len(text.bodies) - 1} bodies are written out, MuJoCo makes {model.nbody - 1}"
-            " of them; save the compiled file with mujoco.mj_saveLastXML"
+            f"{path}: {len(text.bodies) - 1} bodies in the text, {model.nbody - 1} in the "
+            "compiled model; save the compiled file with mujoco.mj_saveLastXML"
         )
     return _Reader(text, model)
 
@@ -140,7 +140,11 @@ class _Reader:
                 here = before
             if self.model.body_gravcomp[body]:
                 notes.append(
-                    str(self.text.bodies[body][0].wrong("gravcomp: torques are to hold gravity"))
+                    str(
+                        self.text.bodies[body][0].wrong(
+                            "gravcomp: not allowed, since torques must hold gravity"
+                        )
+                    )
                 )
         if not 1 <= len(joints) <= MOST_JOINTS:
             raise FileError(
@@ -195,14 +199,14 @@ class _Reader:
         while here != stop:
             if here == 0:
                 raise FileError(
-                    f"{self.text.path}: {tip!r} does not hang on {base!r}; name a body above it"
+                    f"{self.text.path}: {tip!r} is not below {base!r}; name a body above it"
                 )
             found.insert(0, here)
             here = int(parents[here])
         if base and counts[stop]:
             raise FileError(
-                f"{self.text.path}: {base!r} moves by {counts[stop]} joints above it, and tilts the"
-                " chain; leave --from out"
+                f"{self.text.path}: {base!r} moves by {counts[stop]} joints above it, and tilts "
+                "the chain; omit --from"
             )
         if not found:
             raise FileError(f"{self.text.path}: no joints between {base!r} and {tip!r}")

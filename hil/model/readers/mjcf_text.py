@@ -84,7 +84,7 @@ class MjcfText:
             places = [folder / name for folder in (self.path.parent, file.path.parent)]
             found = next((place for place in places if place.is_file()), None)
             if found is None or found in self.files or len(self.files) >= MOST_INCLUDES:
-                raise here.wrong(f"includes {name!r}, which is not there, or is included before")
+                raise here.wrong(f"includes {name!r}, which does not exist or is included twice")
             self._refuse_outside(here, found)
             self.files[found] = XmlFile(found)
             included = self.files[found]
@@ -189,8 +189,8 @@ class MjcfText:
         found = next((place for place in places if place.is_file()), None)
         if found is None:
             raise mesh.wrong(
-                f"{file!r} is not there, and the inertia of a body is that of its mesh; put it"
-                " there, or state the inertial of the body"
+                f"{file!r} does not exist, and the inertia of a body comes from this mesh; put "
+                "the file there, or state the inertial of the body"
             )
         self._refuse_outside(mesh, found)
         return found.read_bytes()

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 _UNITS = {"revolute": ("rad", "N m"), "prismatic": ("m", "N")}
 _ABOUT_MARKS = (
-    f"# What it does not say is marked {UNSTATED}: replace each mark and its text by a",
+    f"# Unknown values are marked {UNSTATED}: replace each mark and its text by a",
     "# value. Leave out link parameters that symmetry makes zero: parameters: [Izz, m].",
     "# SI, joint side; rotor_inertia and torque_constant on the motor's side.",
 )
@@ -93,7 +93,7 @@ def robot_as_stated(
         As of `draft_robot`.
     """
     title = [
-        comment(f"Robot {_ends(chain)}, as its {format_} says."),
+        comment(f"Robot {_ends(chain)}, from its {format_}."),
         "# To move it, state what is unknown; an unknown rotor_inertia is identified.",
     ]
     return _text(chain, gravity, title, _known_limits)
@@ -188,7 +188,7 @@ def _limits_to_state(joint: LimitedJoint) -> Iterator[str]:
     for key, value, what in _limits(joint):
         yield f"    {key}: {mark_unstated(what) if math.isnan(value) else number(value)}"
     yield "    drive:"
-    per = "" if joint.type == "revolute" else ", motor angle over way [rad/m]"
+    per = "" if joint.type == "revolute" else ", motor angle over distance [rad/m]"
     yield f"      gear_ratio: {mark_unstated(f'motor turns per joint turn{per}')}"
     yield f"      rotor_inertia: {mark_unstated('of the motor, 0 for a direct drive [kg m2]')}"
     yield f"      torque_constant: {mark_unstated('of the motor [N m/A]')}"

@@ -40,9 +40,9 @@ MOVING = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prisma
 OTHER_TYPES = ("fixed", "floating", "planar")
 """Further joint types of the URDF format."""
 PARALLELOGRAM = (
-    "loops are not modelled. A parallelogram drive is a serial chain whose motor turns with two"
-    " joints: leave its crank and rod out, and state couplings in a robot file, such as couplings:"
-    " [{motor: 3, joint: 2, ratio: 1}]"
+    "loops are not modelled. A parallelogram drive is a serial chain whose motor turns with two "
+    "joints: omit its crank and rod, and state couplings in a robot file, such as couplings: "
+    "[{motor: 3, joint: 2, ratio: 1}]"
 )
 XACRO = "a URDF is expanded xacro: write one with: xacro FILE.xacro -o FILE.urdf"
 
@@ -146,10 +146,10 @@ class UrdfChain:
             return np.array(stated, dtype=float)
         if self.tilting:
             raise FileError(
-                f"{self.robot}: joint {self.tilting!r} above {self.base!r} tilts it as it moves,"
-                f" so gravity in {self.base!r} is open; state it with --gravity X Y Z, in a map"
-                " with robot: {urdf: ..., from: ..., gravity: [X, Y, Z]}, or as gravity of"
-                " hil.Robot.load, in m/s2"
+                f"{self.robot}: joint {self.tilting!r} above {self.base!r} tilts this link in "
+                f"motion, so gravity in {self.base!r} is unknown; state gravity with --gravity X "
+                "Y Z, in a map with robot: {urdf: ..., from: ..., gravity: [X, Y, Z]}, or as "
+                "gravity of hil.Robot.load, in m/s2"
             )
         return np.asarray(self.mount.T @ np.array(EARTH))
 
@@ -287,11 +287,11 @@ class UrdfReader:
                 )
         if base is not None and here != base:
             raise FileError(
-                f"{self._path}: {tip!r} does not hang on {base!r} but on {here!r}; name a link"
-                " above it with --from"
+                f"{self._path}: {tip!r} is below {here!r}, not below {base!r}; name a link above "
+                "it with --from"
             )
         if not edges:
-            raise FileError(f"{self._path}: there is no joint between {base!r} and {tip!r}")
+            raise FileError(f"{self._path}: no joint between {base!r} and {tip!r}")
         return edges
 
     def _longest(self, base: str | None) -> list[UrdfEdge]:

@@ -28,12 +28,13 @@ if TYPE_CHECKING:
 
 
 BELIEVED = (
-    "Taken off is what the improved method finds beside the element: lag, gears that give way,"
-    " friction of the load and by direction, ripple, and other axes that yield and accelerate."
+    "The effects found by the improved method besides the element are subtracted: lag, "
+    "compliance, friction of the load and by direction, ripple, and acceleration of other "
+    "compliant axes."
 )
 AS_PUBLISHED = (
-    "Step 1 is the published one, which takes friction by direction, soft gears and axes that yield"
-    " for part of the element; then all points of an axis lie beside the model by as much."
+    "Step 1 is the published one: friction by direction, compliance and moving other axes become "
+    "part of the element, and all points of an axis have a common deviation from the model."
 )
 
 
@@ -53,8 +54,8 @@ def _elements_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
     return Plot(
         name,
         partial(measured_elements, run.local_values(name), kind, run.robot),
-        f"Measured and modelled {kind.elements} over configuration number, one panel"
-        f" {'a pair of axes' if kind.pair else 'an axis'}, with their differences below.",
+        f"Measured and modelled {kind.elements} over configuration number, one panel per "
+        f"{'pair of axes' if kind.pair else 'axis'}, with their differences below.",
         kind.caption,
     )
 
@@ -95,8 +96,8 @@ def _all(run: ReportedRun) -> Plot:
 
 def _angles_plot(name: str, kind: ElementKind, run: ReportedRun) -> Plot:
     of_gravity = (
-        " (Fig. 7 for all pairs). A pattern over an angle is something that the robot file leaves"
-        " out; hil diagnose tests what."
+        " (Fig. 7 for all pairs). A pattern over an angle shows an effect missing in the robot "
+        "file; hil diagnose tests for it."
     )
     return Plot(
         f"{name}-angles",

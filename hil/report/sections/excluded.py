@@ -26,10 +26,9 @@ def excluded(run: ReportedRun) -> Section | None:
     plot = Plot(
         "excluded",
         partial(bars, proof, n_joints),
-        "Of each cause and axis the torque that it may make without being found.",
-        "How much torque each cause may make without being found, axis by axis, in % of the"
-        " recorded torque of the axis where that is most. Rings: what these recordings never show,"
-        " in the size that is usual of it.",
+        "Largest undetected torque by each cause, for each axis.",
+        "Largest undetected torque by each cause, for each axis, in % of the axis's recorded "
+        "torque. Rings: causes invisible in these recordings, at their usual size.",
     )
     values = {
         "excluded": tables.excluded(proof, n_joints),
@@ -53,7 +52,7 @@ def bars(proof: Excluded, n_joints: int) -> Chart:
                 _bar(each, len(names) - names.index(_name(each)), n_joints)
                 for each in sorted(drawn, key=lambda each: each.axis)
             ],
-            x_label="torque that may go unnoticed [%]",
+            x_label="largest undetected torque [%]",
             x_range=(LEAST, most),
             y_range=(0.4, len(names) + 0.6),
             rows={float(len(names) - k): name for k, name in enumerate(names)},
@@ -74,7 +73,7 @@ def _bar(limit: Limit, row: int, n_joints: int) -> Item:
     at = row + (0.35 - 0.7 * (limit.axis - 0.5) / n_joints if limit.axis else 0.0)
     torque = 100.0 * limit.unnoticed
     if limit.size is None:
-        return Points([torque], [at], "ring", MODEL, "never shows", size=2.4)
+        return Points([torque], [at], "ring", MODEL, "invisible", size=2.4)
     colour = ordered_colours(n_joints)[limit.axis - 1] if limit.axis else MODEL
     label = f"axis {limit.axis}" if limit.axis else "no axis in particular"
     return Line([LEAST, torque], [at, at], colour, label, width=3.0)

@@ -44,12 +44,12 @@ def _levels_plot(estimate: Estimate, robot: Robot) -> Plot:
     return Plot(
         "friction",
         partial(plots.levels, estimate.local, robot),
-        "Friction level of every axis over robot time, one panel an axis, markers by kind of"
-        " measurement.",
-        "Friction level of each axis as step 1 yields it with each element. Levels of different"
-        " kinds come from different fits and may differ by a step; the course of one kind is drift"
-        f" by temperature and lubricant. {friction_change(estimate)} None of it enters the"
-        " parameters: friction is fitted anew in every measurement.",
+        "Friction level of every axis over robot time, one panel per axis, markers by kind of "
+        "measurement.",
+        "Friction level of each axis, found with each element in step 1. Levels of different "
+        "kinds come from different fits and may differ by a step; the course of one kind is "
+        f"drift by temperature and lubricant. {friction_change(estimate)} No effect on the "
+        "parameters: friction is fitted anew in every measurement.",
     )
 
 
@@ -91,8 +91,8 @@ def models_plot(result: FrictionResult) -> Plot:
     return Plot(
         "models",
         partial(plots.models, result),
-        "Friction over speed with fitted models, one panel an axis.",
-        "Measured friction and the models fitted to it (Fig. 1b); the chosen one is drawn thick.",
+        "Friction over speed with fitted models, one panel per axis.",
+        "Measured friction and the models fitted to it (Fig. 1b); thick: the chosen model.",
     )
 
 
@@ -101,7 +101,7 @@ def _friction_plots(result: FrictionResult) -> Iterator[Plot]:
         yield Plot(
             "over-time",
             partial(plots.draw_levels, result.drifts),
-            "Friction level over time, one panel an axis.",
+            "Friction level over time, one panel per axis.",
             "Friction level in the course of time (Fig. 2a).",
         )
     if plots.axes_in_operation(result):

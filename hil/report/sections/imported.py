@@ -44,10 +44,10 @@ def _plots(run: ReportedRun) -> Iterator[Plot]:
             "half-sums",
             partial(draw_half_sums, run.estimate.half_sums, run.robot),
             "Torque of the rigid bodies over the position of each axis, measured and modelled.",
-            "Half the sum of the torques forth and back over the position, less what differs by"
-            " direction: gravity and, where the axis accelerates, its inertia. Means over the pairs"
-            " with standard errors, of the recordings with the longest ways, each in a colour;"
-            " lines are the model.",
+            "Half-sum of forward and backward torque over the position, less effects that differ "
+            "by direction: gravity and, during acceleration, inertia. Means over the pairs with "
+            "standard errors, for the recordings of the longest strokes, one colour each; lines: "
+            "model.",
         )
 
 

@@ -77,7 +77,7 @@ def judgements(kept: Sequence[KeptJudgement]) -> Table:
     """Tabulate the judgements of a model by other recordings."""
     return table(
         "Judged by other recordings",
-        ("run", "judgement", *figures("off by, %"), Column("reason", folds=True)),
+        ("run", "judgement", *figures("error, %"), Column("reason", folds=True)),
         (
             (
                 each.run,
@@ -87,8 +87,7 @@ def judgements(kept: Sequence[KeptJudgement]) -> Table:
             )
             for each in kept
         ),
-        "By hil validate: judgement, error of the predicted torques, and the worst of what was"
-        " found.",
+        "By hil validate: judgement, error of the predicted torques, and the worst finding.",
     )
 
 
@@ -122,7 +121,7 @@ def diagnosis(run: ReportedRun) -> Section | None:
     if found is None:
         return _section(heading, Outcome(), f"{note}.") if note else None
     intro = (
-        "Every link parameter that the robot file calls absent is tested beside all that it states,"
-        " those that these measurements do not distinguish as one."
+        "Every link parameter absent in the robot file is tested together with all stated ones; "
+        "parameters that these measurements do not distinguish are tested as one."
     )
     return _section(heading, diagnose.file_outcome(found, run.robot), intro)

@@ -31,8 +31,8 @@ def parameters(run: ReportedRun) -> Section | None:
         "intervals",
         partial(intervals, run.model, run.found.check, run.found.effect),
         "Intervals of 95 % of all base parameters, as shares of the torque of a free motion.",
-        "95 % intervals of the base parameters as torques on a free motion, in % of the torque of"
-        " the axis where that is largest.",
+        "95 % intervals of the base parameters as torques on a free motion, in % of the torque "
+        "of the most affected axis.",
     )
     return Section(
         "Base parameters",
@@ -49,13 +49,13 @@ def parameters(run: ReportedRun) -> Section | None:
 def _model_note(run: Run) -> str:
     path = run.path / NAME
     if not path.exists():
-        return f"There is no {NAME} yet; hil identify writes these parameters into one."
+        return f"No {NAME} yet; hil identify writes these parameters there."
     try:
         origin = Model.load(path).provenance
     except FileError as error:
         return f"{NAME} cannot be used: {error}"
     if origin.together_with:
-        alone = "as here" if origin.method == JOINT else "here the run stands alone"
+        alone = "as here" if origin.method == JOINT else "here only this run is used"
         return (
             f"{NAME} was identified from this run together with {', '.join(origin.together_with)};"
             f" {alone}."
@@ -99,7 +99,7 @@ def intervals(model: Model, check: Model | None, effect: Array) -> Chart:
     return chart(
         Panel(
             items,
-            x_label="effect on the torque of the axis where it is largest [%]",
+            x_label="effect on the torque of the most affected axis [%]",
             y_range=(0.3, len(order) + 0.7),
             rows={float(row): base.titles[k] for row, k in zip(rows, order, strict=True)},
             width=780.0,

@@ -55,8 +55,8 @@ def _torque_plots(run: ReportedRun) -> Iterator[Plot]:
         return
     fitted = sorted({each.axis + 1 for each in found.stretches.values() if not each.own_friction})
     beside = (
-        f" Friction of axis {', '.join(map(str, fitted))}, of which the model has no law, is fitted"
-        " in the recording."
+        f" Friction of axis {', '.join(map(str, fitted))} (no law in the model) is fitted in the "
+        "recording."
         if fitted
         else ""
     )
@@ -65,9 +65,9 @@ def _torque_plots(run: ReportedRun) -> Iterator[Plot]:
         lambda: torque_chart(most_demanding(found.stretches), run.robot),
         "Measured and predicted torque of every axis over time with its interval of 95 %, and their"
         " difference below.",
-        f"Measured and predicted torque, after the low-pass; below it the residual. {found.words}"
-        " Each axis in a recording with large torques; no prediction where the axis hardly"
-        f" moves, since friction is no function of velocity there.{beside}",
+        f"Measured and predicted torque, low-passed; below, the residual. {found.words} Each "
+        "axis in a recording with large torques; no prediction close to standstill, where "
+        f"friction is not a function of velocity.{beside}",
     )
 
 
@@ -78,8 +78,8 @@ def _friction(run: ReportedRun) -> Iterator[Plot]:
     elif curves := run.model.details.curves:
         yield _law_plot(
             partial(friction_curves, curves, run.robot),
-            "half the differences of the torques forth and back, less the rigid bodies' part, with"
-            " intervals of 95 %. Dashed: Coulomb and viscous friction alone.",
+            "half-differences of forward and backward torque, less that of the rigid bodies, "
+            "with intervals of 95 %. Dashed: Coulomb and viscous friction alone.",
         )
     elif run.model.friction_law.known and run.shown_torques.stretches:
         yield _law_plot(
@@ -88,8 +88,8 @@ def _friction(run: ReportedRun) -> Iterator[Plot]:
                 run.shown_torques.stretches.values(),
                 linked=run.shown_torques is run.own_torques,
             ),
-            "measured torque less those of the rigid bodies and motors, and the law of friction at"
-            " no load with its interval of 95 %, which holds by how much friction wandered.",
+            "measured torque less that of rigid bodies and motors, and the friction law at no "
+            "load with its interval of 95 %, wander included.",
         )
 
 

@@ -33,7 +33,7 @@ def friction(fit: FreeMotionFit, robot: Robot) -> Table:
             "axis",
             Column("law", folds=True),
             Column("coefficients with std. errors", folds=True),
-            Column("as Coulomb and viscous alone", folds=True),
+            Column("only Coulomb and viscous", folds=True),
             Column("held-out error, other laws", folds=True),
         ),
         (*(_axis(robot, *each) for each in enumerate(fit.axes)), *map(_coupled, fit.coupled)),
@@ -201,7 +201,7 @@ def plain(fit: BackAndForthFit, robot: Robot) -> Table:
         "Friction in the usual terms, for comparison",
         (
             "axis",
-            Column("as offset, Coulomb and viscous alone", folds=True),
+            Column("only offset, Coulomb and viscous", folds=True),
             Column("equal in both directions, without rigid bodies", folds=True),
         ),
         (_plain(robot, curve) for curve in fit.curves),

@@ -230,7 +230,7 @@ def test_another_master_s_sync_is_not_taken_for_ours(kernel: KernelBus) -> None:
 
 def test_a_kernel_without_sync_means_that_the_bus_is_down(kernel: KernelBus) -> None:
     with synced(kernel) as bus:
-        with pytest.raises(BusUnavailable, match="no SYNC came back from the kernel"):
+        with pytest.raises(BusUnavailable, match="no SYNC received from the kernel"):
             bus.send(SYNC)
         assert kernel.now == pytest.approx(START + 3 * PERIOD + SILENCE)
 

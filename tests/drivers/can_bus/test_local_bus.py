@@ -300,7 +300,7 @@ def test_a_channel_on_which_nobody_else_is_is_not_taken_for_a_bus_of_dead_drives
     with pytest.raises(BusUnavailable) as refused:
         open_can_bus("local", "bench", {})
     said = str(refused.value)
-    assert "no other program is on it" in said
+    assert "no other program on this channel" in said
     assert f"user {os.getuid()}" in said
     assert "XDG_RUNTIME_DIR" in said
     assert "wiring" not in said

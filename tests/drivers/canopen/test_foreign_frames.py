@@ -61,7 +61,7 @@ def test_a_foreign_command_stops_all_axes_and_is_the_reason(
             sampled(drive_bus, lambda: can_bus.inbox.append(frame(identifier, data)))
         assert all_off(can_bus)
     assert str(caught.value).startswith(cause)
-    assert "end that master or tool first" in str(caught.value)
+    assert "stop the other master or tool first" in str(caught.value)
 
 
 @pytest.mark.parametrize(("identifier", "data", "remark"), HARMLESS)
@@ -104,7 +104,7 @@ def answers(*, size: int | None = None, twice: bool = False) -> str:
 def test_a_node_number_that_two_devices_have_is_named() -> None:
     message = answers(twice=True)
     assert message.startswith("joint 2 (node 2): two telegrams for each of 10 SYNCs in a row")
-    assert "give each node a number of its own" in message
+    assert "give each node its own number" in message
 
 
 def test_a_tpdo_of_another_length_is_named() -> None:

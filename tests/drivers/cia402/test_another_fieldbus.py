@@ -149,7 +149,7 @@ def test_a_drive_that_obeys_no_command_loses_our_sign_of_life(bus: FakeFieldbus)
     bus.drives[2].deaf = True
     shutdown = stopped(bus)
     assert not bus.alive
-    assert "axis 3: 0.15 s after quick stop it shows OPERATION ENABLED" in shutdown.problems[0]
+    assert "axis 3: 0.15 s after quick stop: state OPERATION ENABLED" in shutdown.problems[0]
     assert bus.commanded[2, Command.QUICK_STOP.value[0]] > 1
 
 

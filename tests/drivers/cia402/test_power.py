@@ -97,7 +97,7 @@ def test_a_fault_reaction_without_end_is_refused(bench: Bench) -> None:
 
 def test_a_fault_that_outlasts_its_reset_is_refused(bench: Bench) -> None:
     bench.second.faults = 2
-    with pytest.raises(DriveFault, match="axis 2: the fault comes back after a reset"):
+    with pytest.raises(DriveFault, match="axis 2: the fault returns after a reset"):
         bench.power.make_safe(bench.second, reset_fault=True)
 
 

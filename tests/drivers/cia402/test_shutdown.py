@@ -276,7 +276,7 @@ def test_an_axis_that_stands_outside_its_limits_keeps_all_from_being_powered(
     can_bus: Any, drive_bus: CanopenDriveBus, radians: float
 ) -> None:
     can_bus.drives[1].position = can_bus.drives[1].target = radians * 4096 * 100 / 6.283185
-    with pytest.raises(LimitExceeded, match=r"joint 1 .*stands at -?2.1 rad, must be in \[-2, 2\]"):
+    with pytest.raises(LimitExceeded, match=r"joint 1 .*is at -?2.1 rad, must be in \[-2, 2\]"):
         drive_bus.__enter__()
     assert never_energised(can_bus)
 

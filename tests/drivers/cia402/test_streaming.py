@@ -163,7 +163,7 @@ def test_a_rehearsal_takes_longer_over_the_same_way(bus: CanopenDriveBus) -> Non
 @pytest.mark.parametrize(
     ("scale", "shift", "words"),
     [
-        (1.0, 0.1, "the path begins at 0.1 rad, the axis stands at"),
+        (1.0, 0.1, "the path begins at 0.1 rad, the axis is at"),
         (100.0, 0.0, "set-point"),
         (1.0, None, "must have 2 rows or more of 6 axes"),
         (float("nan"), 0.0, "the path begins at nan"),

@@ -83,10 +83,7 @@ def test_the_right_file_is_taken_by_check_and_by_commissioning(name: str) -> Non
 def trusted(lines: list[str]) -> set[str]:
     """Return keys of the drives file that cannot be verified."""
     return {
-        key
-        for key in KEYS
-        for line in lines
-        if re.search(rf"\b{key}\b[^;]* is taken on trust", line)
+        key for key in KEYS for line in lines if re.search(rf"\b{key}\b[^;]* is not verified", line)
     }
 
 
@@ -156,7 +153,7 @@ OF_TORQUE = {
             {},
             "motor rated torque (6076) is 0, not configured, the drives file states rated",
         ),
-        (0x6076, MILLIAMPERE, "6072 refers to it: set it with the maker's commissioning tool"),
+        (0x6076, MILLIAMPERE, "reference of 6072: set it with the maker's commissioning tool"),
     ],
 )
 def test_a_rating_of_0_is_refused_as_not_configured_where_per_mille_refer_to_it(

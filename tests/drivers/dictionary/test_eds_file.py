@@ -133,12 +133,12 @@ def test_default_and_limits_of_a_real_number_are_kept() -> None:
 
 def test_a_section_that_stands_twice_is_merged_and_noted() -> None:
     found = parsed(sheet() + "\n[6041]\nDataType=0x0006\nDefaultValue=64\n")
-    assert found.notes == ("stands twice and was merged: [6041]",)
+    assert found.notes == ("stated twice and merged: [6041]",)
 
 
 def test_a_section_that_contradicts_itself_is_refused_when_it_is_needed() -> None:
     found = parsed(sheet() + "\n[6041]\nDataType=0x0007\n")
-    with pytest.raises(FileError, match=r"drive\.eds:\d+: \[6041\] stands twice: DataType=0x0006"):
+    with pytest.raises(FileError, match=r"drive\.eds:\d+: \[6041\] stated twice: DataType=0x0006"):
         review(found, RULES)
 
 

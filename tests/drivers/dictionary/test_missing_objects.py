@@ -159,7 +159,7 @@ def test_a_fault_has_a_cause_where_603f_or_1003_states_it() -> None:
 def test_counts_are_compared_with_a_feed_where_there_is_no_encoder_resolution() -> None:
     feed: Spec = {"DataType": 7, "DefaultValue": 4096}
     assert about(0x608F, reviewed({(0x608F, 1): None, (0x6092, 1): feed})) == []
-    assert "is taken on trust" in about(0x608F, reviewed({(0x608F, 1): None}))[0]
+    assert "is not verified" in about(0x608F, reviewed({(0x608F, 1): None}))[0]
 
 
 def test_the_reaction_to_a_lost_bus_goes_with_the_quick_stop() -> None:

@@ -42,7 +42,7 @@ def test_a_complete_drive_serves_without_a_remark() -> None:
 def test_a_default_of_another_profile_does_not_make_a_drive_s_objects_none() -> None:
     found = reviewed({(0x1000, 0): {"DefaultValue": "0x191"}})
     assert found.serves
-    assert "taken for a CiA 402 drive" in str(found.findings[0])
+    assert "assumed to be a CiA 402 drive" in str(found.findings[0])
 
 
 MENTIONED = [row for row in REQUIREMENTS.values() if row.lack is not Lack.SILENT]
@@ -106,7 +106,10 @@ def test_of_a_device_that_is_no_drive_nothing_else_is_told() -> None:
         ({(0x605D, 0): {"LowLimit": 2, "HighLimit": 3}}, "accepts only values 2 to 3"),
         ({(0x1800, 1): {"AccessType": "ro"}}, "TPDO 1 cannot be switched off"),
         ({(0x1801, 1): {"AccessType": "ro"}}, "TPDO 2 cannot be switched off"),
-        ({(0x1A00, 0): {"HighLimit": 2}}, "TPDO 1 has no room for 3 objects: the current goes"),
+        (
+            {(0x1A00, 0): {"HighLimit": 2}},
+            "TPDO 1 has no room for 3 objects: the current is mapped",
+        ),
         ({(0x607D, 1): {"AccessType": "ro", "DefaultValue": -9}}, "607D:01 (min position limit)"),
         (
             {(0x1016, 1): None, (0x100C, 0): {"DataType": 6}, (0x100D, 0): {"DataType": 5}},

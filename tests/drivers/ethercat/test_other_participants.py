@@ -53,8 +53,8 @@ def test_a_watchdog_that_is_changed_in_operation_stops_all_axes_and_is_the_reaso
     error = ends(open_bus, lambda: node.controller.put(place, size, value), moves=20)
     assert isinstance(error, DriveRefused | NodeSilent)
     assert str(error).startswith("joint 3 (node 3): ")
-    assert "somebody else changed it" in str(error)
-    assert "end that master or tool first" in str(error)
+    assert "another master or tool changed it" in str(error)
+    assert "stop that master or tool first" in str(error)
     assert not energised(wire)
 
 

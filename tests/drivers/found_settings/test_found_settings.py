@@ -295,7 +295,7 @@ def test_the_watchdog_is_put_back_last_and_never_to_a_drive_that_is_on() -> None
         assert [place[1:] for place in written if place[0] == 1][-1] == (0x1016, 1)
         assert {place[1] for place in written if place[0] == 2} == {0x6040}
         assert can_bus.drives[2].value(0x1016, 1) == 127 << 16 | 500
-        assert any("joint 2 (node 2): does not hold again" in note for note in axes.notes)
+        assert any("joint 2 (node 2): earlier values not restored" in note for note in axes.notes)
 
 
 def test_pdos_are_put_back_in_the_order_that_the_standard_asks_for() -> None:
@@ -506,7 +506,7 @@ def test_limits_that_were_set_anew_after_a_kill_hold_in_the_next_session_and_aft
         assert can_bus.drives[2].value(0x6072) == 0
     assert load_found_settings(path).restored
     (note,) = [note for note in axes.notes if "6072:00" in note]
-    assert "held 5000 when it was found and 3000 in a session that was ended" in note
+    assert "held 5000 before and 3000 in an interrupted session" in note
     assert "joint 1 (node 1)" in note
     assert "300" in note
 

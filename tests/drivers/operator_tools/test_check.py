@@ -111,7 +111,7 @@ def test_limits_of_a_drive_that_are_tighter_than_the_files_hold_and_are_noted(
     assert "[-1.745, 1.745] rad (file: [-2.88, 2.88])" in found["software limits (607D)"]
     assert "the tighter of both applies, [-1.745, 1.745] rad" in found["software limits (607D)"]
     assert "lower limits.torque" in found["max torque (6072)"]
-    assert "drive's own is tighter and holds" in found["max motor speed (6080)"]
+    assert "drive's limit is tighter and applies" in found["max motor speed (6080)"]
 
 
 def test_all_that_is_checked_of_a_prismatic_axis_is_stated_in_metres_and_newtons() -> None:
@@ -143,7 +143,7 @@ def test_what_power_on_will_write_is_listed_beforehand_and_only_what_differs() -
     assert (
         f"0 ({127 << 16 | 500:08X}h is written for the session, then 0 again)" in listed[watchdog]
     )
-    assert "set: 607D:01 (min position limit)" not in listed, "the drive's own is tighter"
+    assert "set: 607D:01 (min position limit)" not in listed, "the drive's limit is tighter"
 
 
 def test_limits_of_a_file_that_are_narrower_than_the_drives_are_fine() -> None:
@@ -306,7 +306,7 @@ def test_what_a_drive_lacks_is_told_once_with_what_follows() -> None:
     assert refusals(verdicts) == {}
     stated = [v for v in verdicts if v.grade is Grade.WARNING and "6007" in str(v)]
     assert len(stated) == 1
-    assert "when our heartbeat is lost" in stated[0].remedy
+    assert "to a lost heartbeat" in stated[0].remedy
     assert stated[0].check == "objects that measuring needs"
 
 

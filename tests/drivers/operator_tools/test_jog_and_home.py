@@ -142,7 +142,7 @@ def test_a_drive_without_homing_mode_is_refused_with_what_to_do_instead() -> Non
             frame.data[4] = 1
 
     with bench(alter=without) as bus:
-        with pytest.raises(DriveRefused, match=r"no homing mode .* state its position there"):
+        with pytest.raises(DriveRefused, match=r"no homing mode .* state the position there"):
             homed(bus, 1)
         assert not bus.powered
 

@@ -40,11 +40,16 @@ def stated(objects: Objects, **changes: Any) -> list[Verdict]:
 @pytest.mark.parametrize(
     ("index", "option", "grade", "words"),
     [
-        (0x605E, 0, Grade.WARNING, "0, takes the torque away; on a fault the axis coasts, and one"),
-        (0x605C, 0, Grade.WARNING, "when it is switched off the axis coasts, and one that hangs"),
+        (
+            0x605E,
+            0,
+            Grade.WARNING,
+            "0, takes the torque away; on a fault the axis coasts, and a hanging axis",
+        ),
+        (0x605C, 0, Grade.WARNING, "when it is switched off the axis coasts, and a hanging axis"),
         (0x605B, 0, Grade.WARNING, "when it is shut down the axis coasts"),
         (0x605A, 0, Grade.WARNING, "hil run overwrites this option"),
-        (0x6007, 0, Grade.WARNING, "0, does nothing; without a bus the axis goes on"),
+        (0x6007, 0, Grade.WARNING, "0, does nothing; without a bus the axis keeps moving"),
         (0x6007, 2, Grade.WARNING, "2, takes the torque away; without a bus the axis coas"),
         (0x605E, 2, Grade.OK, "2, slows down on the quick stop ramp"),
         (0x605C, 1, Grade.OK, "1, slows down on the ramp"),

@@ -68,7 +68,7 @@ def test_a_fault_that_comes_back_is_refused_with_its_cause(can_bus: Any) -> None
     can_bus.drives[2].stuck.add("fault")
     *_, last = reset_faults(CanopenBus(can_bus), drives_file(), Scripted())
     assert last.grade is Grade.REFUSED
-    assert "the fault comes back after a reset: 2310" in last.found
+    assert "the fault returns after a reset: 2310" in last.found
 
 
 def test_a_run_on_a_drive_in_a_fault_names_the_command_that_resets_it(can_bus: Any) -> None:

@@ -135,7 +135,7 @@ def test_a_device_that_is_no_drive_is_named_and_left_alone() -> None:
     review = scanned(bus).nodes[7].review
     assert review is not None
     assert [str(finding) for finding in review.findings] == [
-        "the device says device profile 401 (I/O modules): it is no CiA 402 drive and is left alone"
+        "the device says device profile 401 (I/O modules): not a CiA 402 drive: ignored"
     ]
 
 

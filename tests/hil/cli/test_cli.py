@@ -129,7 +129,7 @@ def test_a_plan_finds_the_file_of_its_robot_again(
     (robots / "mine.yaml").rename(robots / "moved.yaml")
     status, _, err = hil("dry-run", plan)
     assert status == 1
-    assert "mine.yaml is not there; name the robot file with --robot" in err
+    assert "mine.yaml does not exist; name the robot file with --robot" in err
     assert hil("dry-run", plan, "--robot", robots / "moved.yaml")[0] == 0
 
 
@@ -229,7 +229,7 @@ def test_resuming_after_the_plan_was_changed_is_refused(
     changed(plan_file, "stroke: 0.6", "stroke: 0.5")
     status, _, err = hil("run", plan_file, "-o", tmp_path / "first", "--resume")
     assert status == 1
-    assert "the plan differs from the one that the run was started with" in err
+    assert "the plan differs from that of the run's start" in err
 
 
 def test_a_damaged_recording_is_told_and_measured_again(

@@ -129,7 +129,10 @@ def test_export_takes_the_bodies_that_identify_kept(hil: Hil, folder: Path, tmp_
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--to", "urdf", "--mass", "2:5:3"), "mass of link 2: 5 to 3 kg must rise"),
+        (
+            ("--to", "urdf", "--mass", "2:5:3"),
+            "mass of link 2: 5 to 3 kg must be positive and ascending",
+        ),
         (("--to", "urdf", "--mass", "light"), "light must be LINK:MIN:MAX"),
         (("--to", "urdf", "--mass", "9:1:2"), "bounds of link 9: arm has links 1 to 2"),
         (

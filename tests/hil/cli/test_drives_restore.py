@@ -91,7 +91,7 @@ def test_a_plan_beyond_the_drives_own_limits_is_refused_before_anything_moves(
     assert status == 1
     assert "the plan exceeds what the drives allow; nothing has moved" in err
     assert "i1: 1.5 rad/s is above the limit of joint 3, 1.0" in err
-    assert "joint 3 (joint 3): velocity 1 is the drive's own limit 607F, 5.2 in the robot" in err
+    assert "joint 3 (joint 3): velocity of the drive 1 (607F), of the robot file 5.2" in err
     assert "607D" not in err, "which differs by rounding alone"
     with can.LogReader(log) as frames:
         commands = [f for f in frames if 0x200 < f.arbitration_id < 0x280]

@@ -36,5 +36,5 @@ def test_an_address_alone_is_refused(hil: Hil, small_plan: Plan, tmp_path: Path)
         "run", tmp_path / "plan.yaml", "-o", tmp_path / "run", "--foxglove-address", "10.0.0.1"
     )
     assert status == 2
-    assert "it goes with --foxglove" in err
+    assert "needs --foxglove" in err
     assert not (tmp_path / "run").exists()

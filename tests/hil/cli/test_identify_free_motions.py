@@ -31,7 +31,7 @@ def folder(tmp_path: Path) -> Path:
 def test_the_method_is_chosen_by_what_was_recorded_and_stated(hil: Hil, folder: Path) -> None:
     status, shown, _ = hil("identify", folder)
     assert status == 0
-    assert "free motion method: all recordings are of motions that somebody else chose" in shown
+    assert "free motion method: all recordings are imported" in shown
     assert "Friction" in shown
     assert "Residual torque of the fit, all samples" in shown
     assert (folder / "model.yaml").exists()
@@ -49,7 +49,7 @@ def test_strokes_of_one_axis_at_a_time_have_a_method_of_their_own(hil: Hil, tmp_
     run = write_free_run(tmp_path / "strokes", robot, campaign(robot, TRUTH, pairs=2))
     status, shown, _ = hil("identify", run.path)
     assert status == 0
-    assert "back and forth method: in all recordings one axis moves back and forth by" in shown
+    assert "back and forth method: all recordings are strokes of a single axis" in shown
     assert "Friction over the speed" in shown
     assert "friction: any odd function of the velocity" in shown
 

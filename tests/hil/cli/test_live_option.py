@@ -41,7 +41,7 @@ def test_what_cannot_be_served_is_refused_before_anything_moves(
     status, _, _ = hil(*call, "--live", "70000")
     assert status == 2
     status, _, err = hil(*call, "--live", "--live-address", "robot.example")
-    assert (status, "no IP address" in err) == (2, True)
+    assert (status, "not an IP address" in err) == (2, True)
     status, _, err = hil(*call, "--live-address", "0.0.0.0")  # noqa: S104 - on purpose
     assert (status, "--live" in err) == (2, True)
     status, _, err = hil(*call, "--live", "0", "--live-address", "192.0.2.1")

@@ -23,7 +23,7 @@ ROBOT = "manutec-r15"
     ("line", "why"),
     [
         ("--kind friction --minutes 5", "its speeds and their durations follow from the experim"),
-        ("--kind friction --gravity 5", "--gravity does not go with kind friction: it is for str"),
+        ("--kind friction --gravity 5", "--gravity does not apply to kind friction: it is for str"),
         ("--kind strokes --axis 2", "it is for friction"),
         ("--kind strokes --period 20", "it is for trajectory"),
         ("--kind trajectory --experiment stops", "it is for friction"),
@@ -31,7 +31,7 @@ ROBOT = "manutec-r15"
         ("--kind load --model RUN", "the robot is that of the run without the load"),
         ("--kind friction --experiment stops", "stops takes one axis: --axis"),
         ("--kind strokes --at-most 4", "it is for load"),
-        ("--with-trajectories", "for trajectories alone there is kind trajectory"),
+        ("--with-trajectories", "for only trajectories use kind trajectory"),
     ],
 )
 def test_options_of_another_kind_are_refused_with_the_reason(

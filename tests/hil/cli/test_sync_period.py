@@ -108,7 +108,7 @@ def test_a_computer_that_does_not_is_told_what_to_do(real_time: bool) -> None:
 
 def test_where_the_kernel_sends_sync_that_is_said() -> None:
     verdict = judge_wake_ups(WakeUps(0.004, np.zeros(9)), real_time=True, by_kernel=True)
-    assert "SYNC is the kernel's" in verdict.found
+    assert "SYNC is sent by the kernel" in verdict.found
 
 
 class Timed:

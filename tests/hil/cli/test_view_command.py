@@ -62,7 +62,7 @@ def test_what_is_no_page_of_ours_is_kept(hil: Hil, plan_file: Path) -> None:
 def test_options_that_say_nothing_about_a_robot_are_refused(hil: Hil, option: str) -> None:
     status, _, said = hil("view", "manutec-r15", option, "other.yaml")
     assert status == 2
-    assert f"{option} does not go with a robot" in said
+    assert f"{option} does not apply to a robot" in said
 
 
 def test_a_file_that_is_neither_plan_nor_robot_is_refused(hil: Hil, tmp_path: Path) -> None:

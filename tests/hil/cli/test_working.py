@@ -38,7 +38,7 @@ LONG = [
     ("plan manutec-r15 --minutes 5 -o NEW", "planning.design.by_minutes.design_within",
      "choosing the most informative measurements of 5 minutes"),
     ("plan --refine RUN -o NEW", "results.identification.experience",
-     "finding what the runs have shown"),
+     "reading earlier runs"),
     ("plan manutec-r15 --kind trajectory -o NEW", "planning.design.trajectories.design_trajectory",
      "optimising a trajectory of 6 axes and 15 harmonics"),
     ("dry-run PLAN", "tasks.measuring.checked", LIMITS),

@@ -178,7 +178,10 @@ def test_masses_stay_within_their_bounds_and_centres_in_their_box():
 @pytest.mark.parametrize(
     ("bounds", "message"),
     [
-        ({"masses": {1: (5.0, 3.0)}}, "mass of link 1: 5 to 3 kg must rise .* write 1:3:5"),
+        (
+            {"masses": {1: (5.0, 3.0)}},
+            "mass of link 1: 5 to 3 kg must be positive and ascending .* write 1:3:5",
+        ),
         ({"masses": {1: (-1.0, 3.0)}}, "mass of link 1: -1 to 3 kg"),
         ({"thickness": 0.0}, "thickness 0 m must be positive"),
         ({"masses": {7: (1.0, 3.0)}}, "bounds of link 7: pan-tilt has links 1 to 2"),

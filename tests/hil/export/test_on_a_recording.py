@@ -184,7 +184,7 @@ def test_simple_friction_is_off_on_the_recording_by_what_is_stated(model: Model,
     off = {"ros2": by_ros2, "mjcf": by_mujoco, "urdf": by_pinocchio}[name](model, text) - wanted
     turned = sliding(q, qd)
     for axis in range(model.robot.n_joints):
-        (stated,) = re.findall(rf"(?m)axis {axis + 1}: .* miss the law by (\S+)", text)
+        (stated,) = re.findall(rf"(?m)axis {axis + 1}: .* differ from the law by (\S+)", text)
         true = np.sqrt(np.mean(off[turned[:, axis], axis] ** 2))
         assert true == pytest.approx(float(stated), rel=0.1), axis
     assert [each in text for each in made.remarks] == [True] * len(made.remarks)
@@ -229,5 +229,5 @@ def test_friction_of_the_load_is_stated_as_left_out(model: Model) -> None:
     loaded = first.model_copy(update={"terms": first.terms | {"load": _value(0.034)}})
     law = FrictionLaw(axes=(loaded, *others))
     said = exported(replace(model, friction_law=law), "mjcf").remarks
-    assert "friction of the load, 0.034 of its size, is left out" in said[0]
+    assert "load-dependent friction, 0.034 of the load, is left out" in said[0]
     assert not any("of the load" in each for each in said[1:])

@@ -72,7 +72,7 @@ class TestTruth:
 
     def test_a_link_that_the_robot_file_calls_absent_is_refused_by_name(self, manutec, tmp_path):
         plant = plant_file(tmp_path, "{Ixx: 0.0, Izz: 0.0443}", "{sx: 0.3, Izz: 0.0443}")
-        with pytest.raises(FileError, match="torques: sx4; add what the plant has to the robot"):
+        with pytest.raises(FileError, match="torques: sx4; add these parameters to the robot"):
             true_parameters(manutec, plant)
 
     def test_parameters_that_show_in_no_torque_do_not_matter(self, manutec, tmp_path):
@@ -118,7 +118,9 @@ class TestTruth:
             true_parameters(manutec, path)
 
     def test_an_unknown_plant_is_refused(self, manutec):
-        with pytest.raises(UnknownName, match=r"puma: no plant file, .*; available: manutec-r15"):
+        with pytest.raises(
+            UnknownName, match=r"puma: neither a plant file .*; available: manutec-r15"
+        ):
             true_parameters(manutec, "puma")
 
     def test_a_mistyped_plant_brings_the_one_that_is_near(self, manutec):

@@ -309,5 +309,5 @@ def test_without_a_port_the_usual_one_is_meant() -> None:
 
 
 def test_an_address_needs_what_is_served_at_it() -> None:
-    with pytest.raises(typer.BadParameter, match="it goes with --foxglove"):
+    with pytest.raises(typer.BadParameter, match="needs --foxglove"):
         listeners(Shown(foxglove_address="192.168.0.5"))

@@ -136,7 +136,7 @@ def test_fifty_pages_one_that_never_reads_and_a_killed_server_disturb_nothing(
     for page in (*pages, deaf):
         page.close()
     assert (run.process.returncode, err) == (0, "")
-    assert out.count("the live page has ended by itself; the run goes on without it") == 1
+    assert out.count("the live page has ended; the run continues without it") == 1
     assert len(ends) == PAGES
     finished = RunFolder.open(folder)
     assert finished.missing == ()
@@ -165,7 +165,7 @@ def test_a_killed_estimate_disturbs_nothing(plan_file: Path, tmp_path: Path) -> 
     os.kill(run.beside("hil.live.estimator"), signal.SIGKILL)
     out, err = run.process.communicate(timeout=120)
     assert (run.process.returncode, err) == (0, "")
-    assert out.count("the estimate beside the run has ended by itself") == 1
+    assert out.count("the estimation during the run has ended") == 1
     assert RunFolder.open(folder).missing == ()
 
 

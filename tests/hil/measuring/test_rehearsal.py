@@ -126,7 +126,7 @@ def test_the_folder_remembers_the_rehearsal_and_measures_the_same_plan_only(
     other.write_text(plan_file.read_text().replace("velocity: 0.4", "velocity: 0.5", 1))
     status, printed = hil(other, "-o", folder)
     assert status == 1
-    assert "the plan differs from the one that the run was started with" in printed
+    assert "the plan differs from that of the run's start" in printed
 
     assert hil(plan_file, "-o", folder)[0] == 0
     assert RunFolder.open(folder).missing == ()

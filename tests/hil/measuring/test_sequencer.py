@@ -315,7 +315,7 @@ def test_whatever_the_bus_raises_the_axes_are_switched_off(small_plan, manutec, 
 
 def test_a_robot_outside_its_limits_is_not_moved(small_plan, manutec, ideal_bus) -> None:
     ideal_bus.tamper = lambda s: s._replace(q=(3.0, *s.q[1:]))
-    with pytest.raises(LimitExceeded, match=r"axis 1: stands at 3 rad, outside -2.88 ... 2.88"):
+    with pytest.raises(LimitExceeded, match=r"axis 1: is at 3 rad, outside -2.88 ... 2.88"):
         run(small_plan, manutec, ideal_bus)
     assert not ideal_bus.moves
 

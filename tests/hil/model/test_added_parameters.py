@@ -150,11 +150,11 @@ def test_motors_turn_with_the_joints_that_they_are_coupled_to() -> None:
         (SPRINGS.replace("joint: 3}", "joint: 2, shape: sine}"), r"springs.1: is stated twice"),
         (
             LIFT + "springs: [{joint: 1, shape: sine}]",
-            r"springs.0.shape: sine must be linear at a joint that slides",
+            r"springs.0.shape: sine must be linear at a prismatic joint",
         ),
         (
             LIFT.replace("torque_l", "drive: {rotor_inertia: 1e-5, torque_constant: 1}, torque_l"),
-            r"rotor_inertia 1e-05 kg m2 reaches the joint by the gear_ratio, which is unknown",
+            r"rotor_inertia 1e-05 kg m2 needs a known gear_ratio",
         ),
     ],
 )

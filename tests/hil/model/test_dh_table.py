@@ -213,7 +213,7 @@ WRONG = {
     "a column twice": ("alpha [deg],a,a,theta,d\n", r"t.csv:1: a is stated twice"),
     "a short row": (HEAD + "0,0,0\n", r"t.csv:2: 3 cells must be 5"),
     "text": (HEAD + "0,0,0,0,R\n\n0,long,0,0,R\n", r"t.csv:4: joints.1.a: 'long' must be a number"),
-    "no number": (HEAD + "0,1 m,0,0,R\n", r"t.csv:2: joints.0.a: '1 m' is no expression"),
+    "no number": (HEAD + "0,1 m,0,0,R\n", r"t.csv:2: joints.0.a: '1 m' is not an expression"),
     "an unknown type": (HEAD + "0,0,0,0,ball\n", r"t.csv:2: joints.0.type: 'ball': must be"),
     "an empty cell": (HEAD + ",0,0,0,R\n", r"t.csv:2: joints.0.alpha: missing"),
     "a variable elsewhere": (

@@ -52,7 +52,7 @@ def test_the_robot_has_the_file_s_ranges_limits_and_gravity(tmp_path):
           "/></equality>"), r"arm\.xml:\d+: <connect> closes a loop"),
         (("<light", '<replicate count="2"><geom size="1"/></replicate><light'), "written out"),
         (("parts/wrist", "parts/none"), r"arm\.xml:22: includes 'parts/none\.xml'"),
-        (('mass="2.5"', 'mass="-1"'), "MuJoCo does not compile it: .*mass"),
+        (('mass="2.5"', 'mass="-1"'), "cannot be compiled by MuJoCo: .*mass"),
         (("<light", '<body name="b2"><joint/><geom size="1"/><body><joint/><geom size="1"/><body>'
           '<joint/><joint axis="1 0 0"/><geom size="1"/></body></body></body><light'),
          "name one with --to"),

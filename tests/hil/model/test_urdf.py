@@ -248,7 +248,7 @@ def with_xacro(element: str) -> str:
         (with_xacro('<gazebo ref="${name}"/>'), None, r"7: ref '\$\{name\}' of <gazebo> is not"),
         (with_xacro('<a><b c="$(find arm)/x"/></a>'), None, r"7: c '\$\(find arm\)/x' of <b> is"),
         (urdf("x", ROBOTS["UR10e"]), "tool0", "no link 'tool0'; links are base, link1"),
-        (urdf("x", ROBOTS["UR10e"]), "base", "there is no joint between"),
+        (urdf("x", ROBOTS["UR10e"]), "base", "no joint between"),
         (urdf("x", [(REVOLUTE, "0 0", "0 0 0", "0 0 1")]), None, "4: xyz '0 0' must be 3 finite"),
         (urdf("x", [(REVOLUTE, "0 0 0", "0 0 0", "0 0 0")]), None, "axis 0 0 0 must have"),
         (urdf("x", [(REVOLUTE, "0 0 nan", "0 0 0", "0 0 1")]), None, "must be 3 finite numbers"),

@@ -124,7 +124,7 @@ def test_a_plan_by_minutes_accelerates_it_too(
 
 def test_the_dry_run_says_so(robot: Robot, plan: Plan, capsys: pytest.CaptureFixture[str]) -> None:
     render(dry_run(plan, robot), robot)
-    said = "(p3): gravity torques alone do not distinguish these"
+    said = "(p3): distinguished from an offset or from one another only"
     assert said in capsys.readouterr().out
 
 

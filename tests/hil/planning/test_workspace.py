@@ -204,13 +204,13 @@ def test_the_drives_get_the_narrowed_ranges_as_their_limits() -> None:
         ),
         (
             "boxes: [{name: floor, low: [-3, -3, -1.5], high: [3, 3, -0.4]}]",
-            "floor holds link 1 of manutec-r15 at every configuration, so nothing could be"
+            "floor contains link 1 of manutec-r15 at every configuration, so nothing could be"
             " measured; correct its corners, or where the arm is fixed to it state"
             " ignore_links: [1]",
         ),
         (
             "boxes: [{name: cube, low: [-10, -10, -10], high: [10, 10, 10]}]",
-            "cube holds links 1, 2, 3, 4, 5, 6 of manutec-r15 at every configuration",
+            "cube contains links 1, 2, 3, 4, 5, 6 of manutec-r15 at every configuration",
         ),
         ("margin: -0.1", "margin"),
         ("boxen: []", "boxen: unknown key"),

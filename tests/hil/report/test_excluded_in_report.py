@@ -27,7 +27,7 @@ def test_a_ring_stands_for_what_never_shows_in_the_size_that_is_usual() -> None:
     (ring,) = drawn(limit("zero", 2, None))
     assert isinstance(ring, Points)
     assert list(ring.x) == [0.5]  # half a degree
-    assert ring.label == "never shows"
+    assert ring.label == "invisible"
 
 
 def test_what_makes_no_torque_is_not_drawn() -> None:

@@ -278,7 +278,7 @@ class TestAdvice:
         item = self.advised(folder, found["improved"], campaign).get("timing")
         assert (item and item.word) == word
         if item:
-            assert f"{100 * share:.1f}% of all samples are uncertain" in item.reason
+            assert f"{100 * share:.1f}% of all samples have uncertain time stamps" in item.reason
 
     def test_few_degrees_of_freedom_alone_ask_for_nothing(self, folder, found):
         """With few degrees of freedom an interval is wide; the torques

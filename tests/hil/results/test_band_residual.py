@@ -117,19 +117,19 @@ def residual(*shares: float, torque: float = 20.0) -> BandResidual:
 def test_good_needs_accuracy_on_every_axis_that_carries_load(model: Model) -> None:
     fine = verdict(replace(model, band_residual=residual(0.05, 0.09)))
     poor = verdict(replace(model, band_residual=residual(0.05, 0.30)))
-    assert not [each for each in fine.reasons if "explains" in each.reason]
-    (doubt,) = (each for each in poor.reasons if "explains" in each.reason)
+    assert not [each for each in fine.reasons if "(--accuracy)" in each.reason]
+    (doubt,) = (each for each in poor.reasons if "(--accuracy)" in each.reason)
     assert doubt.word == "doubtful"
     assert doubt.reason.startswith("axis 2: residual 30 % of the torque")
     wide = verdict(replace(model, band_residual=residual(0.05, 0.30)), accuracy=0.35)
-    assert not [each for each in wide.reasons if "explains" in each.reason]
+    assert not [each for each in wide.reasons if "(--accuracy)" in each.reason]
 
 
 def test_an_axis_that_hardly_carries_load_counts_no_accuracy() -> None:
     limits = np.array([90.0, np.nan])
     small = residual(0.5, 0.5).model_copy(update={"torque": (0.5, 20.0)})
-    assert [each.reason[:31] for each in unexplained(small, limits, 0.1)] == [
-        "residual 50 % of the torque"
+    assert [each.reason[:35] for each in unexplained(small, limits, 0.1)] == [
+        "axis 2: residual 50 % of the torque"
     ]
     assert not list(unexplained(None, limits, 0.1))
 

@@ -237,7 +237,7 @@ def test_a_drive_that_says_it_is_another_one_is_stated() -> None:
         ("a", with_drives(measured(model, 1, 1), "serial 1", "serial 2")),
         ("b", with_drives(measured(model, 2, 2), "serial 1", "serial 7")),
     ])  # fmt: skip
-    note = "b: the drive of axis 2 is another one than in a: serial 7, before serial 2"
+    note = "b: the drive of axis 2 differs from that in a: serial 7, before serial 2"
     assert found.notes == (note,)
 
 

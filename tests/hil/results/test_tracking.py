@@ -152,7 +152,9 @@ def test_a_plan_of_strokes_is_refused(model: Path, tmp_path: Path) -> None:
 
 
 def test_torque_beyond_an_axis_s_limit_is_refused_before_anything_moves() -> None:
-    with pytest.raises(LimitExceeded, match=r"axis 5 needs 200 N m after .* its limit is 186 N m"):
+    with pytest.raises(
+        LimitExceeded, match=r"axis 5 needs a torque of 200 N m at .* at most 186 N m"
+    ):
         refuse_beyond_torque(
             trajectory(1, 1, 4.0, 4, fast=True),
             ROBOT,

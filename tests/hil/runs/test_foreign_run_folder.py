@@ -72,7 +72,9 @@ def test_recordings_behind_a_link_are_neither_written_nor_removed(
     (folder.path / "recordings").symlink_to(outside)
     (outside / "thesis.part").write_text(MINE)
     measured = next(iter(folder))
-    with pytest.raises(FileError, match=r"recordings: is a symbolic link .* move the whole folder"):
+    with pytest.raises(
+        FileError, match=r"recordings: is a symbolic link .* move the whole parent folder"
+    ):
         folder.set_aside_damaged()
     with pytest.raises(FileError, match="recordings: is a symbolic link"):
         folder.write(Measured(measured.measurement, measured.recording))

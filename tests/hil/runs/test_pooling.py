@@ -101,10 +101,10 @@ def test_a_run_shows_its_torque_noise(run, manutec):
 def test_a_dry_run_predicts_from_an_earlier_run(hil, run):
     status, out, _ = hil("dry-run", run / "plan.yaml", "--noise-from", run)
     assert status == 0
-    assert "noise as an earlier run showed it" in out
+    assert "noise as in an earlier run" in out
     status, out, _ = hil("dry-run", run / "plan.yaml")
     assert status == 0
-    assert "noise expected: 0.25% of the torque limit" in out
+    assert "expected noise: torque 0.25% of the torque limit" in out
 
 
 def test_refining_states_the_deviations_now_and_then(hil, run, tmp_path):
@@ -122,14 +122,14 @@ def test_refining_states_the_deviations_now_and_then(hil, run, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((), "give a robot, or a run with --refine"),
-        (("manutec-r15", "--minutes", "20", "--gravity", "9"), "leave them out with"),
-        (("manutec-r15", "--refine", "runs/x"), "one of the two"),
-        (("--refine", "runs/x", "--with-trajectories"), "--with-trajectories does not go with"),
+        ((), "give either a robot, or a run with --refine"),
+        (("manutec-r15", "--minutes", "20", "--gravity", "9"), "omit them with"),
+        (("manutec-r15", "--refine", "runs/x"), "give either a robot"),
+        (("--refine", "runs/x", "--with-trajectories"), "--with-trajectories cannot be used with"),
         (("manutec-r15", "--with-trajectories"), "--with-trajectories needs --minutes"),
         (
             ("manutec-r15", "--minutes", 9, "--distinguish", "load,zero"),
-            "--distinguish adds to a plan by counts",
+            "--distinguish extends a plan by counts",
         ),
         (("--refine", "runs/x", "--warm-up", "60"), "--refine takes workspace and noise from the"),
         (("manutec-r15", "--noise-from", "runs/x"), "a plan by counts uses no noise"),

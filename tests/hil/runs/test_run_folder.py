@@ -114,7 +114,7 @@ def test_a_format_to_come_is_refused(
 def test_only_one_measures_into_a_folder_at_a_time(folder: RunFolder) -> None:
     with (
         locked(folder.path),
-        pytest.raises(FileError, match="another process measures into it now"),
+        pytest.raises(FileError, match="another process measures into this folder"),
         locked(folder.path),
     ):
         pass

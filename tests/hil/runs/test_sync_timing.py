@@ -32,7 +32,7 @@ def test_late_sync_shows_as_jitter() -> None:
     timing = SyncTiming().add_recording(recording(time))
     assert timing.worst == pytest.approx(0.002)
     assert timing.jitter == pytest.approx(0.002 * np.sqrt(2 / 101))
-    assert str(timing).endswith("SYNC off its period by 0.28 ms (rms), 2 ms at most")
+    assert str(timing).endswith("SYNC jitter 0.28 ms (rms), 2 ms at most")
 
 
 def test_sync_that_is_left_out_is_counted_and_is_no_jitter() -> None:

@@ -48,7 +48,7 @@ def test_a_controller_follows_the_recorded_positions_whatever_the_torques_were(r
 def test_a_motion_that_leaves_the_recording_ends_and_fails_every_limit(run: Run) -> None:
     pushed = run.mapped(lambda each: replace(each.recording, tau=each.recording.tau + 40.0))
     found = replay(pushed, carriage())
-    assert "the simulation left the recording" in found.lost
+    assert "the simulation diverged from the recording" in found.lost
     verdict = found.verdict({False: 1e9})
     assert verdict is not None
     assert verdict[0] == "failed"

@@ -255,7 +255,7 @@ def test_a_run_of_many_samples_shows_fewer(run: Run) -> None:
 def test_another_file_is_not_written_over(manutec: Robot, tmp_path: Path) -> None:
     path = tmp_path / "notes.html"
     path.write_text("<p>Mine</p>")
-    with pytest.raises(FileError, match="no page of hil view"):
+    with pytest.raises(FileError, match="not a page of hil view"):
         page.write_page(path, lambda _: robot_scene(manutec))
     assert path.read_text() == "<p>Mine</p>"
 

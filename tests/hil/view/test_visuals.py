@@ -75,12 +75,12 @@ def test_each_format_gives_the_same_triangles(name: str, content: bytes, tmp_pat
 
 @pytest.mark.parametrize(("name", "content", "message"), [
     ("a.dae", b"<COLLADA/>", r"\.dae must be \.stl or \.obj; convert it"),
-    ("a.stl", binary_stl(TETRAHEDRON)[:-10], "cut off"),
+    ("a.stl", binary_stl(TETRAHEDRON)[:-10], "truncated"),
     ("a.stl", b"solid made", "no triangles"),
     ("a.stl", b"solid made\nvertex 1 2\n", "three coordinates"),
     ("a.obj", b"v 0 0 0\nf 1 2 3", "a face names vertex '2'"),
     ("a.obj", b"v 0 0 0\nf 0 1 1", "a face names vertex '0'"),
-    ("a.stl", binary_stl(np.full((1, 3, 3), np.nan)), "no numbers"),
+    ("a.stl", binary_stl(np.full((1, 3, 3), np.nan)), "not numbers"),
 ])  # fmt: skip
 def test_a_file_that_cannot_be_read_is_refused(
     name: str, content: bytes, message: str, tmp_path: Path
@@ -160,7 +160,7 @@ def test_a_urdf_of_another_robot_is_refused(scara: Path, tmp_path: Path) -> None
     write(scara, '<sphere radius="0.1"/>')
     other = tmp_path / "other.urdf"
     other.write_text(urdf("other", ROBOTS["Panda"]))
-    with pytest.raises(Mismatch, match="the URDF that the robot file was written from"):
+    with pytest.raises(Mismatch, match="the URDF of the robot file"):
         visuals(scara, Robot.load(other))
 
 

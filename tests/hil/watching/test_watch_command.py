@@ -137,7 +137,7 @@ def test_pushes_are_found_on_their_axes_and_nothing_else_is(pushed: tuple[Path, 
 
 def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) -> None:
     folder, done = pushed
-    assert "from outside at" in done.output
+    assert "external torque" in done.output
     assert "2 alarms in" in done.output
     assert "no lasting cause of a difference from" in done.output  # pushes are over soon
     page = (folder / "watch.html").read_text()
@@ -306,7 +306,7 @@ def test_on_a_terminal_torques_are_shown_and_ctrl_c_keeps_what_was_seen(
         terminal.close()
     assert status == 130, terminal.shown[-2000:]
     assert "learning thresholds, no alarms yet" in terminal.shown
-    assert "from outside" in terminal.shown
+    assert "external" in terminal.shown
     assert "stopped, the axes are off" in terminal.shown
     assert "Traceback" not in terminal.shown
     found = load_yaml(folder / NAME, Watched)

@@ -55,8 +55,8 @@ def refused(*data: tuple[FreeMotion, Recording]) -> str:
 
 def test_no_recording_of_that_kind() -> None:
     assert refused(*recorded(ROBOT, TRUTH, n=1)) == (
-        "no axis that moves back and forth by itself among the recordings; import some with kind:"
-        " {back_and_forth: JOINT} in the map, or leave --method out"
+        "no strokes of a single axis among the recordings; import some with kind:"
+        " {back_and_forth: JOINT} in the map, or omit --method"
     )
 
 
@@ -65,23 +65,23 @@ def test_one_stroke_only() -> None:
     forth_only = replace(recording, stroke=np.where(recording.stroke == 0, 0, -1).astype(np.int16))
     message = refused((motion, forth_only))
     assert (
-        "no stroke forth has one back after it; record at least one pair, or write kind: free"
+        "no forward stroke with a backward stroke after it; record at least one pair, or write"
         in (message)
     )
 
 
 def test_speeds_that_differ_too_much() -> None:
     message = refused(ways((0.0, 1.0), (1.0, 0.0), (0.5, 1.0)))
-    assert "s: pair 1: forth it goes at 0.501 rad/s, back at 1 rad/s, a ratio above 1.5" in message
+    assert "s: pair 1: forward at 0.501 rad/s, backward at 1 rad/s, a ratio above 1.5" in message
     assert "(and 1 more pair)" in message
-    assert "move both ways at one speed, or write kind: free" in message
+    assert "move in both directions at one speed, or write kind: free" in message
 
 
 def test_strokes_over_different_ways() -> None:
     message = refused(ways((0.0, 1.0), (2.2, 1.2), (0.5, 0.5)))
-    assert "forth it passes 0.0882 to 0.998 rad, back 1.2 to 2.2 rad" in message
-    assert "1 bins of position in common where 4 are needed" in message
-    assert "let both strokes go over the same way" in message
+    assert "forward 0.0882 to 0.998 rad, backward 1.2 to 2.2 rad" in message
+    assert "1 bins of position in common, at least 4 needed" in message
+    assert "move both strokes over one range" in message
 
 
 def test_strokes_that_are_over_before_the_low_pass_is() -> None:
@@ -118,7 +118,7 @@ def test_another_axis_that_moves_too_is_accounted_for_and_stated() -> None:
     moved = replace(recording, q=q, tau=recording.tau + now - before)
     found = estimate(ROBOT, [*data[:-1], (motion, moved)], NAME)
     assert any(
-        "beside the axis that is to move alone, axis 1 moved in s2-5" in remark
+        "besides the stated axis, axis 1 moved in s2-5" in remark
         for remark in found.details.remarks
     )
     np.testing.assert_allclose(found.p, TRUTH, atol=0.03)

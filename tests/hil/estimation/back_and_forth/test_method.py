@@ -126,18 +126,18 @@ def test_the_method_is_chosen_where_nothing_else_was_recorded() -> None:
     alone = [motion for motion, _ in campaign(ROBOT, TRUTH)]
     free = [motion for motion, _ in recorded(ROBOT, TRUTH, n=1)]
     assert default_method(alone) == (
-        NAME, "in all recordings one axis moves back and forth by itself",
+        NAME, "all recordings are strokes of a single axis",
     )  # fmt: skip
     name, reason = default_method([*alone, *free])
     assert name == "free motion"
-    assert "of 12 of them, in which one axis moves back and forth by itself" in reason
+    assert "for 12 recordings with strokes of a single axis" in reason
 
 
 def test_free_motions_among_them_are_passed_over_and_named() -> None:
     mixed = [*campaign(ROBOT, TRUTH), *recorded(ROBOT, TRUTH, n=1)]
     found = estimate(ROBOT, iter(mixed), NAME)
     assert [left.id for left in found.left_out] == ["r0"]
-    assert "no axis that moves back and forth by itself" in found.left_out[0].reason
+    assert "no strokes of a single axis" in found.left_out[0].reason
 
 
 def test_friction_is_curved_enough_to_matter() -> None:

@@ -75,5 +75,5 @@ def test_recordings_that_the_low_pass_spoils_say_how_long_the_longest_is() -> No
         (motion.model_copy(update={"cut_off": 1.0}), each)
         for motion, each in recorded(arm(), TRUTH, n=2, duration=10.0)
     ]
-    with pytest.raises(NotEnoughData, match=r"the longest recording has 10 s, .* at 1 Hz spoils"):
+    with pytest.raises(NotEnoughData, match=r"the longest recording has 10 s, .* at 1 Hz makes"):
         gather(arm(), data, VARIANTS[DEFAULT])

@@ -56,7 +56,7 @@ def test_the_rotor_of_a_slide_along_gravity_is_named_with_what_to_state(axis, gr
     with pytest.raises(NotIdentifiable) as refused:
         estimate(robot, recordings(robot, truth_of(robot)), "free motion")
     message = str(refused.value)
-    assert f"no recording tells the rotor inertia of axis {axis + 1} (p" in message
+    assert f"the rotor inertia of axis {axis + 1} (p" in message
     assert f"State the rotor_inertia of joint {axis + 1} in the robot file" in message
     assert "do not excite" not in message
 

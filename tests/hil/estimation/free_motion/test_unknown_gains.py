@@ -104,7 +104,7 @@ def test_recordings_that_disagree_on_which_gain_is_unknown_are_refused() -> None
     robot = arm()
     data = two_axes(robot, TRUTH, n=2)
     data[:1] = in_units(data[:1], {1: 2.0})
-    with pytest.raises(Mismatch, match="an axis has one gain in all recordings"):
+    with pytest.raises(Mismatch, match="state the gain of an axis in all maps"):
         estimate(robot, data, "free motion")
 
 

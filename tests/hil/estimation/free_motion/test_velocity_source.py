@@ -60,8 +60,8 @@ def test_one_with_more_noise_is_not() -> None:
     data = recorded(arm(), TRUTH, of_position=1e-6, velocity=0.2)
     for taken, reason in sources(data):
         assert not taken
-        assert reason.startswith("the recorded one has ")
-        assert reason.endswith(" times its noise")
+        assert reason.startswith("the recorded velocity has ")
+        assert reason.endswith(" times the noise")
 
 
 @pytest.mark.parametrize(("periods", "taken"), [(0.3, True), (-0.3, True), (3, False), (-3, False)])
@@ -69,14 +69,14 @@ def test_one_that_lags_by_more_than_half_a_period_is_not_taken(periods: float, t
     for is_taken, reason in sources(with_velocity(late(periods * PERIOD))):
         assert is_taken == taken
         if not taken:
-            amount, unit, which = reason.removeprefix("the recorded one is ").split()
+            amount, unit, which = reason.removeprefix("the recorded velocity is ").split()
             assert float(amount) == pytest.approx(1e3 * abs(periods) * PERIOD, rel=0.1)
             assert (unit, which) == ("ms", "late" if periods > 0 else "early")
 
 
 def test_one_that_contradicts_the_positions_is_not_taken() -> None:
     data = with_velocity(lambda time, seed: 1.5 * late(0.0)(time, seed))
-    assert sources(data) == [(False, "the recorded one differs from it by 50 %")] * 2
+    assert sources(data) == [(False, "the recorded velocity differs by 50 %")] * 2
 
 
 def test_joints_are_judged_one_by_one() -> None:
@@ -112,7 +112,7 @@ def test_identification_states_which_velocities_it_took_and_why() -> None:
     assert fit.recorded_velocity == (1,)
     (stated,) = (text for text in statements(fit) if text.startswith("velocity of"))
     assert stated.startswith("velocity of axis 1 as recorded (it has 0.")
-    assert "; of axis 2 from the position (the recorded one is 2" in stated
+    assert "; of axis 2 from the position (the recorded velocity is 2" in stated
 
 
 def test_a_model_is_the_same_where_a_joint_without_velocity_is_recorded_beside_one_with() -> None:
