@@ -11,6 +11,7 @@ import math
 import sqlite3
 import struct
 import sys
+import zipfile
 import zlib
 from bz2 import BZ2Decompressor
 from contextlib import closing
@@ -31,6 +32,8 @@ _CHUNK_HEAD = struct.Struct("<QQQIL")
 """Start, end, size unpacked, checksum, length of the compression's name (MCAP, Chunk)."""
 _INDEX_HEAD, _ENTRY, _ENTRY_READ = 55, 12, 200
 """Bytes of the head of an index of ROS 1, of an entry, and of an entry as kept by rosbags."""
+_ZIP_ENTRY, _ZIP_ENTRY_READ = b"PK\1\2", 2000
+"""Mark of an entry in the directory of an archive, and an entry as kept by two readers [bytes]."""
 _SQLITE_MAGIC = b"SQLite format 3\0"
 _DEFLATE, _LZF, _PLAIN_FILTERS = 1, 32000, (2, 3)
 """Filters of HDF5: compression, and filters that keep the size (shuffle, checksum)."""
@@ -155,6 +158,28 @@ def refuse_inflated_tables(path: Path) -> None:
         (n, different) = bag.execute("SELECT count(*), count(DISTINCT id) FROM topics").fetchone()
         if n != different:
             raise ValueError("two topics have one number")
+
+
+def refuse_inflated_archive(path: Path) -> None:
+    """Refuse an archive of arrays with too many or too large entries, or two of one name.
+
+    Raises
+    ------
+    FileError
+    """
+    entries, last = 0, b""
+    with path.open("rb") as file:
+        while piece := last + file.read(_PIECE):
+            entries += piece.count(_ZIP_ENTRY)
+            if len(piece) < _PIECE:
+                break
+            last = piece[-3:]
+    refuse_beyond(path, _ZIP_ENTRY_READ * entries, f"{entries} entries")
+    with zipfile.ZipFile(path) as archive:
+        names = {each.filename for each in archive.infolist()}
+        if len(names) < len(archive.infolist()):
+            raise FileError(f"{path}: has two arrays of one name; write it anew")
+        refuse_beyond(path, sum(each.file_size for each in archive.infolist()), "its arrays")
 
 
 def refuse_inflated_variables(path: Path) -> None:
