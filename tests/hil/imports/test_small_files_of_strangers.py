@@ -46,6 +46,19 @@ def _parquet(path: Path) -> None:
     parquet.write_table(pa.table({f"c{k}": pa.array([0.0]) for k in range(2000)}), path)
 
 
+def _mcap(path: Path) -> None:
+    """Write 100 chunks of a message each."""
+    mcap = pytest.importorskip("mcap.writer")
+    pytest.importorskip("rosbags")
+    with path.open("wb") as file:
+        writer = mcap.Writer(file, chunk_size=1, compression=mcap.CompressionType.NONE)
+        writer.start()
+        channel = writer.register_channel("/a", "cdr", writer.register_schema("a", "ros2msg", b""))
+        for stamp in range(100):
+            writer.add_message(channel, stamp, b"", stamp)
+        writer.finish()
+
+
 def _archive(path: Path) -> None:
     with zipfile.ZipFile(path, "w") as file:
         for k in range(100):
@@ -65,6 +78,7 @@ LARGE: dict[str, Callable[[Path], object]] = {
                        + "<r>" + "".join(f"<b{k}>x</b{k}>" for k in range(500)) + "</r>"),
     "columns.parquet": _parquet,
     "entries.npz": _archive,
+    "chunks.mcap": _mcap,
 }  # fmt: skip
 
 
