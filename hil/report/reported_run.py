@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from hil.errors import FileError, HilError, Mismatch
@@ -130,7 +131,7 @@ class ReportedRun:
         """Torques of the run used for the last validation, or the run's own torques."""
         for each in reversed(self.kept_model.validations if self.kept_model else ()):
             with suppress(HilError):
-                other = tuple(recorded(Run.open(self.source.path / each.run)))
+                other = tuple(recorded(Run.open(_beside(self.source, self.source.path / each.run))))
                 words = f"Held out: {each.run}, not used for the model."
                 return ShownTorques(stretches(self.model, other), other, words)
         return self.own_torques
@@ -150,7 +151,27 @@ def _method(run: Run) -> tuple[str, tuple[Run, ...]]:
         origin = read_model_file(run.path / NAME).provenance
         if origin.method in METHODS:
             method, together = origin.method, origin.together_with
-    return method, tuple(map(Run.open, together if method == JOINT else ()))
+    others = together if method == JOINT else ()
+    return method, tuple(Run.open(_beside(run, Path(each))) for each in others)
+
+
+def _beside(run: Run, path: Path) -> Path:
+    """Return the path of a run that a file of another run names, if both share a folder.
+
+    A run folder may be a stranger's, and its report shows the recordings of the runs it names.
+
+    Raises
+    ------
+    FileError
+        The run is elsewhere.
+    """
+    folder = run.path.resolve().parent
+    if not path.resolve().is_relative_to(folder):
+        raise FileError(
+            f"{run.path}: names a run outside of {folder}: {path}; if you trust the folder, put"
+            " that run beside it, and identify anew"
+        )
+    return path
 
 
 def _friction_alone(run: Run) -> bool:
@@ -177,6 +198,7 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
     try:
         kept = load_friction(run)
         bound = BOUND if kept.bound is None else kept.bound
-        return fit_friction(run, kept.model_folder, bound, recordings)
+        model = None if kept.model_folder is None else _beside(run, Path(kept.model_folder))
+        return fit_friction(run, model, bound, recordings)
     except (FileError, Mismatch):  # no fit was made, or its model is missing
         return fit_friction(run, recordings=recordings)

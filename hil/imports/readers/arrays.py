@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from checked_files.budget import refuse_beyond
 from checked_files.yaml_file import FileError
-from hil.imports.readers.unpacked import refuse_elsewhere
+from hil.imports.readers.unpacked import refuse_elsewhere, refuse_inflated_archive
 from hil.imports.tables import ArrayTable, listed
 from hil.runs.atomic_file import file_errors
 
@@ -36,9 +35,7 @@ def open_arrays(path: Path, _: Format) -> ArrayTable:
     try:
         with file_errors(path, "read"):
             if zipfile.is_zipfile(path):
-                with zipfile.ZipFile(path) as archive:
-                    size = sum(each.file_size for each in archive.infolist())
-                refuse_beyond(path, size, "its arrays")
+                refuse_inflated_archive(path)
             loaded = np.load(path, mmap_mode="r", allow_pickle=False)
             if isinstance(loaded, np.ndarray):
                 return table_of(path, {"": loaded})

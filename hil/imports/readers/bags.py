@@ -32,7 +32,7 @@ from hil.runs.atomic_file import file_errors
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-MESSAGE_MAX = 1 << 20
+MESSAGE_MAX = 1 << 17
 """Bytes of a message of joint states: 30 joints have some 2 kB."""
 _COMPRESSED = (".zstd", ".zst")
 _MENDED = {
@@ -99,7 +99,9 @@ class Bag:
         _refuse_links(self._path)
         about = load_yaml(self._path / "metadata.yaml", _Listing).rosbag2_bagfile_information
         files = [self._path / Path(name).name for name in about.relative_file_paths]
-        for file in files:
+        for number, file in enumerate(files):
+            if file in files[:number]:
+                raise FileError(f"{file}: is listed twice in metadata.yaml; list it once")
             if not file.is_file():
                 raise FileError(f"{file}: is missing; metadata.yaml lists it as a part of the bag")
         mode = about.compression_mode.lower()

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from checked_files.budget import refuse_beyond
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.tables import ArrayTable, listed
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     Header = dict[str, str]
 
 _MARK, _BEGIN, _END = "DIAEXTENDED", "#BEGINCHANNELHEADER", "#ENDCHANNELHEADER"
+CHANNEL, PROPERTY = 2000, 300
+"""Maximum memory of a channel and of a property of a channel [bytes]."""
 _TYPES = {
     "REAL64": "f8", "REAL32": "f4", "INT16": "i2", "INT32": "i4",
     "WORD8": "u1", "WORD16": "u2", "WORD32": "u4",
@@ -62,6 +65,8 @@ def open_diadem(path: Path, text: str) -> ArrayTable:
     FileError
         No channel has readable values.
     """
+    size = CHANNEL * text.count(_BEGIN) + PROPERTY * text.count("\n")
+    refuse_beyond(path, size, "its channels")
     channels, swapped = _channels(text)
     together = Counter((each.get("211"), each.get("213")) for each in channels)
     columns: dict[str, tuple[int, Callable[[slice], object]]] = {}

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from checked_files.budget import refuse_beyond
 from checked_files.yaml_file import FileError
 from hil.imports.readers.bags import Bag
 from hil.imports.readers.joint_state_layout import PARTS, OtherLayout, layout_of
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     Places = dict[str, tuple[Integers, Integers]]
 
 TYPE = "sensor_msgs/msg/JointState"
+NAME = 300
+"""Maximum memory of the name of a column [bytes]."""
 LAYOUTS = 32
 """Maximum number of layouts per recording for fast reading; other messages are read one by one."""
 LARGEST = 1 << 26
@@ -84,6 +87,7 @@ class JointStates:
                     joints = message.name or _numbers(len(getattr(message, part)))
                     if len(getattr(message, part)) == len(joints):
                         names |= {f"{part}/{joint}": None for joint in joints}
+                        refuse_beyond(self.path, NAME * len(names), f"{len(names)} columns")
         return sorted(names, key=lambda name: PARTS.index(name.partition("/")[0]))
 
     def _notes(self) -> Iterator[str]:
@@ -218,9 +222,10 @@ class Rows:
         """Fill the rows of messages with equal names; return True if any joint is wanted."""
         if not names:
             names = _numbers(max(values[part].shape[1] for part in PARTS))
-        if names not in self._places:
-            self._places[names] = self._find(names)
-        places = self._places[names]
+        if (places := self._places.get(names)) is None:
+            places = self._find(names)
+            if len(self._places) < LAYOUTS:
+                self._places[names] = places
         for part, (columns, joints) in places.items():
             if values[part].shape[1] == len(names):
                 rows[these[:, np.newaxis], columns] = values[part][:, joints]

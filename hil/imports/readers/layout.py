@@ -116,9 +116,17 @@ def cells(line: str, delimiter: str) -> list[str]:
 
 
 def _split(line: str, delimiter: str) -> list[str]:
-    if '"' not in line:
-        return line.split(delimiter)
-    return re.split(rf"{re.escape(delimiter)}(?=(?:[^\"]*\"[^\"]*\")*[^\"]*$)", line)
+    """Split a line at the delimiters that an even number of quotation marks follows."""
+    found: list[str] = []
+    cell: list[str] = []
+    parts = line.split('"')
+    for number, part in enumerate(parts):
+        first, *rest = part.split(delimiter) if (len(parts) - number) % 2 else [part]
+        cell.append(first)
+        if rest:
+            found += ['"'.join(cell), *rest[:-1]]
+            cell = rest[-1:]
+    return [*found, '"'.join(cell)]
 
 
 def _delimiter(lines: Sequence[str]) -> str:

@@ -79,20 +79,24 @@ def open_matlab(path: Path, _: Format) -> ArrayTable:
     return table_of(path, contents.arrays, contents.left_out)
 
 
-def _size(path: Path, group: h5py.Group) -> int | None:
-    """Return the size of all values in a group [B]; None if a link leads elsewhere."""
-    size = 0
-    for name in group:
-        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-            return None
-        item = group[name]
-        if isinstance(item, h5py.Dataset):
-            refuse_elsewhere(path, name, item)
-            size += item.nbytes
-        elif (within := _size(path, item)) is not None:
-            size += within
-        else:
-            return None
+def _size(path: Path, file: h5py.File) -> int | None:
+    """Return the size of all values of a file [B]; None if a link leads elsewhere."""
+    size, groups, known = 0, [file["/"]], set[int]()
+    while groups:
+        group = groups.pop()
+        for name in group:
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                return None
+            item = group[name]
+            address = h5py.h5o.get_info(item.id).addr
+            if address in known:
+                continue
+            known.add(address)
+            if isinstance(item, h5py.Group):
+                groups.append(item)
+            else:
+                refuse_elsewhere(path, name, item)
+                size += item.nbytes
     return size
 
 
@@ -181,6 +185,7 @@ class _Contents:
         self.arrays: dict[str, Any] = {}
         self.left_out: dict[str, str] = {}
         self.tables: list[str] = []
+        self._known: set[int] = set()
 
     def add_tables(self) -> None:
         """Add the columns of tables, if mat-io is installed."""
@@ -255,6 +260,8 @@ class _Contents:
             self.left_out[name] = f"empty, a {kind or 'variable'} without values"
         elif "MATLAB_object_decode" in item.attrs:
             self._add_object(name, kind)
+        elif self._is_known(item):
+            self.left_out[name] = "a second name of values that have one"
         elif isinstance(item, h5py.Group):
             for field, value in _items(item):
                 if isinstance(value, h5py.Dataset) and value.dtype == h5py.ref_dtype:
@@ -273,6 +280,15 @@ class _Contents:
             self.left_out[name] = "text"
         else:
             self._add_numbers(name, item)
+
+    def _is_known(self, item: Any) -> bool:
+        """Return True if a group or cell is met again: names could multiply without end."""
+        if not isinstance(item, h5py.Group) and item.dtype != h5py.ref_dtype:
+            return False
+        address = h5py.h5o.get_info(item.id).addr
+        known = address in self._known
+        self._known.add(address)
+        return known
 
     def _add_object(self, name: str, kind: str) -> None:
         self.left_out[name] = _object(name, kind)

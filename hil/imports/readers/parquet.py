@@ -8,7 +8,10 @@ structure becomes ``name.field``. Rows with shorter lists have missing numbers.
 from __future__ import annotations
 
 import json
+import re
+from functools import cached_property
 from io import BytesIO
+from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -34,6 +37,13 @@ LONGEST = 10 * MOST_JOINTS
 """Maximum length of an offered list: ten quantities of every joint; longer lists are images."""
 CELL, COLUMN = 32, 2000
 """Maximum memory of a cell and of a column while JSON is read [bytes]."""
+FOOTER, PLACE, VALUE = 18, 500, 8
+"""Memory of a byte of the description of a file, of an offered column, and of a value of a list."""
+LOOKED_AT = 100
+"""Blocks that are searched for the first list of a column."""
+_DOT = re.compile(r"\.")
+OBJECT = 1 << 20
+"""Maximum length of an object of JSON; Arrow reads no longer ones [characters]."""
 
 
 class _Place(NamedTuple):
@@ -64,15 +74,16 @@ class ParquetTable:
         self._file = file
         left_out: dict[str, str] = {}
         schema = file.schema_arrow
-        plain = [_Place(name) for name in schema.names]
-        found = [
-            each
-            for number, place in enumerate(plain)
-            for each in self._found(place, schema.field(number).type, left_out)
-        ]
+        plain = dict.fromkeys(map(_Place, schema.names))
+        found: dict[_Place, None] = {}
+        for number, name in enumerate(schema.names):
+            for each in self._found(_Place(name), schema.field(number).type, left_out):
+                found[each] = None
+                if len(found) % 1000 == 0:
+                    refuse_beyond(path, PLACE * len(found), f"{len(found)} columns")
         # only the file's own columns are numbered, whatever they contain
-        self._places = [*plain, *(place for place in found if place not in plain)]
-        self._read = set(found)
+        self._places = [*map(_Place, schema.names), *(each for each in found if each not in plain)]
+        self._read = found.keys()
         self.names: tuple[str, ...] = tuple(place.name for place in self._places)
         self.left_out: Mapping[str, str] = left_out
 
@@ -104,7 +115,9 @@ class ParquetTable:
                 yield from self._found(place.within(field.name), field.type, left_out, most)
         elif _is_list(kind) and (_is_number(kind.value_type) or types.is_nested(kind.value_type)):
             n = kind.list_size if types.is_fixed_size_list(kind) else self._length(place)
-            if not 0 < n <= most:
+            if (size := VALUE * self._file.most_values(place.column)) > allowed(self.path):
+                left_out[place.name] = f"lists of {size // VALUE} numbers in a group of rows"
+            elif not 0 < n <= most:
                 left_out[place.name] = f"lists of {n} numbers, of 1 to {most} that are read"
             elif n == 1 and _is_number(kind.value_type):
                 yield place
@@ -118,10 +131,14 @@ class ParquetTable:
 
     def _length(self, place: _Place) -> int:
         """Return the length of the first present list of a column; 0 if there is none."""
-        for batch in self._file.iter_batches(ROWS, columns=[place.column]):
-            for value in _within(batch.column(place.column), place):
-                if value.is_valid:
-                    return len(value)
+        import pyarrow.compute as pc  # noqa: PLC0415 - optional
+
+        if VALUE * self._file.most_values(place.column) > allowed(self.path):
+            return 0
+        for batch in islice(self._file.iter_batches(ROWS, columns=[place.column]), LOOKED_AT):
+            lengths = pc.list_value_length(_within(batch.column(place.column), place)).drop_null()
+            if len(lengths):
+                return int(lengths[0].as_py())
         return 0
 
 
@@ -132,9 +149,38 @@ def open_parquet(path: Path, _: Format) -> ParquetTable:
         from pyarrow.parquet import ParquetFile  # noqa: PLC0415
     try:
         with file_errors(path, "read"):
-            return ParquetTable(path, ParquetFile(path, memory_map=True))
+            with path.open("rb") as raw:
+                raw.seek(max(0, path.stat().st_size - 8))
+                length = int.from_bytes(raw.read(4), "little")
+            refuse_beyond(path, FOOTER * min(length, path.stat().st_size), "its description")
+            return ParquetTable(path, _Groups(ParquetFile(path, memory_map=True)))
     except ArrowException as error:
         raise FileError(f"{path}: is not a Parquet file, or is damaged: {error}") from error
+
+
+class _Groups:
+    """Rows of Parquet in groups."""
+
+    def __init__(self, file: Any) -> None:
+        self.schema_arrow, self.iter_batches = file.schema_arrow, file.iter_batches
+        self._about = file.metadata
+
+    def most_values(self, column: str) -> int:
+        """Return the largest number of values of a column in a group, which may be read at once."""
+        return self._most.get(column, 0)
+
+    @cached_property
+    def _most(self) -> dict[str, int]:
+        found = dict.fromkeys(self.schema_arrow.names, 0)
+        for group in range(self._about.num_row_groups):
+            columns = self._about.row_group(group)
+            for number in range(self._about.num_columns):
+                part = columns.column(number)
+                path = f"{part.path_in_schema}."
+                for end in _DOT.finditer(path):  # a dot may also be within the name of a column
+                    if (name := path[: end.start()]) in found:
+                        found[name] = max(found[name], part.num_values)
+        return found
 
 
 class _Lines:
@@ -142,6 +188,10 @@ class _Lines:
 
     def __init__(self, table: Any) -> None:
         self._table, self.schema_arrow = table, table.schema
+
+    def most_values(self, _: str) -> int:
+        """Return 0: all values are in memory already."""
+        return 0
 
     def iter_batches(self, rows: int, columns: Sequence[str]) -> Iterator[Any]:
         """Yield the rows of some columns in batches."""
@@ -179,7 +229,7 @@ def _lines(path: Path, text: str) -> BytesIO | None:
         if text[at] in " \t\r\n" or (listed and text[at] in ",]"):
             at += 1
             continue
-        row, at = decoder.raw_decode(text, at)
+        row, at = _object_at(decoder, text, at)
         counted.add(row)
         if counted.size > most:
             refuse_beyond(path, counted.size, f"{counted.n_columns} columns")
@@ -187,6 +237,21 @@ def _lines(path: Path, text: str) -> BytesIO | None:
             lines.write(json.dumps(row).encode() + b"\n")
     lines.seek(0)
     return lines if listed else None
+
+
+def _object_at(decoder: json.JSONDecoder, text: str, begin: int) -> tuple[object, int]:
+    """Return the object at a place and the place of its end, without what is far beyond it."""
+    length = 1 << 12
+    while True:
+        try:
+            found, end = decoder.raw_decode(text[begin : begin + length])
+        except json.JSONDecodeError as error:
+            if length >= OBJECT or begin + length >= len(text):
+                what = f"{error.msg}, of at most {OBJECT} characters an object"
+                raise json.JSONDecodeError(what, text, begin + error.pos) from None
+            length *= 4
+        else:
+            return found, begin + end
 
 
 class _Cells:

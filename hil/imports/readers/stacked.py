@@ -8,10 +8,12 @@ stamps, else ``NAME/time`` with each ``NAME``.
 from __future__ import annotations
 
 import re
+from array import array
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from checked_files.budget import refuse_beyond
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.tables import ArrayTable
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
 
     Trace = tuple[Array, Array]
 
+TRACE = 2000
+"""Maximum memory of a trace without rows [bytes]."""
+_LINE = re.compile(r".*\n|.+")
 _VARIABLE = re.compile(r"^\s*(\d+)\.Variable\s*;\s*(.*?)\s*$")
 _KEY = re.compile(r"^\s*[A-Za-z\[\d][^;]*;")
 
@@ -81,15 +86,17 @@ def open_stacked(path: Path, text: str) -> Table:
     FileError
         A row of a trace is not a time stamp with a value, or no trace has rows.
     """
-    rows: dict[str, list[tuple[float, float]]] = {}
-    name = ""
-    for number, line in enumerate(text.lstrip("\ufeff").splitlines(), start=1):
+    rows: dict[str, array[float]] = {}
+    name, n_traces = "", 0
+    for number, content in enumerate(_LINE.finditer(text), start=1):
+        line = content[0].lstrip("\ufeff")
         if found := _VARIABLE.match(line):
             name = found[2] or f"trace {found[1]}"
             name = name if name not in rows else f"{name} ({found[1]})"
-            rows[name] = []
+            rows[name], n_traces = array("d"), n_traces + 1
+            refuse_beyond(path, TRACE * n_traces, f"{n_traces} traces")
         elif line.strip() and not _KEY.match(line):
-            rows[name].append(_row(path, number, line, name))
+            rows[name].extend(_row(path, number, line, name))
     traces = {name: np.array(each).reshape(-1, 2) for name, each in rows.items() if each}
     if not traces:
         raise FileError(f"{path}: holds {len(rows)} traces without rows; record them, then export")

@@ -18,6 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from checked_files.budget import refuse_beyond
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrow import plain_rows
@@ -39,6 +40,9 @@ if TYPE_CHECKING:
 
 BLOCK = 1 << 23
 """Bytes read at a time."""
+PIECE, AS_TEXT = 1 << 20, 1 << 26
+"""Bytes of a block read at a time as other than plain numbers, and maximum memory of its cells as
+an array of text, whose cells are all as large as the longest."""
 _HEAD = 1 << 16
 
 
@@ -60,13 +64,8 @@ class TextTable:
         for text in _whole_lines(self.path, self._layout.skipped):
             long |= len(text) >= BLOCK  # reading a block takes as long as importing Arrow
             block = self._read_plain(text, columns) if long else None
-            try:
-                if block is None:
-                    block = self._read(text, columns)
-                    self._refuse_longer_rows(text, len(block), line)
-            # Arrow states no line numbers, for example for rows that are too short
-            except ValueError:
-                block = self._read_row_by_row(text, columns, row, line)
+            if block is None:
+                block = self._read(text, columns, row, line)
             row, line = row + len(block), line + _count(text, b"\n")
             if len(block):
                 yield block
@@ -83,12 +82,31 @@ class TextTable:
             return None
         return plain_rows(text, layout.delimiter, layout.width, columns)
 
-    def _read(self, text: bytes, columns: Sequence[int]) -> Array:
-        try:
-            return self._cells(text, columns, np.float64)
-        except ValueError:  # a missing cell, or an instant
-            found = self._cells(text, columns, np.str_)
-            return np.stack([_numbers(column) for column in found.T], axis=1)
+    def _read(self, text: bytes, columns: Sequence[int], row: int, line: int) -> Array:
+        with suppress(ValueError):  # a missing cell, or an instant
+            block = self._cells(text, columns, np.float64)
+            self._refuse_longer_rows(text, len(block), line)
+            return block
+        blocks = []
+        for piece in _pieces(text):
+            try:
+                block = self._read_as_text(piece, columns)
+                self._refuse_longer_rows(piece, len(block), line)
+            # Arrow states no line numbers, for example for rows that are too short
+            except ValueError:
+                block = self._read_row_by_row(piece, columns, row, line)
+            if len(block):
+                blocks.append(block)
+            row, line = row + len(block), line + _count(piece, b"\n")
+        return np.concatenate([np.empty((0, len(columns))), *blocks])
+
+    def _read_as_text(self, text: bytes, columns: Sequence[int]) -> Array:
+        ends = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n"))
+        longest = int(np.diff(ends, prepend=-1, append=len(text)).max())
+        if 4 * longest * (len(ends) + 1) * len(columns) > AS_TEXT:
+            raise ValueError
+        found = self._cells(text, columns, np.str_)
+        return np.stack([_numbers(column) for column in found.T], axis=1)
 
     def _cells(self, text: bytes, columns: Sequence[int], kind: type) -> NDArray[Any]:
         layout = self._layout
@@ -219,6 +237,15 @@ def _whole(path: Path) -> str:
         return _decoded(file.read())
 
 
+def _pieces(text: bytes) -> Iterator[bytes]:
+    """Yield whole lines of a text, `PIECE` bytes or a line at a time."""
+    begin = 0
+    while begin < len(text):
+        end = 1 + text.find(b"\n", begin + PIECE) or len(text)
+        yield text[begin:end]
+        begin = end
+
+
 def _decoded(head: bytes) -> str:
     """Decode UTF-8, or Latin-1 as written by older programs, for example for a degree sign."""
     try:
@@ -255,14 +282,34 @@ def _refuse_binary(path: Path, block: bytes) -> None:
         )
 
 
+class _Counted(io.RawIOBase):
+    """Unpacked content of a file, refused where it exceeds the budget of the file."""
+
+    def __init__(self, path: Path, stored: io.BufferedIOBase) -> None:
+        self._path, self._stored, self._size = path, stored, 0
+
+    def readable(self) -> bool:
+        """Return True."""
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Read into a buffer; return the number of bytes."""
+        read = self._stored.readinto(buffer)
+        self._size += read
+        refuse_beyond(self._path, self._size, "its text")
+        return read
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[IO[bytes]]:
     """Open a file, unpacked and UTF-16 as UTF-8; all errors are raised as `FileError`."""
     with file_errors(path, "read"):
         try:
-            with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
-                wide = file.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-                file.seek(0)
+            with (
+                gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stored,
+                io.BufferedReader(_Counted(path, stored), _HEAD) as file,
+            ):
+                wide = file.peek(2)[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
                 yield cast(
                     "IO[bytes]", codecs.EncodedFile(file, "utf-8", "utf-16") if wide else file
                 )

@@ -11,6 +11,7 @@ import math
 import sqlite3
 import struct
 import sys
+import zipfile
 import zlib
 from bz2 import BZ2Decompressor
 from contextlib import closing
@@ -29,9 +30,15 @@ _PIECE = 1 << 20
 _MCAP_MAGIC, _MCAP_CHUNK = b"\x89MCAP0\r\n", 6
 _CHUNK_HEAD = struct.Struct("<QQQIL")
 """Start, end, size unpacked, checksum, length of the compression's name (MCAP, Chunk)."""
+_CHUNK_READ = 2000
+"""Bytes of a chunk of MCAP in the indices of two readers."""
 _INDEX_HEAD, _ENTRY, _ENTRY_READ = 55, 12, 200
 """Bytes of a ROS 1 index: of its head, of an entry, and of an entry as kept by rosbags."""
+_ZIP_ENTRY, _ZIP_ENTRY_READ = b"PK\1\2", 2000
+"""Mark of an entry in the directory of an archive, and an entry as kept by two readers [bytes]."""
 _SQLITE_MAGIC = b"SQLite format 3\0"
+_COLUMNS = 20
+"""Maximum number of columns of a table of a bag; rosbag2 has six. Each is added up by itself."""
 _DEFLATE, _LZF, _PLAIN_FILTERS = 1, 32000, (2, 3)
 """Filters of HDF5: compression, and filters that keep the size (shuffle, checksum)."""
 _RATIOS = {_DEFLATE: 1032, _LZF: 88}
@@ -64,15 +71,18 @@ def mcap_chunks(path: Path) -> dict[int, Chunk]:
         for kind, length in _records(file):
             begin = file.tell()
             if kind == _MCAP_CHUNK and length > _CHUNK_HEAD.size:
-                *_, size, _, n = _CHUNK_HEAD.unpack(file.read(_CHUNK_HEAD.size))
-                refuse_beyond(path, size, "a chunk")
+                *_, declared, _, n = _CHUNK_HEAD.unpack(file.read(_CHUNK_HEAD.size))
+                size = declared
                 compression = file.read(min(n, 16)).decode("ascii", "replace")
                 (packed,) = struct.unpack("<Q", file.read(8).ljust(8, b"\0"))
                 if compression and (unpacker := unpackers().get(compression)):
                     left = max(0, begin + length - file.tell())
                     size = _counted(file, min(packed, left), unpacker, most)
-                    refuse_beyond(path, size, "a chunk")
+                if (largest := max(declared, size)) > most:
+                    refuse_beyond(path, largest, "a chunk")
                 found[begin - 9] = Chunk(compression, packed, size)
+                if _CHUNK_READ * len(found) > most:
+                    refuse_beyond(path, _CHUNK_READ * len(found), f"{len(found)} chunks")
             file.seek(begin + length)
     return found
 
@@ -142,7 +152,13 @@ def refuse_inflated_tables(path: Path) -> None:
         columns = "SELECT name, hidden FROM pragma_table_xinfo(?)"
         computed, total = [name for (name,) in bag.execute(made)], 0
         for (table,) in bag.execute(tables).fetchall() if not computed else ():
-            for column, hidden in bag.execute(columns, (table,)).fetchall():
+            held = bag.execute(columns, (table,)).fetchall()
+            if len(held) > _COLUMNS:
+                raise FileError(
+                    f"{path}: table {table!r} has {len(held)} columns, at most {_COLUMNS} may be;"
+                    " record anew"
+                )
+            for column, hidden in held:
                 if hidden:
                     computed.append(f"{table}.{column}")
                     continue
@@ -157,6 +173,28 @@ def refuse_inflated_tables(path: Path) -> None:
         (n, different) = bag.execute("SELECT count(*), count(DISTINCT id) FROM topics").fetchone()
         if n != different:
             raise ValueError("two topics have the same id")
+
+
+def refuse_inflated_archive(path: Path) -> None:
+    """Refuse an archive of arrays with too many or too large entries, or two of one name.
+
+    Raises
+    ------
+    FileError
+    """
+    entries, last = 0, b""
+    with path.open("rb") as file:
+        while piece := last + file.read(_PIECE):
+            entries += piece.count(_ZIP_ENTRY)
+            if len(piece) < _PIECE:
+                break
+            last = piece[-3:]
+    refuse_beyond(path, _ZIP_ENTRY_READ * entries, f"{entries} entries")
+    with zipfile.ZipFile(path) as archive:
+        names = {each.filename for each in archive.infolist()}
+        if len(names) < len(archive.infolist()):
+            raise FileError(f"{path}: has two arrays of one name; write it anew")
+        refuse_beyond(path, sum(each.file_size for each in archive.infolist()), "its arrays")
 
 
 def refuse_inflated_variables(path: Path) -> None:

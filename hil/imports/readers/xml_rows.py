@@ -16,6 +16,7 @@ from xml.parsers import expat
 import numpy as np
 
 from checked_files.budget import refuse_beyond
+from checked_files.xml_file import DEEPEST
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrays import table_of
 from hil.runs.atomic_file import file_errors
@@ -34,8 +35,10 @@ ROWS = 20
 """Minimum count of equal elements in one place that are rows: more than a file lists signals."""
 CELL = 24
 """Maximum memory of a cell while the columns are joined [bytes]."""
+COLUMN = 800
+"""Maximum memory of a name: of a column, of an element, or of a text in the place of a number."""
 CHECKED = 100
-"""Rows between two checks of the budget."""
+"""Rows or names between two checks of the budget."""
 
 
 def open_xml(path: Path, _: Format) -> ArrayTable:
@@ -56,7 +59,17 @@ def open_xml(path: Path, _: Format) -> ArrayTable:
     # messages of a log have no common root, and repeat the XML declaration
     text = f"<log>{_DECLARATION.sub(lambda found: ' ' * len(found[0]), text)}</log>"
     counts: Counter[Place] = Counter()
-    _walk(text, lambda place, _: counts.update([place]), lambda *_: None)
+
+    def count(place: Place, _: dict[str, str]) -> None:
+        if len(place) > DEEPEST:
+            raise FileError(
+                f"{path}: nests elements deeper than {DEEPEST} levels; flatten the file"
+            )
+        counts[place] += 1
+        if len(counts) % CHECKED == 0:
+            refuse_beyond(path, COLUMN * len(counts), f"{len(counts)} kinds of elements")
+
+    _walk(text, count, lambda *_: None)
     found = _Rows(path, _repeated(counts))
     if error := _walk(text, found.begin, found.end):
         found.notes = (f"invalid XML from line {error} on: only the part before is read",)
@@ -110,6 +123,7 @@ class _Rows:
     def __init__(self, path: Path, place: Place) -> None:
         self._path, self._place = path, place
         self._row: dict[str, float] = {}
+        self._same: Counter[str] = Counter()
         self._n = 0
         self.columns: dict[str, array[float]] = {}
         self.words: dict[str, None] = {}
@@ -124,6 +138,7 @@ class _Rows:
                 self._take((*within, name), value)
         elif "id" in attributes and "name" in attributes:
             self.names[attributes["id"]] = attributes["name"]
+            self._check(len(self.names))
 
     def end(self, place: Place, text: str) -> None:
         """Store the text of an element, or complete a row."""
@@ -133,15 +148,22 @@ class _Rows:
             self._take(place[len(self._place) :], text)
 
     def _take(self, place: Place, text: str) -> None:
-        plain = ".".join(place)
-        name, number = plain, 1
-        while name in self._row:  # one element per joint
-            number += 1
-            name = f"{plain}/{number}"
+        name = plain = ".".join(place)
+        if number := self._same[plain]:  # one element per joint
+            name = f"{plain}/{number + 1}"
         try:
             self._row[name] = float(text)
+            self._same[plain] += 1
+            self._check(len(self._row))
         except ValueError:
             self.words[name] = None
+            self._check(len(self.words))
+
+    def _check(self, changed: int) -> None:
+        """Refuse too many names, at every `CHECKED` of a kind."""
+        if changed % CHECKED == 0:
+            n = len(self.columns) + len(self._row) + len(self.words) + len(self.names)
+            refuse_beyond(self._path, COLUMN * n, f"{n} names")
 
     def _add(self) -> None:
         new = [each for each in self._row if each not in self.columns]
@@ -150,7 +172,9 @@ class _Rows:
             refuse_beyond(self._path, size, f"{len(self.columns)} columns")
         for name in new:
             self.columns[name] = array("d", [np.nan]) * self._n
+            self._check(len(self.columns))
         for name, column in self.columns.items():
             column.append(self._row.get(name, np.nan))
         self._n += 1
         self._row.clear()
+        self._same.clear()

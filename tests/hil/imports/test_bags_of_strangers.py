@@ -192,6 +192,9 @@ TABLES = {
     "its values would take": [
         f"ALTER TABLE messages ADD COLUMN more TEXT DEFAULT '{'x' * 2000}'",
     ],
+    "'messages' has 34 columns, at most 20 may be": [
+        f"ALTER TABLE messages ADD COLUMN c{k} INTEGER" for k in range(30)
+    ],
     "two topics have the same id": [
         "ALTER TABLE topics RENAME TO old",
         "CREATE TABLE topics AS SELECT * FROM old UNION ALL SELECT * FROM old",
