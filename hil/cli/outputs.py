@@ -41,7 +41,7 @@ class Status(IntEnum):
     CHANGED = 4
 
 
-STYLES = {"good": "green", "doubtful": "yellow", "failed": "bold red"}
+STYLES = {"good": "green", "doubtful": "yellow", "failed": "bold red", "note": ""}
 
 
 def refuse_existing(output: Path) -> None:
@@ -178,10 +178,8 @@ def say_verdicts(verdicts: Sequence[Verdict]) -> None:
         text = printable(str(verdicts[0]))
         give(judgement={"word": verdicts[0].kind, "text": text})
     for number, each in enumerate(verdicts):
-        if number == 0 or each.word != each.kind:
+        if number == 0 or each.word != each.kind or each.kind == "note":
             say(str(each), style=STYLES[each.kind])
-        elif each.kind == "good":
-            say(f"note: {each.text}")
 
 
 def write_page(path: Path, found: Outcome) -> None:

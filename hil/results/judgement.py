@@ -148,7 +148,9 @@ class Judgement(Reservation):
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
         """Objections to the result, as displayed."""
-        return tuple(Verdict(each.word, each.word, each.clause) for each in self.reasons)
+        first, *further = (Verdict(each.word, each.word, each.clause) for each in self.reasons)
+        notes = (Verdict("note", "note", each.text) for each in further if each.kind == "good")
+        return first, *(each for each in further if each.kind != "good"), *notes
 
     @model_validator(mode="before")
     @classmethod

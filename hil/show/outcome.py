@@ -33,8 +33,8 @@ class Verdict(NamedTuple):
 
     Attributes
     ----------
-    kind : {"good", "doubtful", "failed"}
-        Colour of the sentence.
+    kind : {"good", "doubtful", "failed", "note"}
+        Colour of the sentence; a note has none.
     word : str
         Highlighted word on a page: the kind itself, or a word of the command.
     text : str

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
-from foreign_ethercat import SHORT, TRAVEL, carried_out, needs, session
+from foreign_ethercat import SHORT, TRAVEL, needs, session
 
-DOCS = Path(__file__).parents[3] / "docs"
 OP, SAFEOP = 8, 4
 ENABLED, READY = 0x27, 0x21
 NEAR = 20
@@ -57,14 +54,3 @@ def test_ebpfcat_uses_every_service_of_a_slave_and_moves_six_drives() -> None:
     assert seen["enabled"] == [ENABLED] * 6
     assert seen["moved"] == pytest.approx([SHORT] * 6, abs=NEAR)
     assert seen["off"] == [READY] * 6
-
-
-@needs("pysoem")
-def test_the_tutorial_moves_six_drives(tmp_path: Path) -> None:
-    text = (DOCS / "tutorials" / "ethercat.md").read_text(encoding="utf-8")
-    script = tmp_path / "move.py"
-    script.write_text(text.split("```python\n")[1].split("```")[0], encoding="utf-8")
-    printed = carried_out(str(script))
-    assert "6 drives" in printed
-    assert "enabled: True" in printed
-    assert "reached: True" in printed
