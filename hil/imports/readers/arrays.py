@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     Columns = dict[str, tuple[int, Callable[[slice], object]]]
 
 
-DATASET = 20_000
+DATASET = 24_000
 """Memory of an open dataset of HDF5 with its description [bytes]."""
 
 
