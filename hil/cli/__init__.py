@@ -85,12 +85,17 @@ class _ImportedLate(TyperGroup):
     """Group with the texts of `COMMANDS`, importing only the chosen command."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse an empty argument, which as a path would mean the current folder."""
+        """Refuse an empty argument, which as a path would mean the current folder.
+
+        The line break in a name, which may be a stranger's, would forge a line of a message.
+        """
         for before, word in pairwise(["hil", *args]):
             if not word or (word.startswith("--") and word.endswith("=")):
                 raise typer.BadParameter(
                     f"{(word or before)!r} has no value; add one (is a shell variable empty?)"
                 )
+            if len(word.splitlines()) > 1:
+                raise typer.BadParameter(f"{word!r} has a line break; rename the file or folder")
         parsed: list[str] = super().parse_args(ctx, args)
         return parsed
 

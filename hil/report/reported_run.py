@@ -131,7 +131,9 @@ class ReportedRun:
         """Torques of the run used for the last validation, or the run's own torques."""
         for each in reversed(self.kept_model.validations if self.kept_model else ()):
             with suppress(HilError):
-                other = tuple(recorded(Run.open(_beside(self.source, self.source.path / each.run))))
+                other = tuple(
+                    recorded(Run.open(_neighbour(self.source, self.source.path / each.run)))
+                )
                 words = f"Held out: {each.run}, not used for the model."
                 return ShownTorques(stretches(self.model, other), other, words)
         return self.own_torques
@@ -152,13 +154,13 @@ def _method(run: Run) -> tuple[str, tuple[Run, ...]]:
         if origin.method in METHODS:
             method, together = origin.method, origin.together_with
     others = together if method == JOINT else ()
-    return method, tuple(Run.open(_beside(run, Path(each))) for each in others)
+    return method, tuple(Run.open(_neighbour(run, Path(each))) for each in others)
 
 
-def _beside(run: Run, path: Path) -> Path:
+def _neighbour(run: Run, path: Path) -> Path:
     """Return the path of a run that a file of another run names, if both share a folder.
 
-    A run folder may be a stranger's, and its report shows the recordings of the runs it names.
+    The folder may be a stranger's, and its report shows the recordings of the runs that it names.
 
     Raises
     ------
@@ -198,7 +200,6 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
     try:
         kept = load_friction(run)
         bound = BOUND if kept.bound is None else kept.bound
-        model = None if kept.model_folder is None else _beside(run, Path(kept.model_folder))
-        return fit_friction(run, model, bound, recordings)
+        return fit_friction(run, kept.model_folder, bound, recordings)
     except (FileError, Mismatch):  # no fit was made, or its model is missing
         return fit_friction(run, recordings=recordings)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
+from checked_files.budget import refuse_beyond
 from checked_files.yaml_file import FileError
 from hil.imports.readers.unpacked import refuse_elsewhere, refuse_inflated_archive
 from hil.imports.tables import ArrayTable, listed
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
     from hil.imports.map_file import Format
 
     Columns = dict[str, tuple[int, Callable[[slice], object]]]
+
+
+DATASET = 24_000
+"""Memory of an open dataset of HDF5 with its description [bytes]."""
 
 
 def open_arrays(path: Path, _: Format) -> ArrayTable:
@@ -140,6 +145,7 @@ def open_hdf5(path: Path, _: Format) -> ArrayTable:
         if isinstance(item, h5py.Dataset):
             refuse_elsewhere(path, name, item)
             found[name] = item
+            refuse_beyond(path, DATASET * len(found), f"{len(found)} datasets")
 
     hdf5_of(path).visititems(take)
     return table_of(path, found)

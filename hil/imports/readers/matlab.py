@@ -19,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -35,7 +36,7 @@ from hil.optional_packages import remedy
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator
 
     from hil.imports.map_file import Format
     from hil.imports.tables import ArrayTable
@@ -320,16 +321,29 @@ class _Contents:
             for number, element in enumerate(elements, start=1):
                 add(one_by_one(number), element)
 
-    def _elements(self, name: str, references: h5py.Dataset) -> list[Any]:
+    def _elements(self, name: str, references: h5py.Dataset) -> _Elements:
         """Return the targets of a cell's or structure array's references, in MATLAB's order."""
         refuse_beyond(self._path, references.size * _ELEMENT, name)
         refuse_elsewhere(self._path, name, references)
         # a matrix is transposed in HDF5: its rows there are MATLAB's columns
-        found = [references.file[each] for each in references[()].ravel()]
-        for element in found:
-            if isinstance(element, h5py.Dataset):
-                refuse_elsewhere(self._path, name, element)
-        return found
+        return _Elements(self._path, name, references)
+
+
+class _Elements(Sequence[Any]):
+    """Targets of references, open while in use: an open one takes some 7 kB."""
+
+    def __init__(self, path: Path, name: str, references: h5py.Dataset) -> None:
+        self._path, self._name, self._file = path, name, references.file
+        self._references = references[()].ravel()
+
+    def __len__(self) -> int:
+        return len(self._references)
+
+    def __getitem__(self, number: Any) -> Any:
+        element = self._file[self._references[number]]
+        if isinstance(element, h5py.Dataset):
+            refuse_elsewhere(self._path, self._name, element)
+        return element
 
 
 def _items(group: h5py.Group) -> Iterator[tuple[str, Any]]:

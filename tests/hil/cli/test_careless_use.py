@@ -52,6 +52,14 @@ def test_an_empty_value_is_refused_before_it_becomes_the_current_folder(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("end", ["\n", "\r", "\u2028"])
+def test_the_name_of_a_file_forges_no_line_of_a_message(hil: Hil, tmp_path: Path, end: str) -> None:
+    status, _, err = hil("report", tmp_path / f"run{end}forged: all axes are off")
+    assert status == 2
+    assert "has a line break" in " ".join(err.replace("│", " ").split())
+    assert not [line for line in err.splitlines() if line.startswith("forged")]
+
+
 def test_what_ascii_cannot_show_is_replaced(tmp_path: Path) -> None:
     done = called("$HIL robot nö && $HIL robot scara-of-ö", tmp_path, PYTHONIOENCODING="ascii")
     assert "Traceback" not in done.stderr

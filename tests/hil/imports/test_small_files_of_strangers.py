@@ -19,7 +19,7 @@ import pytest
 from checked_files import budget
 from checked_files.yaml_file import FileError
 from hil.imports.map_file import Format
-from hil.imports.readers import layout, open_table, text
+from hil.imports.readers import layout, matlab, open_table, text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,6 +59,12 @@ def _mcap(path: Path) -> None:
         writer.finish()
 
 
+def _hdf5(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        for k in range(5):
+            file[str(k)] = np.zeros(2)
+
+
 def _archive(path: Path) -> None:
     with zipfile.ZipFile(path, "w") as file:
         for k in range(100):
@@ -79,6 +85,7 @@ LARGE: dict[str, Callable[[Path], object]] = {
     "columns.parquet": _parquet,
     "entries.npz": _archive,
     "chunks.mcap": _mcap,
+    "datasets.h5": _hdf5,
 }  # fmt: skip
 
 
@@ -203,6 +210,21 @@ def test_groups_and_cells_of_a_mat_file_are_read_once(tmp_path: Path) -> None:
     assert table.names == ("g" + ".a" * 40 + ".q",)
     assert table.left_out["g.b"] == "a second name of values that have one"
     assert "c{1}" in table.left_out
+
+
+def test_the_elements_of_a_cell_are_open_one_after_another(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.mat", "w", userblock_size=512) as file:
+        kept = file.create_group("#refs#")
+        cell = file.create_dataset("q", (50,), h5py.ref_dtype)
+        cell[:] = [kept.create_dataset(str(k), data=[k, 2.0 * k]).ref for k in range(50)]
+        cell.attrs["MATLAB_class"] = np.bytes_("cell")
+    with h5py.File(tmp_path / "a.mat") as file:
+        elements = matlab._Elements(tmp_path / "a.mat", "q", file["q"])
+        before = h5py.h5f.get_obj_count(file.id, h5py.h5f.OBJ_DATASET)
+        assert [element[1] for element in elements] == [2.0 * k for k in range(50)]
+        assert h5py.h5f.get_obj_count(file.id, h5py.h5f.OBJ_DATASET) <= before + 1
+    rows = next(iter(open_table(tmp_path / "a.mat", Format()).blocks([0, 1])))
+    assert rows[:, 1].tolist() == [2.0 * k for k in range(50)]
 
 
 def test_an_archive_has_no_two_arrays_of_one_name(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -453,10 +454,13 @@ def test_findings_and_faults_are_shown_with_their_remedy(
 def test_text_of_files_and_drives_stays_text(
     browser: Chrome, page: Served, ideal_bus: IdealBus
 ) -> None:
+    axes = [replace(axis, name=HOSTILE, identity=HOSTILE) for axis in ideal_bus.axes]
+    page.publish("armed", **lines.armed(axes))
     page.publish("note", text=HOSTILE)
     page.publish("fault", text=HOSTILE)
     until(browser, lambda: HOSTILE in text(browser, "notices"))
     assert text(browser, "fault") == HOSTILE
+    assert browser.find_element(By.CSS_SELECTOR, "#axes tbody tr").get_attribute("title") == HOSTILE
     assert browser.find_elements(By.CSS_SELECTOR, "main img, header img") == []
 
 

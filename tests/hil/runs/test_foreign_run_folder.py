@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -10,6 +11,7 @@ from small_run import write_run
 
 from checked_files.yaml_file import FileError
 from hil import cli
+from hil.report.reported_run import ReportedRun, _neighbour
 from hil.runs.atomic_file import own_folder, write_file
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
@@ -48,6 +50,25 @@ def test_an_estimate_and_its_report_overwrite_no_file_that_a_link_leads_to(
     assert not (folder.path / "model.yaml").is_symlink()
     assert "parameters" in (folder.path / "model.yaml").read_text()
     assert (folder.path / "report.html").read_text().startswith("<!DOCTYPE")
+
+
+def test_a_report_shows_no_run_outside_of_the_folder_around_its_own(
+    tmp_path: Path, manutec: Robot
+) -> None:
+    """The recordings of another run of the user's would be in a report that is sent back."""
+    run = write_run(tmp_path / "theirs" / "run", manutec)
+    mine = write_run(tmp_path / "mine" / "run", manutec)
+    (tmp_path / "theirs" / "link").symlink_to(mine.path)
+    report = ReportedRun(run)
+    vars(report)["own_torques"] = "its own"
+    vars(report)["found"] = None
+    for named in ("../../mine/run", str(mine.path), "../link"):
+        vars(report).pop("shown_torques", None)
+        vars(report)["kept_model"] = SimpleNamespace(validations=[SimpleNamespace(run=named)])
+        assert report.shown_torques == "its own"
+        with pytest.raises(FileError, match=r"names a run outside of .*; if you trust the folder"):
+            _neighbour(run, run.path / named)
+    assert _neighbour(run, run.path / "../other") == run.path / "../other"
 
 
 @pytest.mark.parametrize("name", ["run.json", "run.json.part"])
