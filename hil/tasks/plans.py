@@ -308,7 +308,10 @@ def _load(
         raise Unsuited("kind load needs the run without the load: --model")
     _refuse(
         (len(refine) > 1, "kind load takes one run with --refine, the run of slow strokes"),
-        (refine and at_most is not None, "--at-most is for slow strokes; --refine knows the load"),
+        (
+            refine and at_most is not None,
+            "--at-most is for slow strokes; with --refine the load is known",
+        ),
     )
     now("reading the run without the load")
     bare = BareRun(model)
