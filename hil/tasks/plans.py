@@ -324,8 +324,8 @@ def _load(
     now("choosing slow measurements")
     plan = slow_plan(known, minutes, at_most, pose)
     held = (
-        f"all axes hold up to {load_capacity(known, plan):.3g} kg in these poses, its centre up to"
-        f" {REACH:g} m from the last frame"
+        f"all axes hold a load of {load_capacity(known, plan):.3g} kg in these poses, with its "
+        f"centre up to {REACH:g} m from the last frame"
     )
     return Designed(plan, model.robot, (held,))
 
