@@ -106,7 +106,7 @@ def refuse_energised(server: RemoteDictionary) -> None:
     if state not in NOT_ENERGISED:
         shown = f"an undefined state ({word:04X}h)" if state is None else state.value
         raise DriveRefused(
-            f"{server.label}: shows {shown}, settings are put back only to a drive that is off;"
+            f"{server.label}: shows {shown}, settings are restored only to a drive that is off;"
             " switch it off first, by the emergency stop if need be"
         )
 

@@ -274,7 +274,7 @@ def load_found_settings(path: Path | str) -> FoundSettings:
 def dump_found_settings(settings: FoundSettings) -> str:
     """Return the text of the file, for `load_found_settings`."""
     lines = [
-        "# What the drives held before they were written to. To put it back after a crash, with",
+        "# Settings of the drives before a session. To restore them after a crash, with",
         "# the drives powered but off: hil drives restore FILE",
         f"format: {settings.format}",
         f"restored: {_shown(settings.restored)}",

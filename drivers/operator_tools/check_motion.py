@@ -209,9 +209,9 @@ def _judge_refresh(seen: Moved, what: str, step: float, name: str) -> Verdict:
         # near the ends the axis is too slow for a new position at each SYNC
         moving = stroke.between(0.1 * abs(stroke.move.target - stroke.q[0]))
         stretches.append(getattr(stroke, name)[moving & np.isfinite(stroke.tau)])
-    every, check = refresh_period(stretches, step), f"renewal of the {what}"
+    every, check = refresh_period(stretches, step), f"refresh of the {what}"
     if math.isnan(every):
-        return undecided(seen.place, check, "it changes too rarely", "move farther")
+        return undecided(seen.place, check, "too few changes", "move farther")
     time = every * float(np.median(np.diff(seen.strokes[0].time)))
     return grade_check(
         every < 1.0 + RENEWED,

@@ -62,7 +62,7 @@ def check_scaling(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict
         "polarity (607E)",
         "not reversed" if not present else f"{present:02X}h",
         "",
-        "the drive reverses position or velocity: sign must allow for it, see encoder and current",
+        "the drive reverses position or velocity: include that in sign, see encoder and current",
     )
     entry = axis.current.entry
     value = server.measure(entry)

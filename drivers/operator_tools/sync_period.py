@@ -131,7 +131,7 @@ def judge_wake_ups(found: WakeUps, *, real_time: bool, by_kernel: bool = False) 
     remedies = [] if real_time else ["try --realtime"]
     if best is not None and best < wanted:
         remedies.append(f"set sync_period to {1.0 / best:g} s or more")
-    remedies.append("set this computer up as docs/reference/can.md says")
+    remedies.append("set up this computer as in docs/reference/can.md")
     return grade_check(
         ok,
         Grade.WARNING,

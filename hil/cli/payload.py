@@ -153,8 +153,8 @@ def measure(
             held = load_capacity(known, slow)
         _show_stage("slow", slow, bare_run)
         say(
-            f"all axes hold up to {held:.3g} kg in these poses, its centre up to"
-            f" {REACH:g} m from the last frame"
+            f"all axes hold a load of {held:.3g} kg in these poses, with its centre up to "
+            f"{REACH:g} m from the last frame"
         )
     _carry_out(slow, bare_run, output / SLOW, how, resume=resume)
     fast = _kept_plan(output / FAST, bare_run)

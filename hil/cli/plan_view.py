@@ -137,8 +137,8 @@ def render(result: DryRun, robot: Robot) -> None:
                 names = _join_titles(group.hidden, robot)
                 say(
                     f"{names}: distinguished from an offset or from one another only by "
-                    "accelerations, not by gravity torques; condition and rank are of all kinds "
-                    "of measurement together",
+                    "accelerations, not by gravity torques; condition and rank include all kinds "
+                    "of measurement",
                 )
 
 

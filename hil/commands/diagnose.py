@@ -241,7 +241,7 @@ def candidates(found: DiagnosisFile) -> Table:
     """Return the table of absent parameters, strongest evidence first."""
     return table(
         "Effects missing in the robot file, ranked by evidence",
-        ("parameter", *figures("value", "std. error", "t", "p", "t, others in")),
+        ("parameter", *figures("value", "std. error", "t", "p", "t, combined")),
         (_candidate(each, found) for each in found.candidates[:SHOWN]),
         "t: value over standard error; p: probability of such a t by chance. Last column: t with "
         "the effects found added to the model, small for an effect that only resembled them.",

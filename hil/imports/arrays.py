@@ -103,7 +103,7 @@ def run_from_arrays(
         statement = Statement(the_map, timing, samples.wraps, moves, motions, found)
         notes += statement.lines()
         warnings += [
-            f"recording {number}: {the_map.wrong(s.location, s.message)}; if it is right as it is,"
+            f"recording {number}: {the_map.wrong(s.location, s.message)}; if this is correct,"
             f" {the_map.accepting.format(s.check)}"
             for s in statement.doubts
         ]

@@ -149,7 +149,7 @@ def _refuse(the_map: MapFile, found: Sequence[Suspicion]) -> None:
     """Refuse certain contradictions unless accepted by the map."""
     refusing = [s for s in found if s.certain and s.check not in the_map.content.accept]
     if refusing:
-        remedy = f"; if it is right as it is, {the_map.accepting}"
+        remedy = f"; if this is correct, {the_map.accepting}"
         lines = (the_map.wrong(s.location, s.message + remedy.format(s.check)) for s in refusing)
         raise FileError("\n".join(map(str, lines)))
 

@@ -77,7 +77,7 @@ class Statement:
         """Doubts with the line of the map and the remedy."""
         return tuple(
             f"{self.the_map.wrong(s.location, s.message)}; correct the map, or write accept:"
-            f" [{s.check}] there if it is right as it is, and import again"
+            f" [{s.check}] there if this is correct, and import again"
             for s in self.doubts
         )
 

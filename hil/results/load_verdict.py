@@ -82,7 +82,7 @@ def _unsure_lines(found: Load, advice: Mapping[str, str]) -> Iterator[str]:
         figure = f"{q.name} (± {100 * q.half_width / abs(q.value):.0f} %)"
         by_help.setdefault(advice.get(_parameter_of(q), WHOLE_RUNS), []).append(figure)
     for help_, rough in by_help.items():
-        yield f"rough: {', '.join(rough)}; {help_}{else_}"
+        yield f"imprecise: {', '.join(rough)}; {help_}{else_}"
     for name in found.unidentifiable:
         yield f"not identifiable: {name}; {advice.get(name, WHOLE_RUNS)}"
 

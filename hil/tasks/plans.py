@@ -309,7 +309,10 @@ def _load(
         raise Unsuited("kind load needs the run without the load: --model")
     _refuse(
         (len(refine) > 1, "kind load takes one run with --refine, the run of slow strokes"),
-        (refine and at_most is not None, "--at-most is for slow strokes; --refine knows the load"),
+        (
+            refine and at_most is not None,
+            "--at-most is for slow strokes; with --refine the load is known",
+        ),
     )
     now("reading the run without the load")
     bare = BareRun(model)
@@ -322,8 +325,8 @@ def _load(
     now("choosing slow measurements")
     plan = slow_plan(known, minutes, at_most, pose)
     held = (
-        f"all axes hold up to {load_capacity(known, plan):.3g} kg in these poses, its centre up to"
-        f" {REACH:g} m from the last frame"
+        f"all axes hold a load of {load_capacity(known, plan):.3g} kg in these poses, with its "
+        f"centre up to {REACH:g} m from the last frame"
     )
     return Designed(plan, model.robot, (held,))
 

@@ -220,7 +220,7 @@ def expected_of(robot: Robot, run: Path | None, drives_file: Path | None = None)
     """
     if run is None:
         noise = stated_noise(robot, *_resolutions(robot, drives_file))
-        return Expected(noise, sized_bodies(robot), "of rods as heavy as the drives can move")
+        return Expected(noise, sized_bodies(robot), "of rods with masses at the drives' limit")
     folders, levels = experience_of([run])
     if folders[0].robot.digest != robot.digest:
         raise FileError(

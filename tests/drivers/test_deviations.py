@@ -269,11 +269,11 @@ def stubborn(identifier: int, kind: int = 255) -> Any:
 @pytest.mark.parametrize(
     ("kind", "when"),
     [
-        (255, "on event; nobody"),
-        (254, "on event; nobody"),
-        (253, "on request; nobody"),
-        (1, "at every SYNC, which takes up to 3.4% of the bus; nobody"),
-        (4, "at every 4. SYNC, which takes up to 0.8% of the bus; nobody"),
+        (255, "on event, not read"),
+        (254, "on event, not read"),
+        (253, "on request, not read"),
+        (1, "at every SYNC, which takes up to 3.4% of the bus, not read"),
+        (4, "at every 4. SYNC, which takes up to 0.8% of the bus, not read"),
     ],
 )
 def test_a_tpdo_that_cannot_be_switched_off_is_noted_with_what_it_costs(

@@ -413,7 +413,7 @@ def test_a_value_that_is_renewed_less_often_than_sync_is_named_with_the_period_t
     with can.Bus("manutec-r15", "sim_plant", ignore_config=True, faults=str(plan)) as bus:
         verdicts = checked(bus, drives_of(2))
     refused = refusals(verdicts)
-    assert list(refused) == [f"renewal of the {value}"]
+    assert list(refused) == [f"refresh of the {value}"]
     (message,) = refused.values()
     assert f"every {every} SYNCs ({4 * every} ms)" in message
     assert f"set sync_period: {0.004 * every:g} in the drives file" in message

@@ -63,7 +63,7 @@ def test_a_load_s_plan_is_made_beside_a_run_without_it(hil: Hil, tmp_path: Path)
     status, _, err = hil("plan", "--kind", "load", "-o", plan)
     assert (status, "kind load needs the run without the load" in err) == (2, True)
     options = {"model": Run.open(run), "refine": [run], "at_most": 5.0}
-    with pytest.raises(Unsuited, match="at_most is for slow strokes; refine knows the load"):
+    with pytest.raises(Unsuited, match="for slow strokes; with refine the load is known"):
         designed("load", **options)
 
 

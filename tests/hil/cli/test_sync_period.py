@@ -102,7 +102,7 @@ def test_a_computer_that_does_not_is_told_what_to_do(real_time: bool) -> None:
     assert verdict.grade is Grade.WARNING
     assert verdict.found == "3.00% too late at 250 Hz; keeps 125 Hz"
     assert verdict.bound == "at most 0.1% later than 0.5 of the period"
-    assert "set sync_period to 0.008 s or more, or set this computer up" in verdict.remedy
+    assert "set sync_period to 0.008 s or more, or set up this computer" in verdict.remedy
     assert ("try --realtime" in verdict.remedy) is not real_time
 
 

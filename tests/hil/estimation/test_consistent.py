@@ -180,7 +180,7 @@ def test_masses_stay_within_their_bounds_and_centres_in_their_box():
     [
         (
             {"masses": {1: (5.0, 3.0)}},
-            "mass of link 1: 5 to 3 kg must be positive and ascending .* write 1:3:5",
+            "mass of link 1: 5 to 3 kg must be positive and ascending; write 1:3:5",
         ),
         ({"masses": {1: (-1.0, 3.0)}}, "mass of link 1: -1 to 3 kg"),
         ({"thickness": 0.0}, "thickness 0 m must be positive"),

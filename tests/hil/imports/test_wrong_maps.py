@@ -262,7 +262,7 @@ def test_a_contradiction_is_found_before_anything_is_estimated(tmp_path, case):
     changes, message = DATA[case]
     found = contradiction(tmp_path, LONG | changes)
     assert message in found.splitlines()[0]
-    assert "; if it is right as it is, write accept: [" in found
+    assert "; if this is correct, write accept: [" in found
 
 
 def test_what_the_map_accepts_is_stated_all_the_same(tmp_path):

@@ -149,7 +149,7 @@ def test_the_load_is_found_and_stated_with_intervals(found):
 
 def test_slow_strokes_alone_leave_the_inertia_about_the_flange_rough_or_open(bare, stages):
     lines = "\n".join(verdict(find_load(bare, stages[0][:1])))
-    assert "rough: " in lines or "not identifiable: " in lines
+    assert "imprecise: " in lines or "not identifiable: " in lines
     assert "Izz" in lines
 
 

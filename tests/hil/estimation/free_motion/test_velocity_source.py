@@ -111,7 +111,7 @@ def test_identification_states_which_velocities_it_took_and_why() -> None:
     assert fit is not None
     assert fit.recorded_velocity == (1,)
     (stated,) = (text for text in statements(fit) if text.startswith("velocity of"))
-    assert stated.startswith("velocity of axis 1 as recorded (it has 0.")
+    assert stated.startswith("velocity of axis 1 as recorded (0.")
     assert "; of axis 2 from the position (the recorded velocity is 2" in stated
 
 
