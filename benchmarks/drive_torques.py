@@ -1,4 +1,4 @@
-"""Torques of the drives, predicted of a motion that the model was not made from, by parts.
+"""Predicted torques of the drives for a motion of another recording, by parts of the model.
 
     python benchmarks/drive_torques.py [runs/first runs/other]
 
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SEED, ITS_SEED = 300, 31
-"""Of the campaign and the motion by default."""
+"""Seeds of the default campaign and of the default motion."""
 
 
 def samples(run: hil.Run) -> tuple[Array, ...]:
-    """Positions, velocities, accelerations and torques of a run, smoothed."""
+    """Return smoothed positions, velocities, accelerations and torques of a run."""
     found: list[list[Array]] = [[], [], [], []]
     for measured in run:
         s = signals(measured.recording)
@@ -49,7 +49,7 @@ def samples(run: hil.Run) -> tuple[Array, ...]:
 
 
 def campaign_and_motion() -> tuple[Path, Path]:
-    """Return both runs by default, which are made where they are missing."""
+    """Return both default runs, recorded if missing."""
     first, motion = made(FOLDER, "unchanged", SEED), FOLDER / "motion"
     if not motion.exists():
         seed = ("--bus-option", f"seed={ITS_SEED}")
@@ -58,7 +58,7 @@ def campaign_and_motion() -> tuple[Path, Path]:
 
 
 def main(identified: str, other: str) -> None:
-    """Print and keep the table."""
+    """Print and keep the table of torques."""
     model = hil.identify(hil.Run.open(identified))
     *motion, tau = samples(hil.Run.open(other))
     low, high = np.moveaxis(model.torque_interval(*motion), -1, 0)

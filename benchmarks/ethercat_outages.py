@@ -1,4 +1,4 @@
-"""Random outages over EtherCAT: no axis stays energised, none goes farther than it may.
+"""Random outages over EtherCAT: no axis stays energised, and no axis moves beyond its bound.
 
 What is promised is what `benchmarks/outages.py` promises over CAN, of the same moves. Frames do not
 get there, do not come back, neither, one in up to five is lost, the cable is cut in front of a
@@ -30,7 +30,7 @@ def main() -> int:
     parser.add_argument("--number", type=int, default=900)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
-    logging.disable()  # the driver's log of every session that ended
+    logging.disable()  # log of the driver, with a message for every ended session
     found = results(given.seed, range(given.number))
     keep(
         "ethercat-outages", report(found), seeds=[given.seed],  # type: ignore[arg-type]

@@ -35,14 +35,14 @@ from hil.export.source_code import identifier
 
 ROBOTS = ("manutec-r15", str(Path(__file__).parents[1] / "tests" / "robots" / "ur10e.yaml"))
 FRICTION = ("offset", "Coulomb", "viscous", "arc tangent")
-"""Terms of the law, as `hil identify` chooses it for most axes of the virtual plants."""
+"""Terms of the friction law chosen by `hil identify` for most axes of the virtual plants."""
 PINOCCHIO = (
     "-DPINOCCHIO_ENABLE_TEMPLATE_INSTANTIATION",
     "-DBOOST_MPL_LIMIT_LIST_SIZE=30",
     "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
     "-DBOOST_FUSION_INVOKE_MAX_ARITY=10",
 )
-"""What its own build defines, so that its compiled library is called."""
+"""Macros of Pinocchio's own build, for the use of its compiled library."""
 CALLS, STATES = 500_000, 1000
 _C = """\
 #define _POSIX_C_SOURCE 199309L

@@ -35,7 +35,7 @@ def main() -> int:
     parser.add_argument("--frames", type=int, default=1_000_000, help="at each of the two")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
-    logging.disable()  # the driver's log of every session that was disturbed
+    logging.disable()  # log of the driver, with a message for every disturbed session
     session = recorded_session()
     try:
         with Progress("{task.description}", BarColumn(), MofNCompleteColumn(),

@@ -1,4 +1,4 @@
-"""How smoothly the page of hil view plays: frames a second, and what a frame costs the scripts.
+"""Smoothness of the page of hil view: frames per second, and cost of a frame in the scripts.
 
     python benchmarks/view_frames.py [SECONDS]
 
@@ -51,7 +51,7 @@ setTimeout(() => {
 
 
 def main(seconds: float = 10.0) -> None:
-    """Write the page, open it and play it; keep what that takes."""
+    """Write the page, open it and play it; keep the times."""
     robot = Robot.load("manutec-r15")
     plan = design(robot, {}, 0.0, WORKSPACE)
     with (
