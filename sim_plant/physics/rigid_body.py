@@ -57,7 +57,7 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
     Parameters
     ----------
     joints : tuple of int
-        0..n-1.
+        Joint indices, 0..n-1.
     frames : ndarray, shape (n, FRAME)
     bodies : ndarray, shape (n, BODY)
     gravity : ndarray, shape (3,)
@@ -289,7 +289,7 @@ def forward_dynamics(
     motor_inertia : ndarray, shape (n,)
         Rotor inertias seen at the joints, added to the diagonal of M [kg m^2].
     q, qd, tau : ndarray, shape (n,)
-        [rad or m], [rad/s or m/s], [N m or N].
+        Positions, velocities and torques [rad or m], [rad/s or m/s], [N m or N].
 
     Returns
     -------
