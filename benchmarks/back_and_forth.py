@@ -112,7 +112,7 @@ def measured(plan: Path, twin: Path, seed: int, folder: Path) -> Run:
 def exported(run: Run, folder: Path, *, strokes: bool = True, every: int = 1) -> Run:
     """Return the recordings of strokes or of a motion as imported from CSV files.
 
-    Of samples `every` n-th alone is there: a slower controller's.
+    Only every `every`-th sample is kept, as from a slower controller.
     """
     if (folder / "run").exists():
         return Run.open(folder / "run")
@@ -159,7 +159,7 @@ def judged(run: Run, plant: Path, method: str) -> Judged:
     Raises
     ------
     HilError
-        What the method refuses.
+        Refusal by the method.
     """
     found = estimate(run.robot, [(m.measurement, m.recording) for m in run], method)
     truth = true_parameters(run.robot, plant)

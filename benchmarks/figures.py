@@ -76,7 +76,7 @@ class Figure:
     ) -> Figure:
         """Return the median of turns; the scatter is half the range of the middle 68 %.
 
-        That is their standard deviation, unless some were disturbed: then those do not count.
+        This is the standard deviation of the turns, insensitive to some disturbed ones.
         """
         low, middle, high = map(float, np.quantile(turns, [0.16, 0.5, 0.84]))
         return cls(middle, unit, digits, (high - low) / 2)
@@ -173,7 +173,7 @@ def read(name: str) -> Kept:
     Raises
     ------
     KeyError
-        It has kept nothing.
+        No figures are kept under this name.
     """
     path = RESULTS / f"{name}.json"
     if not path.exists():
@@ -210,7 +210,7 @@ def documents() -> list[Path]:
 def commits_since(name: str) -> int:
     """Return the number of commits since then with changes of the measured code.
 
-    Where the commit is not known here, for it was rewritten on its way, those after its day count.
+    If the commit is unknown, because history was rewritten, commits after its day are counted.
     """
     kept = read(name)
     commit = kept.commit.removesuffix("-dirty")

@@ -58,7 +58,7 @@ class Case:
     harmonics : int
         Number of harmonics of the repeated motion of 10 s.
     increments : int, optional
-        Of an encoder on the joint [1/turn, or 1/m]; by default that of the twin's motor.
+        Increments of an encoder on the joint [1/turn, or 1/m]; default: the motor's encoder.
     drift : float
         Strength of friction's drift, 1 being the twin's.
     """

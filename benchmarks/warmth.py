@@ -69,7 +69,7 @@ def main() -> None:
 def left(model: Model, run: Run) -> np.ndarray:
     """Return squares of friction and of residuals by law and warmth, shape (n_joints, 2, 3).
 
-    Of the first minutes and of all samples.
+    The second axis contains the first minutes and all samples.
     """
     robot, pairs = model.robot, list(recorded(run))
     past, sums = history(robot, pairs), np.zeros((robot.n_joints, 2, 3))

@@ -128,7 +128,7 @@ def read_text(path: Path | str) -> str:
     Raises
     ------
     FileError
-        It cannot be read, or is not UTF-8.
+        The file cannot be read, or is not UTF-8.
     """
     try:
         refuse_endless(Path(path))
@@ -243,7 +243,7 @@ def _wrong(
 ) -> list[tuple[tuple[str | int, ...], str]]:
     """Return places and messages of all problems of `model`.
 
-    That a sequence is too short, since one of its items was refused, is no problem of its own.
+    The message about a too short sequence is dropped if one of its items was refused.
     """
     wrong = [(_location(each), _message(each, model)) for each in error.errors()]
     return [

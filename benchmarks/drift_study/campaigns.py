@@ -60,7 +60,7 @@ def campaigns(
     Parameters
     ----------
     share : float
-        Of the number of measurements that `hil plan` chooses.
+        Share of the number of measurements chosen by `hil plan`.
     folder : Path
     minutes : float, optional
         Duration of every campaign; by default that of the two-step plan, and `share` does not

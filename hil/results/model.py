@@ -51,6 +51,12 @@ class Model(IdentifiedRobot):
     """Identified base parameters of a robot, with methods for calculations.
 
     Data attributes are those of `hil.results.identified_robot.IdentifiedRobot`.
+
+    Examples
+    --------
+    >>> model = hil.Model.load("runs/first")
+    >>> model, model.residual.shape
+    (<Model of manutec-r15: 14 base parameters, improved method, 39 measurements>, (6,))
     """
 
     @classmethod
@@ -69,7 +75,14 @@ class Model(IdentifiedRobot):
         return cls(**read_model_file(path).identified(path))
 
     def save(self, path: Path | str) -> None:
-        """Write the model to a file, whole or not at all; see `hil.results.model_file`."""
+        """Write the model to a file, whole or not at all; see `hil.results.model_file`.
+
+        Examples
+        --------
+        >>> hil.Model.load("runs/head").save("copy.yaml")
+        >>> hil.Model.load("copy.yaml").names[-1]
+        'p8'
+        """
         write_file(Path(path), ModelFile.create(self).text().encode())
 
     def predict(
@@ -151,7 +164,7 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         qd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
-            [rad/s or m/s].
+            Velocities [rad/s or m/s].
         q, qdd : optional
             As in `predict`; without positions the gears transmit no load.
         warmth : optional
@@ -251,7 +264,13 @@ class Model(IdentifiedRobot):
         return warmth_along(self, time, qd, start)
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Return gravity torques g(q); shapes, units and errors as in `predict`."""
+        """Return gravity torques g(q); shapes, units and errors as in `predict`.
+
+        Examples
+        --------
+        >>> hil.Model.load("runs/first").gravity(np.zeros((100, 6))).shape
+        (100, 6)
+        """
         (q,) = samples(self.robot.n_joints, q=q)
         return dynamics.gravity_torque(self.robot, self.values, q)
 
@@ -261,7 +280,7 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         q : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
-            [rad or m].
+            Positions [rad or m].
         parts : collection of str
             As in `predict`; friction has no mass.
 
@@ -289,7 +308,7 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         q, qd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
-            [rad or m, and per s].
+            Positions and velocities [rad or m, and per s].
 
         Returns
         -------
@@ -320,16 +339,16 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         q, qd, tau : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
-            [rad, rad/s, N m; m, m/s, N for prismatic joints].
+            Positions, velocities and torques [rad, rad/s, N m; m, m/s, N].
         parts : collection of str
             As in `predict`, including rigid bodies or motors.
         warmth : optional
-            As of `predict`.
+            As in `predict`.
 
         Returns
         -------
         ndarray, shape (n_joints,) or (n_samples, n_joints)
-            [rad/s^2 or m/s^2].
+            Accelerations [rad/s^2 or m/s^2].
 
         Raises
         ------
@@ -383,7 +402,7 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         q, qd, qdd, parts, warmth
-            As of `predict`.
+            As in `predict`.
         level : float
             Share of the intervals that contain the torque.
         of_samples : bool
@@ -400,7 +419,13 @@ class Model(IdentifiedRobot):
         InvalidArray
             Wrong shape, NaN, or a level outside 0 to 1.
         UnknownName, NotEnoughData
-            As of `predict`.
+            As in `predict`.
+
+        Examples
+        --------
+        >>> model = hil.Model.load("runs/first")
+        >>> model.torque_interval(np.zeros((100, 6)), 0.5, 0.0, level=0.9).shape
+        (100, 6, 2)
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
         state, level = warmth_of(self, warmth, q), checked_level(level)

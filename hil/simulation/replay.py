@@ -240,6 +240,15 @@ def replay(
         No recording is long enough, or the model is unsuitable for simulation.
     Mismatch
         A model of another robot.
+
+    Examples
+    --------
+    >>> robot = hil.Robot.load("examples/pan_tilt/head.urdf")
+    >>> rows = np.loadtxt("examples/pan_tilt/excitation.csv.gz", delimiter=",", skiprows=1)[:300]
+    >>> q, tau = np.deg2rad(rows[:, 1:3]), 2.5 * rows[:, 3:5]
+    >>> short = hil.Run.import_arrays(robot, rows[:, 0], q, tau)
+    >>> hil.replay(short, "runs/head").recordings[0].measurement
+    'r1-01'
     """
     run = opened(run)
     model = loaded(model, run.robot)

@@ -6,7 +6,7 @@ not show is null.
 ``robot``, ``workspace``
     As `hil.view.visuals.robot_data` and `workspace_data` have them.
 ``kinds``
-    Of each kind of segment ``name``, ``colour`` and whether it ``moves`` between measurements.
+    For each kind of segment ``name``, ``colour`` and whether it ``moves`` between measurements.
 ``segments``
     One after the other on the time of the page [s]: ``id`` of the recording, or "", ``kind`` by its
     number, ``words``, ``begin``, ``end``, ``axes`` from 0, ``recorded``, ``problem``.
@@ -21,7 +21,7 @@ not show is null.
 ``distance``
     The least distance to a box, a track with the ``link`` and ``box`` of each knot.
 ``parameters``
-    Of base parameters, by name: ``title``, and ``by``, the recordings that carry it, with their
+    Base parameters by name: ``title``, and ``by``, the recordings that carry it, with their
     shares [%].
 
 A track is ``time``, ``value`` and, of planned motions, ``slope``, each packed: a ``step``, and
@@ -134,7 +134,7 @@ class Track:
     time, value : array (n,)
         Time [s], and value in the quantity's unit.
     slope : array (n,), optional
-        [unit/s].
+        Rate of the value [unit/s].
     """
 
     time: Array

@@ -37,7 +37,7 @@ def write_esi(objects: DriveObjects, settings: DriveSettings) -> str:
     objects : DriveObjects
         All that it serves.
     settings : DriveSettings
-        Its identity and name.
+        Identity and name of the drive.
     """
     root = ElementTree.Element("EtherCATInfo", {"Version": "1.6"})
     vendor = ElementTree.SubElement(root, "Vendor")

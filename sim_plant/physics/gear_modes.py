@@ -47,7 +47,7 @@ def refuse_steps_too_long(arm: Arm, const: Array, flaws: Array, reach: Array, st
     reach : ndarray, shape (n, 2)
         Range of travel of the axes [rad or m].
     step : float
-        [s].
+        Integration step [s].
 
     Raises
     ------

@@ -65,7 +65,7 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
     kinds : ndarray, shape (n, KIND), optional
         None if all joints are revolute with theta = 0.
     q, qd : ndarray, shape (n,)
-        [rad or m], [rad/s or m/s].
+        Positions and velocities [rad or m], [rad/s or m/s].
     bias : ndarray, shape (n,)
         Written: c(q, qd) + g(q) [N m or N].
     mass : ndarray, shape (n, n)
