@@ -1,7 +1,7 @@
 """Writer of values, comments and marks in YAML that is put together line by line.
 
-Drafts have comments beside their values, which no YAML library writes. Whatever else goes into such
-a file goes through here: a name in a foreign file must not become a key, end a comment, or be read
+Drafts have comments beside their values, which no YAML library writes. All values of such a file
+pass through this module: a name in a foreign file must not become a key, end a comment, or be read
 as a number.
 """
 

@@ -99,7 +99,7 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         q, qd, qdd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
-            [rad, rad/s, rad/s^2]; m for prismatic joints.
+            Positions, velocities and accelerations [rad, rad/s, rad/s^2]; m for prismatic joints.
         parts : collection of str
             Parts of the torque, all of `hil.results.identified_robot.PARTS` by default:
 
@@ -109,20 +109,20 @@ class Model(IdentifiedRobot):
             motors
                 Reflected inertia of the rotors stated in the robot file, eq. (7).
             friction
-                The law of friction (`friction_law`); at rest its offset alone, since what holds a
-                resting axis is no function of velocity. Where rows are successive samples of a
-                motion, positions changing as velocities say, it turns round after a reversal over
-                the presliding distance that imported recordings showed.
+                The law of friction (`friction_law`); at rest only its offset, since static friction
+                is not a function of velocity. If the rows are successive samples of a motion,
+                friction changes its sign after a reversal over the presliding distance found in
+                imported recordings.
         warmth : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints), optional
-            Of the gears, from 0 cold to 1 as warm as motion makes them (`warmth`). By default
-            friction is that at the mean warmth of what the model was found from. Without effect on
-            axes whose warmth is not identified; beyond what was seen it counts as the nearest
-            that was.
+            Warmth of the gears, from 0 (cold) to 1 (warmest by motion), see `warmth`. By default
+            friction is that at the mean warmth of the identified recordings. Warmth has no effect
+            on axes without an identified warmth; values outside the recorded range are replaced by
+            the nearest recorded value.
 
         Returns
         -------
         ndarray, shape (n_joints,) or (n_samples, n_joints)
-            Joint side [N m, or N].
+            Torques at the joints [N m or N].
 
         Raises
         ------

@@ -1,6 +1,6 @@
 """Device description of a drive on EtherCAT (ESI, ETG.2000), for configuration tools.
 
-The description is made from what the slave serves: identity, memory map, process data after
+The description is made from the contents of the slave: identity, memory map, process data after
 power-on, and all objects with their types and defaults.
 """
 

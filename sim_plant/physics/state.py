@@ -2,8 +2,8 @@
 
 One row an axis, one column a quantity: a compiled function takes two arrays instead of fifty
 arguments, and the whole state of the plant can be copied or compared in one statement. `const` is
-fixed when the plant is built, `state` is what time changes, `profile` is the trapezoid under way.
-All joint side, SI.
+fixed when the plant is built, `state` changes over time, `profile` is the trapezoid under way. All
+joint side, SI.
 """
 
 from __future__ import annotations
