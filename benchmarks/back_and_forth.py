@@ -8,8 +8,9 @@ for them, by that for strokes of our own and by that for free motions::
         [--seeds 10]
 
 Strokes are the trapezoids of gravity and inertia measurements that `hil plan` designs, or smooth
-ones whose way back is a fifth faster than the way forth. Errors are of torques on a free motion
-(`hil.ground_truth.comparison`), of what was identified and of what was not, over the torque itself.
+ones whose way back is a fifth faster than the way forth. Errors are torque errors on a free motion
+(`hil.ground_truth.comparison`) by identified and by unidentified parameters, relative to the
+torque.
 """
 
 from __future__ import annotations

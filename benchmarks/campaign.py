@@ -6,8 +6,8 @@ physics, checks, run folder) once over ``sim_plant``, where the plant keeps step
 run in lock-step, so each is as fast as it can. Switching the drives on is not counted. They take
 turns, so that a busy machine slows both; the table shows medians and the best run.
 
-Where the time goes is found in a run of its own, with a stopwatch around each layer's entry; what
-the stopwatches cost is in the figures::
+The cost of each layer is measured in a separate run, with a stopwatch around the layer's entry; the
+figures contain the cost of the stopwatches::
 
     python benchmarks/campaign.py
 """

@@ -3,7 +3,7 @@
     python benchmarks/changes.py [TRAIN... -- TEST...]
 
 takes run folders of any one machine, by default the two recordings of `examples/pan_tilt`. First,
-what `hil validate` says changed from TRAIN to TEST is printed. Then changes are planted into the
+the changes from TRAIN to TEST by `hil validate` are printed. Then changes are planted into the
 recordings of TEST, one at a time and on every axis, each at the size that these recordings are
 stated to show, in either direction: torques of an axis times a factor, an offset of its position, a
 delay of its torque, and friction. Printed are those that are found, with the right axis and cause.

@@ -1,7 +1,8 @@
 """Figures of identification over many plants, each case beside its target.
 
 Every seed is a plant of its own, measured by `hil run` with the designed plan; nothing was tuned on
-these seeds. Stated is too how often the largest cause of error was named first. Cases::
+these seeds. The share of runs with the largest cause of error named first is stated as well.
+Cases::
 
     default    drift and asymmetry on
     half       the same with half the measurements

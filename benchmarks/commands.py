@@ -3,8 +3,8 @@
 Processor time (user and system) of whole processes, interpreter included. The earlier commit is
 checked out into a temporary folder and takes turns with this one, so that both see the same
 machine; each measures, identifies and reports a campaign of its own, since run folders have changed
-meanwhile. Stated are medians, their ratio and what is promised of it. `hil run` is stated too, with
-robot time over wall time.
+meanwhile. The table has medians, their ratio and its bound, and for `hil run` the ratio of robot
+time to wall time.
 
     python benchmarks/commands.py [--times 5] [--commit 43e224b5]
 """

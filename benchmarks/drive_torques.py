@@ -2,11 +2,12 @@
 
     python benchmarks/drive_torques.py [runs/first runs/other]
 
-The first run is identified, the second one only predicted: root mean square of the torque, of what
-the whole prediction leaves of it, and of what is left without motors and without friction; at last
-the share of samples in intervals of 95 %. Signals pass the low-pass of the improved method; samples
-near a reversal of any axis are left out, as no law of velocity holds there. Without runs they are a
-campaign of benchmarks/history.py and a motion that `hil validate --measure` designs.
+The first run is identified, the second one only predicted. The table has the root mean squares of
+the torque and of the residuals of the whole prediction, of the prediction without motors and
+without friction, and the share of samples in intervals of 95 %. Signals pass the low-pass of the
+improved method; samples near a reversal of any axis are left out, as no law of velocity holds
+there. Without runs they are a campaign of benchmarks/history.py and a motion that `hil validate
+--measure` designs.
 """
 
 from __future__ import annotations

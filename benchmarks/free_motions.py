@@ -1,11 +1,11 @@
 """Results of `hil identify` for foreign recordings, robot by robot, with known truth.
 
 Every case and seed is a machine of its own (`foreign_recordings`), imported from a CSV of positions
-and torques and identified by the default method. Stated is, for each robot, how far torques of the
-rigid bodies are off on a free motion, what the model leaves of the torque of another recording, and
-how many of the intervals of 95 % hold the truth; cases apart where --cases is given. No constant of
-the method was set by the seeds from 201 on; the doubt about unusual offsets was added after those
-from 601 to 611 had been seen, and friction of slow samples settled on those from 1901 to 1912::
+and torques and identified by the default method. For each robot, or for each case with --cases, the
+table has the error of the rigid-body torques on a free motion, the residual torque of another
+recording, and the share of 95 % intervals that contain the truth. No constant of the method was set
+by the seeds from 201 on; the doubt about unusual offsets was added after those from 601 to 611 had
+been seen, and friction of slow samples settled on those from 1901 to 1912::
 
     python benchmarks/free_motions.py [ROBOT ...] [--quick] [--cases] [--keep FOLDER]
     python benchmarks/free_motions.py manutec-r15 --case "10 min" --first 301 --seeds 20

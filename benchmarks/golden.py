@@ -4,7 +4,7 @@ Runs are recorded into a folder, unless they are there: campaigns, trajectories 
 virtual plant, sound and flawed, imports of its twins, back and forth, loads, unknown gains; and,
 where a folder of public recordings is named, those. Each result is a file that a command writes:
 its figures and words stand in ``benchmarks/golden/``, one file a result. ``check`` compares them
-with what the commands write now and lists what is not the same, ``keep`` replaces them::
+with the present output of the commands and lists differences, ``keep`` replaces them::
 
     python benchmarks/golden.py [check|keep] [RESULT ...] [--runs FOLDER] [--public FOLDER]
 

@@ -3,8 +3,8 @@
 Robots of 2 to 7 axes are the manutec-r15 without its last axes, or with one more hand joint; robot
 file, drives file and plant file alike. Each gets a small plan of as many measurements, which is
 designed and measured. Then campaigns of the whole robot, one with another noise each, are
-identified together. Stated is processor time (user and system) of whole processes, and for what
-grows also per measurement, which shows whether it grows in proportion.
+identified together. The tables have the processor time (user and system) of whole processes, and
+for growing plans also the time per measurement.
 
     python benchmarks/growth.py [--times 3]
 """

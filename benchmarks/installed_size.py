@@ -1,7 +1,7 @@
 """Disk space of an installation, by the package required from `pip install`.
 
-Counted are the files of each distribution that this environment holds, and apart from them what
-Python makes of all of it, which `pip` compiles at once and `uv` leaves until it is loaded::
+The sizes are those of the files of each installed distribution, and separately of compiled Python,
+which `pip` compiles at once and `uv` at the first import::
 
     python benchmarks/installed_size.py
 """

@@ -1,8 +1,8 @@
 """`hil run` killed with SIGKILL at random moments, and resumed until its campaigns are complete.
 
 Every session is the program itself, forked from here with one addition: just before a recording is
-written, its content goes into a pipe. What is in a pipe survives the writer, so this process knows
-what was measured, whatever became of the disk. Killed are sessions some random time after a random
+written, its content goes into a pipe. Content of a pipe survives the writer, so this process knows
+all measured data independently of the disk. Killed are sessions some random time after a random
 number of recordings, a third of them within the milliseconds in which a file is written, some
 before their folder is made. When a campaign is whole at last,
 
@@ -122,7 +122,7 @@ def run_and_kill(
 ) -> tuple[list[Measured], bool]:
     """Start a session, kill it `delay` seconds after its recording number `after`.
 
-    Returns what it had measured, and whether it was killed (or had come to its end).
+    Returns its measured recordings, and True if it was killed before its end.
     """
     reading, writing = os.pipe()
     process = os.fork()

@@ -2,9 +2,9 @@
 
 First the distance as SCS finds it, a first-order solver, from the program as it is written down: no
 elimination, no units, equalities as such. Then the processor time of a whole projection of six
-axes, with the cost of every condition, as medians. Then what projecting does to an estimate whose
-truth is a robot of bodies: clouds of eight masses a link, base parameters off by 5 % each, the
-squared distance to the truth afterwards over that before.
+axes, with the cost of every condition, as medians. Then the effect of a projection on estimates of
+robots of real bodies: clouds of eight masses a link, base parameters off by 5 % each, the squared
+distance to the truth afterwards over that before.
 
     python benchmarks/nearest_bodies.py [--seeds 20]
 """

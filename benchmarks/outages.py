@@ -4,7 +4,7 @@ Each is a session of its own on the virtual plant, over real frames in lock-step
 powered up, moved three times at up to full speed and powered down. Somewhere in it, every frame
 from the first SYNC on being equally likely, our adapter does not transmit, does not receive, or
 neither, or one drive is off the bus, for 5 to 250 ms; in half of the sessions Ctrl-C is pressed at
-that moment. What is promised of them all:
+that moment. The following holds for all of them:
 
 - no axis is ever energised while its drive would not react to the loss of our heartbeat;
 - 3 s after the end no axis is energised;

@@ -1,8 +1,8 @@
 """Figures of benchmarks over time: contents of their files, commit by commit.
 
 `page` is the text of the site's page, made when that is built; ``python benchmarks/over_time.py``
-states what `make bench` has changed since the last commit. Without git there are the present
-figures alone.
+prints the changes by `make bench` since the last commit. Without git, only the present figures are
+shown.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
     python benchmarks/real_machines.py TRAIN... -- TEST...
 
-takes run folders of any one machine. What the default method leaves of the torques is compared with
-what weighted least squares leaves, of the recordings that both were fitted to and of those that
-neither saw, axis by axis and overall: at most 1.05 times as much overall and 1.2 on any axis.
+takes run folders of any one machine. Residual torques of the default method are compared with those
+of weighted least squares, for the recordings of both fits and for held-out ones, by axis and
+overall: the bounds of their ratio are 1.05 overall and 1.2 on any axis.
 
     python benchmarks/real_machines.py figures FOLDER
 

@@ -1,7 +1,7 @@
 """Campaign of two minutes in real time, with a search for lost or wrong samples without a flag.
 
-On vcan0, 25 SYNCs a second by default; plant and driver are two processes, and candump
-is the witness: every sample without a flag must be what the drives sent behind that SYNC::
+On vcan0, 25 SYNCs a second by default; plant and driver are two processes, and candump is the
+witness: every sample without a flag must equal the values sent by the drives after that SYNC::
 
     python tools/can_guest.py .venv/bin/python benchmarks/real_time.py [SYNCS_PER_SECOND] [SECONDS]
 """

@@ -1,11 +1,11 @@
 """One campaign over CANopen and over EtherCAT, on the same plant with the same seed.
 
-Both run in lock-step within this process, without wires. On EtherCAT a frame brings what was
-latched when the frame before passed, and a drive acts when a frame has passed, so a master sees
-what its commands do two cycles later than on CAN, as on hardware. Whatever it decides then comes
-two cycles later too. To have the same decisions at the same instants, the CAN side is given its
+Both run in lock-step within this process, without wires. On EtherCAT a frame contains the values
+latched at the previous frame, and a drive acts after a frame has passed. So a master sees the
+effect of its commands two cycles later than on CAN, as on hardware, and its decisions are two
+cycles later as well. To have the same decisions at the same instants, the CAN side is given its
 inputs two SYNCs late; and since the buses need different numbers of cycles to start, the one that
-is ready first waits. What remains must be the same numbers, bit for bit::
+is ready first waits. The remaining numbers must be equal, bit for bit::
 
     python benchmarks/same_campaign.py [COUNTS]
 """

@@ -1,6 +1,6 @@
 """Cost of one SYNC with six drives, each answering with status, position and current.
 
-The machine behind the drives does nothing, so what is measured is CANopen and python-can alone::
+The machine behind the drives does nothing, so the time is that of CANopen and python-can::
 
     python benchmarks/slave_network.py
 """

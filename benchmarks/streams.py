@@ -2,8 +2,8 @@
 
 The plant and `hil run` are processes of their own. The plant stands for drives, which are never
 late, so it has the real-time class; eight others compute without a pause. Every run streams three
-periods of 10 s once, whatever is found wrong with them, from power-on to power-off; first as a
-normal process, then in real time::
+periods of 10 s once, independently of their findings, from power-on to power-off; first as a normal
+process, then in real time::
 
     python benchmarks/streams.py [RUNS] [INTERFACE] [CHANNEL] [normal] [real-time]
     python tools/can_guest.py .venv/bin/python benchmarks/streams.py 20 socketcan vcan0

@@ -2,8 +2,8 @@
 
     sudo .venv/bin/python benchmarks/two_users.py
 
-Both users are numbers without an account. Each line states what was tried and what came of it; the
-exit status is 1 if anything of the other's was read, stopped or deleted.
+Both users are numbers without an account. Each line states an attempt and its result; the exit
+status is 1 if data of the other user were read, stopped or deleted.
 """
 
 from __future__ import annotations

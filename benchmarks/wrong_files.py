@@ -2,7 +2,7 @@
 
 A recording of a robot's twin, with velocities, is written as a CSV with one mistake and imported.
 The first word said must name the mistake. Clean files, half of them with joints at rest, must be
-neither refused nor doubted for what they are not::
+neither refused nor doubted::
 
     python benchmarks/wrong_files.py [--robots ROBOT ...] [--seed 21] [--only WORDS]
 
@@ -237,8 +237,8 @@ def recorded(name: str, seed: int) -> Columns:
 def at_rest(columns: Columns, number: int, rng: np.random.Generator) -> Columns:
     """Return a clean file with joints at rest: flickering counts, dead bands, noise.
 
-    Their torques are constant but for noise, so what is imported need not obey mechanics: it is the
-    checks of columns that are tried.
+    Their torques are constant but for noise, so the imported torques do not obey mechanics: only
+    the checks of columns are tested.
     """
     n = max(int(key[1:]) for key in columns if key[0] == "q")
     rests, found = 1 + (number + np.arange(1 + number % 2)) % n, dict(columns)

@@ -2,13 +2,13 @@
 
 A minute of free motion of a robot's twin, whose physics the model does not share, is handed over as
 a CSV with one thing wrong that maps and recorders have wrong. Each map is imported and, unless that
-refuses it, identified; the row says what is expected and what came out. The right map is judged
-first, and nothing may be said against it::
+refuses it, identified; the row states expectation and result. The right map is judged first, and
+nothing may be said against it::
 
     python benchmarks/wrong_maps.py [--robot ur10e] [--seed 11] [--only WORDS] [--keep FOLDER]
 
-Rules were tuned on ur10e, seeds 1 and 2; what is said of a large offset was added after seed 11 of
-ur10e and seed 12 of panda had been seen.
+Rules were tuned on ur10e, seeds 1 and 2; the message about a large offset was added after seed 11
+of ur10e and seed 12 of panda had been seen.
 """
 
 from __future__ import annotations

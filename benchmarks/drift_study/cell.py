@@ -1,8 +1,8 @@
 """Campaign on one plant: measurement by `hil run`, assessment by all suitable methods.
 
-A campaign is a process of its own, so that anybody can repeat any figure by hand with the same
-command, and that what goes wrong in one campaign touches no other. What is judged is kept as a
-small file; the recordings stay until somebody deletes them.
+Each campaign is a separate process. So any figure can be reproduced by the same command, and a
+failed campaign does not affect the others. Outcomes are kept in a small file; the recordings stay
+in place.
 """
 
 from __future__ import annotations

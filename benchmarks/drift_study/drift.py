@@ -3,7 +3,7 @@
 Every seed is a plant of its own. In each scenario (`scenarios`) it is measured for the same time in
 each way (`campaigns`), and every method's estimate is set against the truth (`cell`). First all
 campaigns are measured, since a friction measured in another session is that of another campaign;
-then all are judged. Whatever is there already is not done again.
+then all are judged. Existing results are not computed again.
 """
 
 from __future__ import annotations

@@ -4,9 +4,9 @@
 
     python -m benchmarks.paper [FOLDER] [--seeds 20]
 
-With a FOLDER it measures and judges what that does not hold yet and writes results, page and
-figures; without one it makes page and figures from the results. Cases may have been measured at
-unlike numbers of seeds: all that is there counts, and with `--seeds 0` nothing else.
+With a FOLDER, missing campaigns are measured and judged, and results, page and figures are written;
+without one, page and figures are made from the results. Cases may have been measured at unlike
+numbers of seeds: all that is there counts, and with `--seeds 0` nothing else.
 """
 
 from __future__ import annotations

@@ -83,8 +83,8 @@ def _neglected(
     """Return the effect of a neglected torque on the elements and the parameters.
 
     Each measurement is evaluated with that torque alone in place of the measured one: c(q, qd), and
-    what the axes that should stand still, but are only held, contribute by their motion. Shares are
-    of the largest element of each kind; errors and p3 are those with the torque taken off.
+    the torque by small motion of the held axes. Shares are of the largest element of each kind;
+    errors and p3 are those with the torque taken off.
     """
     found = {}
     for name, torque in NEGLECTED.items():

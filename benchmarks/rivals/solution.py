@@ -17,7 +17,7 @@ commanded motion's regressor Z (Seeger 1992); total least squares, the right sin
 smallest singular value of [W Q], columns scaled to unit length (Gautier et al. 1994).
 
 The covariance is that of the scores of periods (Huber's sandwich): noise within a period may be
-coloured, what lasts over periods shows in none of them.
+coloured, errors that last over several periods are not contained.
 """
 
 from __future__ import annotations

@@ -8,8 +8,8 @@ in the course of the measurement, but those by period.
 
 Friction of the load needs the base parameters that it is to be found with. So a method that has it
 solves without it, computes the transmitted torques from that solution and solves again, until the
-parameters stay the same (Hamon, Gautier, Garrec 2010). What friction of the load is wrong by is
-mu |error of Q_t|, so each round leaves about the share mu of the error that it began with.
+parameters stay the same (Hamon, Gautier, Garrec 2010). The error of load friction is mu |error of
+Q_t|, so each iteration multiplies the error by about mu.
 """
 
 from __future__ import annotations
