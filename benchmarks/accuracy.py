@@ -1,4 +1,4 @@
-"""How near the truth a whole campaign over CANopen frames gets, for several seeds of the plant.
+"""Deviation of whole campaigns over CANopen frames from the truth, for several seeds of the plant.
 
 Each seed is a `hil run` of the designed plan on the virtual plant into a folder of its own, two
 side by side; both methods are then judged on the same recordings. The targets are those of the
@@ -37,18 +37,18 @@ if TYPE_CHECKING:
 ROBOT = "manutec-r15"
 SIDE_BY_SIDE = 2
 TARGETS = {"gravity": 0.03, "diagonal": 0.3, "off_diagonal": 2.0}
-"""Relative error in the norm of each group, rms over the seeds [%]."""
+"""Bounds of the relative error in the norm of each group, rms over the seeds [%]."""
 TORQUE_TARGET = 0.4
-"""[%]."""
+"""Bound of the relative torque error [%]."""
 COVERAGE_TARGET = "88-100"
 DEPENDS = (
     "hil/estimation", "hil/least_squares", "hil/friction", "hil/planning", "sim_plant/physics",
 )  # fmt: skip
-"""Code that the figures depend on."""
+"""Code on which the figures depend."""
 
 
 def hil(*arguments: object) -> None:
-    """Call the command line; its own message says what went wrong."""
+    """Call the command line; the command prints its own error messages."""
     command = [sys.executable, "-m", "hil", *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -56,7 +56,7 @@ def hil(*arguments: object) -> None:
 
 
 def measure(seed: int, folder: Path) -> Path:
-    """Run the whole campaign on the plant of `seed`, unless it was before."""
+    """Run the whole campaign on the plant of `seed`, unless the run exists."""
     run = folder / f"seed-{seed}"
     if not run.exists():
         hil("run", folder / "plan.yaml", "-o", run, "--bus-option", f"seed={seed}")
@@ -66,7 +66,7 @@ def measure(seed: int, folder: Path) -> Path:
 def judge(
     folder: Run, methods: Sequence[TwoStepMethod], plant: Path | str = ROBOT
 ) -> dict[TwoStepMethod, tuple[Estimate, Comparison]]:
-    """Every method's estimate from a run, and how far it is from the truth."""
+    """Return the estimates of a run by all methods, with their errors."""
     truth = true_parameters(folder.robot, plant)
     return {
         method: (found, comparison(found, folder.robot, truth))
@@ -75,7 +75,7 @@ def judge(
 
 
 def extent(folder: Run) -> str:
-    """Measurements of a run and its robot time, in words."""
+    """Return the number of measurements of a run and its robot time, in words."""
     measured = list(recorded(folder))
     kinds = [m.kind for m, _ in measured]
     counts = " + ".join(str(kinds.count(kind)) for kind in ("gravity", "inertia", "coupling"))
@@ -83,7 +83,7 @@ def extent(folder: Run) -> str:
 
 
 def summarise(method: TwoStepMethod, results: list[Comparison]) -> dict[str, Figure]:
-    """Print one method's figures over all seeds, beside the targets, and return them."""
+    """Print one method's figures over all seeds beside the targets, and return the figures."""
     print(f"\n{method} method, {len(results)} seeds{'':17}reached    target")
     kept = {}
     for group, target in TARGETS.items():
@@ -101,14 +101,14 @@ def summarise(method: TwoStepMethod, results: list[Comparison]) -> dict[str, Fig
 
 
 def line(what: str, percents: list[float], target: float) -> Figure:
-    """Print the root mean square of some percents beside its target, and return it."""
+    """Print the root mean square of percentages beside its target, and return it."""
     reached = rms(percents)
     print(f"{what:42}{reached:8.3f} %  {target:8g} %")
     return Figure(reached, "%", scatter=float(np.std(percents)) or None)
 
 
 def rms(values: ArrayLike) -> float:
-    """Root mean square."""
+    """Return the root mean square of values."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 

@@ -1,4 +1,4 @@
-"""Strokes of one axis at a time, as somebody else might have recorded them, against the truth.
+"""Identification from foreign strokes of one axis at a time, against the truth.
 
 Each seed is a virtual twin whose friction drifts. Its strokes are measured over CAN frames, written
 as CSV files of positions and torques alone, imported with a map each, and identified by the method
@@ -8,8 +8,9 @@ for them, by that for strokes of our own and by that for free motions::
         [--seeds 10]
 
 Strokes are the trapezoids of gravity and inertia measurements that `hil plan` designs, or smooth
-ones whose way back is a fifth faster than the way forth. Errors are of torques on a free motion
-(`hil.ground_truth.comparison`), of what was identified and of what was not, over the torque itself.
+ones whose way back is a fifth faster than the way forth. Errors are torque errors on a free motion
+(`hil.ground_truth.comparison`) by identified and by unidentified parameters, relative to the
+torque.
 """
 
 from __future__ import annotations
@@ -51,15 +52,15 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SMOOTH = 8
-"""Configurations of each axis with smooth strokes."""
+"""Number of configurations of each axis with smooth strokes."""
 PAN_TILT = ROOT / "tests" / "robots" / "pan-tilt.yaml"
 FIRST_SEED = 201
 IMPROVED = "improved"
-"""Method for strokes that were measured here, which takes friction's law anew in each recording."""
+"""Method for strokes measured by hil, with a separate friction law for each recording."""
 
 
 def strokes(robot: Robot, kind: str) -> Plan:
-    """Plan of strokes of one axis at a time."""
+    """Return a plan of strokes of one axis at a time."""
     if kind == "smooth":
         measurements = tuple(_smooth(robot))
         return Plan(
@@ -73,7 +74,7 @@ def strokes(robot: Robot, kind: str) -> Plan:
 
 
 def _smooth(robot: Robot) -> Iterator[Trajectory]:
-    """Strokes without corners, back faster than forth, of each axis at some configurations."""
+    """Return strokes without corners of each axis at some configurations, the way back faster."""
     rng = np.random.default_rng(7)
     for axis in range(robot.n_joints):
         for number in range(SMOOTH):
@@ -81,7 +82,7 @@ def _smooth(robot: Robot) -> Iterator[Trajectory]:
             q = robot.q_min + share * (robot.q_max - robot.q_min)
             way = 0.18 * min(robot.q_max[axis] - robot.q_min[axis], 4.0)
             speed, acceleration = robot.velocity_limit[axis], robot.acceleration_limit[axis]
-            # of a cosine of this amplitude with its second harmonic
+            # amplitude of a cosine with its second harmonic
             slowest = max(10.0 * way / speed, np.sqrt(210.0 * way / acceleration))
             period = 0.02 * np.ceil(50.0 * slowest * rng.uniform(1.0, 2.0))
             sine, cosine = np.zeros((robot.n_joints, 2)), np.zeros((robot.n_joints, 2))
@@ -95,7 +96,7 @@ def _smooth(robot: Robot) -> Iterator[Trajectory]:
 
 
 def measured(plan: Path, twin: Path, seed: int, folder: Path) -> Run:
-    """Run of the plan on the plant of a seed, unless it was before."""
+    """Return the run of the plan on the plant of a seed, recorded if missing."""
     run = folder / f"seed-{seed}"
     if not run.exists():
         channel = "--channel", twin / "plant.yaml", "--drives", twin / "drives.yaml"
@@ -110,9 +111,9 @@ def measured(plan: Path, twin: Path, seed: int, folder: Path) -> Run:
 
 
 def exported(run: Run, folder: Path, *, strokes: bool = True, every: int = 1) -> Run:
-    """The same recordings, of one axis's strokes or of any motion, as an import of CSV has them.
+    """Return the recordings of strokes or of a motion as imported from CSV files.
 
-    Of samples `every` n-th alone is there: a slower controller's.
+    Only every `every`-th sample is kept, as from a slower controller.
     """
     if (folder / "run").exists():
         return Run.open(folder / "run")
@@ -144,7 +145,7 @@ def exported(run: Run, folder: Path, *, strokes: bool = True, every: int = 1) ->
 
 
 class Judged(NamedTuple):
-    """Torques wrong, and not identified [%]; intervals that hold, of how many; half over error."""
+    """Errors and unidentified torque [%], covering and all intervals, half width over error."""
 
     wrong: float
     missing: float
@@ -154,12 +155,12 @@ class Judged(NamedTuple):
 
 
 def judged(run: Run, plant: Path, method: str) -> Judged:
-    """Errors and coverage of one method.
+    """Return errors and coverage of one method.
 
     Raises
     ------
     HilError
-        What the method refuses.
+        Refusal by the method.
     """
     found = estimate(run.robot, [(m.measurement, m.recording) for m in run], method)
     truth = true_parameters(run.robot, plant)
@@ -175,7 +176,7 @@ def judged(run: Run, plant: Path, method: str) -> Judged:
 
 
 def identified(found: Estimate, truth: Array) -> tuple[Array, Array]:
-    """What of the truth an estimate stands for, and which parameters it has."""
+    """Return the true values behind an estimate, and a mask of the identified parameters."""
     if found.combination is None:
         return truth, np.ones(len(truth), dtype=bool)
     return found.combination @ truth, np.diag(found.combination) > 0

@@ -1,4 +1,4 @@
-"""Base parameters of the manutec-r15 with all sixty link parameters and with its own, from scratch.
+"""Time of the base parameters of the manutec-r15, with all sixty link parameters and with its own.
 
 Each is timed in a fresh interpreter, so that nothing is cached; with its imports and without.
 """
@@ -27,7 +27,7 @@ print(len(base_parameters(robot)), time.perf_counter() - begin)
 
 
 def measure(text: str) -> tuple[int, float, float]:
-    """Number of base parameters, time to regroup and time of the whole process [s]."""
+    """Return the number of base parameters, and times of the regrouping and of the process [s]."""
     begin = time.perf_counter()
     result = subprocess.run(
         [sys.executable, "-c", TIMED], input=text, capture_output=True, text=True, check=True
@@ -37,7 +37,7 @@ def measure(text: str) -> tuple[int, float, float]:
 
 
 def main() -> None:
-    """Print and keep the table."""
+    """Print and keep the table of times."""
     own = Robot.load("manutec-r15").text
     full = re.sub(r"(?s)\nties:.*", "", re.sub(r"\n    parameters:.*", "", own))
     table = Table(

@@ -6,8 +6,8 @@ physics, checks, run folder) once over ``sim_plant``, where the plant keeps step
 run in lock-step, so each is as fast as it can. Switching the drives on is not counted. They take
 turns, so that a busy machine slows both; the table shows medians and the best run.
 
-Where the time goes is found in a run of its own, with a stopwatch around each layer's entry; what
-the stopwatches cost is in the figures::
+The cost of each layer is measured in a separate run, with a stopwatch around the layer's entry; the
+figures contain the cost of the stopwatches::
 
     python benchmarks/campaign.py
 """
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 ROBOT = "manutec-r15"
 DURATION = 60.0
-"""How much motion is measured [s]."""
+"""Duration of the measured motion [s]."""
 REPEATS = 7
 
 robot = Robot.load(ROBOT)
@@ -62,7 +62,7 @@ drives = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
 
 
 def minute() -> Plan:
-    """Return a part of the designed campaign that takes about `DURATION`: some of each kind."""
+    """Return a part of the designed campaign of about `DURATION`, with all kinds."""
     whole = design(robot)
     kinds: dict[str, list[Measurement]] = {}
     for measurement in whole.measurements:
@@ -77,13 +77,13 @@ def minute() -> Plan:
 
 @contextmanager
 def in_step() -> Iterator[ServoAxes]:
-    """The plant inside the bus."""
+    """Open a bus with the plant inside `send`."""
     yield open_drive_bus(drives, "sim_plant", ROBOT)
 
 
 @contextmanager
 def in_thread() -> Iterator[ServoAxes]:
-    """The plant in a thread behind python-can's ``virtual`` bus."""
+    """Open a bus with the plant in a thread behind python-can's ``virtual`` bus."""
     stop = threading.Event()
     with (
         can.Bus(interface="virtual", channel="campaign") as plant_side,
@@ -120,14 +120,14 @@ def measure(
 
 
 class Stopwatch:
-    """Time spent in functions, without what is spent in others of the same thread."""
+    """Stopwatch for functions, without the time of watched functions inside."""
 
     def __init__(self) -> None:
         self.spent: defaultdict[str, float] = defaultdict(float)
         self._of_thread = threading.local()
 
     def watch(self, what: str, function: Callable[..., object]) -> Callable[..., object]:
-        """Return `function`, watched."""
+        """Return `function` with time measurement."""
         clock = time.perf_counter
 
         def watched(*args: object, **kwargs: object) -> object:
@@ -161,7 +161,7 @@ LAYERS = (
 
 
 def split(plan: Plan) -> tuple[dict[str, float], float]:
-    """Return the cost of each layer and of everything [us per SYNC]."""
+    """Return the cost of each layer and of the whole [us per SYNC]."""
     stopwatch = Stopwatch()
     with ExitStack() as patches, in_step() as bus:
         for what, owner, name in LAYERS:
@@ -174,7 +174,7 @@ def split(plan: Plan) -> tuple[dict[str, float], float]:
 
 
 def main() -> None:
-    """Measure and print."""
+    """Measure and print speeds and costs."""
     plan = minute()
     out = Console()
     table = timetable(plan, robot, plan.measurements)
@@ -212,7 +212,7 @@ def show_speeds(speeds: dict[str, list[float]], out: Console) -> dict[str, Figur
 
 
 def show_split(costs: dict[str, float], whole: float, out: Console) -> dict[str, Figure]:
-    """Print where the time goes, and return it."""
+    """Print the cost of each layer, and return it."""
     table = Table("layer", "us per SYNC")
     rest = {"sequencer, recorder, checks": whole - sum(costs.values())}
     every = costs | rest | {"all, stopwatches included": whole}

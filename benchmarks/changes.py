@@ -1,9 +1,9 @@
-"""Changes between recordings of one machine: none where nothing changed, and planted ones found.
+"""Changes between recordings of one machine: planted changes detected, and false detections.
 
     python benchmarks/changes.py [TRAIN... -- TEST...]
 
 takes run folders of any one machine, by default the two recordings of `examples/pan_tilt`. First,
-what `hil validate` says changed from TRAIN to TEST is printed. Then changes are planted into the
+the changes from TRAIN to TEST by `hil validate` are printed. Then changes are planted into the
 recordings of TEST, one at a time and on every axis, each at the size that these recordings are
 stated to show, in either direction: torques of an axis times a factor, an offset of its position, a
 delay of its torque, and friction. Printed are those that are found, with the right axis and cause.
@@ -36,13 +36,13 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recorded, Recording
 
 PLANTED = {"torque constant": 50.0, "zero": 28.0, "late torque": 20.0, "friction": 100.0}
-"""Causes, and the largest size that is planted, in their units: beyond, they are not small."""
+"""Causes, and the largest planted size in their units; larger changes are not small."""
 CUT_OFF = 10.0
-"""Of the positions by which friction is planted [Hz]."""
+"""Cut-off frequency of the positions for planted friction [Hz]."""
 
 
 def main(train: Sequence[Path | str], test: Sequence[Path | str]) -> tuple[int, int, int]:
-    """Print what changed, and which planted changes are found; count named, found and planted."""
+    """Print detected and planted changes; count named, detected and planted ones."""
     first, *more = [Run.open(folder) for folder in train]
     before, after = Pooled([first, *more]), Pooled([Run.open(folder) for folder in test])
     robot = first.robot
@@ -74,12 +74,12 @@ def main(train: Sequence[Path | str], test: Sequence[Path | str]) -> tuple[int, 
 def _planted(
     robot: Robot, p: np.ndarray, recorded: Recorded, cause: str, axis: int, size: float
 ) -> list[tuple[object, Recording]]:
-    """Recordings with a change of one axis."""
+    """Return recordings with a change of one axis."""
     found = []
     for motion, recording in recorded:
         q, tau = recording.q.copy(), recording.tau.copy()
         if cause == "torque constant":
-            tau[:, axis] /= 1.0 + size / 100.0  # as the size is stated: true over recorded
+            tau[:, axis] /= 1.0 + size / 100.0  # stated sizes are ratios of true to recorded values
         elif cause == "zero":
             q[:, axis] -= size * (np.pi / 180.0 if robot.revolute[axis] else 1e-3)
         elif cause == "late torque":
@@ -91,7 +91,7 @@ def _planted(
 
 
 def _friction(robot: Robot, p: np.ndarray, recording: Recording) -> np.ndarray:
-    """Coulomb friction that a recording shows: half the difference of both directions."""
+    """Return the Coulomb friction of a recording: half the difference of both directions."""
     b, a = signal.butter(4, min(2.0 * CUT_OFF * recording.period, 0.9))
     q = signal.filtfilt(b, a, recording.q, axis=0)
     qd = np.gradient(q, recording.period, axis=0)

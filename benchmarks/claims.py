@@ -1,7 +1,8 @@
-"""The figures of identification over many plants, each case beside what it is to reach.
+"""Figures of identification over many plants, each case beside its target.
 
 Every seed is a plant of its own, measured by `hil run` with the designed plan; nothing was tuned on
-these seeds. Stated is too how often the largest cause of error was named first. Cases::
+these seeds. The share of runs with the largest cause of error named first is stated as well.
+Cases::
 
     default    drift and asymmetry on
     half       the same with half the measurements
@@ -73,33 +74,33 @@ DEPENDS = (
 )
 FIRST_SEED = 101
 MASS, DISTANCE = 10.86, 0.14
-"""Of the load [kg], [m]."""
+"""Mass of the load and its distance from the axis [kg], [m]."""
 NATURAL = (45.0, 80.0)
-"""Natural frequencies of soft gears, motor held [Hz]."""
+"""Natural frequencies of soft gears with blocked motor [Hz]."""
 WRIST = 0.02
-"""Share of its motion that a trajectory leaves the wrist."""
+"""Share of the wrist's motion in a trajectory of the case `weak`."""
 OFFSET = 0.0165
 """First moment of link 4 across the forearm [kg m]."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A plant, a plan and what is to be reached.
+    """Case of plant and plan, with its targets.
 
     Attributes
     ----------
     plant : str
-        On which it is built.
+        Plant file from which the case is derived.
     plan : str
         Plan of `PLANS`.
     sync, increments : float, int
         Period [s] and increments of a revolution; those of the robot's drives file by default.
     change : Scenario
-        What differs from it in every seed.
+        Changes of the plant, the same for every seed.
     targets : dict
         Relative errors of the improved method, rms over seeds [%].
     cause : str, optional
-        To be named first; by default nothing is to be named.
+        Cause expected as the first named one; none by default.
     """
 
     plant: str = ROBOT
@@ -116,7 +117,7 @@ PLANS = {
     "half": ("--gravity", 32, "--inertia", 46, "--coupling", 5),
     "ten": ("--minutes", 10, "--with-trajectories"),
 }
-"""Options of `hil plan`."""
+"""Options of `hil plan` for each plan."""
 CASES = {
     "default": Case(
         targets={"gravity": 0.006, "diagonal": 0.015, "off_diagonal": 0.06, "torque": 0.08}
@@ -159,7 +160,7 @@ CASES = {
 
 
 def make_plan(name: str, path: Path) -> None:
-    """Write a plan, unless it is there."""
+    """Write a plan, unless the file exists."""
     if path.exists():
         return
     if name in PLANS:
@@ -196,7 +197,7 @@ def make_plant(name: str, seed: int, path: Path) -> Path:
 
 
 def measure(folder: Path, name: str, seed: int) -> Path:
-    """Run the campaign of one case and seed, unless it was before."""
+    """Run the campaign of one case and seed, unless the run exists."""
     run = folder / name / f"seed-{seed}"
     if run.exists() and not Run.open(run).missing:
         return run
@@ -210,7 +211,7 @@ def measure(folder: Path, name: str, seed: int) -> Path:
 
 
 def settings(folder: Path, name: str) -> tuple[Path, Path]:
-    """Plan and drives file of a case, written where they are not there yet."""
+    """Return plan and drives file of a case, written if missing."""
     case, own = CASES[name], folder / f"{name}-drives.yaml"
     text = packaged_drives(Robot.load(ROBOT)).read_text()
     plan = folder / f"{case.plan}.yaml"
@@ -221,12 +222,12 @@ def settings(folder: Path, name: str) -> tuple[Path, Path]:
         write_file(plan, yaml.safe_dump(content, sort_keys=False).encode())
     if case.increments is not None:
         text = text.replace("revolution: 4096", f"revolution: {case.increments}")
-    write_file(own, text.encode())  # at once: seeds side by side read it
+    write_file(own, text.encode())  # at once, because seeds read the file in parallel
     return plan, own
 
 
 def assess(run: Path) -> tuple[dict[str, Comparison], list[str]]:
-    """How far each method is from the truth, and the causes of error that are named."""
+    """Return the errors of each method, and the named causes of error."""
     folder = Run.open(run)
     strokes = any(shows_element(m) for m in folder.plan.measurements)
     methods = TWO_STEP_METHODS if strokes else TWO_STEP_METHODS[:1]
@@ -236,7 +237,7 @@ def assess(run: Path) -> tuple[dict[str, Comparison], list[str]]:
 
 
 def print_errors(name: str, runs: Sequence[Path]) -> None:
-    """Print the errors of one case, and how often its cause was named."""
+    """Print the errors of one case, and the frequency of its cause among the named ones."""
     with ProcessPoolExecutor(SIDE_BY_SIDE) as pool:
         judged, named = zip(*pool.map(assess, runs), strict=True)
     kept: dict[str, Figure] = {}
@@ -268,7 +269,7 @@ def print_errors(name: str, runs: Sequence[Path]) -> None:
 
 
 def print_efficiency(run: Path, found: Sequence[Comparison]) -> float:
-    """Print the scatter of the improved method over the Cramer-Rao bound; return its median."""
+    """Print the ratio of scatter to the Cramer-Rao bound; return its median."""
     folder = Run.open(run)
     variance = noise(run.with_suffix(".yaml"))
     scatter = np.sqrt(np.mean([c.difference**2 for c in found], axis=0))
@@ -284,7 +285,7 @@ def print_efficiency(run: Path, found: Sequence[Comparison]) -> float:
 
 
 def noise(plant: Path) -> NDArray[np.float64]:
-    """Variance of each axis's torque reading, white noise and quantisation [(N m)^2]."""
+    """Return the variance of each axis's torque reading, white noise and quantisation [(N m)^2]."""
     file = load_plant_file(str(plant))
     drives = [axis.drive for axis in file.axes]
     step = [d.gear_ratio * d.torque_constant * d.rated_current_mA * 1e-6 for d in drives]
@@ -293,7 +294,7 @@ def noise(plant: Path) -> NDArray[np.float64]:
 
 
 def print_payload(folder: Path, seeds: Sequence[int]) -> None:
-    """Print how well the load is found."""
+    """Print errors and coverage of the identified load."""
     robot = Robot.load(ROBOT)
     bare = true_parameters(robot, folder / "default" / f"seed-{seeds[0]}.yaml")
     change, mass, distance, inside = [], [], [], []
@@ -319,7 +320,7 @@ def print_payload(folder: Path, seeds: Sequence[int]) -> None:
 
 
 def print_offset(runs: Sequence[Path]) -> None:
-    """Print how often the offset is ranked first."""
+    """Print the frequency of the offset at rank one."""
     errors = [diagnose(Run.open(run)).errors for run in runs]
     found = [next(c for c in each.alone if "sy4" in c.names) for each in errors]
     first = sum(

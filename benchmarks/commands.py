@@ -1,10 +1,10 @@
-"""What the commands of a campaign cost, against an earlier commit of this repository.
+"""Processor time of the commands of a campaign, against an earlier commit of this repository.
 
 Processor time (user and system) of whole processes, interpreter included. The earlier commit is
 checked out into a temporary folder and takes turns with this one, so that both see the same
 machine; each measures, identifies and reports a campaign of its own, since run folders have changed
-meanwhile. Stated are medians, their ratio and what is promised of it. `hil run` is stated too, with
-robot time over wall time.
+meanwhile. The table has medians, their ratio and its bound, and for `hil run` the ratio of robot
+time to wall time.
 
     python benchmarks/commands.py [--times 5] [--commit 43e224b5]
 """
@@ -36,16 +36,17 @@ if TYPE_CHECKING:
 COMMIT = "43e224b5"
 ROBOT = "manutec-r15"
 PROMISED = {"dry-run": 0.25, "run": 0.35, "identify": 0.35, "report": 0.30}
-"""Largest ratio of a command's processor time to that of the earlier commit."""
+"""Bound of the ratio of a command's processor time to that of the earlier commit."""
 FIXED = {"OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
-"""Environment of both: threads that wait for each other on a busy machine, and sources compiled
-anew by each process, would count as time of either."""
+"""Environment of both versions: threads would wait for each other on a busy machine, and each
+process compiles sources anew.
+"""
 HERE = Path(__file__).resolve().parent.parent
 ROBOT_TIME = re.compile(r"\((?:(\d+):)?(\d+):(\d+) of robot time")
 
 
 class Version:
-    """A checked-out commit, and the folder in which its commands leave their files."""
+    """Checked-out commit, and the folder for the files of its commands."""
 
     def __init__(self, source: Path, place: Path) -> None:
         self._source = source
@@ -54,7 +55,7 @@ class Version:
         place.mkdir()
 
     def command(self, name: str) -> list[str]:
-        """Arguments of a command as a user gives them, on this version's own plan and run."""
+        """Return the arguments of a command, with this version's own plan and run."""
         arguments: dict[str, list[str | Path]] = {
             "robot": [ROBOT],
             "plan": [ROBOT, "-o", self._plan],
@@ -66,7 +67,7 @@ class Version:
         return [name, *map(str, arguments[name])]
 
     def spent(self, name: str) -> tuple[float, str]:
-        """Call a command; return its processor time [s] and what it prints."""
+        """Call a command; return its processor time [s] and its output."""
         if name == "plan":
             self._plan.unlink(missing_ok=True)
         if name == "run":
@@ -89,7 +90,7 @@ class Version:
 
 @contextmanager
 def checked_out(commit: str, place: Path) -> Iterator[Path]:
-    """Check a commit out into `place`; python-can finds its buses and no others."""
+    """Check a commit out into `place`; python-can finds only the buses of that commit."""
     git = ("git", "-C", str(HERE), "worktree")
     subprocess.run([*git, "add", "--quiet", "--detach", str(place), commit], check=True)
     try:
@@ -100,7 +101,7 @@ def checked_out(commit: str, place: Path) -> Iterator[Path]:
 
 
 def _install(source: Path) -> None:
-    """Write the metadata by which entry points are found, first on the path of modules."""
+    """Write the metadata of entry points into the first folder of the module path."""
     project = tomllib.loads((source / "pyproject.toml").read_text())["project"]
     folder = source / f"{project['name'].replace('-', '_')}-{project['version']}.dist-info"
     folder.mkdir()
@@ -114,7 +115,7 @@ def _install(source: Path) -> None:
 
 
 def main() -> None:
-    """Measure in turns, print the table; exit status 1 where a promise is not kept."""
+    """Measure in turns and print the table; exit status 1 for a broken bound."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--times", type=int, default=5)
     parser.add_argument("--commit", default=COMMIT, help="what is compared with")
@@ -143,9 +144,9 @@ def main() -> None:
 
 
 def in_turns(name: str, versions: tuple[Version, ...], times: int) -> list[list[float]]:
-    """Processor times of a command by each version [s]."""
+    """Return the processor times of a command by each version [s]."""
     spent: list[list[float]] = [[] for _ in versions]
-    for turn in range(times + 1):  # the first writes byte code and fills the disk's cache
+    for turn in range(times + 1):  # the first call writes byte code and fills the disk's cache
         for version, each in zip(versions, spent, strict=True):
             seconds, _ = version.spent(name)
             if turn:
@@ -165,7 +166,7 @@ def campaign(version: Version) -> float:
 
 
 def show(middle: dict[str, list[float]], commit: str) -> None:
-    """Print medians and ratios beside what is promised."""
+    """Print medians and ratios beside their bounds."""
     table = Table("hil", f"{commit} [s]", "now [s]", "ratio", "promised at most")
     for name, (before, now) in middle.items():
         most = f"{PROMISED[name]:.3f}" if name in PROMISED else ""

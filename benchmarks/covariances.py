@@ -1,4 +1,4 @@
-"""Which rule of covariance holds what it states: intervals beside the truth of many plants.
+"""Coverage of the intervals by each covariance rule, on many plants.
 
 Every seed is a plant with noise and friction of its own, measured and identified by the improved
 method; of each rule it is stated how many intervals of 95 % hold the truth, and how wide they are
@@ -47,14 +47,14 @@ KINDS: dict[str, tuple[str, dict[str, Any]]] = {
     "coarse": ("periodic", {"payload": LIGHT}),
     "drift": ("rough", {"drift_strength": 3.0}),
 }
-"""Plan of `golden`, and what the plant has otherwise."""
+"""Plan of `golden` and further keys of the plant, by kind."""
 COARSE = 512
-"""Counts a motor turn of the coarse encoders, in place of 4096."""
+"""Resolution of the coarse encoders, in place of 4096 [counts per motor turn]."""
 RULES = ("jackknife", "clusters", "CR2", "white")
 
 
 def measured(folder: Path, kind: str, seed: int) -> tuple[Run, Path]:
-    """Run of one seed, recorded unless it is there, and its plant."""
+    """Return run and plant of one seed, recorded if missing."""
     plan, differs = KINDS[kind]
     plant, run = folder / f"{kind}.plant.yaml", folder / f"{kind}-{seed}"
     drives = folder / f"{kind}.drives.yaml"
@@ -76,7 +76,7 @@ def measured(folder: Path, kind: str, seed: int) -> tuple[Run, Path]:
 
 
 def judged(run: Run, plant: Path) -> Iterator[tuple[str, Mask, float]]:
-    """Of each rule, which intervals hold, and their median width over white noise's error."""
+    """Return coverage by each rule, and median widths relative to white noise."""
     robot, truth = run.robot, true_parameters(run.robot, plant)
     raw, _ = prepare(Pooled([run]))
     found, n = joint(robot, raw), len(truth)
@@ -99,7 +99,7 @@ def judged(run: Run, plant: Path) -> Iterator[tuple[str, Mask, float]]:
 
 
 def main() -> None:
-    """Measure, identify, print."""
+    """Measure, identify and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("kind", nargs="*", help=f"of {', '.join(KINDS)}; all by default")
     parser.add_argument("--first", type=int, default=801)

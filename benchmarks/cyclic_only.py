@@ -1,4 +1,4 @@
-"""Whether drives that the driver leads by cyclic position give the model of profile position.
+"""Models from drives in cyclic position mode, against those from drives in profile position mode.
 
 The same plan is measured on plants whose noise and friction are of several seeds, once by drives
 that plan their strokes themselves and once by drives that have cyclic position alone, for which the
@@ -27,11 +27,11 @@ from hil.runs.run import Run
 
 PLAN = "rough"
 KINDS = {"profile": (), "cyclic": ("personality=cyclic-only",)}
-"""Mode by which drives move, profile or cyclic position, and options of the plant that has it."""
+"""Operation mode of the drives, profile or cyclic position, with the options of the plant."""
 
 
 def measured(folder: Path, kind: str, seed: int) -> Run:
-    """Run of one seed, recorded unless it is there."""
+    """Return the run of one seed, recorded if missing."""
     run = folder / f"{kind}-{seed}"
     if not (folder / f"{PLAN}.yaml").exists():
         command, *rest = PLANS[PLAN]
@@ -44,7 +44,7 @@ def measured(folder: Path, kind: str, seed: int) -> Run:
 
 
 def main() -> None:
-    """Measure, identify, print."""
+    """Measure, identify and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--first", type=int, default=901)
     parser.add_argument("--seeds", type=int, default=8)
@@ -63,7 +63,7 @@ def main() -> None:
             errors.append(np.sqrt(np.diag(made.covariance)))
             print(kind, seed, flush=True)
     error = np.sqrt(np.mean(np.square(errors), axis=0))
-    # by standard errors, shape (seeds, n_base)
+    # differences over standard errors, shape (seeds, n_base)
     profile, cyclic = (np.array(rows) / error for rows in found.values())
     truth = true_parameters(run.robot, MANUTEC) / error
 

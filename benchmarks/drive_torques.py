@@ -1,12 +1,13 @@
-"""Torques of the drives, predicted of a motion that the model was not made from, by parts.
+"""Predicted torques of the drives for a motion of another recording, by parts of the model.
 
     python benchmarks/drive_torques.py [runs/first runs/other]
 
-The first run is identified, the second one only predicted: root mean square of the torque, of what
-the whole prediction leaves of it, and of what is left without motors and without friction; at last
-the share of samples in intervals of 95 %. Signals pass the low-pass of the improved method; samples
-near a reversal of any axis are left out, as no law of velocity holds there. Without runs they are a
-campaign of benchmarks/history.py and a motion that `hil validate --measure` designs.
+The first run is identified, the second one only predicted. The table has the root mean squares of
+the torque and of the residuals of the whole prediction, of the prediction without motors and
+without friction, and the share of samples in intervals of 95 %. Signals pass the low-pass of the
+improved method; samples near a reversal of any axis are left out, as no law of velocity holds
+there. Without runs they are a campaign of benchmarks/history.py and a motion that `hil validate
+--measure` designs.
 """
 
 from __future__ import annotations
@@ -33,11 +34,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SEED, ITS_SEED = 300, 31
-"""Of the campaign and the motion by default."""
+"""Seeds of the default campaign and of the default motion."""
 
 
 def samples(run: hil.Run) -> tuple[Array, ...]:
-    """Positions, velocities, accelerations and torques of a run, smoothed."""
+    """Return smoothed positions, velocities, accelerations and torques of a run."""
     found: list[list[Array]] = [[], [], [], []]
     for measured in run:
         s = signals(measured.recording)
@@ -49,7 +50,7 @@ def samples(run: hil.Run) -> tuple[Array, ...]:
 
 
 def campaign_and_motion() -> tuple[Path, Path]:
-    """Return both runs by default, which are made where they are missing."""
+    """Return both default runs, recorded if missing."""
     first, motion = made(FOLDER, "unchanged", SEED), FOLDER / "motion"
     if not motion.exists():
         seed = ("--bus-option", f"seed={ITS_SEED}")
@@ -58,7 +59,7 @@ def campaign_and_motion() -> tuple[Path, Path]:
 
 
 def main(identified: str, other: str) -> None:
-    """Print and keep the table."""
+    """Print and keep the table of torques."""
     model = hil.identify(hil.Run.open(identified))
     *motion, tau = samples(hil.Run.open(other))
     low, high = np.moveaxis(model.torque_interval(*motion), -1, 0)

@@ -1,9 +1,9 @@
-"""Random outages over EtherCAT: no axis stays energised, none goes farther than it may.
+"""Random outages over EtherCAT: no axis stays energised, and no axis moves beyond its bound.
 
-What is promised is what `benchmarks/outages.py` promises over CAN, of the same moves. Frames do not
-get there, do not come back, neither, one in up to five is lost, the cable is cut in front of a
-drive, or a drive falls to SAFEOP with an error, for 5 to 250 ms; in half of the sessions Ctrl-C is
-pressed at that moment. Exits with 1 if a promise is broken::
+The bounds and the moves are those of `benchmarks/outages.py` over CAN. Frames are lost on the way
+out, on the way back, or both, one in up to five is lost, the cable is cut in front of a drive, or a
+drive falls to SAFEOP with an error, for 5 to 250 ms; in half of the sessions Ctrl-C is pressed at
+that moment. Exits with 1 if a promise is broken::
 
     python benchmarks/ethercat_outages.py [--number 900] [--seed 1]
 """
@@ -30,7 +30,7 @@ def main() -> int:
     parser.add_argument("--number", type=int, default=900)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
-    logging.disable()  # the driver's log of every session that ended
+    logging.disable()  # log of the driver, with a message for every ended session
     found = results(given.seed, range(given.number))
     keep(
         "ethercat-outages", report(found), seeds=[given.seed],  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""How well recordings show what is wrong: flaws of stated sizes, clean runs, honest words, time.
+"""Detection of errors by recordings: flaws of stated sizes, clean runs, coverage of errors, time.
 
 Flaws of a plant are measured on one that differs from the robot file; what differs in robot file,
 drives file or map alone is changed there, or in what these make of a clean run's recordings, which
@@ -58,11 +58,13 @@ if TYPE_CHECKING:
 PLAN = ("--gravity", 12, "--inertia", 16, "--coupling", 5)
 TWINS = ("ur10e", "panda", "scara", "pan-tilt")
 SIZES = (1 / 3, 1.0, 3.0)
-"""Of the smallest size that is stated."""
+"""Multiples of the smallest stated size."""
 NAMED = ("first", "same", "accounted for", "other", "nothing")
-"""Alone or before others, as the same in these data, fitted by the estimate, another cause."""
+"""Words for a named cause: alone or first, equal to another cause in these data, fitted by the
+estimate, another cause.
+"""
 GEARS = (80.0, 45.0, 20.0)
-"""Natural frequencies of all gears, motor held [Hz]."""
+"""Natural frequencies of all gears with blocked motor [Hz]."""
 FAR = (
     ("wrong direction of an axis", 3, 0.0), ("wrong direction of an axis", 5, 0.0),
     ("wrong sign of a position", 2, 0.0), ("wrong sign of a position", 5, 0.0),
@@ -71,14 +73,16 @@ FAR = (
     ("zero", 3, 20.0), ("zero", 5, 90.0), ("gravity", 0, 90.0), ("gear ratio", 2, -50.0),
     ("torque constant", 2, 30.0), ("torque at its limit", 2, 700.0), ("slip", 3, 5.0),
 )  # fmt: skip
-"""Cause, axis and size."""
+"""Cause, axis and size of flaws beyond a linearisation."""
 
 CONFUSED = (("zero", 4, 5.0), ("zero", 5, 4.0), ("zero", 5, -4.0), ("load", 0, 0.03))
-"""Cause, axis and size: what the plan as it is does not show on seed 1, or not beside a zero."""
+"""Cause, axis and size of flaws that the usual plan does not show on seed 1, or confuses with a
+zero.
+"""
 
 
 def show_flaws(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Said]:
-    """Print what is named at each size of each flaw."""
+    """Print the named causes at each size of each flaw."""
     clean = {}
     for twin in dict.fromkeys(twin for twin, *_ in FLAWS):
         clean[twin] = said(folder, Case(twin, "", 0, 0.0, 0.0, seed)).proof
@@ -90,7 +94,7 @@ def show_flaws(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -
         for k, (twin, cause, axis) in enumerate(FLAWS)
         for times in SIZES
     ]
-    # changes of a clean run are of the run whose sizes are stated
+    # changes of a clean run are changes of the run with the stated sizes
     cases = [c if c.cause in PLANTS and not c.twin else c._replace(seed=seed) for c in cases]
     count: dict[float, list[str]] = {times: [] for times in SIZES}
     with ThreadPoolExecutor(SIDE_BY_SIDE) as threads:
@@ -112,9 +116,9 @@ def show_flaws(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -
 
 
 def show_far(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Said]:
-    """Print what is named where no derivative shows it."""
+    """Print the named causes for flaws beyond a linearisation."""
     cases = [Case("", cause, axis, np.inf, size, seed) for cause, axis, size in FAR]
-    campaign(folder, seed)  # which several processes read
+    campaign(folder, seed)  # read by several processes
     names = []
     for case, each in zip(cases, pool.map(partial(said, folder), cases), strict=True):
         names.append(each.named(case))
@@ -129,7 +133,7 @@ def show_far(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -> 
 def show_clean(
     kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int, n: int
 ) -> Iterator[Said]:
-    """Print what is named where nothing is wrong."""
+    """Print the named causes of clean runs."""
     seeds = range(seed + 100, seed + 100 + n)
     with ThreadPoolExecutor(SIDE_BY_SIDE) as threads:
         list(threads.map(partial(campaign, folder), seeds))
@@ -147,12 +151,12 @@ def show_clean(
 
 
 def show_runs(kept: Kept, folder: Path, pool: ProcessPoolExecutor) -> Iterator[Said]:
-    """Print what is named in runs of other benchmarks, case by case."""
+    """Print the named causes in runs of other benchmarks, case by case."""
     for plant in sorted(folder.glob("*/plant.yaml")):
         runs = sorted(run for run in plant.parent.glob("*/seed-*") if run.is_dir())
         try:
             true_parameters(Run.open(runs[0]).robot, plant)
-        except HilError as error:  # a plant with more than the robot file knows
+        except HilError as error:  # a plant with effects unknown to the robot file
             print(f"{plant.parent.name}: {error}")
             continue
         if not any(shows_parameters(motion) for motion, _ in Pooled([Run.open(runs[0])])):
@@ -171,7 +175,7 @@ def show_runs(kept: Kept, folder: Path, pool: ProcessPoolExecutor) -> Iterator[S
 def show_gears(
     kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int, n: int
 ) -> Iterator[Said]:
-    """Print what is named where gears are soft, which the estimate takes into account."""
+    """Print the named causes for plants with soft gears; the estimate contains their compliance."""
     for frequency in GEARS:
         cases = [Case("", "gears", 0, frequency, frequency, seed + 100 + k) for k in range(n)]
         every = list(pool.map(partial(said, folder), cases))
@@ -184,7 +188,7 @@ def show_gears(
 
 
 def show_sizes(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
-    """Print how often a cause of the stated smallest size is found."""
+    """Print the detection rate of causes with the smallest stated size."""
     several = range(seed + 100, seed + 104)
     found = list(pool.map(partial(shares, folder), several))
     for seed_, (n, own, least) in zip(several, found, strict=True):
@@ -199,7 +203,7 @@ def show_sizes(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -
 
 
 def show_axes(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
-    """Print what becomes of a mistake on each axis of a clean run."""
+    """Print the effect of a mistake on each axis of a clean run."""
     for cause, size in (("wrong direction of an axis", 0.0), ("wrong sign of a position", 0.0),
                         ("wrong sign of a torque", 0.0), ("zero", 20.0), ("gear ratio", 1.0),
                         ("gear ratio", -50.0), ("torque constant", 30.0)):  # fmt: skip
@@ -215,7 +219,7 @@ def show_axes(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) ->
 def show_distinguish(
     kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int, n: int
 ) -> None:
-    """Print how often causes are named that a plan confuses, unless it is to distinguish them."""
+    """Print the frequencies of causes confused by a plan, and by a distinguishing plan."""
     seeds = range(seed + 300, seed + 300 + n)
     for name, more in (("as it is", ()), ("to distinguish", ("--distinguish", "load,zero"))):
         own = folder / name.replace(" ", "-")
@@ -245,12 +249,12 @@ def show_time(kept: Kept, folder: Path, seed: int) -> None:
 
 
 def key(*words: object) -> str:
-    """Name of a figure, of words that are printed."""
+    """Return the name of a figure from printed words."""
     return re.sub(r"\W+", "-", " ".join(map(str, words)).replace(" -", " minus "))
 
 
 def honest(every: Sequence[Said]) -> Kept:
-    """How many runs are called good, how many of these wrongly, and how far they are off."""
+    """Return the number of runs judged good, of those judged wrongly, and the errors of these."""
     good = [each for each in every if each.word == "good"]
     wrong = [each for each in good if not each.honest]
     most = max((each.times for each in good), default=0.0)
@@ -260,7 +264,7 @@ def honest(every: Sequence[Said]) -> Kept:
 
 
 def main() -> None:
-    """Measure, identify, print and keep, each row by itself."""
+    """Measure, identify, print and keep, each row separately."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("rows", nargs="*", metavar="ROW", default=["flaws", "far", "clean", "sizes",
                                                                    "time"])  # fmt: skip

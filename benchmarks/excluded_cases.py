@@ -1,4 +1,4 @@
-"""Cases of `benchmarks/excluded.py`: a run with a flaw in it, and what is said, by the truth."""
+"""Cases of `benchmarks/excluded.py`: runs with a flaw, and judgements of their results."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     Recorded = tuple[RecordedMotion, Recording]
 
 HONEST = 3.0
-"""Times its stated error that the true one of a good model may be."""
+"""Bound of the ratio of true to stated error of a good model."""
 FLAWS = (
     ("", "zero", 2), ("", "zero", 3), ("", "position scale", 3), ("", "gear ratio", 2),
     ("", "gear ratio", 4), ("", "torque constant", 2), ("", "torque constant", 5),
@@ -66,11 +66,11 @@ FLAWS = (
     ("", "play", 2), ("", "friction of the load", 3),
     ("ur10e", "zero", 3), ("ur10e", "torque constant", 2), ("ur10e", "spring", 4),
 )  # fmt: skip
-"""Twin (the campaign's robot without a name), cause and axis, from 1."""
+"""Twin (without a name the robot of the campaign), cause and axis, from 1."""
 
 
 class Case(NamedTuple):
-    """A flaw of some size in a run; sizes of 0 are clean."""
+    """Run with a flaw of some size; size 0 for a clean run."""
 
     twin: str
     cause: str
@@ -81,7 +81,7 @@ class Case(NamedTuple):
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """From 1, as a cause names them."""
+        """Axes from 1, as stated by a cause."""
         if self.cause == "load":
             return (6,)
         more = (self.axis + 1,) if self.cause == "two axes exchanged" else ()
@@ -90,7 +90,7 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Said:
-    """Word, causes, and the true error of the worst axis, relative and over the stated one."""
+    """Word, causes, and the true error of the worst axis, relative and over the stated error."""
 
     word: str
     reason: str
@@ -103,17 +103,17 @@ class Said:
 
     @property
     def honest(self) -> bool:
-        """Whether the stated error holds where the model is called good."""
+        """True if the stated error is correct, or the model is not called good."""
         return self.word != "good" or self.times <= HONEST
 
     @property
     def alone(self) -> bool:
-        """Whether neither a load nor a zero is the same in these data as what is named first."""
+        """True if neither a load nor a zero is equivalent to the first cause."""
         others = self.found[0].others if self.found else ()
         return not any(CAUSES[x].words in each for x in ("load", "zero") for each in others)
 
     def named(self, case: Case) -> str:
-        """First, same (as others in these data), accounted for, other or nothing."""
+        """Class of the named causes: first, same, accounted for, other or nothing."""
         if (case.cause, case.axis) in self.accounted:
             return "accounted for"
         if not self.found:
@@ -126,7 +126,7 @@ class Said:
 
 
 def beginnings(cause: str) -> tuple[str, ...]:
-    """Words that a cause begins with, of a size greater and less than stated; none has no words."""
+    """Return the first words of a cause, for sizes above and below the stated one."""
     if cause not in CAUSES:
         return ()
     words = CAUSES[cause].words
@@ -139,7 +139,7 @@ def _twin(name: str) -> TwinRecorder:
 
 
 def campaign(folder: Path, seed: int, case: Case | None = None) -> Run:
-    """Measure the plan on a plant, unless it was before."""
+    """Measure the plan on a plant, unless the run exists."""
     stem = f"{case.cause}-{case.axis}-{case.times:.2f}-{seed}" if case else f"clean-{seed}"
     run, plant = folder / stem.replace(" ", "-"), folder / f"{stem.replace(' ', '-')}.yaml"
     if not run.exists():
@@ -153,7 +153,7 @@ def campaign(folder: Path, seed: int, case: Case | None = None) -> Run:
 
 
 def changed(recorded: Iterable[Recorded], change: Change, k: int, size: float) -> list[Recorded]:
-    """Recordings with other positions and torques."""
+    """Return recordings with other positions and torques."""
     found = []
     for motion, recording in recorded:
         q, tau = recording.q.copy(), recording.tau.copy()
@@ -188,7 +188,7 @@ def imported(folder: Path, case: Case) -> Run:
 
 
 def said(folder: Path, case: Case) -> Said:
-    """Measure, import or change a case, identify it, and judge what is said."""
+    """Measure, import or change a case, identify it, and judge the result."""
     if case.twin:
         run = imported(folder, case)
         return judged(run, run.robot, list(Pooled([run])), _twin(case.twin).truth)
@@ -202,14 +202,14 @@ def said(folder: Path, case: Case) -> Said:
 
 
 def of_run(folder: Path) -> Said:
-    """Judge what is said of a run of a plant whose file stands two folders above it."""
+    """Judge the result of a run; the plant file is two folders above the run."""
     run = Run.open(folder)
     truth = true_parameters(run.robot, folder.parents[1] / "plant.yaml")
     return judged(run, run.robot, list(Pooled([run])), truth)
 
 
 def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -> Said:
-    """Identify recordings, and judge what is said by the truth."""
+    """Identify recordings, and judge the result by the truth."""
     begin = time.process_time()
     try:
         found = estimate(robot, recorded)
@@ -238,7 +238,7 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
 
 
 def smallest(proof: Excluded | None, cause: str, axis: int) -> float:
-    """Smallest size that is stated; of a load the first moment across the axis.
+    """Return the smallest stated size; for a load the first moment across the axis.
 
     What is stated of a slip and of a torque that repeats is that of the instant and of the order
     that hardly show: `of_parts` has those of the flaws.
@@ -249,7 +249,7 @@ def smallest(proof: Excluded | None, cause: str, axis: int) -> float:
 
 
 def of_parts(folder: Path, seed: int) -> dict[tuple[str, int], float]:
-    """Smallest sizes of the slip half-way and of the torque that repeats, by cause and axis."""
+    """Return the smallest sizes of the slip half-way and of the periodic torque."""
     run, found, evidence = rows_of(folder, seed)
     every = columns(run.robot, found.p, evidence)
     battery = Battery(evidence, every, every.fitted)
@@ -265,7 +265,7 @@ def of_parts(folder: Path, seed: int) -> dict[tuple[str, int], float]:
 
 
 def rows_of(folder: Path, seed: int) -> tuple[Run, Estimate, Evidence]:
-    """A clean run, its estimate, and the rows that causes are tested on."""
+    """Return a clean run, its estimate, and the rows used to test causes."""
     run = campaign(folder, seed)
     found = estimate(run.robot, list(Pooled([run])))
     assert found.joint is not None
@@ -273,7 +273,7 @@ def rows_of(folder: Path, seed: int) -> tuple[Run, Estimate, Evidence]:
 
 
 def shares(folder: Path, seed: int, most: int = 60) -> tuple[int, float, float]:
-    """Of a clean run: causes tried, share in which any is found, and in which it is among them."""
+    """Return tested causes, the share with any detection, and with the right one."""
     run, found, evidence = rows_of(folder, seed)
     every, rng = columns(run.robot, found.p, evidence), np.random.default_rng(seed)
     clean = excluded(run.robot, found.p, evidence)
@@ -284,7 +284,7 @@ def shares(folder: Path, seed: int, most: int = 60) -> tuple[int, float, float]:
         at = [k for k, name in enumerate(every.names)
               if (name_of((name.cause, 0)), name.axis + 1) == (limit.cause, limit.axis)
               and limit.part in ("", name.part)]  # fmt: skip
-        if limit.cause == "play":  # the column of the gap nearest to the size
+        if limit.cause == "play":  # column of the gap nearest to the size
             gaps = [half_gap(run.robot, every.names[k][:2]) for k in at]
             at = [at[int(np.argmin(np.abs(np.log(gaps) - np.log(limit.size))))]]
         column = every.values[:, rng.choice(at)] * limit.size * rng.choice([-1.0, 1.0])

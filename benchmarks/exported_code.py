@@ -2,9 +2,9 @@
 
 The exported functions are compiled by cc with -O2 and timed in C, over a thousand states, as a
 controller calls them. Times are the processor's, the best of five rounds, so that other processes
-count less. Pinocchio is called from Python, which costs its calls; its C++ is timed too
-where Eigen's headers are found (pip install --no-deps cmeel-eigen), for six axes in any frames and
-all ten parameters of every link, which is what its time depends on.
+count less. Pinocchio is called from Python, which costs its calls; its C++ is timed too where
+Eigen's headers are found (pip install --no-deps cmeel-eigen), for six axes in any frames and all
+ten parameters of every link, because its time depends on these.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from hil.export.source_code import identifier
 
 ROBOTS = ("manutec-r15", str(Path(__file__).parents[1] / "tests" / "robots" / "ur10e.yaml"))
 FRICTION = ("offset", "Coulomb", "viscous", "arc tangent")
-"""Terms of the law, as `hil identify` chooses it for most axes of the virtual plants."""
+"""Terms of the friction law chosen by `hil identify` for most axes of the virtual plants."""
 PINOCCHIO = (
     "-DPINOCCHIO_ENABLE_TEMPLATE_INSTANTIATION",
     "-DBOOST_MPL_LIMIT_LIST_SIZE=30",
     "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
     "-DBOOST_FUSION_INVOKE_MAX_ARITY=10",
 )
-"""What its own build defines, so that its compiled library is called."""
+"""Macros of Pinocchio's own build, for the use of its compiled library."""
 CALLS, STATES = 500_000, 1000
 _C = """\
 #define _POSIX_C_SOURCE 199309L

@@ -1,4 +1,4 @@
-"""Every fault of the plant in the middle of a campaign: what the driver makes of it, as tables.
+"""Reactions of the driver to every fault of the plant in the middle of a campaign, as tables.
 
 Over real frames of both buses, in lock-step; each row is a run of its own (`fault_table`). Writes
 docs/reference/faults.md and fails if a row does not keep its promise::
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 DOCS = Path(__file__).parents[1] / "docs" / "reference" / "faults.md"
 LONGEST = 60
-"""Characters of a message in the table [1]."""
+"""Maximum length of a message in the table."""
 ADDRESSED = re.compile(r"^(?:joint \d+ \(node \d+\)(?:, |: ))+")
 REMEDY = "; "
-"""What separates finding and remedy in a message."""
+"""Separator of finding and remedy in a message."""
 
 INTRODUCTION = """\
 # Faults and the reaction to each
@@ -126,8 +126,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="The fault table.")
     parser.add_argument("--output", type=Path, default=DOCS)
     given = parser.parse_args()
-    logging.disable()  # what the driver logs stands in the table
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # in the background it is ignored
+    logging.disable()  # messages of the driver's log are in the table
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background
     can, ethercat = _rows(CASES), _rows(ETHERCAT_CASES, ethercat=True)
     given.output.write_text(page(can, ethercat), encoding="utf-8")
     rows = [*can, *ethercat]
@@ -149,7 +149,7 @@ def main() -> int:
 
 
 def _rows(cases: Sequence[Case], *, ethercat: bool = False) -> list[Row]:
-    """Let all happen, and print which promises are broken."""
+    """Cause all faults, and print broken promises."""
     rows = []
     for case in cases:
         row = tried(case, ethercat=ethercat)
@@ -199,7 +199,7 @@ def _line(name: str, reaction: str, rows: Sequence[Row]) -> str:
 
 
 def _largest(rows: Sequence[Row]) -> str:
-    """Return the most SYNCs to the last command to stop."""
+    """Return the largest number of SYNCs to the last command to stop."""
     cycles = [row.outcome.cycles for row in rows if row.outcome.cycles is not None]
     return str(max(cycles)) if cycles else "-"
 

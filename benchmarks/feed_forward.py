@@ -1,4 +1,4 @@
-"""What feed-forward is worth: following errors on plants on which nothing was tuned.
+"""Effect of feed-forward on following errors, on plants without tuning.
 
 `python benchmarks/feed_forward.py [SEED ...]`, by default 31 to 36. Each is another plant, whose
 friction drifts otherwise, and another trajectory of 5 s. The model of each plant comes from 20 s of
@@ -25,15 +25,15 @@ from hil.planning.plan import Plan, PlannedRobot, dump_plan
 ROBOT = Robot.load("manutec-r15")
 SEEDS = (31, 32, 33, 34, 35, 36)
 SPEED, ACCELERATION = 0.8, 0.4
-"""Shares of the limits that a fast trajectory uses; torques are up to 0.8 of theirs with these."""
+"""Shares of the limits used by a fast trajectory; torques then reach 0.8 of their limits."""
 WINDOW = 0.2
-"""Following error window [rad]: axes that are fed nothing are 0.1 rad behind at full speed."""
+"""Following error window [rad]: without feed-forward, axes lag 0.1 rad behind at full speed."""
 
 
 def plan(
     path: Path, seed: int, period: float, cycles: int, harmonics: int, shares: tuple[float, float]
 ) -> Path:
-    """Write a plan of one random trajectory that uses these shares of velocity and acceleration."""
+    """Write a plan of one random trajectory with these shares of velocity and acceleration."""
     basis = Basis(ROBOT, period, harmonics)
     speed, acceleration = shares[0] * ROBOT.velocity_limit, shares[1] * ROBOT.acceleration_limit
     basis._limits = np.stack([basis._reach, speed, acceleration])
@@ -54,7 +54,7 @@ def called(*words: object) -> None:
 
 
 def errors(folder: Path, seed: int) -> np.ndarray:
-    """Factor by which velocity makes errors smaller, and torque beside it, of each axis."""
+    """Return the error ratios of each axis by velocity, and by velocity and torque."""
     drives = folder / "drives.yaml"
     text = (ROBOTS / "manutec-r15.drives.yaml").read_text()
     drives.write_text(re.sub(r"(following_error_window:) [\d.]+", rf"\1 {WINDOW}", text))

@@ -1,4 +1,4 @@
-"""Figures as data: what a benchmark finds is a file, and documents print it by name.
+"""Figures as data: a benchmark writes a file of results, and documents quote figures by name.
 
 A benchmark ends with `keep`, which writes ``benchmarks/results/NAME.json``: its figures with units,
 the commit and machine that they were measured at, its seeds, and the code that they depend on. A
@@ -7,11 +7,11 @@ document has::
     <!-- figure: claims-default.published-inside -->64.6 %<!-- end -->
     <!-- number: claims-default.published-inside -->64.6<!-- end -->
 
-with unit or, as in a column of a table, without. What stands between is written by ``make figures``
-(``python benchmarks/figures.py``, in README.md and docs/) and by the making of the site, which has
-a page of all of them over time (`over_time`);
-`tests/documents/test_figures.py` fails where it is anything else, and where figures are older than
-`MOST_COMMITS` of the code that they depend on.
+with unit or, as in a column of a table, without. The text between the marks is written by ``make
+figures`` (``python benchmarks/figures.py``, in README.md and docs/) and by the making of the site,
+which has a page of all of them over time (`over_time`); `tests/documents/test_figures.py` fails
+where it is anything else, and where figures are older than `MOST_COMMITS` of the code that they
+depend on.
 """
 
 from __future__ import annotations
@@ -38,23 +38,24 @@ ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 DOCUMENTS = ("README.md", "docs/**/*.md")
 MOST_COMMITS = 400
-"""Commits of the code that a figure depends on since it was measured, at most: a week of the
-busiest time of this repository, and a year of quiet ones. Golden results
-(`benchmarks/golden.py`) show sooner where an estimate has moved."""
+"""Bound of the commits, since a figure was measured, with changes of its code: a week of the
+busiest time of this repository, and a year of quiet times. Golden results (`benchmarks/golden.py`)
+show changed estimates sooner.
+"""
 MARKED = re.compile(r"(<!-- (figure|number): ([\w-]+)\.([\w-]+) -->)(.*?)(<!-- end -->)", re.DOTALL)
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure.
+    """Figure of a benchmark.
 
     Attributes
     ----------
     value : float
     unit : str
-        As it is printed; empty for a count.
+        Unit in print; empty for a count.
     digits : int
-        That are significant: as many as another run, or another seed, would give again.
+        Number of significant digits, equal in another run or with another seed.
     scatter : float, optional
         Standard deviation over seeds or turns, in the same unit.
     """
@@ -66,41 +67,41 @@ class Figure:
 
     @classmethod
     def count(cls, number: int) -> Figure:
-        """Return how many there are, with all digits."""
+        """Return a number of items as a figure with all digits."""
         return cls(int(number), digits=len(str(int(number))))
 
     @classmethod
     def median(
         cls, turns: Sequence[float] | NDArray[Any], unit: str = "", digits: int = 2
     ) -> Figure:
-        """Return the median of turns; scatter is half of what the middle 68 % of them span.
+        """Return the median of turns; the scatter is half the range of the middle 68 %.
 
-        That is their standard deviation, unless some were disturbed: then those do not count.
+        This is the standard deviation of the turns, insensitive to some disturbed ones.
         """
         low, middle, high = map(float, np.quantile(turns, [0.16, 0.5, 0.84]))
         return cls(middle, unit, digits, (high - low) / 2)
 
     @property
     def number(self) -> str:
-        """It without its unit."""
+        """Printed number without its unit."""
         rounded = float(f"{self.value:.{self.digits - 1}e}")
         places = self.digits - 1 - int(f"{rounded:e}".split("e")[1])
         return f"{rounded:.{max(places, 0)}f}"
 
     @property
     def text(self) -> str:
-        """It as it is printed."""
+        """Printed number with its unit."""
         return f"{self.number} {self.unit}".strip()
 
     @property
     def stated(self) -> str:
-        """It with its scatter, where that is known."""
+        """Printed number with its scatter, if known."""
         scatter = "" if self.scatter is None else f" ± {self.scatter:.1g}"
         return f"{self.number}{scatter} {self.unit}".strip()
 
 
 class Kept(NamedTuple):
-    """What a benchmark has kept; attributes as of `keep`, and where and when it was measured."""
+    """Kept figures of a benchmark, with machine and time of the measurement."""
 
     commit: str
     measured: str
@@ -117,17 +118,17 @@ def keep(
     command: str,
     seeds: Sequence[int] = (),
 ) -> None:
-    """Write the figures of a benchmark, and print what has changed since they were last written.
+    """Write the figures of a benchmark, and print the changes since the last write.
 
     Parameters
     ----------
     name : str
-        Of the file, and by which documents take them.
+        Name of the file, used by documents.
     figures : mapping of str to Figure
     depends : sequence of str
-        Files and folders of the code that they are figures of.
+        Files and folders of the measured code.
     command : str
-        Which gives them again.
+        Command that measures the figures.
     seeds : sequence of int
 
     Raises
@@ -167,12 +168,12 @@ def changes(name: str, before: Mapping[str, Figure], now: Mapping[str, Figure]) 
 
 
 def read(name: str) -> Kept:
-    """Return what a benchmark has kept.
+    """Return the kept figures of a benchmark.
 
     Raises
     ------
     KeyError
-        It has kept nothing.
+        No figures are kept under this name.
     """
     path = RESULTS / f"{name}.json"
     if not path.exists():
@@ -183,7 +184,7 @@ def read(name: str) -> Kept:
 
 
 def expanded(text: str) -> str:
-    """Return a document with its figures as the results have them.
+    """Return a document with its figures replaced by those of the results.
 
     Raises
     ------
@@ -202,14 +203,14 @@ def expanded(text: str) -> str:
 
 
 def documents() -> list[Path]:
-    """Return all documents that may print figures."""
+    """Return all documents with possible figures."""
     return sorted(path for pattern in DOCUMENTS for path in ROOT.glob(pattern))
 
 
 def commits_since(name: str) -> int:
-    """Return how many commits have changed what the figures of a benchmark depend on since then.
+    """Return the number of commits since then with changes of the measured code.
 
-    Where the commit is not known here, for it was rewritten on its way, those after its day count.
+    If the commit is unknown, because history was rewritten, commits after its day are counted.
     """
     kept = read(name)
     commit = kept.commit.removesuffix("-dirty")
@@ -222,7 +223,7 @@ def commits_since(name: str) -> int:
 
 
 def git(*arguments: str) -> str:
-    """Return what git prints in this repository."""
+    """Return the output of git in this repository."""
     command = ["/usr/bin/env", "git", *arguments]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     return done.stdout.strip()

@@ -1,4 +1,4 @@
-"""What each flaw that a plant file can state does to the estimate: a table for the docs.
+"""Effect of each flaw of a plant file on the estimate: a table for the docs.
 
 A whole campaign for each flaw, the same plan and seed, judged against the same truth by both
 methods::
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from sim_plant.plant_file import Axis
 
 BIG, HAND = 20.0, 40.0
-"""Natural frequency of axes 1 to 3 and of the hand's axes on their gears, motors held [Hz]."""
+"""Natural frequencies of axes 1 to 3 and of the hand's axes on their gears, motors blocked [Hz]."""
 BACKLASH = 2e-4
-"""[rad], 0.7 minutes of arc."""
+"""Backlash [rad]; 0.7 minutes of arc."""
 LAG = 0.004
-"""[s]."""
+"""Lag of the current reading [s]."""
 
 
 def every_axis(file: PlantFile, change: Callable[[int, Axis], Axis]) -> PlantFile:
@@ -54,12 +54,12 @@ def friction(axis: Axis, **keys: float) -> Axis:
 
 
 def stiffness(k: int, axis: Axis) -> float:
-    """Stiffness that gives the natural frequency of a big or of a hand's axis [N m/rad]."""
+    """Return the stiffness for the natural frequency of an axis [N m/rad]."""
     return axis.drive.load_inertia * (math.tau * (BIG if k < 3 else HAND)) ** 2
 
 
 def plants() -> dict[str, PlantFile]:
-    """A plant for each row of the table."""
+    """Return a plant for each row of the table."""
     file = load_plant_file(ROBOT)
     symmetric = file.model_copy(update={"symmetric": True})
     soft = every_axis(symmetric, lambda k, axis: drive(axis, stiffness=stiffness(k, axis)))
@@ -83,7 +83,7 @@ def plants() -> dict[str, PlantFile]:
 
 
 def measure(name: str, file: PlantFile, plan: Path, folder: Path, seed: int) -> Path:
-    """Run the campaign on one plant, unless it was before."""
+    """Run the campaign on one plant, unless the run exists."""
     stem = "".join(letter if letter.isalnum() else "-" for letter in name)
     run, plant = folder / stem, folder / f"{stem}.yaml"
     if not run.exists():
@@ -93,7 +93,7 @@ def measure(name: str, file: PlantFile, plan: Path, folder: Path, seed: int) -> 
 
 
 def main() -> None:
-    """Measure, judge, print."""
+    """Measure, judge and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--plan", type=Path, help="instead of the default one")

@@ -1,4 +1,4 @@
-"""A fleet of simulated machines: false alarms, bearings that wear, time and memory by size.
+"""Fleet of simulated machines: false alarms, detection of worn bearings, time and memory by size.
 
 A campaign on the virtual manutec-r15 is identified, and machines are drawn from its model, a run a
 month for three years. Machines differ by 2 % of their parameters and 10 % of their friction. Every
@@ -89,7 +89,7 @@ class Machine:
 
 
 def growth(month: int) -> float:
-    """Relative growth of a worn axis's friction."""
+    """Return the relative growth of a worn axis's friction."""
     return GROWTH * min(max(month / 12.0 - 1.0, 0.0), 1.0)
 
 
@@ -110,7 +110,7 @@ def until(fleet: Fleet, month: int) -> Fleet:
 
 
 def judged(fleet: Fleet) -> tuple[float, dict[str, float]]:
-    """Return false alarms a machine and decade, and the growth at which wear was found."""
+    """Return the false alarms per machine and decade, and the growth at the detection of wear."""
     worn = {name: int(name.split("-")[1]) for name in fleet.machines if name.startswith("worn")}
     false, found = 0, dict.fromkeys(worn, np.inf)
     before: set[str] = set()

@@ -1,4 +1,4 @@
-"""Recordings as somebody else would hand them over, of the virtual twins of many robots.
+"""Recordings of virtual twins of many robots, as by another controller.
 
 Every seed is a machine of its own: the twin that `hil twin` makes of a robot file,
 friction, asymmetry and temperature drawn anew, drift on. It follows an exciting trajectory of this
@@ -35,28 +35,30 @@ if TYPE_CHECKING:
 ROBOTS = Path(__file__).parents[1] / "tests" / "robots"
 NAMES = ("pan-tilt", "scara", "cartesian", "ur10e", "ur10e-on-a-wall", "panda", "manutec-r15")
 SEARCH = Search(random=100, refined=2, steps=25)
-"""Of a trajectory: less than `hil plan` searches, so excitation is not the best."""
+"""Options of the trajectory search, with less effort than in `hil plan`; the excitation is not the
+best.
+"""
 TICK = 0.001
-"""Between set-points [s]."""
+"""Interval of the set-points [s]."""
 COUNT, AMPERE = (Reading._fields.index(name) for name in ("position", "current"))
 FIRST = 2.0
-"""Duration of the way to the trajectory's start, not recorded [s]."""
+"""Duration of the travel to the trajectory's start, not recorded [s]."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """How a motion is recorded.
+    """Recording conditions of a motion.
 
     Attributes
     ----------
     rate : int
-        Samples in a second.
+        Sampling rate [Hz].
     duration : float
-        [s].
+        Duration of the recording [s].
     harmonics : int
-        Of the motion of 10 s that is repeated.
+        Number of harmonics of the repeated motion of 10 s.
     increments : int, optional
-        Of an encoder on the joint [1/turn, or 1/m]; by default that of the twin's motor.
+        Increments of an encoder on the joint [1/turn, or 1/m]; default: the motor's encoder.
     drift : float
         Strength of friction's drift, 1 being the twin's.
     """
@@ -81,14 +83,14 @@ CASES = {
 
 
 def robot_of(name: str) -> tuple[Robot, str]:
-    """Load a robot by its name in `NAMES`; and how a map names it."""
+    """Load a robot by its name in `NAMES`; return it with its name in a map."""
     file = ROBOTS / f"{name}.yaml"
     named = str(file) if file.exists() else name
     return Robot.load(named), named
 
 
 def record(folder: Path, name: str, case: str, seed: int) -> Path:
-    """Record one seed of a robot into a folder of its own, unless that was done before.
+    """Record one seed of a robot into a separate folder, unless the folder exists.
 
     Returns
     -------
@@ -132,7 +134,7 @@ def _write_machine(twin: Path, name: str, path: Path, seed: int, drift: float) -
 
 
 def _follow(plant: Plant, motion: Trajectory, case: Case) -> Array:
-    """Time, positions and torques of a motion, shape (n, 1 + 2 n_joints)."""
+    """Return time, positions and torques of a motion, shape (n, 1 + 2 n_joints)."""
     scale, zero = plant.const[:, st.COUNTS_PER_RAD], plant.const[:, st.ZERO]
     start = plant.state[:, st.Q].copy()
     for axis in plant.axes:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def follow(url: str) -> None:
-    """Subscribe to all that is streamed, and read it to the end."""
+    """Subscribe to all streamed channels, and read the stream to its end."""
     with connect(url, subprotocols=["foxglove.sdk.v1"]) as client:
         for message in client:
             if isinstance(message, str) and '"advertise"' in message:
@@ -40,7 +40,7 @@ CASES = {
 
 
 def main(turns: int = 4, *options: str) -> None:
-    """Measure in turns, then print and keep."""
+    """Measure in turns, then print and keep the figures."""
     jitter: dict[str, list[NDArray[np.float64]]] = {name: [] for name in CASES}
     with prepared(*options) as (scratch, plan, given):
         for turn in range(turns):

@@ -1,11 +1,11 @@
-"""What `hil identify` makes of recordings that others made, robot by robot, truth known.
+"""Results of `hil identify` for foreign recordings, robot by robot, with known truth.
 
 Every case and seed is a machine of its own (`foreign_recordings`), imported from a CSV of positions
-and torques and identified by the default method. Stated is, for each robot, how far torques of the
-rigid bodies are off on a free motion, what the model leaves of the torque of another recording, and
-how many of the intervals of 95 % hold the truth; cases apart where --cases is given. No constant of
-the method was set by the seeds from 201 on; the doubt about unusual offsets was added after those
-from 601 to 611 had been seen, and friction of slow samples settled on those from 1901 to 1912::
+and torques and identified by the default method. For each robot, or for each case with --cases, the
+table has the error of the rigid-body torques on a free motion, the residual torque of another
+recording, and the share of 95 % intervals that contain the truth. No constant of the method was set
+by the seeds from 201 on; the doubt about unusual offsets was added after those from 601 to 611 had
+been seen, and friction of slow samples settled on those from 1901 to 1912::
 
     python benchmarks/free_motions.py [ROBOT ...] [--quick] [--cases] [--keep FOLDER]
     python benchmarks/free_motions.py manutec-r15 --case "10 min" --first 301 --seeds 20
@@ -40,13 +40,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FIRST_SEED, SEEDS = 201, 2
-"""The first seed of all, and how many each case has."""
+"""First of all seeds, and number of seeds of each case."""
 LONG = ("10 min", "10 min of strong drift")
-"""Cases that are run where they are asked for."""
+"""Cases run only on request."""
 
 
 class Judged(NamedTuple):
-    """One estimate beside the truth: relative errors, z of each parameter, and what was said."""
+    """Estimate beside the truth: relative errors, z of each parameter, and words of the report."""
 
     torque: float
     seen: float
@@ -86,7 +86,7 @@ def judge(recorded: Path) -> Judged:
 
 
 class Found(NamedTuple):
-    """Estimates of one case or robot, and how many recordings were refused."""
+    """Estimates of one case or robot, and number of refused recordings."""
 
     judged: list[Judged]
     refused: int
@@ -106,7 +106,7 @@ def judge_all(folder: Path, name: str, case: str, seeds: Iterable[int]) -> Found
 
 
 def figures(of: Found) -> dict[str, Figure]:
-    """What is stated of some estimates, in the order of the table."""
+    """Return the figures of some estimates, in the order of the table."""
     found, refused = of
     if not found:
         return {"refused": Figure.count(refused)}
@@ -130,7 +130,7 @@ def figures(of: Found) -> dict[str, Figure]:
 
 
 def line(name: str, stated: dict[str, Figure]) -> str:
-    """One line of the table."""
+    """Return one line of the table."""
     if len(stated) == 1:
         return f"{name:28} {stated['refused'].value} refused"
     torque, seen, unseen, inside, of, z, *counts = (each.value for each in stated.values())
@@ -141,7 +141,7 @@ def line(name: str, stated: dict[str, Figure]) -> str:
 
 
 def main() -> None:
-    """Record, import, identify, judge, print."""
+    """Record, import, identify, judge and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("robots", nargs="*", help=", ".join(NAMES))
     parser.add_argument("--first", type=int, default=FIRST_SEED, help="first seed")

@@ -1,10 +1,10 @@
-"""What is identified of recorded runs of every kind, kept to the last digits, and what changed.
+"""Regression test of identified values for recorded runs of every kind, to the last digits.
 
 Runs are recorded into a folder, unless they are there: campaigns, trajectories and friction on the
 virtual plant, sound and flawed, imports of its twins, back and forth, loads, unknown gains; and,
 where a folder of public recordings is named, those. Each result is a file that a command writes:
 its figures and words stand in ``benchmarks/golden/``, one file a result. ``check`` compares them
-with what the commands write now and lists what is not the same, ``keep`` replaces them::
+with the present output of the commands and lists differences, ``keep`` replaces them::
 
     python benchmarks/golden.py [check|keep] [RESULT ...] [--runs FOLDER] [--public FOLDER]
 
@@ -43,15 +43,16 @@ MANUTEC = "manutec-r15"
 ROOT = Path(__file__).parents[1]
 KEPT = ROOT / "benchmarks" / "golden"
 SAME = 1e-9
-"""Relative difference of figures that are the same: rounding, times condition numbers of 1e4 and
-some hundred operations."""
+"""Relative difference between equal figures: rounding, times condition numbers of 1e4 and some
+hundred operations.
+"""
 SHOWN = 12
-"""Differences that are listed of a result."""
+"""Maximum number of listed differences of a result."""
 NOT_COMPARED = {
     "provenance", "robot_file", "validations", "validated", "run", "model", "hil", "written",
     "made",
 }  # fmt: skip
-"""Keys of dates, versions and paths."""
+"""Keys of dates, versions and paths, excluded from the comparison."""
 ROUGH = ("--gravity", 12, "--inertia", 16, "--coupling", 5)
 PLANS: dict[str, tuple[object, ...]] = {
     "rough": ("plan", MANUTEC, *ROUGH),
@@ -62,12 +63,12 @@ PLANS: dict[str, tuple[object, ...]] = {
     "stops": ("plan", MANUTEC, "--kind", "friction", "--experiment", "stops", "--axis", 2),
 }
 LOAD = {"mass": 10.86, "centre": [0, 0, 0.14], "Ixx": 0.0259, "Iyy": 0.0259, "Izz": 0.047}
-"""The paper's."""
+"""Load of the paper."""
 LIGHT = {"mass": 4.0, "centre": [0, 0, 0.14], "Ixx": 0.01, "Iyy": 0.01, "Izz": 0.02}
-"""With which the drives still follow the trajectory."""
+"""Load within the capacity of the drives on the trajectory."""
 END = {"mass": 5.0, "centre": [0.05, 0.0, 0.12], "Ixx": 0.02, "Iyy": 0.02, "Izz": 0.02}
 LEANING = [0.0, 9.81 * math.sin(math.radians(10)), -9.81 * math.cos(math.radians(10))]
-"""Gravity, 10 degrees off [m/s^2]."""
+"""Gravity vector at a tilt of 10 degrees [m/s^2]."""
 CAMPAIGNS: dict[str, tuple[str, int, dict[str, Any]]] = {
     "strokes": ("rough", 731, {}),
     "strokes-loaded": ("rough", 732, {"payload": LOAD}),
@@ -82,9 +83,9 @@ CAMPAIGNS: dict[str, tuple[str, int, dict[str, Any]]] = {
     "sweep": ("sweep", 741, {}),
     "stops": ("stops", 742, {}),
 }
-"""Plan, seed, and keys that the plant has otherwise."""
+"""Plan, seed, and further keys of the plant."""
 GREATER = {"strokes-torque-constant": (2, 1.3)}
-"""Axis whose torque constant is so many times that of the robot file."""
+"""Axis with a wrong torque constant, and the ratio to that of the robot file."""
 TWINS = {
     "scara": ("250 Hz", 751), "ur10e": ("250 Hz", 752), "panda": ("100 Hz", 753),
     "cartesian": ("20 s", 754), "manutec-r15": ("16 bit", 755),
@@ -126,11 +127,11 @@ OTHERS: dict[str, tuple[tuple[object, ...], str]] = {
         "strokes-torque-constant/diagnosis.yaml",
     ),
 }
-"""Results of other commands, and the file that they write."""
+"""Results of other commands, with the output files."""
 
 
 def hil(folder: Path, *arguments: object, program: str = "hil") -> str:
-    """Call a command line in a folder; return what it says where it refuses or fails."""
+    """Call a command line in a folder; return the message of a refusal or failure."""
     command = [sys.executable, "-m", program, *map(str, arguments)]
     done = subprocess.run(
         command, cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)},
@@ -140,13 +141,13 @@ def hil(folder: Path, *arguments: object, program: str = "hil") -> str:
 
 
 def must(folder: Path, *arguments: object) -> None:
-    """Call the command line, which must not fail."""
+    """Call the command line; a failure is an error."""
     if said := hil(folder, *arguments):
         sys.exit(said)
 
 
 def record_all(folder: Path, public: Path | None) -> None:
-    """Record what is not there yet."""
+    """Record missing runs."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, (command, *rest) in PLANS.items():
         if not (folder / f"{name}.yaml").exists():
@@ -182,7 +183,7 @@ def _campaign(folder: Path, name: str) -> None:
 
 
 def _imports(folder: Path) -> None:
-    """Twins, and the example with its gain and without."""
+    """Import recordings of twins, and the example with its gain and without."""
     for name, (case, seed) in TWINS.items():
         if not (folder / f"twin-{name}").exists():
             recorded = record(folder / "recorded", name, case, seed)
@@ -199,7 +200,7 @@ def _imports(folder: Path) -> None:
 
 
 def _back_and_forth(folder: Path) -> None:
-    """Strokes of the pan-tilt head's twin, as CSV files have them."""
+    """Import strokes of the pan-tilt head's twin from CSV files."""
     robot_file, twin = ROBOTS / "pan-tilt.yaml", folder / "pan-tilt-twin"
     if not twin.exists():
         subprocess.run(
@@ -221,7 +222,7 @@ def _back_and_forth(folder: Path) -> None:
 
 
 def results(folder: Path, chosen: list[str]) -> Iterator[tuple[str, Any]]:
-    """Each result, in order, as its command writes it now."""
+    """Yield each result, in order, as written by its command at present."""
     for name, (run, options) in (IDENTIFIED | BY_RIVALS).items():
         if (not chosen or name in chosen) and (folder / run).exists():
             (folder / run / "model.yaml").unlink(missing_ok=True)
@@ -241,7 +242,7 @@ def _content(path: Path, said: str) -> Any:
 
 
 def _compact(value: Any) -> Any:
-    """Drop what is not compared, and of square matrices all but diagonal and norm."""
+    """Reduce a result to compared values; square matrices to diagonal and norm."""
     if isinstance(value, dict):
         return {k: _compact(v) for k, v in value.items() if k not in NOT_COMPARED}
     if isinstance(value, list):
@@ -255,7 +256,7 @@ def _compact(value: Any) -> Any:
 
 
 def differences(was: Any, now: Any, place: str = "", scale: float = 0.0) -> Iterator[str]:
-    """Places where two results are not the same."""
+    """Return the places of differences between two results."""
     if isinstance(was, dict) and isinstance(now, dict):
         largest = _largest(was.values())
         for key in was | now:
@@ -283,7 +284,7 @@ def _is_number(value: Any) -> bool:
 
 
 def main() -> None:
-    """Check or keep."""
+    """Check or keep the results."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("what", nargs="?", choices=("check", "keep"), default="check")
     parser.add_argument("result", nargs="*", help="all by default")

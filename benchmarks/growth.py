@@ -1,10 +1,10 @@
-"""How the cost of commands grows: with the axes of a robot, and with the campaigns of one.
+"""Growth of the cost of commands with the axes of a robot, and with the number of its campaigns.
 
 Robots of 2 to 7 axes are the manutec-r15 without its last axes, or with one more hand joint; robot
 file, drives file and plant file alike. Each gets a small plan of as many measurements, which is
 designed and measured. Then campaigns of the whole robot, one with another noise each, are
-identified together. Stated is processor time (user and system) of whole processes, and for what
-grows also per measurement, which shows whether it grows in proportion.
+identified together. The tables have the processor time (user and system) of whole processes, and
+for growing plans also the time per measurement.
 
     python benchmarks/growth.py [--times 3]
 """
@@ -29,7 +29,7 @@ from hil.model.robot import ROBOTS
 NAME = "manutec-r15"
 AXES = range(2, 8)
 COUNTS = ("--gravity", "8", "--inertia", "14", "--coupling", "4")
-"""Measurements of a plan whose robot has axes left out or added."""
+"""Numbers of measurements of a plan for robots with fewer or more axes."""
 CAMPAIGNS = (1, 2, 4)
 
 
@@ -58,7 +58,7 @@ def files(n: int, place: Path) -> dict[str, Path]:
 
 
 def _hand_joint(last: dict[str, Any], number: int) -> dict[str, Any]:
-    """Return a further axis behind the `last` one, at right angles to it."""
+    """Return a further axis behind the axis `last`, at right angles to it."""
     added = deepcopy(last)
     if "capsule" in added:  # of a robot file
         return {**added, "frame": {"alpha": "-pi/2"}}
@@ -73,12 +73,12 @@ def _hand_joint(last: dict[str, Any], number: int) -> dict[str, Any]:
 
 
 def spent(*arguments: str | Path) -> float:
-    """Processor time of a command [s]."""
+    """Return the processor time of a command [s]."""
     return processor_time((*PROGRAM, *map(str, arguments)), {})
 
 
 def over_axes(place: Path, times: int, out: Console) -> dict[str, Figure]:
-    """Print and return what a plan and its campaign cost for robots of more and more axes."""
+    """Print and return the cost of plan and campaign for robots with increasing numbers of axes."""
     kept: dict[str, Figure] = {}
     table = Table("axes", "plan [s]", "run [s]", "measurements", "run, a measurement [ms]")
     for n in AXES:
@@ -100,7 +100,7 @@ def over_axes(place: Path, times: int, out: Console) -> dict[str, Figure]:
 
 
 def over_campaigns(place: Path, times: int, out: Console) -> dict[str, Figure]:
-    """Print and return what identification of several campaigns together costs."""
+    """Print and return the cost of identification from several campaigns."""
     plan, runs = place / "plan.yaml", [place / f"run {k}" for k in range(max(CAMPAIGNS))]
     spent("plan", NAME, "-o", plan)
     for seed, run in enumerate(runs):

@@ -36,17 +36,17 @@ CHANGES = {
     "warm": ((r"(friction: {[^}]*)}", r"\1, temperature: 25, lubricant: 0.1}"),),
 }
 FOLDER = ROOT / "runs" / "history"
-"""Where campaigns stay, so that a second call makes what is missing."""
+"""Folder of the campaigns, kept for further calls."""
 JUDGED_FAILED = 3
-"""Exit status of `hil identify` that writes a model and calls it failed."""
+"""Exit status of `hil identify` for a written model with a failed judgement."""
 FIRST_SEED = 210
 UNCHANGED_FROM = 300
 NAMED = {"friction": "friction of axis 3", "p5": "(p5)", "drive": "drive of axis 5"}
-"""Changes, and the words that name them."""
+"""Changes, with their words in the output."""
 
 
 def main() -> None:
-    """Make what is not there yet, and judge all of it."""
+    """Make missing campaigns, and judge all."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, nargs="?", default=FOLDER)
     parser.add_argument("--runs", type=int, default=54)
@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def made(folder: Path, change: str, seed: int) -> Path:
-    """Folder of an identified campaign on a plant with a seed and a change."""
+    """Return the folder of an identified campaign on a plant with a seed and a change."""
     run, plant = folder / f"{change}-{seed}", folder / f"{change}-{seed}.yaml"
     if (run / "model.yaml").exists():
         return run
@@ -90,7 +90,7 @@ def made(folder: Path, change: str, seed: int) -> Path:
 
 
 def hil(*arguments: object) -> None:
-    """Call the command line, silently; an exchanged drive may well be judged failed."""
+    """Call the command line without output; an exchanged drive may well be judged failed."""
     command = [sys.executable, "-m", "hil", *map(str, arguments)]
     done = subprocess.run(command, check=False, stdout=subprocess.DEVNULL)
     if done.returncode != JUDGED_FAILED:
@@ -98,7 +98,7 @@ def hil(*arguments: object) -> None:
 
 
 def judge(unchanged: list[Path], changed: dict[str, list[Path]]) -> dict[str, int]:
-    """Print and count false alarms, and what is named first of each change."""
+    """Print and count false alarms, and the first named cause of each change."""
     found = read_history(unchanged)
     alarms = {each.run: each for each in found.changes if each.marked}
     print(f"unchanged: {len(alarms)} of {len(unchanged) - 1} new runs marked")

@@ -1,8 +1,8 @@
 """Two million hostile frames: one at the virtual plant, one at the driver.
 
 Both are seeded, in one process and in lock-step; `hostile.plant_audit` and `hostile.driver_storm`
-say what is judged at every frame. The closing line stands only if nothing did any harm; otherwise
-the first harm ends the run, and the same seed finds it again::
+describe the checks at every frame. The closing line is printed only without any harm; otherwise the
+first harm ends the run, and the same seed finds it again::
 
     python benchmarks/hostile_frames.py [--frames 1000000] [--seed 1]
 """
@@ -35,7 +35,7 @@ def main() -> int:
     parser.add_argument("--frames", type=int, default=1_000_000, help="at each of the two")
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
-    logging.disable()  # the driver's log of every session that was disturbed
+    logging.disable()  # log of the driver, with a message for every disturbed session
     session = recorded_session()
     try:
         with Progress("{task.description}", BarColumn(), MofNCompleteColumn(),

@@ -1,4 +1,4 @@
-"""What drafting a map and importing a million rows cost, against reading them with pandas.
+"""Cost of drafting a map and importing a million rows, against reading the files with pandas.
 
 A free motion of the panda's twin, 1000 s at 1 kHz: time, positions, velocities and torques of seven
 joints in 22 columns, and without velocities in 15, each as CSV of six decimals and as Parquet.
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 ROBOT, FINER = "panda", 4
-"""Robot, and rows for each sample of the twin."""
+"""Robot, and number of rows for each sample of the twin."""
 PROMISED = 1.2, 2.0
-"""Times pandas, and besides [s]."""
+"""Bounds: multiple of pandas' time, and additional time [s]."""
 NOISE = 1e-5
-"""Of positions and velocities [rad, rad/s]."""
+"""Noise of positions and velocities [rad, rad/s]."""
 MEASURED = """
 import json, sys, time
 from pathlib import Path
@@ -63,7 +63,7 @@ ENDINGS = ("csv", "parquet")
 
 
 def columns(rows: int) -> dict[str, NDArray[np.float64]]:
-    """Columns of a recording by name."""
+    """Return the columns of a recording by name."""
     twin, rng = TwinRecorder(ROBOT), np.random.default_rng(7)
     ((_, slow),) = twin.recorded(7, n=1, duration=PERIOD * (rows / FINER + 2))
     t = PERIOD / FINER * np.arange(rows)
@@ -103,7 +103,7 @@ def write(folder: Path, rows: int) -> list[str]:
 
 
 def spent(folder: Path, name: str) -> dict[str, tuple[float, float]]:
-    """Processor and wall-clock time of drafting, importing and pandas [s]."""
+    """Return processor and wall-clock time of drafting, importing and pandas [s]."""
     shutil.rmtree(folder / "run", ignore_errors=True)
     found: dict[str, tuple[float, float]] = {}
     for what in ("hil", "pandas"):
@@ -117,7 +117,7 @@ def spent(folder: Path, name: str) -> dict[str, tuple[float, float]]:
 
 
 def main() -> None:
-    """Measure in turns, print and keep the medians; exit status 1 where the promise is not kept."""
+    """Measure in turns, print and keep the medians; exit status 1 for a broken bound."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--rows", type=int, default=1_000_000)
     parser.add_argument("--times", type=int, default=3)

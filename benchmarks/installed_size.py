@@ -1,7 +1,7 @@
-"""What an installation takes on the disk: what `pip install` brings, by the package that needs it.
+"""Disk space of an installation, by the package required from `pip install`.
 
-Counted are the files of each distribution that this environment holds, and apart from them what
-Python makes of all of it, which `pip` compiles at once and `uv` leaves until it is loaded::
+The sizes are those of the files of each installed distribution, and separately of compiled Python,
+which `pip` compiles at once and `uv` at the first import::
 
     python benchmarks/installed_size.py
 """
@@ -27,19 +27,19 @@ SHOWN = ("llvmlite", "numba", "scipy", "numpy", "h5py")
 
 
 def needed(names: Iterable[str]) -> dict[str, float]:
-    """Return what these packages and all that they need bring [MB], by name."""
+    """Return the sizes of these packages and of all their requirements [MB], by name."""
     return {name: sum(map(_size, files)) for name, files in _files(names).items()}
 
 
 def compiled(names: Iterable[str]) -> float:
-    """Return what Python makes of these packages and all that they need [MB]."""
+    """Return the size of compiled Python of these packages and of all their requirements [MB]."""
     modules = [path for each in _files(names).values() for path in each if path.suffix == ".py"]
     with tempfile.NamedTemporaryFile() as into:
         return sum(_compiled(path, into.name) for path in modules)
 
 
 def _compiled(module: Path, into: str) -> float:
-    """Return the size of a compiled module; some are templates that no Python can compile."""
+    """Return the size of a compiled module, 0 for templates that no Python can compile."""
     done = py_compile.compile(str(module), into, quiet=2)
     return _size(Path(done)) if done else 0.0
 
@@ -49,7 +49,7 @@ def _size(path: Path) -> float:
 
 
 def _files(names: Iterable[str]) -> dict[str, list[Path]]:
-    """Return the files of these packages and of all that they need, but compiled Python."""
+    """Return the files of these packages and of all their requirements, without compiled Python."""
     found_of: dict[str, list[Path]] = {}
     asked = list(names)
     while asked:
@@ -68,7 +68,7 @@ def _files(names: Iterable[str]) -> dict[str, list[Path]]:
 
 
 def main() -> None:
-    """Print and keep what takes how much."""
+    """Print and keep the sizes."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     core = [Requirement(each).name for each in project["dependencies"]]
     all_of_it = needed(core)

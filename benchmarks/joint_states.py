@@ -1,4 +1,4 @@
-"""Joint states of ROS: an import's processor time and memory, and rosbags' own reading beside it.
+"""Processor time and memory of an import of ROS joint states, beside reading by rosbags alone.
 
 Bags of a Panda at 1 kHz are made on the fly, as MCAP (plain and compressed) and as rosbag2::
 
@@ -40,7 +40,7 @@ ONE_BY_ONE = 20_000
 
 
 def values(t: np.ndarray) -> np.ndarray:
-    """Positions, velocities and torques of a motion, shape (n, 21)."""
+    """Return positions, velocities and torques of a motion, shape (n, 21)."""
     robot = Robot.load(str(PANDA))
     middle = (robot.q_min + robot.q_max) / 2
     w = 2 * np.pi * np.linspace(0.11, 0.37, 7)
@@ -52,7 +52,7 @@ def values(t: np.ndarray) -> np.ndarray:
 
 
 def write_bag(folder: Path, seconds: int, storage: str) -> None:
-    """Write a bag as a publisher of all seven joints would."""
+    """Write a bag with messages of all seven joints."""
     kinds = ROS.types
     stamp = kinds["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
     header = kinds["std_msgs/msg/Header"](stamp=stamp, frame_id="base")
@@ -91,7 +91,7 @@ def write_map(folder: Path, bag: str) -> Path:
 
 
 def imported(the_map: Path) -> tuple[float, float]:
-    """Import in a process of its own: processor time [s], greatest memory [GB]."""
+    """Import in a separate process; return processor time [s] and peak memory [GB]."""
     output = the_map.with_name("run")
     command = [sys.executable, "-m", "hil", "import", str(the_map), "-o", str(output)]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -103,7 +103,7 @@ def imported(the_map: Path) -> tuple[float, float]:
 
 
 def one_by_one(bag: Path) -> tuple[float, float]:
-    """Time of a message in the container, and in rosbags' reading of it [us]."""
+    """Return the time per message in the container, and in reading by rosbags [us]."""
     with AnyReader([bag]) as reader:
         begun = time.process_time()
         raw = [data for _, _, data in islice(reader.messages(), ONE_BY_ONE)]

@@ -1,4 +1,4 @@
-"""Jumps of an encoder on the wall clock while a core is busy: how many are found, how many falsely.
+"""Detection of jumps of an encoder on the wall clock with a busy core, and false alarms.
 
 The plant is a process of its own. An axis goes there and back and rests between; in every second
 stroke its encoder jumps by 10 mrad to 1 rad, in motion or at rest. A jump is found where the driver
@@ -48,22 +48,22 @@ DRIVES = load_drives(ROBOTS / "manutec-r15.drives.yaml")
 AXIS = 0
 STROKE, VELOCITY, ACCELERATION = 0.4, 1.0, 4.0
 REST = 0.6
-"""After each stroke [s]."""
+"""Rest after each stroke [s]."""
 MOVING, RESTING = 0.3, 1.0
-"""How long after a set-point the encoder jumps [s]."""
+"""Ranges of the time from a set-point to the encoder's jump, in motion and at rest [s]."""
 LEAST, MOST = 0.01, 1.0
-"""Sizes of jumps [rad]."""
+"""Smallest and largest jump [rad]."""
 ENCODER = ("jump", "encoder", "8611", "outside")
-"""Words of errors that are about an encoder: a jump moves the axis out of its corridor."""
+"""Words of errors about an encoder; a jump moves the axis out of its corridor."""
 BUSY = 1
-"""Cores."""
+"""Number of busy cores."""
 EACH = 48
-"""Jumps for which a plant is started."""
+"""Number of jumps per start of a plant."""
 
 
 @dataclass
 class Found:
-    """What became of strokes: numbers of missed jumps, reasons of false alarms and of late ends."""
+    """Results of strokes: numbers of missed jumps, reasons of false alarms and of late ends."""
 
     tried: int = 0
     missed: list[int] = field(default_factory=list)
@@ -95,7 +95,7 @@ def fault_plan(jumps: int) -> dict[str, object]:
 
 
 def strokes(bus: ServoAxes, count: int) -> Iterator[str]:
-    """Yield what ended each stroke; empty where it came to its end and its recording is good.
+    """Yield the reason of the end of each stroke; empty for a good recording.
 
     Ends early where the drives cannot go on since this computer was late: whether the plant has
     counted the last set-point is then unknown, and with it which of the next strokes jump.
@@ -127,14 +127,14 @@ def strokes(bus: ServoAxes, count: int) -> Iterator[str]:
 
 
 def measured(interface: str, channel: str, jumps: int) -> Found:
-    """Return what became of strokes with jumps and without, until the drives cannot go on."""
+    """Return the results of strokes with and without jumps, until the drives fail."""
     found = Found()
     begun = time.monotonic()
     bus = open_drive_bus(DRIVES, interface, channel, pacing="wall-clock")
-    with load(BUSY), suppress(DriveError), bus:  # drives that are off by themselves answer nothing
+    with load(BUSY), suppress(DriveError), bus:  # drives switched off by themselves do not answer
         for number, reason in enumerate(strokes(bus, 2 * jumps)):
             of_encoder = any(word in reason for word in ENCODER)
-            if reason and not of_encoder:  # nor is it known whether the plant took its set-point
+            if reason and not of_encoder:  # whether the plant took its set-point is unknown as well
                 found.late.append(reason)
                 break
             if number % 2:
@@ -147,7 +147,7 @@ def measured(interface: str, channel: str, jumps: int) -> Found:
 
 
 def beside_the_plant(interface: str, jumps: int) -> Found:
-    """Return the same with the plant started for it."""
+    """Return the results of `measured` with the plant started beside."""
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as plan:
         yaml.safe_dump(fault_plan(jumps), plan)
         plan.flush()
@@ -169,7 +169,7 @@ def beside_the_plant(interface: str, jumps: int) -> Found:
 
 
 def main() -> None:
-    """Measure, print and keep."""
+    """Measure, print and keep the figures."""
     parser = argparse.ArgumentParser(description="Encoder jumps on the wall clock.")
     parser.add_argument("--interface", default="local", choices=("local", "ethercat"))
     parser.add_argument("--jumps", type=int, default=96)

@@ -1,8 +1,8 @@
-"""`hil run` killed with SIGKILL at random moments, and resumed until its campaigns are whole.
+"""`hil run` killed with SIGKILL at random moments, and resumed until its campaigns are complete.
 
 Every session is the program itself, forked from here with one addition: just before a recording is
-written, its content goes into a pipe. What is in a pipe survives the writer, so this process knows
-what was measured, whatever became of the disk. Killed are sessions some random time after a random
+written, its content goes into a pipe. Content of a pipe survives the writer, so this process knows
+all measured data independently of the disk. Killed are sessions some random time after a random
 number of recordings, a third of them within the milliseconds in which a file is written, some
 before their folder is made. When a campaign is whole at last,
 
@@ -60,18 +60,20 @@ if TYPE_CHECKING:
 
 ROBOT = "manutec-r15"
 MOST_RECORDINGS = 6
-"""Before a session is killed at the latest."""
+"""Maximum number of recordings before a session is killed."""
 WRITING, MEASURING, STARTING = 0.005, 0.5, 1.0
-"""How long after a recording, or after its start, a session is killed at the latest [s]."""
+"""Maximum delays of the kill after a recording during its write, in a measurement, and after the
+start [s].
+"""
 BEGINNING = 0.2
-"""The same for half of those that have to make the folder [s]."""
+"""Maximum delay for half of the sessions without a folder [s]."""
 
 robot = Robot.load(ROBOT)
 
 
 @dataclass
 class Findings:
-    """What went wrong, and how much was looked at."""
+    """Errors found, and numbers of checked items."""
 
     kills: int = 0
     campaigns: int = 0
@@ -84,13 +86,13 @@ class Findings:
 
     @property
     def good(self) -> bool:
-        """Nothing was lost, nothing is wrong."""
+        """True without errors and losses."""
         differing = self.differing_estimates + self.differing_certificates + self.differing_sums
         return not (self.lost or self.wrong or differing)
 
 
 def session(arguments: list[str], pipe: int, output: Path) -> None:
-    """Be `hil` with these arguments; never returns."""
+    """Run `hil` with these arguments; never returns."""
     status: object = 1
     try:
         log = os.open(output, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
@@ -120,7 +122,7 @@ def run_and_kill(
 ) -> tuple[list[Measured], bool]:
     """Start a session, kill it `delay` seconds after its recording number `after`.
 
-    Returns what it had measured, and whether it was killed (or had come to its end).
+    Returns its measured recordings, and True if it was killed before its end.
     """
     reading, writing = os.pipe()
     process = os.fork()
@@ -150,12 +152,12 @@ def run_and_kill(
 
 
 def count(heard: bytes | bytearray) -> int:
-    """Return how many recordings have been heard of completely."""
+    """Return the number of completely received recordings."""
     return len(witnesses(heard, load=False))
 
 
 def witnesses(heard: bytes | bytearray, *, load: bool = True) -> list[Measured]:
-    """Return what was heard of completely; a kill may have cut the last one off."""
+    """Return the completely received recordings; a kill may have cut the last one off."""
     found, place = [], 0
     while len(heard) >= place + 8:
         (size,) = struct.unpack_from("<Q", heard, place)
@@ -168,7 +170,7 @@ def witnesses(heard: bytes | bytearray, *, load: bool = True) -> list[Measured]:
 
 
 def campaign(place: Path, plan: Plan, kills: int, dice: random.Random, found: Findings) -> Counter:
-    """Carry out one campaign, killed at most `kills` times; returns where the kills hit."""
+    """Carry out one campaign with at most `kills` kills; return the moments of the kills."""
     plan_file, folder = place / "plan.yaml", place / "run"
     plan_file.write_text(dump_plan(plan))
     known: dict[str, str] = {}
@@ -198,7 +200,7 @@ def campaign(place: Path, plan: Plan, kills: int, dice: random.Random, found: Fi
 
 
 def moment(folder: Path) -> str:
-    """Find what a kill interrupted, from what it left."""
+    """Return the interrupted activity, from the files left by a kill."""
     if not (folder / "run.json").exists():
         return "before run.json"
     if list(folder.rglob("*.part")):
@@ -221,7 +223,7 @@ def judge(
     seen: dict[tuple[str, int], Measured],
     found: Findings,
 ) -> None:
-    """Compare a finished campaign with what its sessions had measured."""
+    """Compare a finished campaign with the data measured by its sessions."""
     run = RunFolder.open(folder)
     found.lost += len(run.missing) + len(list(folder.rglob("*.part*")))
     fresh = RunFolder.create(place / "undisturbed", plan, robot)
@@ -249,7 +251,7 @@ def judge(
 
 
 def alike(one: Measured, other: Measured) -> bool:
-    """Return whether two recordings are equal, bit by bit."""
+    """Return True for recordings equal bit by bit."""
     same = all(
         getattr(one.recording, name).tobytes() == getattr(other.recording, name).tobytes()
         for name in one.recording.units
@@ -262,7 +264,7 @@ def alike(one: Measured, other: Measured) -> bool:
 
 
 def main() -> None:
-    """Kill, resume, judge, print, keep."""
+    """Kill, resume, judge, print and keep."""
     parser = argparse.ArgumentParser(description="Kill hil run at random moments.")
     parser.add_argument("--kills", type=int, default=60)
     parser.add_argument("--counts", type=int, nargs=3, default=(12, 24, 3))
@@ -270,7 +272,7 @@ def main() -> None:
     options = parser.parse_args()
     counts = zip(("gravity", "inertia", "coupling"), options.counts, strict=True)
     plan = design(robot, dict(counts))
-    PlantBus(ROBOT).shutdown()  # compiled code is loaded once, before the sessions are forked
+    PlantBus(ROBOT).shutdown()  # compiled code is loaded once, before the fork of the sessions
     dice, found = random.Random(options.seed), Findings()
     moments: Counter = Counter()
     while found.kills < options.kills:

@@ -48,23 +48,23 @@ PAGES, HOSTILE = 50, 200
 PERIOD = 0.004
 HEARTBEAT = "heartbeat_timeout: 0.5"
 MOTION = 2.0
-"""Time of motion before a stop [s]."""
+"""Duration of the motion before a stop [s]."""
 KEPT = {
     "rms": ("ms", 2), "99-percent": ("ms", 2), "99-9-percent": ("ms", 2), "worst": ("ms", 2),
     "left-out": ("", 2), "syncs": ("", 4),
 }  # fmt: skip
-"""Units and digits of `_figures`."""
+"""Units and digits of the values of `_figures`."""
 
 
 class Case(NamedTuple):
-    """How a run is shown: its options, and what looks on at the address that it states."""
+    """Display of a run: its options, and the observers at the printed address."""
 
     options: tuple[str, ...] = ()
     follow: Callable[[str], None] | None = None
 
 
 def make_plan() -> Plan:
-    """Return some 25 s of strokes."""
+    """Return a plan of about 25 s of strokes."""
     robot = Robot.load("manutec-r15")
     place = (0.0, -0.3, 0.2, 0.0, 0.5, 0.0)
     strokes = {"axis": 2, "q": place, "stroke": 0.4, "velocity": 0.4, "acceleration": 8.0}
@@ -86,7 +86,7 @@ def patient_drives(path: Path) -> Path:
 
 @contextmanager
 def run(plan: Path, folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Begin a run on a fresh plant; yields its process, and the address where it is shown."""
+    """Start a run on a fresh plant; yields the process and the address of the live page."""
     place = ("--interface", INTERFACE, "--channel", CHANNEL)
     command = (sys.executable, "-m", "hil", "run", plan, "-o", folder, *place, *options)
     pipe = subprocess.PIPE
@@ -99,7 +99,7 @@ def run(plan: Path, folder: Path, *options: str) -> Iterator[tuple[subprocess.Po
 
 
 def said(process: subprocess.Popen[str], what: str) -> str:
-    """Wait until a run prints something; return it."""
+    """Wait for a printed text of a run; return it."""
     assert process.stdout is not None
     for line in process.stdout:
         if found := re.search(what, line):
@@ -108,7 +108,7 @@ def said(process: subprocess.Popen[str], what: str) -> str:
 
 
 def watch(url: str, pages: int) -> None:
-    """Read the events of a run as so many pages, until it ends."""
+    """Read the events of a run to its end, as a number of pages."""
     parts = urlsplit(url)
     request = f"GET /events HTTP/1.0\r\nHost: {parts.netloc}\r\n\r\n".encode()
     readers = []
@@ -123,7 +123,7 @@ def watch(url: str, pages: int) -> None:
 
 
 def drip(url: str, connections: int) -> None:
-    """Hold connections and send a byte of a request over each ten times a second, until the end."""
+    """Hold connections and send a byte of a request over each ten times a second, without end."""
     parts = urlsplit(url)
     address, held = (parts.hostname or "", parts.port or 80), list[socket.socket]()
     while True:
@@ -135,7 +135,7 @@ def drip(url: str, connections: int) -> None:
         for each in list(held):
             try:
                 each.send(b"X")
-            except OSError:  # left for a newer one, which takes its turn
+            except OSError:  # connection closed in favour of a newer one
                 held.remove(each)
                 each.close()
         time.sleep(0.1)
@@ -151,7 +151,7 @@ CASES = {
 
 
 def measured(plan: Path, folder: Path, case: Case, options: Sequence[str]) -> Array:
-    """How far the time between two SYNCs was off, or NaN for each that was left out [s]."""
+    """Return the errors of the SYNC periods, NaN for omitted SYNCs [s]."""
     with run(plan, folder, *case.options, *options) as (process, url):
         follower = None
         if case.follow is not None:
@@ -174,7 +174,7 @@ def prepared(*options: str) -> Iterator[tuple[Path, Path, tuple[str, ...]]]:
     """Make a plan; yields a folder, the plan's file, and the options of every run."""
     with tempfile.TemporaryDirectory() as name:
         scratch = Path(name)
-        os.environ["XDG_STATE_HOME"] = name  # where runs keep what drives held
+        os.environ["XDG_STATE_HOME"] = name  # folder with the drives' values before a run
         plan = scratch / "plan.yaml"
         plan.write_text(dump_plan(make_plan()))
         yield scratch, plan, ("--drives", str(patient_drives(scratch / "drives.yaml")), *options)
@@ -201,7 +201,7 @@ def show(jitter: Mapping[str, Sequence[Array]]) -> dict[str, Figure]:
 
 
 def stopped(plan: Path, folder: Path, options: Sequence[str], *, by_page: bool) -> float:
-    """Time from a stop in the middle of a motion to its report that the axes are off [s]."""
+    """Return the time from a stop in motion to the report of axes without power [s]."""
     with run(plan, folder, *LIVE, *options) as (process, url):
         parts = urlsplit(url)
         assert process.stderr is not None
@@ -219,7 +219,7 @@ def stopped(plan: Path, folder: Path, options: Sequence[str], *, by_page: bool) 
 
 
 def main(turns: int = 4, *options: str) -> None:
-    """Measure in turns, then print and keep."""
+    """Measure in turns, then print and keep the figures."""
     jitter: dict[str, list[Array]] = {name: [] for name in CASES}
     stops: dict[bool, list[float]] = {True: [], False: []}
     with prepared(*options) as (scratch, plan, given):
@@ -242,7 +242,7 @@ def main(turns: int = 4, *options: str) -> None:
 
 
 def _figures(off: Array) -> tuple[float, ...]:
-    """Root mean square, two quantiles and maximum [ms]; how many were left out, and of how many."""
+    """Return rms, two quantiles and maximum [ms]; numbers of omitted and of all SYNCs."""
     kept = 1e3 * off[np.isfinite(off)]
     rms = float(np.sqrt(np.mean(kept**2)))
     quantiles = map(float, np.quantile(kept, [0.99, 0.999, 1.0]))

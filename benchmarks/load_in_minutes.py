@@ -1,4 +1,4 @@
-"""How true a load is that `hil payload measure` finds in three minutes: 10.86 kg at 140 mm.
+"""Errors of a load identified in three minutes by `hil payload measure`: 10.86 kg at 140 mm.
 
 Each seed is a measurement of its own beside one of a few bare runs::
 
@@ -31,7 +31,7 @@ TRUTH = {
 
 
 def bare_run(folder: Path, seed: int) -> Path:
-    """Measure the default plan without the load, unless it was before."""
+    """Measure the default plan without the load, unless the run exists."""
     run = folder / f"bare-{seed}"
     if not run.exists():
         plant = make_plant("default", seed, run.with_suffix(".yaml"))
@@ -41,7 +41,7 @@ def bare_run(folder: Path, seed: int) -> Path:
 
 
 def measured(folder: Path, bare: Path, seed: int) -> Path:
-    """Measure the load beside `bare`, unless it was before."""
+    """Measure the load beside `bare`, unless the run exists."""
     run = folder / f"load-{seed}"
     if not (run / NAME).exists():
         plant = make_plant("payload", seed, run.with_suffix(".yaml"))
@@ -51,13 +51,13 @@ def measured(folder: Path, bare: Path, seed: int) -> Path:
 
 
 def robot_time(run: Path) -> float:
-    """Time of motion of both stages [s]."""
+    """Return the duration of the motion of both stages [s]."""
     stages = [[m.recording.time for m in Run.open(run / name)] for name in ("slow", "fast")]
     return sum(float(times[-1][-1] - times[0][0]) for times in stages)
 
 
 def print_errors(runs: list[Path]) -> dict[str, Figure]:
-    """Print and return errors and how often the intervals of 95 % hold the truth."""
+    """Print and return errors and coverage of the 95 % intervals."""
     kept: dict[str, Figure] = {}
     files = [load_yaml(run / NAME, LoadFile) for run in runs]
     found = [{q.name: q for q in file.load} for file in files]
@@ -88,7 +88,7 @@ def print_errors(runs: list[Path]) -> dict[str, Figure]:
 
 
 def main() -> None:
-    """Measure, compare, print, keep."""
+    """Measure, compare, print and keep."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--bare", type=int, default=5, help="bare runs that seeds share")

@@ -73,7 +73,7 @@ def main() -> None:
 
 
 def of_seed(twin: TwinRecorder, load: Load, seed: int) -> list[np.ndarray]:
-    """Which intervals hold the truth."""
+    """Return coverage of the intervals for one seed."""
     runs = [twin.recorded(2 * seed), twin.recorded(2 * seed + 1, load)]
     truth, mass = load.phi(), load.parameters["m"]
     free = fitted(twin, runs)
@@ -94,14 +94,14 @@ def of_seed(twin: TwinRecorder, load: Load, seed: int) -> list[np.ndarray]:
 
 
 def held(error: np.ndarray, standard_error: np.ndarray, degrees: np.ndarray) -> np.ndarray:
-    """Which errors are inside, of those that have a standard error."""
+    """Return a mask of errors inside the intervals, for values with a standard error."""
     known = np.isfinite(standard_error) & (standard_error > 0)
     half = special.stdtrit(degrees[known], 0.975) * standard_error[known]
     return np.abs(error[known]) <= half
 
 
 def fitted(twin: TwinRecorder, runs: list, mass: float | None = None, *, gains: bool = False):
-    """The load between two runs."""
+    """Return the load between two runs."""
     gathered = [gather(twin.robot, run, VARIANTS[DEFAULT]) for run in runs]
     bare, loaded = free_motion_evidence(twin.robot, gathered)
     return fit_load(twin.robot, [bare], lambda _: [loaded], mass, gains=gains)

@@ -1,4 +1,4 @@
-"""Whether recordings of two kinds make a better model together than each alone.
+"""Models from recordings of two kinds together, against models from each kind alone.
 
 Every seed is a plant with noise and friction of its own. Trajectories of three minutes are written
 as tables and imported, as those of another controller would be::
@@ -48,13 +48,13 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
 
 SLOWER = 2
-"""Of two imported trajectories one has every so many-th sample."""
+"""Ratio of the sampling rates of two imported trajectories."""
 OTHER = 1000
-"""What is added to a seed for that one: its noise and friction are not those of the first."""
+"""Difference of seeds between both recordings, for independent noise and friction."""
 
 
 class Part(NamedTuple):
-    """Torques missed [%], and intervals that hold, of how many."""
+    """Torque error [%], and number of intervals that contain the truth, of all."""
 
     name: str
     missed: float
@@ -63,20 +63,20 @@ class Part(NamedTuple):
 
 
 def by_method(runs: list[Run], method: str, truth: Array, name: str) -> Part:
-    """What one method makes of runs."""
+    """Return the estimate of runs by one method."""
     made = estimate(runs[0].robot, Pooled(runs), method)
     inside = np.abs(made.p - truth) <= made.half_width()
     return Part(name, error(runs[0], made.p, truth), int(inside.sum()), len(truth))
 
 
 def error(run: Run, p: Array, truth: Array) -> float:
-    """Torques of a free motion that parameters miss, in the mean of all axes [%]."""
+    """Return the error of free-motion torques, in the mean of all axes [%]."""
     free = FreeTorques(run.robot)
     return 100 * float((free.rms(p - truth) / free.rms(truth)).mean())
 
 
 def strokes(folder: Path, seed: int) -> Iterator[Part]:
-    """Strokes, an import, both."""
+    """Return the results of strokes, of an import, and of both."""
     own, plant = measured(folder, "strokes", seed)
     other, _ = measured(folder, "trajectories", seed)
     imported = exported(other, folder / f"csv-{seed}", strokes=False)
@@ -87,7 +87,7 @@ def strokes(folder: Path, seed: int) -> Iterator[Part]:
 
 
 def rates(folder: Path, seed: int) -> Iterator[Part]:
-    """An import of 250 samples a second, one of 125, both."""
+    """Return the results of imports of 250 and of 125 samples a second, and of both."""
     first, plant = measured(folder, "trajectories", seed)
     second, _ = measured(folder, "trajectories", seed + OTHER)
     fast = exported(first, folder / f"csv-{seed}", strokes=False)
@@ -99,7 +99,7 @@ def rates(folder: Path, seed: int) -> Iterator[Part]:
 
 
 def loads(folder: Path, seed: int) -> Iterator[Part]:
-    """Bare strokes alone and beside a loaded import; the loaded import alone and beside them."""
+    """Return the results of bare strokes and of a loaded import, each alone and with the other."""
     bare, plant = measured(folder, "strokes", seed)
     heavy, plant_with = measured(folder, "load", seed)
     loaded = exported(heavy, folder / f"loaded-{seed}", strokes=False)
@@ -121,7 +121,7 @@ def loads(folder: Path, seed: int) -> Iterator[Part]:
 def standard_parameters(
     mass: float, centre: list[float], Ixx: float, Iyy: float, Izz: float
 ) -> Array:
-    """A load's ten parameters about the flange, its centre on the axis."""
+    """Return a load's ten parameters about the flange, with its centre on the axis."""
     *_, z = centre
     return np.array(
         [Ixx + mass * z**2, 0.0, 0.0, Iyy + mass * z**2, 0.0, Izz, 0.0, 0.0, mass * z, mass]
@@ -134,7 +134,7 @@ MIXTURES: dict[str, Callable[[Path, int], Iterator[Part]]] = {
 
 
 def main() -> None:
-    """Measure, import, identify, print, keep."""
+    """Measure, import, identify, print and keep."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("kind", nargs="*", help=f"of {', '.join(MIXTURES)}; all by default")
     parser.add_argument("--drift", type=float, default=1.0)

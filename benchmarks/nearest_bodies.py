@@ -1,10 +1,10 @@
-"""The nearest robot that consists of bodies: against another solver, in time, and in what it mends.
+"""Nearest robot of real bodies: comparison with another solver, time, and improvement of estimates.
 
 First the distance as SCS finds it, a first-order solver, from the program as it is written down: no
 elimination, no units, equalities as such. Then the processor time of a whole projection of six
-axes, with the cost of every condition, as medians. Then what projecting does to an estimate whose
-truth is a robot of bodies: clouds of eight masses a link, base parameters off by 5 % each, the
-squared distance to the truth afterwards over that before.
+axes, with the cost of every condition, as medians. Then the effect of a projection on estimates of
+robots of real bodies: clouds of eight masses a link, base parameters off by 5 % each, the squared
+distance to the truth afterwards over that before.
 
     python benchmarks/nearest_bodies.py [--seeds 20]
 """
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[1]
 SUPPORT = ROOT / "tests" / "support"
 SAME, FASTEST = 1e-4, 0.5
-"""Promised: relative difference to the other solver, and processor time of six axes [s]."""
+"""Bounds: relative difference to the other solver, and processor time of six axes [s]."""
 
 
 def independent_distance(
     robot: Robot, p: Array, covariance: Array, bounds: BodyBounds, tolerance: float = 1e-6
 ) -> float:
-    """d^2 by SCS: unknown are x of p' = p + L x and all standard parameters."""
+    """Return d^2 by SCS: unknowns are x of p' = p + L x and all standard parameters."""
     import scs
 
     whole = robot.free_links()
@@ -75,7 +75,7 @@ def independent_distance(
 
 
 def _lower(condition: Condition) -> tuple[Array, Array]:
-    """Lower triangle, column by column, as SCS takes it: rows of weights and constants."""
+    """Return the lower triangle by columns in the form of SCS: rows of weights and constants."""
     size = len(condition.constant)
     at = [(i, j) for j in range(size) for i in range(j, size)]
     scale = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in at])
@@ -84,7 +84,7 @@ def _lower(condition: Condition) -> tuple[Array, Array]:
 
 
 def main() -> None:
-    """Print and keep the three figures; exit status 1 where a promise is not kept."""
+    """Print and keep the three figures; exit status 1 for a broken bound."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=20)
     seeds = parser.parse_args().seeds
@@ -98,7 +98,7 @@ def main() -> None:
 
 
 def _published(kept: dict[str, Figure]) -> bool:
-    """The manutec-r15 as published, each parameter with an error of 1 %."""
+    """Return the published manutec-r15, each parameter with an error of 1 %."""
     sys.path.insert(0, str(SUPPORT))
     from synthetic import TABLE_3_A
 
@@ -128,7 +128,7 @@ def _published(kept: dict[str, Figure]) -> bool:
 
 
 def _estimates(seeds: int, kept: dict[str, Figure]) -> bool:
-    """Estimates of robots of bodies, six axes."""
+    """Return estimates of robots of real bodies, six axes."""
     from possible_models import possible
 
     robot, shares, times = Robot.load(ROOT / "tests" / "robots" / "ur10e.yaml"), [], []

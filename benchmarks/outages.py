@@ -1,10 +1,10 @@
-"""A thousand random outages: no axis stays energised, none goes farther than it may.
+"""A thousand random outages: no axis stays energised, and no axis moves beyond its bound.
 
 Each is a session of its own on the virtual plant, over real frames in lock-step: all six axes are
 powered up, moved three times at up to full speed and powered down. Somewhere in it, every frame
 from the first SYNC on being equally likely, our adapter does not transmit, does not receive, or
 neither, or one drive is off the bus, for 5 to 250 ms; in half of the sessions Ctrl-C is pressed at
-that moment. What is promised of them all:
+that moment. The following holds for all of them:
 
 - no axis is ever energised while its drive would not react to the loss of our heartbeat;
 - 3 s after the end no axis is energised;
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     Result = tuple[Outage, Verdict]
 
 SHOWN = 20
-"""Broken promises that are printed one by one."""
+"""Maximum number of broken promises printed one by one."""
 
 
 def main() -> int:
@@ -55,7 +55,7 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=4, help="processes, which sleep a lot")
     parser.add_argument("--only", type=int, help="the draw of this number alone")
     given = parser.parse_args()
-    logging.disable()  # the driver's log of every session that ended
+    logging.disable()  # log of the driver, with a message for every ended session
     numbers = range(given.number) if given.only is None else [given.only]
     results = list(_results(given.seed, numbers, given.jobs))
     only = "" if given.only is None else f" --only {given.only}"
@@ -68,7 +68,7 @@ def main() -> int:
 
 
 def report(results: Sequence[Result]) -> dict[str, Figure]:
-    """Print and return what came of all outages."""
+    """Print and return the results of all outages."""
     verdicts = [verdict for _, verdict in results]
     broken = [result for result in results if result[1].broken]
     for outage, verdict in broken[:SHOWN]:

@@ -1,8 +1,8 @@
-"""Figures of benchmarks over time: what their files have held, commit by commit.
+"""Figures of benchmarks over time: contents of their files, commit by commit.
 
 `page` is the text of the site's page, made when that is built; ``python benchmarks/over_time.py``
-states what `make bench` has changed since the last commit. Without git there are the present
-figures alone.
+prints the changes by `make bench` since the last commit. Without git, only the present figures are
+shown.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Where the head names another machine, times are not to be compared."""
 
 
 class Measured(NamedTuple):
-    """What a file held once."""
+    """Content of a file at one commit."""
 
     commit: str
     day: str
@@ -35,7 +35,7 @@ class Measured(NamedTuple):
 
 
 def versions(name: str) -> list[Measured]:
-    """Return all that a benchmark has kept, the newest first, each measurement once."""
+    """Return all kept results of a benchmark, the newest first, each measurement once."""
     path = figures.RESULTS / f"{name}.json"
     texts = [path.read_text(encoding="utf-8")] if path.exists() else []
     place = path.relative_to(figures.ROOT).as_posix()
@@ -47,7 +47,7 @@ def versions(name: str) -> list[Measured]:
     found: dict[str, Measured] = {}
     for text in texts:
         kept = json.loads(text)
-        if "measured" in kept:  # not so the tables of the paper, which have a page of their own
+        if "measured" in kept:  # except the tables of the paper on their own page
             held = {key: Figure(**given) for key, given in kept["figures"].items()}
             one = Measured(kept["commit"], kept["measured"], kept["machine"], kept["command"], held)
             found.setdefault(one.commit, one)
@@ -55,7 +55,7 @@ def versions(name: str) -> list[Measured]:
 
 
 def page() -> str:
-    """Return the page: a table a benchmark, a row a figure, a column a measurement."""
+    """Return the page: a table per benchmark, a row per figure, a column per measurement."""
     names = sorted(path.stem for path in figures.RESULTS.glob("*.json"))
     tables = ("\n".join(_table(name, all_of_it)) for name in names if (all_of_it := versions(name)))
     return "\n\n".join([INTRODUCTION, *tables]) + "\n"
@@ -71,7 +71,7 @@ def _table(name: str, measured: list[Measured]) -> Iterator[str]:
 
 
 def main() -> None:
-    """State what differs from the figures of the last commit."""
+    """Print the differences from the figures of the last commit."""
     for path in sorted(figures.RESULTS.glob("*.json")):
         now, *before = versions(path.stem) or [None]
         for line in changes(path.stem, before[0].figures, now.figures) if now and before else ():

@@ -1,4 +1,4 @@
-"""The virtual plant as a process of its own, on the wall clock, in real time; others that load."""
+"""The virtual plant as a separate process on the wall clock, in real time; processes as load."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def plant(
     interface: str, channel: str, warm_up: Callable[[], object] = lambda: None
 ) -> Iterator[None]:
-    """Serve the plant; what `warm_up` does comes before it gets the real-time class."""
+    """Serve the plant; `warm_up` runs before the switch to the real-time class."""
     place = ("--interface", interface, "--channel", channel)
     command = (sys.executable, "-m", "sim_plant", *place, "--clock", "wall")
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
@@ -36,7 +36,7 @@ def plant(
 
 @contextmanager
 def load(processes: int) -> Iterator[None]:
-    """Let so many processes compute without a pause."""
+    """Let a number of processes compute without a pause."""
     with ExitStack() as stack:
         for _ in range(processes):
             burning = subprocess.Popen((sys.executable, "-c", "while True: pass"))

@@ -49,7 +49,7 @@ LINKS = (
 
 
 def real_arm() -> PlantFile:
-    """The manutec-r15 with links that could be made of steel."""
+    """Return the manutec-r15 with links possible in steel."""
     file = load_plant_file("manutec-r15")
     axes = []
     for axis, (mass, centre, (ixx, iyy, izz)) in zip(file.axes, LINKS, strict=True):
@@ -59,7 +59,7 @@ def real_arm() -> PlantFile:
 
 
 def mjcf(file: PlantFile, integrator: str) -> str:
-    """The same arm as MuJoCo reads it."""
+    """Return the same arm in MuJoCo's format."""
     bodies = ""
     for axis, (m, centre, inertia) in zip(file.axes, LINKS, strict=True):
         alpha, r = math.radians(axis.frame.alpha_deg), axis.frame.r
@@ -93,7 +93,7 @@ def check_same_arm(plant: Plant, model: mujoco.MjModel) -> None:
 
 
 def plant_task(plant: Plant) -> Callable[[], None]:
-    """`STEPS` steps with all axes on the move, and no Python in between."""
+    """Return a function for `STEPS` steps with all axes in motion, without Python in between."""
     for servo, axis in zip(plant.axes, plant.file.axes, strict=True):
         drive = axis.drive
         per_rad = drive.gear_ratio * drive.increments / math.tau
@@ -105,7 +105,7 @@ def plant_task(plant: Plant) -> Callable[[], None]:
             drive.acceleration_max * per_rad,
             drive.acceleration_max * per_rad,
         )
-    plant.advance(0.5)  # past the ramps: in steady motion no event ends the run
+    plant.advance(0.5)  # beyond the ramps: in steady motion no event ends the run
     number = round(plant.time / plant.file.step)
     state, profile = plant.state.copy(), plant.profile.copy()
 
@@ -122,7 +122,7 @@ def plant_task(plant: Plant) -> Callable[[], None]:
 
 
 def mujoco_task(model: mujoco.MjModel) -> Callable[[], None]:
-    """`STEPS` steps of the moving arm, and no Python in between."""
+    """Return a function for `STEPS` steps of the moving arm, without Python in between."""
     data = mujoco.MjData(model)
     rest = np.zeros(6), np.full(6, 0.5)
 
@@ -134,7 +134,7 @@ def mujoco_task(model: mujoco.MjModel) -> Callable[[], None]:
 
 
 def in_turns(tasks: Mapping[str, Callable[[], None]]) -> dict[str, list[float]]:
-    """Time all tasks in turn, `REPEATS` times; costs of one step [us]."""
+    """Time all tasks in turn, `REPEATS` times; return the costs of one step [us]."""
     costs: dict[str, list[float]] = {name: [] for name in tasks}
     for _ in range(REPEATS):
         for name, task in tasks.items():
@@ -145,7 +145,7 @@ def in_turns(tasks: Mapping[str, Callable[[], None]]) -> dict[str, list[float]]:
 
 
 def main() -> None:
-    """Check that the arm is the same, time both, print the table and keep it."""
+    """Check the equality of both arms, time both, print the table and keep it."""
     plant = Plant(real_arm())
     ours = "sim_plant: arm, friction, servos"
     tasks = {ours: plant_task(plant)}

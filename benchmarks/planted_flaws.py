@@ -1,4 +1,4 @@
-"""Flaws of a stated size that are planted: into recordings, a robot file, or a plant."""
+"""Planted flaws of a stated size: in recordings, in a robot file, or in a plant."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
     Change = Callable[[Array, Array, Array, int, float], None]
 
 ARM = 0.2
-"""Of a load, across the last axis [m]."""
+"""Distance of a load from the last axis [m]."""
 STIFF = 80.0
-"""Natural frequency of a gear with play, motor held: as stiff as a step of 1 ms allows [Hz]."""
+"""Natural frequency of a gear with play, motor blocked: highest value for a step of 1 ms [Hz]."""
 HALF_WAY = 240.0
-"""Of a campaign [s]."""
+"""Middle of a campaign [s]."""
 MESH = 12
-"""Times a turn that a torque repeats."""
+"""Periods of a periodic torque per turn."""
 
 
-# What a map, a drives file or a machine does to positions and torques of an axis, from 0; sizes are
-# in the units of the table of causes.
+# Errors of a map, a drives file or a machine in positions and torques of an axis, from 0; sizes in
+# the units of the table of causes.
 def _zero(q: Array, _tau: Array, _time: Array, k: int, size: float) -> None:
     q[:, k] -= math.radians(size)
 
@@ -96,7 +96,7 @@ RECORDED: dict[str, Change] = {
 }  # fmt: skip
 
 
-# What a robot file states otherwise, the machine being as it was.
+# Errors of a robot file for an unchanged machine.
 def _turned(robot: Robot, _axis: int, size: float) -> Robot:
     a, down = math.radians(size), np.array(robot.gravity)
     other = np.cos(a) * down - np.sin(a) * np.linalg.norm(down) * across_gravity(robot)[0]
@@ -117,7 +117,7 @@ def _restated(robot: Robot, keys: dict[str, Any]) -> Robot:
 STATED = {"gravity": _turned, "rotor inertia": _rotor}
 
 
-# What a plant has otherwise.
+# Changes of a plant.
 def _load(plant: Plant, _axis: int, size: float) -> None:
     plant["payload"] = {"mass": size / ARM, "centre": [ARM, 0, 0]}
 
@@ -133,7 +133,7 @@ def _rub(plant: Plant, axis: int, size: float) -> None:
 
 
 def _soften(plant: Plant, _axis: int, size: float) -> None:
-    plant["step"] = 0.0005  # a lone link between two gears swings several times as fast
+    plant["step"] = 0.0005  # a single link between two gears has a several times higher frequency
     for each in plant["axes"]:
         own = each["drive"]
         own["stiffness"] = own["load_inertia"] * (math.tau * size) ** 2

@@ -1,4 +1,4 @@
-"""Figures of benchmarks by Matplotlib: one style, and files that are the same at every run.
+"""Figures of benchmarks by Matplotlib: one style, and reproducible files.
 
 Figures are made with its objects alone. There is no global state to set up or to leave behind but
 the style, which holds within `plotting`.
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.titlesize": 9.5, "axes.titleweight": "bold", "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # else every draw looks for a place above all that stands there
+    "axes.titley": 1.0,  # otherwise every draw searches for a place above all other elements
     "axes.labelsize": 9, "axes.edgecolor": MUTED, "axes.labelcolor": INK, "text.color": INK,
     "axes.linewidth": 0.7, "axes.spines.top": False, "axes.spines.right": False,
     "axes.grid": True, "grid.color": GRID, "grid.linewidth": 0.7, "axes.axisbelow": True,
@@ -34,7 +34,7 @@ STYLE: dict[Any, Any] = {
 
 @contextmanager
 def plotting() -> Iterator[None]:
-    """Style of everything drawn and saved within."""
+    """Set the style of everything drawn and saved within."""
     with mpl.rc_context(STYLE):
         yield
 

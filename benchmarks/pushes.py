@@ -1,4 +1,4 @@
-"""What `hil watch` sees: pushes on plants on which nothing was tuned, and alarms without a push.
+"""Detection of pushes by `hil watch` on plants without tuning, and alarms without a push.
 
 `python benchmarks/pushes.py [--seeds SEED ...] [--hours HOURS]`, by default seeds 31 to 36 and 10
 hours in all. Each seed is another plant, whose friction drifts otherwise, and another trajectory;
@@ -35,22 +35,22 @@ if TYPE_CHECKING:
 ROBOT = Robot.load("manutec-r15")
 SEEDS = (31, 32, 33, 34, 35, 36)
 SHARES = {0.10: 0.02, 0.05: 0.1, 0.02: 0.2}
-"""Sizes of pushes as shares of the torque limit, and within what time they are to be seen [s]."""
+"""Sizes of pushes as shares of the torque limit, and bounds of the detection delay [s]."""
 PERIOD, LASTS, APART = 0.004, 0.2, 1.25
 FIRST, MARK = 45.0, 20.0
-"""When the first push comes, and the lost telegram [s]."""
+"""Times of the first push and of the lost telegram [s]."""
 TURN, LEARNED = 20.0, 30.0
-"""Period of the trajectories, and time in which thresholds are learned [s]."""
+"""Period of the trajectories, and time for learning thresholds [s]."""
 AROUND = (-0.04, 0.02)
-"""Around the beginning of a push, where an axis that is slower than `SLOW` turns round [s]."""
+"""Half width of a window around the beginning of a push, for reversals of a slow axis [s]."""
 SLOW = 0.05
-"""Share of the velocity limit."""
+"""Share of the velocity limit below which an axis is slow."""
 CYCLES = 14
-"""Periods of 20 s: 4.7 minutes."""
+"""Number of periods of 20 s: 4.7 minutes."""
 
 
 def pushes(rng: np.random.Generator) -> list[Push]:
-    """Time, axis and share of every push."""
+    """Return time, axis and share of every push."""
     found, when = [], FIRST
     while when < CYCLES * TURN - 5:
         share = rng.choice(list(SHARES)) * rng.choice([-1, 1])
@@ -82,7 +82,7 @@ def faults(path: Path, given: list[Push]) -> Path:
 
 
 def model_of(folder: Path, seed: int) -> Path:
-    """Identify a plant from 20 s."""
+    """Identify a plant from a trajectory of 20 s."""
     known = plan(folder / "known.yaml", 1000 + seed, 5.0023, 4, 10, (0.9, 0.49))
     called("run", known, "-o", folder / "known", "--bus-option", f"seed={seed}")
     called("identify", folder / "known")
@@ -90,7 +90,7 @@ def model_of(folder: Path, seed: int) -> Path:
 
 
 def recorded(folder: Path, seed: int, name: str, rounds: int, *more: str) -> hil.Run:
-    """Measure the trajectory of a seed so many times; `more` are options of the plant."""
+    """Measure a number of cycles of a seed's trajectory; `more` are options of the plant."""
     file = plan(folder / f"{name}.yaml", seed, TURN, CYCLES, 10, (0.8, 0.4))
     file.write_bytes(dump_plan(repeat_measurements(load_plan(file), rounds)).encode())
     options = [word for each in (f"seed={seed}", *more) for word in ("--bus-option", each)]
@@ -99,7 +99,7 @@ def recorded(folder: Path, seed: int, name: str, rounds: int, *more: str) -> hil
 
 
 def watched(run: hil.Run, model: Path) -> Watched:
-    """What `hil watch` would have found while a run was measured."""
+    """Return the detections of `hil watch` for a measured run."""
     watcher = Watcher(hil.Model.load(model), PERIOD, LEARNED)
     for each in run:
         watcher.take_all(each.recording.time, each.recording.q, each.recording.tau)
@@ -107,7 +107,7 @@ def watched(run: hil.Run, model: Path) -> Watched:
 
 
 class Seen(NamedTuple):
-    """One push: share of the torque limit, axis, delay [s], and whether the axis turned round."""
+    """Push: share of the torque limit, axis, delay [s], and reversal of the axis."""
 
     share: float
     axis: int
@@ -116,7 +116,7 @@ class Seen(NamedTuple):
 
 
 def seen(run: hil.Run, found: Watched, given: list[Push]) -> tuple[list[Seen], int]:
-    """What was seen of every push, with an infinite delay where nothing was; and false alarms."""
+    """Return all pushes, with an infinite delay for undetected ones; and false alarms."""
     each = next(iter(run))
     recording, trajectory = each.recording, each.measurement
     lost = float(recording.time[np.flatnonzero(recording.flags[:, 0] & 1)[0]])
@@ -137,7 +137,7 @@ def seen(run: hil.Run, found: Watched, given: list[Push]) -> tuple[list[Seen], i
 
 
 def report(found: list[Seen], false: int) -> None:
-    """State what was seen of pushes of each size, and of those away from reversals alone."""
+    """Print detections of pushes of each size, and of those away from reversals alone."""
     print(
         "push, %  axis    n  seen, %  in time, %  median, ms  95 %, ms  in time moving, %  moving"
     )
@@ -159,14 +159,14 @@ def report(found: list[Seen], false: int) -> None:
 
 
 def of_pushes(folder: Path, seed: int, model: Path) -> tuple[list[Seen], int]:
-    """Pushes on the plant of a seed."""
+    """Measure and watch a motion with pushes on the plant of a seed."""
     given = pushes(np.random.default_rng(seed))
     run = recorded(folder, seed, "pushed", 1, f"faults={faults(folder / 'faults.yaml', given)}")
     return seen(run, watched(run, model), given)
 
 
 def without(folder: Path, seed: int, model: Path, hours: float) -> Watched:
-    """Motion on the plant of a seed that nobody pushes."""
+    """Measure and watch a motion without pushes on the plant of a seed."""
     rounds = round(3600 * hours / (CYCLES * TURN))
     found = watched(recorded(folder, seed, "free", rounds), model)
     shares = [(round(100 * axis.blind, 1), round(100 * axis.dim, 1)) for axis in found.axes]

@@ -2,9 +2,9 @@
 
     python benchmarks/real_machines.py TRAIN... -- TEST...
 
-takes run folders of any one machine. What the default method leaves of the torques is compared with
-what weighted least squares leaves, of the recordings that both were fitted to and of those that
-neither saw, axis by axis and overall: at most 1.05 times as much overall and 1.2 on any axis.
+takes run folders of any one machine. Residual torques of the default method are compared with those
+of weighted least squares, for the recordings of both fits and for held-out ones, by axis and
+overall: the bounds of their ratio are 1.05 overall and 1.2 on any axis.
 
     python benchmarks/real_machines.py figures FOLDER
 
@@ -54,11 +54,11 @@ if TYPE_CHECKING:
 CUT_OFF = 100.0
 EVERY = 10
 ENDS = 20
-"""Samples at either end that are dropped."""
+"""Number of samples dropped at either end."""
 
 
 def compare(train: Sequence[str], test: Sequence[str]) -> None:
-    """Print what the default method leaves of the torques over what weighted least squares does."""
+    """Print the residual torques by the default method over those by least squares."""
     first, *more = map(Run.open, train)
     ours, plain = (
         identified(first, name, more).model for name in ("free motion", "weighted least squares")
@@ -76,7 +76,7 @@ def compare(train: Sequence[str], test: Sequence[str]) -> None:
 
 
 def _squares(model: Model, runs: Sequence[Run]) -> tuple[np.ndarray, np.ndarray]:
-    """Sums of squares of what a model leaves, and of the torques, of each axis."""
+    """Return sums of squares of a model's residuals, and of the torques, of each axis."""
     found = {}
     for each in predicted_torques(model, Pooled(runs)):
         pair = np.array([np.sum((each.measured - each.predicted) ** 2), np.sum(each.measured**2)])
@@ -86,7 +86,7 @@ def _squares(model: Model, runs: Sequence[Run]) -> tuple[np.ndarray, np.ndarray]
 
 
 def keep_figures(folder: Path) -> None:
-    """Keep what the models of two machines leave of the torques."""
+    """Keep the residual torques of the models of two machines."""
 
     def left(model: str, run: str) -> Figure:
         squares, torque = _squares(Model.load(folder / model), [Run.open(folder / run)])
@@ -108,7 +108,7 @@ def keep_figures(folder: Path) -> None:
 
 
 def main(folder: Path | str) -> dict[str, float]:
-    """Print what both leave of the torques, of samples taken in either way; return the former."""
+    """Print the residual torques of both models for both ways of sampling; return the former."""
     run, model = Run.open(folder), Model.load(folder)
     (recording,) = [measured.recording for measured in run]
     period = recording.period
@@ -139,7 +139,7 @@ def _low_passed(x: np.ndarray, period: float) -> np.ndarray:
 
 
 def _decimated(x: np.ndarray) -> np.ndarray:
-    """Every tenth sample of what passes a low-pass."""
+    """Return every tenth sample after a low-pass."""
     return np.asarray(signal.decimate(x, EVERY, axis=0, zero_phase=True))
 
 
@@ -148,7 +148,7 @@ def _every(x: np.ndarray) -> np.ndarray:
 
 
 def _columns(run: Run, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Base parameters, then three terms of friction an axis, then two of each coupled motor."""
+    """Return base parameters, then three friction terms per axis, then two per coupled motor."""
     robot = run.robot
     n, terms = robot.n_joints, [np.sign(qd), qd, np.ones_like(qd)]
     friction = [t[:, :, None] * np.eye(n) for t in terms]
@@ -156,7 +156,7 @@ def _columns(run: Run, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.nda
 
 
 def _coupled(robot: Robot, qd: np.ndarray) -> np.ndarray:
-    """Viscous and Coulomb friction of each coupled motor, as its two joints feel it."""
+    """Return viscous and Coulomb friction of each coupled motor at its two joints."""
     coupled = np.zeros((*qd.shape, 2 * len(robot.couplings)))
     for k, (motor, joint, ratio) in enumerate(robot.couplings):
         turning = np.sign(ratio * qd[:, joint] + qd[:, motor])
@@ -174,7 +174,7 @@ def _show_figaroh(
     tau: np.ndarray,
     take: Callable[[np.ndarray], np.ndarray],
 ) -> None:
-    """Print what figaroh leaves, where it is installed."""
+    """Print the residual torques by figaroh, if installed."""
     try:
         import pinocchio as pin
         from figaroh.tools.qrdecomposition import QRDecomposer
@@ -196,7 +196,7 @@ def _show_figaroh(
     )  # fmt: skip
     inertia = _coupled(robot, qdd)[..., 0::2]
     extra = np.concatenate([_coupled(robot, qd), inertia], axis=-1)
-    # its rows are all samples of one joint after the other
+    # rows of figaroh are ordered by joint: all samples of a joint in sequence
     W = np.hstack([W, extra.transpose(1, 0, 2).reshape(len(W), -1)])
     n = robot.n_joints
     W = np.vstack([take(own) for own in W.reshape(n, len(q), -1)])

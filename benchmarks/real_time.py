@@ -1,7 +1,7 @@
-"""A campaign of two minutes in real time, and whether a sample was lost or wrong without a flag.
+"""Campaign of two minutes in real time, with a search for lost or wrong samples without a flag.
 
-On vcan0, 25 SYNCs a second by default; plant and driver are two processes, and candump
-is the witness: every sample without a flag must be what the drives sent behind that SYNC::
+On vcan0, 25 SYNCs a second by default; plant and driver are two processes, and candump is the
+witness: every sample without a flag must equal the values sent by the drives after that SYNC::
 
     python tools/can_guest.py .venv/bin/python benchmarks/real_time.py [SYNCS_PER_SECOND] [SECONDS]
 """
@@ -38,11 +38,11 @@ if TYPE_CHECKING:
 ROBOT = "manutec-r15"
 CHANNEL = "vcan0"
 SAME = 5e-4
-"""Two stamps of one SYNC differ by less, after their conversion to another clock [s]."""
+"""Bound of the difference between two stamps of one SYNC after conversion to another clock [s]."""
 
 
 def make_plan(period: float, duration: float) -> Plan:
-    """Repeat one gravity measurement until `duration` [s] is filled."""
+    """Repeat one gravity measurement up to a total duration [s]."""
     robot = Robot.load(ROBOT)
     place = (0.0, -0.3, 0.2, 0.0, 0.5, 0.0)
     strokes = {"axis": 2, "q": place, "stroke": 0.4, "velocity": 0.2, "acceleration": 8.0}
@@ -61,7 +61,7 @@ def make_plan(period: float, duration: float) -> Plan:
 
 
 def witnessed(log: str, drives: DrivesFile) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return SYNCs' instants (n,) [s] and positions behind them (n, n_axes) [increments]."""
+    """Return SYNCs' instants (n,) [s] and positions after them (n, n_axes) [increments]."""
     axis_of = {0x180 + axis.node: index for index, axis in enumerate(drives.axes)}
     instants: list[float] = []
     positions: list[list[float]] = []
@@ -80,7 +80,7 @@ def witnessed(log: str, drives: DrivesFile) -> tuple[NDArray[np.float64], NDArra
 def unlike(
     recording: Recording, drives: DrivesFile, seen: tuple[NDArray[np.float64], NDArray[np.float64]]
 ) -> int:
-    """Count the samples without a flag that are not what the witness saw behind their SYNC."""
+    """Count the samples without a flag that differ from the witness's values after their SYNC."""
     instants, positions = seen
     shifts = instants[: -recording.n_samples + 1] - recording.time[0]
     nearest = [np.searchsorted(instants, recording.time + shift - SAME) for shift in shifts]
@@ -97,7 +97,7 @@ def unlike(
 
 
 def main(rate: float = 25.0, duration: float = 120.0) -> None:
-    """Measure, then judge and keep."""
+    """Measure, judge and keep."""
     candump = shutil.which("candump")
     if not Path(f"/sys/class/net/{CHANNEL}").exists() or candump is None:
         sys.exit(f"needs {CHANNEL} and candump (can-utils); see tools/can_guest.py")

@@ -1,4 +1,4 @@
-"""How near the truth runs get whose drives renew position and current only every few SYNCs.
+"""Torque errors of runs with drives that update position and current only every few SYNCs.
 
 `check` then refuses the drives file and names the period to use. Each run is a `hil run` of one
 plan on the same plant, whose six drives all renew both values every 2, 3, 5 or 8 times 4 ms, with
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 EVERY = (2, 3, 5, 8)
 METHOD: TwoStepMethod = "improved"
 MOST = 1.2
-"""Torque error with such drives, relative to that of others at the same period."""
+"""Bound of the torque error with such drives, relative to that of others at the same period."""
 
 
 def measure(every: int, folder: Path, *, old: bool) -> Path:
-    """Run the plan at `every` times its period; drives renew as rarely (`old`) or at once.
+    """Run the plan at `every` times its period, with drives of slow (`old`) or immediate updates.
 
     A run that is there stays.
     """
@@ -56,7 +56,7 @@ def measure(every: int, folder: Path, *, old: bool) -> Path:
 
 
 def copied(path: Path, key: str, every: int, copy: Path) -> float:
-    """Copy a file with a multiple of one of its times, and return that."""
+    """Copy a file with a multiple of one of its times, and return this time."""
     before, after = path.read_text(encoding="utf-8").split(f"\n{key}: ")
     was, *rest = after.splitlines(keepends=True)
     period = every * float(was.split()[0])
@@ -65,7 +65,7 @@ def copied(path: Path, key: str, every: int, copy: Path) -> float:
 
 
 def main() -> int:
-    """Return 0 if no run is less exact than it may be."""
+    """Return 0 if all runs are as accurate as required."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--every", type=int, nargs="+", default=EVERY, help="[SYNCs of 4 ms]")
     parser.add_argument("--keep", type=Path, help="folder for plan and runs; reused if there")

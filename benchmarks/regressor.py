@@ -25,7 +25,7 @@ REPEATS = 5
 
 
 def pinocchio_arm(robot: Robot) -> pin.Model:
-    """The same frames in Pinocchio."""
+    """Return an arm with the same frames in Pinocchio."""
     model = pin.Model()
     model.gravity.linear = robot.gravity
     for k in range(robot.n_joints):
@@ -36,7 +36,7 @@ def pinocchio_arm(robot: Robot) -> pin.Model:
 
 
 def costs(task: Callable[[], object]) -> np.ndarray:
-    """Time of several runs, per sample [us]."""
+    """Return the times of several runs, per sample [us]."""
     times = []
     for _ in range(REPEATS):
         begin = time.perf_counter()
@@ -61,7 +61,7 @@ def main() -> None:
         for k in range(N_SAMPLES):
             kept[k] = pin.computeJointTorqueRegressor(model, data, q[k], qd[k], qdd[k])
 
-    regressor(robot, q[:1], qd[:1], qdd[:1])  # compiles, or loads what was compiled before
+    regressor(robot, q[:1], qd[:1], qdd[:1])  # the first call compiles, or loads compiled code
     ours = costs(lambda: regressor(robot, q, qd, qdd))
     figures: dict[str, Figure] = {}
     table = Table("", "us per sample", "times ours", title=f"Regressor, {N_SAMPLES} samples")

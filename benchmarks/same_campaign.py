@@ -1,11 +1,11 @@
-"""The same campaign over CANopen and over EtherCAT, on the same plant with the same seed.
+"""One campaign over CANopen and over EtherCAT, on the same plant with the same seed.
 
-Both run in lock-step within this process, without wires. On EtherCAT a frame brings what was
-latched when the frame before passed, and a drive acts when a frame has passed, so a master sees
-what its commands do two cycles later than on CAN, as on hardware. Whatever it decides then comes
-two cycles later too. To have the same decisions at the same instants, the CAN side is given its
+Both run in lock-step within this process, without wires. On EtherCAT a frame contains the values
+latched at the previous frame, and a drive acts after a frame has passed. So a master sees the
+effect of its commands two cycles later than on CAN, as on hardware, and its decisions are two
+cycles later as well. To have the same decisions at the same instants, the CAN side is given its
 inputs two SYNCs late; and since the buses need different numbers of cycles to start, the one that
-is ready first waits. What remains must be the same numbers, bit for bit::
+is ready first waits. The remaining numbers must be equal, bit for bit::
 
     python benchmarks/same_campaign.py [COUNTS]
 """
@@ -53,21 +53,23 @@ if TYPE_CHECKING:
 
 ROBOT, SEED = "manutec-r15", 5
 LATE = 2
-"""SYNCs by which a master on EtherCAT sees what its commands do later than on CAN."""
+"""Additional delay of feedback for a master on EtherCAT, relative to CAN [SYNCs]."""
 COUNTS = {"gravity": 56, "inertia": 80, "coupling": 16}
-"""Of the plan by default: the whole campaign."""
+"""Counts of the default plan: the whole campaign."""
 SHORT, TURNS = {"gravity": 10, "inertia": 20, "coupling": 4}, 5
-"""Of the plan whose time is taken on either bus in turns: single runs differ by a fifth."""
+"""Counts of the plan for times on either bus, and number of
+turns: single runs differ by a fifth.
+"""
 
 robot = Robot.load(ROBOT)
 drives = load_drives(ROBOTS / f"{ROBOT}.drives.yaml")
 
 
 class LateProcessData(SyncProcessData):
-    """Process data of CAN as a master on EtherCAT has them: two SYNCs late, under their instant."""
+    """Process data of CAN with the delay of a master on EtherCAT: two SYNCs."""
 
     def sync(self) -> float:
-        """Exchange, and show what came two SYNCs ago."""
+        """Exchange, and return the data of two SYNCs ago."""
         if not hasattr(self, "_past"):
             self._past: deque[tuple[Any, ...]] = deque(maxlen=LATE + 1)
             self._instants: deque[float] = deque([self.time] * LATE, maxlen=LATE)
@@ -90,21 +92,21 @@ class LateProcessData(SyncProcessData):
 
 
 class Start(NamedTuple):
-    """How far a plant has come when its axes are switched on.
+    """State of a plant at the switch-on of its axes.
 
     Attributes
     ----------
     cycles : int
-        That have passed.
+        Number of past cycles.
     readings : int
-        Of its current sensors, each of which takes noise of its own.
+        Number of readings of the current sensors, each with separate noise.
     """
 
     cycles: int
     readings: int
 
     def ahead(self, other: Start) -> Start:
-        """Return by how much another has come further, 0 where it has not."""
+        """Return the lead of another plant in cycles, 0 without one."""
         pairs = zip(self, other, strict=True)
         return Start(*(max(0, theirs - ours) for ours, theirs in pairs))
 
@@ -113,7 +115,7 @@ AT_ONCE = Start(0, 0)
 
 
 def over_can(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
-    """Measure over CAN; return how far the plant had come when axes were switched on."""
+    """Measure over CAN; return the plant's state at the switch-on of axes."""
     with (
         PlantBus(ROBOT, seed=SEED) as bus,
         mock.patch("drivers.canopen.connection.SyncProcessData", LateProcessData),
@@ -125,7 +127,7 @@ def over_can(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
 
 
 def over_ethercat(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
-    """Measure over EtherCAT; return how far the plant had come when axes were switched on."""
+    """Measure over EtherCAT; return the plant's state at the switch-on of axes."""
     segment = Segment(load_machine(ROBOT, SEED))
     segment.power_on()
     bus = ServoAxes(EthercatBus(PlantWire(segment), "lock-step"), drives)
@@ -135,7 +137,7 @@ def over_ethercat(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
 def measured(
     plan: Plan, folder: Path, bus: DriveBus, network: TimedNetwork, waiting: Start
 ) -> Start:
-    """Carry a plan out on a bus whose axes wait before they are switched on."""
+    """Measure a plan on a bus whose axes wait before the switch-on."""
     begun: list[Start] = []
     power_on, read = Session.power_on, network._machine.read
     readings = 0
@@ -161,12 +163,12 @@ def measured(
 
 
 def compared(counts: Mapping[str, int], folder: Path) -> tuple[int, int, float, float, Start]:
-    """Return data sets that are the same and all, durations of both [s], what CAN waited for."""
+    """Return numbers of equal and of all data sets, both durations [s], and CAN's wait."""
     plan = design(robot, counts)
     first = plan.model_copy(update={"measurements": plan.measurements[:1]})
     can, ethercat = over_can(first, folder / "can0"), over_ethercat(first, folder / "ethercat0")
     waiting = can.ahead(ethercat)
-    waiting = waiting._replace(readings=waiting.readings + 1)  # EtherCAT reads before a cycle too
+    waiting = waiting._replace(readings=waiting.readings + 1)  # EtherCAT also reads before a cycle
     begun = time.perf_counter()
     over_can(plan, folder / "can", waiting)
     between = time.perf_counter()
@@ -187,7 +189,7 @@ def compared(counts: Mapping[str, int], folder: Path) -> tuple[int, int, float, 
 
 
 def ethercat_over_can(folder: Path) -> Figure:
-    """Return the processor time of a short campaign over EtherCAT, over that of CAN."""
+    """Return the ratio of the processor times of a short campaign over EtherCAT and over CAN."""
     plan = design(robot, SHORT)
 
     def took(measure: Callable[[Plan, Path], Start], name: str) -> float:

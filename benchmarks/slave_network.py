@@ -1,6 +1,6 @@
 """Cost of one SYNC with six drives, each answering with status, position and current.
 
-The machine behind the drives does nothing, so what is measured is CANopen and python-can alone::
+The machine behind the drives does nothing, so the time is that of CANopen and python-can::
 
     python benchmarks/slave_network.py
 """
@@ -30,7 +30,7 @@ SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 
 
 def idle_machine() -> SimpleNamespace:
-    """A machine whose axes stand still at no cost."""
+    """Return a machine with axes at rest, without computation."""
     reading = Reading(1, 2, 3, 4, 5, 6, int(AxisEvent.DONE | AxisEvent.STANDSTILL))
     readings = np.array(list(reading) * N_AXES)
     drives = [
@@ -65,7 +65,7 @@ def configure(channel: str) -> None:
 
 
 def best(action: Callable[[], object], number: int = 2000) -> Figure:
-    """Shortest mean time of one call."""
+    """Return the shortest mean time of one call."""
     times = np.array(timeit.repeat(action, number=number, repeat=15)) / number * 1e6
     return Figure(times.min(), "us", 3, Figure.median(times).scatter)
 

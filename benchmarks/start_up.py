@@ -1,4 +1,4 @@
-"""What `hil --help` and a completion cost, against the libraries that show them.
+"""Processor time of `hil --help` and of a completion, against that of the underlying libraries.
 
 Processor time (user and system) of whole processes, interpreter included, in turns so that all see
 the same machine: the help of `hil` and the completion of a command's name, against an interpreter
@@ -21,7 +21,7 @@ from statistics import median
 from figures import Figure, keep
 
 PROMISED = 3.0
-"""Largest ratio of the help's processor time to that of the libraries."""
+"""Bound of the ratio of the help's processor time to that of the libraries."""
 LIBRARIES = "typer, rich alone"
 HELP = "hil --help"
 LEAST = "help of two commands"
@@ -47,16 +47,16 @@ STARTED: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
     HELP: ((*PROGRAM, "--help"), {}),
     COMPLETION: (PROGRAM, ASKED),
 }
-"""Command and additional environment of what is compared."""
+"""Commands and additional environment of the comparison."""
 
 
 def main() -> None:
-    """Measure in turns, print and keep the medians; exit status 1 where the promise is not kept."""
+    """Measure in turns, print and keep the medians; exit status 1 for a broken bound."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--times", type=int, default=10)
     times = parser.parse_args().times
     spent = {name: [] for name in STARTED}
-    for turn in range(times + 1):  # the first writes byte code and fills the disk's cache
+    for turn in range(times + 1):  # the first call writes byte code and fills the disk's cache
         for name, (command, variables) in STARTED.items():
             time = processor_time(command, variables)
             if turn:
@@ -80,7 +80,7 @@ def main() -> None:
 
 
 def processor_time(command: tuple[str, ...], variables: dict[str, str]) -> float:
-    """Return what a process takes of processors from its start to its end [s]."""
+    """Return the processor time of a process from its start to its end [s]."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(command, env={**os.environ, **variables}, stdout=subprocess.DEVNULL, check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -1,9 +1,9 @@
-"""Streamed trajectories on a busy computer: how many are ended, and how much is slowed down.
+"""Streamed trajectories on a busy computer: shares of ended and of slowed-down runs.
 
 The plant and `hil run` are processes of their own. The plant stands for drives, which are never
 late, so it has the real-time class; eight others compute without a pause. Every run streams three
-periods of 10 s once, whatever is found wrong with them, from power-on to power-off; first as a
-normal process, then in real time::
+periods of 10 s once, independently of their findings, from power-on to power-off; first as a normal
+process, then in real time::
 
     python benchmarks/streams.py [RUNS] [INTERFACE] [CHANNEL] [normal] [real-time]
     python tools/can_guest.py .venv/bin/python benchmarks/streams.py 20 socketcan vcan0
@@ -27,18 +27,18 @@ from hil.runs.run import Run
 
 HIL = (sys.executable, "-m", "hil")
 BUSY = 8
-"""Processes that compute without a pause."""
+"""Number of processes that compute without a pause."""
 MANNERS = {"normal": (), "real-time": ("--realtime",)}
 """Options of `hil run`."""
 PATIENCE = 600.0
-"""Time after which a run that has neither ended nor come to its end is left [s]."""
+"""Time until a stuck run is abandoned [s]."""
 
 
 FIGURES, UNITS = ("lasted", "slowed", "flagged"), ("s", "%", "%")
 
 
 class Streamed(NamedTuple):
-    """What became of a run: a line, its time [s] and shares of its samples; NaN where none are."""
+    """Result of a run: a line, its duration [s] and shares of samples; NaN for missing ones."""
 
     line: str
     lasted: float = np.nan
@@ -49,7 +49,7 @@ class Streamed(NamedTuple):
 def streamed(plan: Path, folder: Path, place: tuple[str, ...], *options: str) -> Streamed:
     """Run the plan once."""
     command = (*HIL, "run", str(plan), "-o", str(folder), *place, *options)
-    # of its own, since what one that was left has not put back would end the next
+    # separate folder, because unrestored values of an abandoned run would end the next
     state = {**os.environ, "XDG_STATE_HOME": str(folder.with_suffix(".state"))}
     try:
         done = subprocess.run(
@@ -68,7 +68,7 @@ def streamed(plan: Path, folder: Path, place: tuple[str, ...], *options: str) ->
 
 
 def main(runs: int = 20, interface: str = "local", channel: str = "streams", *asked: str) -> None:
-    """Print a line for each run, and keep what became of all."""
+    """Print a line for each run, and keep the results of all."""
     place = ("--interface", interface, "--channel", channel)
     with tempfile.TemporaryDirectory() as scratch:
         plan = Path(scratch) / "trajectory.yaml"

@@ -1,4 +1,4 @@
-"""Whether intervals of torque hold on another motion of the same robot.
+"""Coverage of torque intervals on another motion of the same robot.
 
 Every seed is a plant of its own: bodies of either built-in plant, friction, its drift, its warming
 and asymmetry, noise and ripple drawn within factors of about two::
@@ -50,14 +50,14 @@ PAIRS = (
 
 
 class Inside(NamedTuple):
-    """Share of samples inside, and whether the axis is named, of each axis [%]."""
+    """Share of samples inside the intervals, and share of named axes, of each axis [%]."""
 
     inside: list[float]
     named: list[bool]
 
 
 def write_plant(path: Path, seed: int) -> None:
-    """Write a plant of a seed."""
+    """Write the plant file of a seed."""
     rng = np.random.default_rng(seed)
     content = load_plant_file(f"{MANUTEC}-bodies" if seed % 2 else MANUTEC).model_dump(mode="json")
     content |= {"drift_strength": float(rng.uniform(0.5, 2.0)), "seed": seed}
@@ -74,7 +74,7 @@ def write_plant(path: Path, seed: int) -> None:
 
 
 def write_plans(folder: Path) -> None:
-    """Write the plans that are not there."""
+    """Write missing plans."""
     strokes = folder / "strokes.yaml"
     if not strokes.exists():
         strokes.write_text(dump_plan(measured_plan(Robot.load(MANUTEC))))
@@ -85,7 +85,7 @@ def write_plans(folder: Path) -> None:
 
 
 def measured(folder: Path, seed: int, *, demo: bool) -> dict[str, Run] | None:
-    """Runs of a seed by plan, recorded unless they are there; None where a drive faults."""
+    """Return the runs of a seed by plan, recorded if missing; None after a fault of a drive."""
     plant = folder / f"{seed}.plant.yaml"
     drives = ROBOTS / f"{MANUTEC}.drives.yaml"
     if not demo and not plant.exists():
@@ -105,7 +105,7 @@ def measured(folder: Path, seed: int, *, demo: bool) -> dict[str, Run] | None:
 
 
 def judged(runs: dict[str, Run]) -> Iterator[tuple[str, Inside]]:
-    """Of each pair of plans, how the model of the first predicts the run of the second."""
+    """Return the judgement of predictions by the first plan's model, for each pair of plans."""
     models: dict[str, Model] = {plan: identify(run) for plan, run in runs.items()}
     for known, other in PAIRS:
         axes = validate(models[known], runs[other]).axes
@@ -116,7 +116,7 @@ def judged(runs: dict[str, Run]) -> Iterator[tuple[str, Inside]]:
 
 
 def main() -> None:
-    """Measure, identify, validate, print, keep."""
+    """Measure, identify, validate, print and keep."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--first", type=int, default=2001)
     parser.add_argument("--seeds", type=int, default=8)

@@ -1,4 +1,4 @@
-"""Lock-step with the plant in a process of its own, against one process: SYNCs a second.
+"""SYNCs per second in lock-step, with the plant in a separate process and in the same process.
 
 Over a local channel, over EtherCAT on a cable of two interfaces where root asks, and over vcan0
 where there is one::
@@ -31,7 +31,7 @@ CHUNK = 100
 
 
 def cycles_per_second(interface: str, channel: str) -> Figure:
-    """Return the best of several chunks of SYNCs while all axes hold their position."""
+    """Return the best rate of several chunks of SYNCs while all axes hold their position."""
     rates: list[float] = []
     with open_drive_bus(DRIVES, interface, channel, pacing="lock-step") as axes:
         ends = time.perf_counter() + DURATION
@@ -43,7 +43,7 @@ def cycles_per_second(interface: str, channel: str) -> Figure:
 
 
 def apart(interface: str, channel: str) -> Figure:
-    """Return the same with the plant in another process."""
+    """Return the rate with the plant in another process."""
     command = [sys.executable, "-m", "sim_plant", "--interface", interface, "--channel", channel]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as plant:
         try:
@@ -55,7 +55,7 @@ def apart(interface: str, channel: str) -> Figure:
 
 
 def over_ethercat() -> Figure:
-    """Return the same over EtherCAT, from this file as a script beside the plant."""
+    """Return the rate over EtherCAT, with this file as a script beside the plant."""
     value, scatter = map(float, carried_out(__file__, "beside-the-plant").split()[-2:])
     return Figure(value, "SYNC/s", scatter=scatter)
 

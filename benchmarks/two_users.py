@@ -2,8 +2,8 @@
 
     sudo .venv/bin/python benchmarks/two_users.py
 
-Both users are numbers without an account. Each line states what was tried and what came of it; the
-exit status is 1 if anything of the other's was read, stopped or deleted.
+Both users are numbers without an account. Each line states an attempt and its result; the exit
+status is 1 if data of the other user were read, stopped or deleted.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ OWNER, STRANGER = 54321, 54322
 
 
 def become(user: int) -> None:
-    """Make this process one of a user without further groups."""
+    """Change this process to a user without further groups."""
     os.setgroups([])
     os.setgid(user)
     os.setuid(user)
 
 
 def as_user(user: int, act: Callable[[], object]) -> str:
-    """Return what came of an act of a user, in a process of its own."""
+    """Return the result of an action of a user, from a separate process."""
     reading, writing = os.pipe()
     if not (child := os.fork()):
         become(user)
@@ -53,7 +53,7 @@ def as_user(user: int, act: Callable[[], object]) -> str:
 
 
 def stop_and_close(port: int, *, wait: bool) -> bytes:
-    """Ask the live page for a stop; return its answer, or close at once."""
+    """Request a stop from the live page; return its answer, or close at once."""
     request = f"POST /stop HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\nX-Hil-Stop: 1\r\n\r\n"
     with socket.create_connection(("127.0.0.1", port)) as page:
         page.sendall(request.encode())
@@ -61,7 +61,7 @@ def stop_and_close(port: int, *, wait: bool) -> bytes:
 
 
 def on_bus(folder: Path, sockets: list[Path]) -> dict[str, Callable[[], object]]:
-    """Acts of a stranger against a channel of the local bus."""
+    """Actions of a stranger against a channel of the local bus."""
 
     def send() -> None:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as mine:
@@ -78,7 +78,7 @@ def on_bus(folder: Path, sockets: list[Path]) -> dict[str, Callable[[], object]]
 
 
 def attack_bus() -> list[str]:
-    """Attack a channel with two members, and one whose folder the stranger made before."""
+    """Attack a channel with two members, and one with a folder made by the stranger."""
     os.environ.pop("XDG_RUNTIME_DIR", None)
     wrong = []
     folder = Path(tempfile.gettempdir()) / f"can-local-{OWNER}" / "two-users"
@@ -161,7 +161,7 @@ def attack_page() -> list[str]:
 if __name__ == "__main__":
     if os.getuid():
         sys.exit("two_users.py: must be root, to become both users")
-    "localhost".encode("idna")  # loads what the users may have no right to read
+    "localhost".encode("idna")  # loads modules that the users may have no right to read
     found = attack_bus() + attack_page()
     print("of the other's was read, stopped or deleted:", ", ".join(found) or "nothing")
     sys.exit(bool(found))

@@ -1,11 +1,11 @@
-"""How smoothly the page of hil view plays: frames a second, and what a frame costs the scripts.
+"""Smoothness of the page of hil view: frames per second, and cost of a frame in the scripts.
 
     python benchmarks/view_frames.py [SECONDS]
 
 The plan of the manutec-r15 with a workspace is played in headless Chromium. Without a graphics card
-its processor draws (SwiftShader), so the frames a second are a lower bound for that machine; what a
-frame costs the page's own scripts is the same with a card, and 16.7 ms is what 60 frames a second
-leave for it. The peer is the same page with the swept volume hidden.
+its processor draws (SwiftShader), so the frames a second are a lower bound for that machine; the
+cost of a frame in the page's own scripts is the same with a card, and its bound is 16.7 ms at 60
+frames a second. The peer is the same page with the swept volume hidden.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ setTimeout(() => {
 
 
 def main(seconds: float = 10.0) -> None:
-    """Write the page, open it and play it; keep what that takes."""
+    """Write the page, open it and play it; keep the times."""
     robot = Robot.load("manutec-r15")
     plan = design(robot, {}, 0.0, WORKSPACE)
     with (

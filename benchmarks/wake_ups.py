@@ -30,18 +30,18 @@ if TYPE_CHECKING:
 
 INTERFACE, CHANNEL = "local", "wake-ups"
 WARM_UP = 250
-"""Samples that are not counted: the plant compiles or loads what its first SYNC needs."""
+"""Number of samples excluded at the start: the plant compiles or loads code at its first SYNC."""
 PERIOD = 0.004
 DRIVES = load_drives(ROBOTS / "manutec-r15.drives.yaml").model_copy(
     update={"sync_period": PERIOD, "heartbeat_timeout": 2.0, "sdo_timeout": 5.0}
 )
 GAPS = SampleFlag.MISSING | SampleFlag.DOUBLED | SampleFlag.LATE
 KEPT = {"flagged": "%", "left-out": "%", "rms": "ms", "worst": "ms"}
-"""Units of `measured`."""
+"""Units of the values of `measured`."""
 
 
 def measured(samples: int, *, realtime: bool) -> list[float]:
-    """Sample axes that hold their position; return what became of SYNC, as in `KEPT`."""
+    """Sample axes at rest; return the statistics of SYNC, as in `KEPT`."""
     with (
         open_drive_bus(DRIVES, INTERFACE, CHANNEL) as axes,
         real_time_if(realtime, lock_step=False),

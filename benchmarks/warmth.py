@@ -3,10 +3,10 @@
     python benchmarks/warmth.py [FOLDER]
 
 Makes four campaigns of 39 measurements of the manutec-r15, each begun cold with a seed of its own,
-identifies them together, and predicts the friction of two more, of other seeds. Printed is, axis by
-axis, what is left of the friction torque in their first three minutes and in all of them, as a
-share of it: by the law alone, at the mean level of the campaigns, and by the law at the warmth that
-the motion so far leads to. Campaigns that are there already are not made again; they are those of
+identifies them together, and predicts the friction of two more, of other seeds. The table has for
+each axis the residual friction torque in their first three minutes and in all of them, as a share:
+by the law alone, at the mean level of the campaigns, and by the law at the warmth that the motion
+so far leads to. Campaigns that are there already are not made again; they are those of
 benchmarks/history.py.
 """
 
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
 
 SEEDS, OTHERS = (300, 302, 304, 306), (308, 310)
 BEGIN = 180.0
-"""First part of a run [s]."""
+"""Duration of the first part of a run [s]."""
 DESCRIBED = (("warming", "s", 2), ("cooling", "s", 2), ("cold", "", 4), ("warm", "", 4))
 
 
 def main() -> None:
-    """Make what is not there yet, print and keep what is left."""
+    """Make missing campaigns, print and keep residuals."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, nargs="?", default=FOLDER)
     folder = parser.parse_args().folder
@@ -67,9 +67,9 @@ def main() -> None:
 
 
 def left(model: Model, run: Run) -> np.ndarray:
-    """Squares of friction and of what law and warmth leave, shape (n_joints, 2, 3).
+    """Return squares of friction and of residuals by law and warmth, shape (n_joints, 2, 3).
 
-    Of the first minutes and of all samples.
+    The second axis contains the first minutes and all samples.
     """
     robot, pairs = model.robot, list(recorded(run))
     past, sums = history(robot, pairs), np.zeros((robot.n_joints, 2, 3))
@@ -91,7 +91,7 @@ def left(model: Model, run: Run) -> np.ndarray:
 
 
 def course(model: Model, past: History, axis: int, time: np.ndarray) -> float:
-    """Warmth of an axis; NaN where it is not identified."""
+    """Return the warmth of an axis; NaN for an unidentified one."""
     own = model.friction_law.axes[axis].warmth
     if own is None:
         return float("nan")
@@ -99,7 +99,7 @@ def course(model: Model, past: History, axis: int, time: np.ndarray) -> float:
 
 
 def described(model: Model, axis: int) -> str:
-    """Time constants and levels of an axis."""
+    """Return time constants and levels of an axis."""
     own = model.friction_law.axes[axis].warmth
     if own is None:
         return "          none identified             "
@@ -107,7 +107,7 @@ def described(model: Model, axis: int) -> str:
 
 
 def shares(rows: np.ndarray) -> str:
-    """Root mean squares left as percentages of friction."""
+    """Return root mean squares of residuals as percentages of friction."""
     return "   ".join(
         " ".join(f"{percent(each, row[0]):6.2f}" for each in row[1:]) if row[0] else "     -"
         for row in rows
@@ -115,7 +115,7 @@ def shares(rows: np.ndarray) -> str:
 
 
 def percent(squares: float, whole: float) -> float:
-    """Root mean square as a percentage of another."""
+    """Return a root mean square as a percentage of another."""
     return 100 * float(np.sqrt(squares / whole))
 
 

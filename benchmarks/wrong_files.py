@@ -1,8 +1,8 @@
-"""What is said of 60 mistakes in maps and files, and of clean files, on several robots.
+"""Messages about 60 mistakes in maps and files, and about clean files, on several robots.
 
 A recording of a robot's twin, with velocities, is written as a CSV with one mistake and imported.
 The first word said must name the mistake. Clean files, half of them with joints at rest, must be
-neither refused nor doubted for what they are not::
+neither refused nor doubted::
 
     python benchmarks/wrong_files.py [--robots ROBOT ...] [--seed 21] [--only WORDS]
 
@@ -10,7 +10,7 @@ Checks were tuned on ur10e, seed 1, and panda, seed 21; ur10e-on-a-wall and manu
 none.
 """
 
-# ruff: noqa: E501 - a mistake a line
+# ruff: noqa: E501 - one line per mistake
 from __future__ import annotations
 
 import argparse
@@ -44,14 +44,14 @@ if TYPE_CHECKING:
     Change = Callable[[Columns, np.random.Generator], Columns]
 
 PERIOD, DURATION, NOISE = 0.004, 20.0, 1e-5
-"""Of samples and of the recording [s]; of positions [rad]."""
+"""Sampling period and duration of the recording [s]; noise of positions [rad]."""
 CLEAN = 20
-"""Clean files of each robot."""
+"""Number of clean files of each robot."""
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake: its name, a pattern of what must be said first, and how it comes about."""
+    """Mistake: its name, a pattern of the first message, and its generation."""
 
     name: str
     says: str
@@ -60,11 +60,11 @@ class Mistake:
     joints: tuple[tuple[int, str, dict[str, Any]], ...] = ()
     robot: Callable[[str], str] = lambda text: text
     motor: tuple[str, int] = ("", 0)
-    """Columns that are the motors', and the power of the gear ratio that makes them so."""
+    """Columns on the motor side, and the power of the gear ratio in the conversion."""
 
 
 def column(name: str, function: Callable[[Array], Array]) -> Change:
-    """Change one column, or all of a kind: `q`, `v` or `m`."""
+    """Return a change of one column, or of all of a kind: `q`, `v` or `m`."""
 
     def change(columns: Columns, _: np.random.Generator) -> Columns:
         hit = [key for key in columns if key == name or (name in "qvm" and key[0] == name)]
@@ -74,7 +74,7 @@ def column(name: str, function: Callable[[Array], Array]) -> Change:
 
 
 def swapped(*pairs: tuple[str, str]) -> Change:
-    """Exchange columns."""
+    """Return an exchange of columns."""
 
     def change(columns: Columns, _: np.random.Generator) -> Columns:
         found = dict(columns)
@@ -86,7 +86,7 @@ def swapped(*pairs: tuple[str, str]) -> Change:
 
 
 def rows(pick: Callable[[int, np.random.Generator], Array], *, stamps: bool) -> Change:
-    """Other rows; the stamps go on as before, or belong to their rows."""
+    """Return a change of rows; the stamps continue as before, or belong to their rows."""
 
     def change(columns: Columns, rng: np.random.Generator) -> Columns:
         at = pick(len(columns["t"]), rng)
@@ -97,7 +97,7 @@ def rows(pick: Callable[[int, np.random.Generator], Array], *, stamps: bool) -> 
 
 
 def repeated(share: float) -> Callable[[int, np.random.Generator], Array]:
-    """Rows of which a share gives way to the row before."""
+    """Return a change in which a share of rows repeats the row before."""
 
     def pick(n: int, rng: np.random.Generator) -> Array:
         hit = rng.random(n) < share
@@ -108,24 +108,24 @@ def repeated(share: float) -> Callable[[int, np.random.Generator], Array]:
 
 
 def dropped(share: float) -> Callable[[int, np.random.Generator], Array]:
-    """Rows without a share of them."""
+    """Return a change without a share of the rows."""
     return lambda n, rng: np.flatnonzero(rng.random(n) >= share)
 
 
 def late(kind: str, seconds: float) -> Change:
-    """Columns of a kind that are late."""
+    """Return a delay of the columns of a kind."""
     return column(
         kind, lambda x: np.interp(np.arange(len(x)) - seconds / PERIOD, np.arange(len(x)), x)
     )
 
 
 def drifting(kind: str, share: float) -> Change:
-    """Columns of a kind by another clock."""
+    """Return columns of a kind with the stamps of another clock."""
     return column(kind, lambda x: np.interp(np.arange(len(x)) * (1 + share), np.arange(len(x)), x))
 
 
 def jumping(kind: str, seconds: float) -> Change:
-    """Columns of a kind that are late from the middle on."""
+    """Return a delay of the columns of a kind from the middle on."""
     return column(
         kind,
         lambda x: np.where(np.arange(len(x)) > len(x) // 2, np.roll(x, round(seconds / PERIOD)), x),
@@ -133,17 +133,17 @@ def jumping(kind: str, seconds: float) -> Change:
 
 
 def hold(name: str, every: int) -> Change:
-    """Columns whose values are held."""
+    """Return a change with held values of columns."""
     return column(name, lambda x: np.repeat(x[::every], every)[: len(x)])
 
 
 def of(joint: int, part: str, **changes: Any) -> tuple[tuple[int, str, dict[str, Any]], ...]:
-    """A change of one joint in the map, or of all for 0."""
+    """Return a change of one joint in the map, or of all for 0."""
     return tuple((k, part, changes) for k in (range(1, 9) if joint == 0 else (joint,)))
 
 
 def gravity(turns: int, sign: float = 1.0) -> Callable[[str], str]:
-    """A robot file of another gravity: its components exchanged in turn, or the other way."""
+    """Return a robot file with another gravity: components exchanged in turn, or in reverse."""
 
     def changed(text: str) -> str:
         stated = yaml.safe_load(text)["gravity"]
@@ -223,7 +223,7 @@ MISTAKES = (
 
 @lru_cache(maxsize=2)
 def recorded(name: str, seed: int) -> Columns:
-    """Columns of a right recording."""
+    """Return the columns of a correct recording."""
     twin, rng = TwinRecorder(name), np.random.default_rng(1000 + seed)
     ((_, found),) = twin.recorded(seed, n=1, duration=DURATION)
     q = found.q + NOISE * rng.standard_normal(found.q.shape)
@@ -235,10 +235,10 @@ def recorded(name: str, seed: int) -> Columns:
 
 
 def at_rest(columns: Columns, number: int, rng: np.random.Generator) -> Columns:
-    """A clean file of joints that rest as others move: counts that flicker, dead bands, noise.
+    """Return a clean file with joints at rest: flickering counts, dead bands, noise.
 
-    Their torques are constant but for noise, so what is imported need not obey mechanics: it is the
-    checks of columns that are tried.
+    Their torques are constant but for noise, so the imported torques do not obey mechanics: only
+    the checks of columns are tested.
     """
     n = max(int(key[1:]) for key in columns if key[0] == "q")
     rests, found = 1 + (number + np.arange(1 + number % 2)) % n, dict(columns)
@@ -256,7 +256,7 @@ def at_rest(columns: Columns, number: int, rng: np.random.Generator) -> Columns:
 def imported(
     folder: Path, robot: str, columns: Columns, mistake: Mistake, accept: list[str]
 ) -> str:
-    """All that is said of a file and its map, the refusal first; empty where nothing is."""
+    """Return all messages about a file and its map, the refusal first; empty without any."""
     folder.mkdir(parents=True)
     n = max(int(key[1:]) for key in columns if key[0] == "q")
     np.savetxt(folder / "data.csv", np.column_stack(list(columns.values())), "%.9g", ",",
@@ -283,7 +283,7 @@ def imported(
 
 
 def one(folder: Path, seed: int, job: tuple[str, int]) -> tuple[str, int, str]:
-    """What is said of one case of one robot: mistakes by their number, clean files from -1 down."""
+    """Return the messages about one case of one robot; clean files have numbers below 0."""
     robot, number = job
     columns, own = recorded(robot, seed), folder / f"{robot}{number}"
     rng = np.random.default_rng([seed, abs(number)])
@@ -300,7 +300,7 @@ def one(folder: Path, seed: int, job: tuple[str, int]) -> tuple[str, int, str]:
     accept = ["shape"] if number % 2 else []
     said = imported(own, robot, columns, Mistake("clean", ""), accept)
     kept = [line for line in said.splitlines() if "only gravity parameters of joint" not in line]
-    if number % 2:  # torques at rest are made up
+    if number % 2:  # torques at rest are artificial
         kept = [
             line for line in kept if not re.search("leaves|friction would|late by|early by", line)
         ]
@@ -308,7 +308,7 @@ def one(folder: Path, seed: int, job: tuple[str, int]) -> tuple[str, int, str]:
 
 
 def main() -> None:
-    """Try all mistakes and clean files, print what is said first, keep the sums."""
+    """Try all mistakes and clean files, print the first messages, and keep the sums."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--robots", nargs="+", default=["panda", "ur10e-on-a-wall", "manutec-r15"])
     parser.add_argument("--seed", type=int, default=23)

@@ -1,14 +1,14 @@
-"""What becomes of recordings whose map is wrong: 30 maps, truth known, a table for the docs.
+"""Treatment of recordings with a wrong map: 30 maps with known truth, a table for the docs.
 
 A minute of free motion of a robot's twin, whose physics the model does not share, is handed over as
 a CSV with one thing wrong that maps and recorders have wrong. Each map is imported and, unless that
-refuses it, identified; the row says what is expected and what came out. The right map is judged
-first, and nothing may be said against it::
+refuses it, identified; the row states expectation and result. The right map is judged first, and
+nothing may be said against it::
 
     python benchmarks/wrong_maps.py [--robot ur10e] [--seed 11] [--only WORDS] [--keep FOLDER]
 
-Rules were tuned on ur10e, seeds 1 and 2; what is said of a large offset was added after seed 11 of
-ur10e and seed 12 of panda had been seen.
+Rules were tuned on ur10e, seeds 1 and 2; the message about a large offset was added after seed 11
+of ur10e and seed 12 of panda had been seen.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ if TYPE_CHECKING:
     Change = Callable[[Array, Array, Array, np.random.Generator], None]
 
 PERIOD, DURATION, NOISE = 0.004, 60.0, 1e-5
-"""Of samples and of the recording [s]; of positions [rad]."""
+"""Sampling period and duration of the recording [s]; noise of positions [rad]."""
 INVISIBLE = r"^good: .*\bif .*torques of all axes within"
-"""What must be said where nothing in the recording can show the mistake."""
+"""Required message for mistakes invisible in a recording."""
 REFUSED, NOT_GOOD = ("refused",), ("refused", "failed", "doubtful")
 
 
@@ -57,9 +57,9 @@ class Wrong:
     ----------
     name : str
     words : tuple of str
-        That are right: refused, or words of `hil identify`.
+        Correct words: refused, or words of `hil identify`.
     cause : str
-        Pattern of the word and what is said first: at import, if anything is, or by identify.
+        Pattern of the first message, by the import or by identify.
     change : callable, optional
         Changes q, qd and tau, each (n, n_joints), as recorded.
     stated : dict
@@ -67,7 +67,7 @@ class Wrong:
     joint : tuple of (joint, part, dict)
         Changes of some joints in the map.
     gravity : tuple, optional
-        As the robot file states it.
+        Gravity in the robot file.
     """
 
     name: str
@@ -80,12 +80,12 @@ class Wrong:
 
 
 def each(part: str, changes: dict[str, Any]) -> tuple[tuple[int, str, dict[str, Any]], ...]:
-    """A change of all joints of the map; there may be fewer."""
+    """Return a change of all joints of the map, of which there may be fewer."""
     return tuple((joint, part, changes) for joint in range(7))
 
 
 def swap(i: int, j: int, *which: int) -> Change:
-    """Exchange columns of two joints, of q (0), qd (1) or tau (2)."""
+    """Return an exchange of columns of two joints, of q (0), qd (1) or tau (2)."""
 
     def change(*arrays: Any) -> None:
         for k in which:
@@ -95,7 +95,7 @@ def swap(i: int, j: int, *which: int) -> Change:
 
 
 def at(axis: int, which: int, function: Callable[[Array, np.random.Generator], Array]) -> Change:
-    """Change one column, or all of them where the axis is negative."""
+    """Return a change of one column, or of all columns for a negative axis."""
 
     def change(*arrays: Any) -> None:
         columns = slice(None) if axis < 0 else slice(axis, axis + 1)
@@ -105,7 +105,7 @@ def at(axis: int, which: int, function: Callable[[Array, np.random.Generator], A
 
 
 def spikes(size: float) -> Callable[[Array, np.random.Generator], Array]:
-    """Five samples replaced."""
+    """Return a recording with five replaced samples."""
 
     def replaced(x: Array, rng: np.random.Generator) -> Array:
         x[rng.choice(len(x) - 20, 5, replace=False) + 10] = size
@@ -170,7 +170,7 @@ CASES = (
 
 
 class Said(NamedTuple):
-    """What came out: a word and what was said first."""
+    """Result: a word and the first message."""
 
     word: str
     cause: str
@@ -225,7 +225,7 @@ def _write(own: Path, name: str, seed: int, case: Wrong) -> Path:
 
 
 def main() -> None:
-    """Try all maps, print the table and the sums, which are kept."""
+    """Try all maps, print the table and the sums, and keep the sums."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--robot", default="ur10e", help="of tests/robots, with joints that turn")
     parser.add_argument("--seed", type=int, default=11)

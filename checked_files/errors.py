@@ -1,7 +1,7 @@
 """Root of all errors with a remedy for the user.
 
-It stands beside the reader of files, which all packages may see, so that whoever catches it catches
-what is wrong with a file, a drive, a run or an argument alike.
+The class is in this package because all packages may import it. A handler of `HilError` thus
+catches errors of files, drives, runs and arguments alike.
 """
 
 from __future__ import annotations

@@ -20,9 +20,9 @@ def known_keys(model: type[BaseModel], place: Iterable[str | int]) -> list[str]:
     Parameters
     ----------
     model : type
-        Of the whole file.
+        Model of the whole file.
     place : iterable of str or int
-        As in an error of pydantic, in which a union's tag is a step of its own.
+        Location in an error of pydantic, with a separate step for a union's tag.
     """
     here = _models(model)
     for step in place:

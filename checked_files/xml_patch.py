@@ -77,7 +77,7 @@ class XmlPatch:
         return (self._mark + content).decode()
 
     def _tag(self, element: Element) -> tuple[int, int]:
-        """Begin and end of a start tag, in bytes."""
+        """Return begin and end of a start tag, in bytes."""
         begin = self._file.offset(element)
         found = _TAG.match(self._content, begin)
         assert found is not None  # noqa: S101 - expat has read it

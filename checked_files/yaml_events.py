@@ -13,7 +13,7 @@ import yaml
 if TYPE_CHECKING or not yaml.__with_libyaml__:
 
     class Events(yaml.reader.Reader, yaml.scanner.Scanner, yaml.parser.Parser):
-        """Events of a text."""
+        """Parser events of a text."""
 
         def __init__(self, text: str) -> None:
             yaml.reader.Reader.__init__(self, text)

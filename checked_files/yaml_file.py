@@ -3,12 +3,12 @@
 Every file that a user writes (robot, plan, drives, plant) is a pydantic model derived from
 `FileModel`. pydantic says which field is wrong and why; the YAML node tree says on which line that
 field stands. Together they make one message a problem, such as ``robot.yaml:15:
-joints.2.velocity_limit: -1.2 must be greater than 0``. Whatever a file holds, reading it ends in a
-valid model or in a `FileError`, and soon: nesting without end and aliases that multiply are refused
-before anything is built from them.
+joints.2.velocity_limit: -1.2 must be greater than 0``. Reading any file ends in a valid model or in
+a `FileError`, within a short time: nesting without end and aliases that multiply are refused before
+anything is built from them.
 
-A file that a command has drafted marks what only the user knows: ``gear_ratio: !state "motor angle
-over joint angle"``. Such a file is refused until every marked value is stated.
+A file that a command has drafted marks values known only to the user: ``gear_ratio: !state "motor
+angle over joint angle"``. Such a file is refused until every marked value is stated.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class FileModel(BaseModel):
     """Keys of the file whose texts keep their lines."""
 
     def encode_yaml(self, width: int = 200) -> bytes:
-        """Return YAML text with lines of about `width` characters at most."""
+        """Return YAML text with lines of at most about `width` characters."""
         content = self.model_dump(mode="json")
         return yaml.dump(content, Dumper=Dumper, sort_keys=False, width=width).encode()
 
@@ -53,11 +53,11 @@ class FileModel(BaseModel):
 M = TypeVar("M", bound=BaseModel)
 
 UNSTATED = "!state"
-"""Tag of a value that the user must state; its text says what to state."""
+"""Tag of a value to be stated by the user; its text describes the value."""
 DEPTH_MAX = 32
 """Deepest nesting that a file may have."""
 VALUES_MAX = 200_000
-"""Most values that a file may hold once its aliases are followed."""
+"""Maximum number of values of a file after resolution of aliases."""
 NUMBER_MAX = 100
 """Maximum length of a number. Base-60 numbers of YAML take a time that grows with the square of
 their length; a float has at most 24 characters."""
@@ -129,7 +129,7 @@ def read_text(path: Path | str) -> str:
     Raises
     ------
     FileError
-        It cannot be read, or is not UTF-8.
+        The file cannot be read, or is not UTF-8.
     """
     try:
         refuse_endless(Path(path))
@@ -145,14 +145,14 @@ def read_text(path: Path | str) -> str:
 
 
 def refuse_endless(path: Path) -> None:
-    """Refuse pipes and devices, which may be waited for or read without end.
+    """Refuse pipes and devices, because a read may block or never end.
 
     Raises
     ------
     ValueError
-        It is one.
+        The path is a pipe or a device.
     OSError
-        There is no such file.
+        The file does not exist.
     """
     mode = path.stat().st_mode
     if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
@@ -211,12 +211,12 @@ def line_of(text: str, location: tuple[str | int, ...]) -> int:
 def refuse(
     source: str, text: str | None, wrong: Iterable[tuple[tuple[str | int, ...], str]]
 ) -> None:
-    """Refuse a file by places in it and what is wrong there; no lines are stated without its text.
+    """Refuse a file with a message for each place; no lines are stated without its text.
 
     Raises
     ------
     FileError
-        One line for each problem; none where there is no problem.
+        Error with one line for each problem; no error without a problem.
     """
     lines = [
         f"{source}{'' if text is None else f':{line_of(text, at)}'}: {place(at)}: {why}"
@@ -229,7 +229,7 @@ def refuse(
 def _shown(value: object) -> str:
     try:
         text = repr(value)
-    except ValueError:  # Python writes no integers of more than some thousand digits
+    except ValueError:  # Python refuses to print integers of more than some thousand digits
         return "an enormous number"
     return text if len(text) <= _SHOWN_MAX else f"{text[:_SHOWN_MAX]}..."
 
@@ -242,9 +242,9 @@ def problems(error: ValidationError) -> list[str]:
 def _wrong(
     error: ValidationError, model: type[BaseModel] | None = None
 ) -> list[tuple[tuple[str | int, ...], str]]:
-    """Return place and message of all problems of `model`.
+    """Return places and messages of all problems of `model`.
 
-    That a sequence is too short, since one of its items was refused, is no problem of its own.
+    The message about a too short sequence is dropped if one of its items was refused.
     """
     wrong = [(_location(each), _message(each, model)) for each in error.errors()]
     return [
@@ -315,7 +315,7 @@ def _line(node: yaml.Node | None, location: tuple[str | int, ...]) -> int:
     for part in location:
         found = _child(node, part)
         if found is None:
-            continue  # a union's tag, or the missing key itself
+            continue  # tag of a union, or the missing key itself
         key, node = found
         line = key.start_mark.line + 1
     return line

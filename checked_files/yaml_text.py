@@ -1,7 +1,7 @@
 """Writer of values, comments and marks in YAML that is put together line by line.
 
-Drafts have comments beside their values, which no YAML library writes. Whatever else goes into such
-a file goes through here: a name in a foreign file must not become a key, end a comment, or be read
+Drafts have comments beside their values, which no YAML library writes. All values of such a file
+pass through this module: a name in a foreign file must not become a key, end a comment, or be read
 as a number.
 """
 
@@ -17,9 +17,9 @@ from checked_files.yaml_file import UNSTATED
 
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
 _SENTENCE = re.compile(r"[A-Za-z][A-Za-z0-9 ,;.()\[\]/-]*")
-"""What YAML takes as it is below a key of a block, once a mark says that it is text."""
+"""Plain text accepted by YAML below a key of a block after a mark of type text."""
 _LONGEST = 1000
-"""Characters of a comment: a line that names some ten files, or the choices for a value."""
+"""Maximum length of a comment: a line with about ten file names, or the choices for a value."""
 
 
 def scalar(value: str | float | bool | None) -> str:

@@ -19,7 +19,7 @@ Failures are a `DriveError`::
      +-- Tripped             an axis too far off, too fast or too strong, or left without
                              supervision: we stopped all
 
-Whatever stops the axes in the middle of operation latches: until `DriveBus.reset` nothing moves.
+Any stop of the axes during operation latches: until `DriveBus.reset` nothing moves.
 """
 
 from __future__ import annotations

@@ -2,6 +2,11 @@
 
 Errors of arguments are subclasses of `ValueError` too, as users of numpy expect. Errors of drives
 and of the bus, derived from `HilError` as well, are in `drivers.drive_bus`.
+
+Examples
+--------
+>>> issubclass(hil.errors.InvalidArray, (hil.errors.HilError, ValueError))
+True
 """
 
 from __future__ import annotations

@@ -157,7 +157,7 @@ def _serve_ethercat(
 def _open(interface: str, channel: str, options: dict[str, str]) -> can.BusABC:
     try:
         return can.Bus(channel, interface=interface, **options)  # type: ignore[arg-type]
-    except Exception as error:  # back ends without their vendor's library raise what they like
+    except Exception as error:  # back ends without their vendor's library raise errors of any type
         raise can.CanInitializationError(
             f"{interface} channel {channel!r} cannot be opened: {error}; check channel and"
             " options, and an adapter's cable and driver where the interface has one"

@@ -58,7 +58,7 @@ def ordered(function: F) -> F:
 
 def _kept_on_disk(function: F, compiler: Callable[[F], Any]) -> F:
     dispatcher = compiler(function)
-    # as by `cache=True`, with a different cache
+    # same effect as `cache=True`, with a different cache
     dispatcher._cache = _Cache(function)  # type: ignore[no-untyped-call]
     return cast("F", dispatcher)
 
@@ -97,7 +97,7 @@ def _digest(module: ModuleType) -> str:
     while names:
         name = names.pop()
         if name in sources or name not in sys.modules:
-            continue  # seen, or what a module defines
+            continue  # already visited modules, or names defined in a module
         if file := sys.modules[name].__file__:
             sources[name] = Path(file).read_bytes()
             names += _imports(sources[name], package)

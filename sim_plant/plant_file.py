@@ -101,7 +101,7 @@ class Drive(FileModel):
     rotor_inertia: NotNegative
     """Rotor inertia, motor side [kg m^2]; 0 for a direct drive with the rotor in the link."""
     torque_constant: Positive
-    """[N m/A, peak amplitude]."""
+    """Torque constant [N m/A, peak amplitude]."""
     rated_torque_mNm: Annotated[int, Field(gt=0)]
     rated_current_mA: Annotated[int, Field(gt=0)]
     peak_torque: Positive
@@ -164,11 +164,11 @@ class Loops(FileModel):
     """Bandwidths of the cascade."""
 
     position: Positive = 25.0
-    """[1/s]."""
+    """Bandwidth of the position loop [1/s]."""
     velocity: Positive = 120.0
-    """[1/s]."""
+    """Bandwidth of the velocity loop [1/s]."""
     integral: Positive = 20.0
-    """[1/s]."""
+    """Bandwidth of the integral part [1/s]."""
 
 
 class Friction(FileModel):
@@ -179,7 +179,7 @@ class Friction(FileModel):
     full_speed: NotNegative
     """Friction at the speed limit [N m or N]."""
     heat_time: Positive
-    """[s]."""
+    """Time constant of the temperature [s]."""
     asymmetry: float = 0.0
     """Relative excess in the positive direction."""
     load: NotNegative = 0.0
@@ -189,7 +189,7 @@ class Friction(FileModel):
     lubricant: Annotated[float, Field(ge=0, le=1)] = 1.0
     """Settled share of the lubricant at power-on of the machine."""
     presliding: Positive = 3e-4
-    """[rad or m]."""
+    """Presliding distance [rad or m]."""
 
 
 class PlantAxis(FileModel):

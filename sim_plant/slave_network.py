@@ -86,7 +86,7 @@ class FramesOfSync(Sequence[CanFrame]):
 class _Synced(NamedTuple):
     """Consequences of a SYNC: actions, pending RPDOs, then reports.
 
-    `block` packs all reports at once; None if some show what no axis's image holds.
+    `block` packs all reports at once; None if a report contains values outside the axes' images.
     """
 
     actions: list[Callable[[], None]]

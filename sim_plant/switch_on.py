@@ -32,10 +32,10 @@ def load_machine(
     ----------
     name_or_path : str
     seed : int, optional
-        Instead of the file's.
+        Seed instead of the file's.
     personality : str, optional
-        Of all drives, by name or path, instead of those of the plant file; a path that stands in
-        the plant file begins at the file's own folder.
+        Personality of all drives, by name or path, instead of those of the plant file; a path that
+        stands in the plant file begins at the file's own folder.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Methods set against one another on many virtual plants whose truth is known."""
+"""Comparison of methods on many virtual plants with known truth."""

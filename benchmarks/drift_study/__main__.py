@@ -1,4 +1,4 @@
-"""The study as a program, on this machine or on a Dask cluster.
+"""Command-line program of the study, on this machine or on a Dask cluster.
 
 python -m benchmarks.drift_study -o FOLDER [--help]
 """
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 CHANGING = ("robot", "seeds", "first_seed", "scenario", "kind", "share", "minutes")
-"""Options that figures depend on."""
+"""Options with an influence on the figures."""
 
 app = typer.Typer(
     pretty_exceptions_enable=False, context_settings={"help_option_names": ["-h", "--help"]}
@@ -88,7 +88,7 @@ def drift(
         str | None, typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786.")
     ] = None,
 ) -> None:
-    """Set the two-step method against conventional ones, friction drifting or not."""
+    """Compare the two-step method with conventional ones, with or without drift."""
     from checked_files.yaml_file import FileError
     from hil import execution
 
@@ -142,7 +142,7 @@ def drift(
 
 
 def _command(given: Mapping[str, Any]) -> str:
-    """Return the command that gives the same figures."""
+    """Return the command that reproduces the figures."""
     words = ["python -m benchmarks.drift_study --results -o FOLDER"]
     for name in CHANGING:
         values = given[name] if isinstance(given[name], list | tuple) else [given[name]]
@@ -162,7 +162,7 @@ def _known(given: list[str] | None, known: tuple[str, ...], option: str) -> tupl
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point; exit status 1 after a message, 2 for wrong usage."""
-    # matrices are small here: threads would wait for one another
+    # matrices are small here: several threads would only wait for each other
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     cli.main(arguments, app, "python -m benchmarks.drift_study")
 

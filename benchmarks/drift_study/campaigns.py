@@ -1,4 +1,4 @@
-"""What is measured in a study: campaigns of equal duration, one for each way of identifying.
+"""Plans of a study: campaigns of equal duration, one for each way of identification.
 
 two-step
     the designed plan of gravity, inertia and coupling measurements;
@@ -43,22 +43,24 @@ if TYPE_CHECKING:
 
 KINDS = ("two-step", "mixed", "trajectory", "compensated", "warmed")
 SPEEDS, SLOWEST = 12, 0.01
-"""Of the sweep beforehand: creep shows the peak at standstill, which no compensation uses."""
+"""Number of speeds of the friction sweep, and its slowest speed; no compensation uses the peak at
+standstill.
+"""
 WARM_UP = 1800.0
-"""[s]."""
+"""Duration of the warm-up motion [s]."""
 TRAVEL_AND_REST = 3.5
-"""Of the trajectory, about [s]."""
+"""Approximate duration of travel and rest of the trajectory [s]."""
 
 
 def campaigns(
     robot: Robot, share: float, folder: Path, minutes: float | None = None
 ) -> dict[str, Plan]:
-    """Return the plans of a study; those in `folder` are taken as they are, others written there.
+    """Return the plans of a study; existing files in `folder` are read, missing ones written.
 
     Parameters
     ----------
     share : float
-        Of the number of measurements that `hil plan` chooses.
+        Share of the number of measurements chosen by `hil plan`.
     folder : Path
     minutes : float, optional
         Duration of every campaign; by default that of the two-step plan, and `share` does not
@@ -83,14 +85,14 @@ def campaigns(
 
 
 def duration(robot: Robot, plan: Plan) -> float:
-    """Expected time of a plan's measurements and travels [s]."""
+    """Return the expected duration of a plan's measurements and travels [s]."""
     return sum(e.travel + e.duration for e in timetable(plan, robot, plan.measurements))
 
 
 def _designed(
     robot: Robot, share: float, minutes: float | None, given: Plan | None
 ) -> dict[str, Plan]:
-    """All plans; without `minutes` all take as long as the two-step plan, given or not."""
+    """Return all plans; without `minutes`, their duration is that of the two-step plan."""
     two_step = given or _two_step(robot, share, minutes)
     beforehand = sweep(robot, speeds=SPEEDS, slowest=SLOWEST)
     wave = design_trajectory(robot, name="t1")
@@ -121,7 +123,7 @@ def _two_step(robot: Robot, share: float, minutes: float | None) -> Plan:
 
 
 def _filling(wave: Trajectory, time: float) -> Trajectory:
-    """The trajectory with as many periods as there is time for."""
+    """Return the trajectory with the number of periods for the available time."""
     periods = int((time - TRAVEL_AND_REST) / PERIOD)
     if periods < 1:
         raise ValueError(

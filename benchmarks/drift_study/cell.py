@@ -1,8 +1,8 @@
-"""One campaign on one plant: measured by `hil run`, judged by every method that it serves.
+"""Campaign on one plant: measurement by `hil run`, assessment by all suitable methods.
 
-A campaign is a process of its own, so that anybody can repeat any figure by hand with the same
-command, and that what goes wrong in one campaign touches no other. What is judged is kept as a
-small file; the recordings stay until somebody deletes them.
+Each campaign is a separate process. So any figure can be reproduced by the same command, and a
+failed campaign does not affect the others. Outcomes are kept in a small file; the recordings stay
+in place.
 """
 
 from __future__ import annotations
@@ -68,27 +68,27 @@ class Cell:
 
     @property
     def run(self) -> Path:
-        """Folder of its run."""
+        """Folder of the campaign's run."""
         return self._run(self.seed)
 
     @property
     def earlier_run(self) -> Path:
-        """Folder of the run of the other session."""
+        """Folder of the run in the other session."""
         return self._run(self.other)
 
     @property
     def plant(self) -> Path:
-        """Plant file."""
+        """Plant file of the campaign."""
         return self.study / self.scenario / "plant.yaml"
 
     @property
     def plan(self) -> Path:
-        """Plan file."""
+        """Plan file of the campaign."""
         return self.study / f"{self.kind}.yaml"
 
     @property
     def verdict(self) -> Path:
-        """File of what was found."""
+        """File of the outcomes."""
         return self.study / self.scenario / self.kind / f"seed-{self.seed}.json"
 
     def __str__(self) -> str:
@@ -100,7 +100,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How far one method was from the truth in one campaign.
+    """Errors of one method in one campaign.
 
     Attributes
     ----------
@@ -110,9 +110,9 @@ class Outcome:
     torque_error : float
         Mean over joints, relative.
     inside, n : int
-        Parameters whose interval of 95 % holds the truth, and all.
+        Number of parameters with the truth inside the interval of 95 %, and of all parameters.
     error : list of float
-        Of each parameter.
+        Errors of all parameters.
     """
 
     method: str
@@ -124,12 +124,12 @@ class Outcome:
 
 
 def measure(cell: Cell) -> None:
-    """Measure what is missing of a campaign.
+    """Measure the missing parts of a campaign.
 
     Raises
     ------
     FileError
-        The campaign did not come to its end; the message is its own.
+        The campaign did not end; the message is that of `hil run`.
     """
     begun = (cell.run / "run.json").exists()
     if begun and not Run.open(cell.run).missing:
@@ -144,7 +144,7 @@ def measure(cell: Cell) -> None:
     ]
     done = subprocess.run(
         [str(part) for part in command],
-        stdin=subprocess.DEVNULL,  # it would listen to the terminal's keys otherwise
+        stdin=subprocess.DEVNULL,  # with a terminal, the process would read keys
         capture_output=True,
         text=True,
         check=False,
@@ -154,7 +154,7 @@ def measure(cell: Cell) -> None:
 
 
 def judge(cell: Cell) -> list[Outcome]:
-    """Estimate by all methods that the campaign serves, and compare; kept in a file."""
+    """Estimate by all suitable methods and compare with the truth; the result is kept in a file."""
     if cell.verdict.exists():
         return [Outcome(**each) for each in json.loads(cell.verdict.read_text())]
     folder = Run.open(cell.run)
@@ -190,7 +190,7 @@ def _mixed(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
 
 
 def _jointly(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
-    """Conventional methods with friction in the regression; variants share what they can.
+    """Return estimates with friction in the regression; variants share data.
 
     Our own estimator takes trajectories as well.
     """
@@ -207,7 +207,7 @@ def _jointly(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
 
 
 def _beforehand(cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
-    """Friction measured in this session, and in another one."""
+    """Return friction measured in this session, and in another one."""
     warm = " after warm-up" if cell.kind == "warmed" else ""
     measured = trajectories(recorded(folder))
     sessions = {"same session": cell.run, "other session": cell.earlier_run}
@@ -221,7 +221,7 @@ def _beforehand(cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
 
 def _characteristics(run: Path, robot: Robot) -> list[Callable[[Array], Array]]:
     folder = Run.open(run)
-    if folder.missing:  # what is judged stays, so it must not rest on a part of them
+    if folder.missing:  # a kept assessment must be of the complete data
         raise FileError(f"{run}: {folder.shortfall}")
     fits = {each.axis: each.models[each.chosen] for each in fit_friction(folder).axes}
     missing = [str(axis + 1) for axis in range(robot.n_joints) if axis not in fits]

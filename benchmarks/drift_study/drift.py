@@ -1,9 +1,9 @@
-"""The paper's claim as a study: what drift does to each way of identifying, over many plants.
+"""Study of the paper's claim: influence of drift on each way of identification, over many plants.
 
 Every seed is a plant of its own. In each scenario (`scenarios`) it is measured for the same time in
 each way (`campaigns`), and every method's estimate is set against the truth (`cell`). First all
 campaigns are measured, since a friction measured in another session is that of another campaign;
-then all are judged. Whatever is there already is not done again.
+then all are judged. Existing results are not computed again.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ SETTINGS = "study.json"
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """One job is done, or failed.
+    """Event of a finished or failed job.
 
     Attributes
     ----------
     cell : Cell
     step : {"measured", "judged"}
     error : str
-        Empty where all went well.
+        Message of a failed job; empty otherwise.
     done, of : int
-        Jobs of this step.
+        Number of finished jobs, and of all jobs of this step.
     """
 
     cell: Cell
@@ -55,7 +55,7 @@ class Done:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What all methods made of one campaign."""
+    """Outcomes of all methods for one campaign."""
 
     cell: Cell
     outcomes: tuple[Outcome, ...]
@@ -81,7 +81,7 @@ def prepare(
     plant : str
         Plant file on which all scenarios are built, or the name of one that comes along.
     share : float
-        Of the designed plan's measurements.
+        Share of the designed plan's measurements.
     drives : path, optional
         Drives file of that plant; by default the one that comes along with the robot.
     minutes : float, optional
@@ -96,7 +96,7 @@ def prepare(
     drives = drives or ROBOTS / f"{the_robot.name}.drives.yaml"
     if not drives.exists():
         raise FileError(f"{drives}: is no drives file; give one for {robot} with --drives")
-    true_parameters(the_robot, plant)  # refuses now what no estimate could be set against later
+    true_parameters(the_robot, plant)  # refuse plants without a truth for the comparison at once
     folder.mkdir(parents=True, exist_ok=True)
     settings = {"robot": the_robot.digest, "plant": plant, "share": share, "minutes": minutes}
     _keep(folder / SETTINGS, settings)
@@ -130,17 +130,17 @@ def measure_cells(cells: Sequence[Cell], execute: Execute[Any, Any]) -> Iterator
 
 
 def judged(cells: Sequence[Cell]) -> list[Judged]:
-    """Return what has been judged so far."""
+    """Return the existing outcomes."""
     return [Judged(cell, tuple(judge(cell))) for cell in cells if cell.verdict.exists()]
 
 
 def _keep(path: Path, settings: dict[str, Any]) -> None:
-    """Write what a study is about, or refuse a folder that is about something else."""
+    """Write the description of a study, or refuse the folder of another study."""
     if not path.exists():
         write_file(path, json.dumps(settings, indent=1).encode())
         return
     then = json.loads(path.read_text())
-    for key, now in settings.items():  # a folder of an earlier version lacks minutes
+    for key, now in settings.items():  # folders of earlier versions have no duration
         if (before := then.get(key)) != now:
             raise FileError(
                 f"{path}: {key} was {_shown(before)} and is {_shown(now)} now; give the study a"

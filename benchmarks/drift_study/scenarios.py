@@ -1,4 +1,4 @@
-"""What the friction of the plants in a study does: one plant file made of another, key by key.
+"""Friction of the plants in a study: plant files with changed keys.
 
 Two things may spoil an identification, that friction changes while one measures and that it is no
 function of the form assumed. The scenarios distinguish them: "off" has the misfit alone, "on" and
@@ -29,7 +29,7 @@ class Scenario:
     Attributes
     ----------
     says : str
-        What differs, for tables.
+        Description of the difference, for tables.
     plant : dict
         Keys of the plant.
     friction : dict
@@ -63,7 +63,7 @@ SCENARIOS: dict[str, Scenario] = {
 
 
 def write_plant(scenario: Scenario, plant: str, path: Path) -> None:
-    """Write the plant file of a scenario, unless it is there.
+    """Write the plant file of a scenario, unless the file exists.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A study's figures: each method in each scenario, over all seeds, as a table and as a picture."""
+"""Figures of a study: each method in each scenario, over all seeds, as a table and as a picture."""
 
 from __future__ import annotations
 
@@ -34,24 +34,24 @@ if TYPE_CHECKING:
 TABLE, PICTURE = "study.csv", "study"
 LEGEND = "error of predicted rigid-body torques, %\na dot for each plant, a bar for their rms"
 LABELS, PANEL, BELOW = 3.4, 1.85, 0.62
-"""Width of the methods' names and of a panel, height below the panels [inch]."""
+"""Widths of the column of method names and of a panel, and height below the panels [inch]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MethodScore:
-    """One method in one scenario.
+    """Scores of one method in one scenario.
 
     Attributes
     ----------
     scenario, method : str
     n : int
-        Seeds.
+        Number of seeds.
     group_error : dict
         Relative, root mean square over the seeds.
     torque_error : float
-        The same of the torques.
+        Relative error of the torques, root mean square over the seeds.
     torque_errors : tuple of float
-        Of each seed.
+        Torque errors of the seeds.
     ratio : float
         `torque_error` over that of our default in the same scenario; NaN where there is none.
     coverage : float
@@ -69,7 +69,7 @@ class MethodScore:
 
 
 def summarise(found: Sequence[Judged]) -> list[MethodScore]:
-    """Put the outcomes of all seeds together, our methods first."""
+    """Collect the outcomes of all seeds, our methods first."""
     cases: dict[tuple[str, str], list[int]] = {}
     ordered = sorted(found, key=_place)
     flat = [(each.cell.scenario, outcome) for each in ordered for outcome in each.outcomes]
@@ -103,7 +103,7 @@ def write(folder: Path, rows: Sequence[MethodScore]) -> None:
 
 
 def keep_figures(rows: Sequence[MethodScore], seeds: Sequence[int], command: str) -> None:
-    """Keep errors and shares of intervals that hold, by scenario and method."""
+    """Keep errors and coverage of intervals, by scenario and method."""
     kept: dict[str, figures.Figure] = {}
     for row in rows:
         name = re.sub(r"\W+", "-", f"{row.scenario} {row.method}")
@@ -118,7 +118,7 @@ def keep_figures(rows: Sequence[MethodScore], seeds: Sequence[int], command: str
 
 
 def picture(rows: Sequence[MethodScore]) -> Figure:
-    """Torque errors of all methods, one panel a scenario, one dot a seed, bars for their rms."""
+    """Draw the torque errors of all methods: panels by scenario, dots by seed, bars for the rms."""
     scenarios = list(dict.fromkeys(row.scenario for row in rows))
     methods = list(dict.fromkeys(row.method for row in rows))
     titles = [SCENARIOS[scenario].says.replace(", ", "\n") for scenario in scenarios]
@@ -159,7 +159,7 @@ def _panel(panel: Axes, methods: Sequence[str], rows: dict[str, MethodScore]) ->
 
 
 def _place(found: Judged) -> tuple[int, int]:
-    """Where it stands in tables, whatever has failed: scenarios and campaigns in their order."""
+    """Return the row in tables, independent of failures: scenarios and campaigns in their order."""
     return list(SCENARIOS).index(found.cell.scenario), KINDS.index(found.cell.kind)
 
 

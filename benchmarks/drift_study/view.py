@@ -1,4 +1,4 @@
-"""A study on the terminal: how far it is, and its table."""
+"""Display of a study on the terminal: progress and table."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def shown(console: Console) -> Iterator[Callable[[Done], None]]:
-    """Show jobs as they are done, a line each without a terminal; yields what takes them."""
+    """Show finished jobs, a line each without a terminal; yields a function for events."""
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[left]}"))
     began: dict[str, float] = {}
     with Progress(*columns, console=console, transient=True) as progress:
@@ -85,7 +85,7 @@ def _table(rows: Sequence[MethodScore]) -> Table:
 
 
 def _figure(value: float) -> str:
-    """Two digits, without an exponent; nothing where there is no figure."""
+    """Return a number with two digits, without an exponent; an empty text for NaN."""
     if not math.isfinite(value):
         return ""
     return f"{float(f'{value:.2g}'):.0f}" if value >= 100 else significant(value, 2)

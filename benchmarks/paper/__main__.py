@@ -4,9 +4,9 @@
 
     python -m benchmarks.paper [FOLDER] [--seeds 20]
 
-With a FOLDER it measures and judges what that does not hold yet and writes results, page and
-figures; without one it makes page and figures from the results. Cases may have been measured at
-unlike numbers of seeds: all that is there counts, and with `--seeds 0` nothing else.
+With a FOLDER, missing campaigns are measured and judged, and results, page and figures are written;
+without one, page and figures are made from the results. Cases may have been measured at unlike
+numbers of seeds: all that is there counts, and with `--seeds 0` nothing else.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from .figures import FIGURES, LOOK
 from .page import HOME, PAGE, RESULTS, rendered
 
 ONCE = ("sweep", "stops", "operation", "offset")
-"""Cases of one seed: they are drawn."""
+"""Cases of one seed, used for pictures."""
 GIT = ("/usr/bin/env", "git", "-C", str(HOME), "describe", "--always", "--dirty")
 
 
 def main() -> None:
-    """Measure, judge, write."""
+    """Measure, judge and write."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("folder", nargs="?", type=Path, help="folder of all campaigns")
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="to be measured, of each")
@@ -64,7 +64,7 @@ def main() -> None:
 
 
 def judge(folder: Path, robot: Robot, name: str, seed: int) -> None:
-    """Keep the figures of a campaign beside it, measured and judged unless they are there."""
+    """Keep the figures of a campaign beside it, measured and judged if missing."""
     cell = measure(folder, robot, *CASES[name], name, seed)
     if cell.verdict.exists():
         return
@@ -76,7 +76,7 @@ def judge(folder: Path, robot: Robot, name: str, seed: int) -> None:
         subprocess.run([sys.executable, "-m", "hil", "identify", str(model)], check=True)
         figures = assessment.of_friction(run, model)
     else:
-        # the gate on symmetry is the improved method's: the published one fits no asymmetry
+        # the check of symmetry belongs to the improved method: the published one fits no asymmetry
         both = CASES[name][0] == "rule" or name == "uneven"
         figures = assessment.of_strokes(run, cell.plant, both=both)
     if (name, seed) == ("bare", SEEDS[0]):
@@ -86,7 +86,7 @@ def judge(folder: Path, robot: Robot, name: str, seed: int) -> None:
 
 
 def gather(folder: Path) -> dict[str, Any]:
-    """Return the figures of all cases, and apart from them what is drawn of the first seed.
+    """Return the figures of all cases, and separately the data of pictures of the first seed.
 
     Seed after seed up to the first that is missing, so that a campaign without the load and one
     with it are of one plant where they have one place.

@@ -1,4 +1,4 @@
-"""One campaign judged: what the paper's method makes of it, as plain figures that a file can keep.
+"""Assessment of one campaign by the paper's method, as plain figures for a file.
 
 The method is the published one, section 6 as it stands. The plant's truth is used for errors alone.
 """
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 def of_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
-    """Errors of a campaign of strokes, and what its claims rest on; `both`: improved too."""
+    """Return errors of a campaign of strokes with evidence for the claims; `both`: improved too."""
     robot, measured = run.robot, list(recorded(run))
     truth = true_parameters(robot, plant)
     found = estimates(robot, measured, TWO_STEP_METHODS if both else TWO_STEP_METHODS[1:])
@@ -64,14 +64,14 @@ def of_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
 
 
 def errors(robot: Robot, p: Array, truth: Array) -> dict[str, float]:
-    """Relative error of each group in its norm."""
+    """Return the relative error of each group in its norm."""
     groups = {name: list(k) for name, k in base_parameters(robot).groups.items()}
     size = np.linalg.norm
     return {name: float(size((p - truth)[k]) / size(truth[k])) for name, k in groups.items()}
 
 
 def _without(robot: Robot, fits: Sequence[LocalFit], torques: Sequence[float]) -> Array:
-    """Parameters with a torque taken off each measured element."""
+    """Return the parameters after removal of a torque from each measured element."""
     pairs = zip(fits, torques, strict=True)
     less = [replace(f, sides=np.r_[f.sides[0] - put, f.sides[1:]]) for f, put in pairs]
     return TwoStep(robot, less).solve()
@@ -80,11 +80,11 @@ def _without(robot: Robot, fits: Sequence[LocalFit], torques: Sequence[float]) -
 def _neglected(
     robot: Robot, raw: Prepared, fits: Sequence[LocalFit], p: Array, truth: Array
 ) -> Figures:
-    """What a neglected torque of the recorded motion puts onto the elements and the parameters.
+    """Return the effect of a neglected torque on the elements and the parameters.
 
     Each measurement is evaluated with that torque alone in place of the measured one: c(q, qd), and
-    what the axes that should stand still, but are only held, contribute by their motion. Shares are
-    of the largest element of each kind; errors and p3 are those with the torque taken off.
+    the torque by small motion of the held axes. Shares are of the largest element of each kind;
+    errors and p3 are those with the torque taken off.
     """
     found = {}
     for name, torque in NEGLECTED.items():
@@ -113,7 +113,7 @@ NEGLECTED = {"coriolis": _coriolis, "at_rest": _of_axes_at_rest}
 
 
 def _bound(robot: Robot, fits: Sequence[LocalFit], p: Array, truth: Array) -> Figures:
-    """How much of what eq. (13) allows each group's error uses, with Q measured and with W p."""
+    """Return the error of each group relative to eq. (13), with Q measured and with W p."""
     found, size = {}, np.linalg.norm
     for kind in ELEMENT_KINDS.values():
         own, k = [f for f in fits if f.kind == kind.name], base_parameters(robot).groups[kind.group]
@@ -129,7 +129,7 @@ def _bound(robot: Robot, fits: Sequence[LocalFit], p: Array, truth: Array) -> Fi
 
 
 def _elements(robot: Robot, fits: Sequence[LocalFit], p: Array) -> list[Figures]:
-    """Each measured element of g and M, its model, and what p_g gives of it."""
+    """Return each measured element of g and M, its model, and the part of p_g in it."""
     gravity = np.isin(np.arange(len(p)), base_parameters(robot).groups["gravity"])
     return [
         {
@@ -141,7 +141,7 @@ def _elements(robot: Robot, fits: Sequence[LocalFit], p: Array) -> list[Figures]
 
 
 def of_friction(run: Run, model: Path) -> Figures:
-    """Points of a friction run (axis, minutes, speed, both torques) and errors of its models."""
+    """Return points of a friction run (axis, minutes, speed, both torques) and errors of models."""
     found = fit_friction(run, model)
     return {
         "points": [
@@ -155,7 +155,7 @@ def of_friction(run: Run, model: Path) -> Figures:
 
 
 def of_offset(run: Run) -> Figures:
-    """Fig. 7: what was ranked first among parameters left out, its value, and the phase.
+    """Return the result of Fig. 7: first-ranked omitted parameter, its value, and the phase.
 
     Configurations 10 to 24, brought to one another by the model: each begins at an angle of its own
     of the motor.
@@ -177,11 +177,11 @@ LOW_PASSES = {
     "order 8, causal": (8, signal.sosfilt, False),
     "order 8, causal, torque alone": (8, signal.sosfilt, True),
 }
-"""What "non-causal, phase-neutral eighth-order" may mean, and what it is not."""
+"""Interpretations of "non-causal, phase-neutral eighth-order" low-passes, and others."""
 
 
 def of_filters(run: Run, plant: Path) -> Figures:
-    """Errors of the published method by the low-pass: its order, its way, what passes it."""
+    """Return errors of the published method by order, direction and signals of the low-pass."""
     truth, found = true_parameters(run.robot, plant), {}
     for name, (order, way, torque_alone) in LOW_PASSES.items():
 
@@ -199,7 +199,7 @@ def of_filters(run: Run, plant: Path) -> Figures:
 
 
 def course(run: Run, name: str) -> Figures:
-    """One measurement as it was recorded: time, and velocity and torque of its axis."""
+    """Return one recorded measurement: time, and velocity and torque of its axis."""
     m, recording = next(each for each in recorded(run) if each[0].id == name)
     s, axis = signals(recording), m.moved[0]
     columns = s.time - s.time[0], s.smoothed(s.qd)[:, axis], s.smoothed(s.tau)[:, axis]

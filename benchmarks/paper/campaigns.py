@@ -1,4 +1,4 @@
-"""What is measured for the paper: plans by its own rule, plants, and campaigns by `hil run`.
+"""Campaigns for the paper: plans by its own rule, plants, and runs by `hil run`.
 
 Configurations follow section 6.2: of each element one angle after another that it depends on is
 varied in steps of 25 degrees, at the counts of section 8. Nothing is optimised. A folder keeps
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     from hil.planning.plan import Plan
 
 ARTICLE: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("article.yaml").read_text())
-"""What the paper says, as printed."""
+"""Printed values of the paper."""
 ROBOT, SEEDS = "manutec-r15", range(201, 221)
 STEP = 25
 """Of a varied angle, section 6.2 [degrees]."""
 ELSEWHERE = (0, -30, 60, 40, 90, 0)
-"""Angles of joints that are not varied, at which each dependence shows [degrees]."""
+"""Angles of joints without variation, chosen such that each dependence is visible [degrees]."""
 RULE = {
     "gravity": ((2, 2, 100), (3, 4, 175), (2, 3, 125), (3, 3, 125), (4, 4, 100), (5, 5, 100)),
     "inertia": (
@@ -47,8 +47,9 @@ RULE = {
     ),
     "coupling": ((1, 2, 100),),
 }
-"""By kind: axis that is read, joint that is varied, and how far to both sides [degrees]. M44 over
-q5 is the paper's own, and so are 15 values of g3 over q4 (Fig. 7); the rest fills its counts."""
+"""Rule by kind: measured axis, varied joint, and ranges in both directions [degrees]. M44 over q5
+is the paper's own, and so are 15 values of g3 over q4 (Fig. 7); the rest completes its counts.
+"""
 
 
 def by_rule(robot: Robot) -> Iterator[Measurement]:
@@ -78,19 +79,19 @@ PLANS: dict[str, Callable[[Robot], Plan]] = {
     "stops": lambda robot: stops(robot, 1),
     "operation": lambda robot: operation(robot, 1),
 }
-"""By the paper's rule, parts of that, by our greedy choice, and of friction."""
+"""Plans by the paper's rule, by parts of it, by our greedy choice, and for friction."""
 
 
 DISC = {
     "mass": ARTICLE["mass"], "centre": [0, 0, ARTICLE["distance"]],
     "Ixx": 0.0259, "Iyy": 0.0259, "Izz": 0.047,
 }  # fmt: skip
-"""A steel disc of the paper's mass, distance and Izz [kg, m, kg m2]."""
+"""Steel disc with the paper's mass, distance and Izz [kg, m, kg m2]."""
 LOAD = {"payload": DISC}
 FIG_7 = 0.1885 * math.tan(math.radians(ARTICLE["offset"]))
-"""First moment of link 4 that turns the sinusoid of g3 over q4 as Fig. 7 has it: p13 tan 30."""
+"""First moment of link 4 for the phase of g3 over q4 in Fig. 7: p13 tan 30."""
 STIFF = {"position": 50.0, "velocity": 240.0, "integral": 40.0}
-"""Bandwidths of the drives' loops, twice those of the plant that comes along [1/s]."""
+"""Bandwidths of the drives' loops, twice those of the built-in plant [1/s]."""
 CASES = {
     "bare": ("rule", Scenario("as it comes along")),
     "loaded": ("rule", Scenario("with the load", LOAD)),
@@ -109,11 +110,11 @@ CASES = {
     "gears-45": ("short", Scenario("gears of 45 Hz", gears=45)),
     "gears-20": ("short", Scenario("gears of 20 Hz", gears=20)),
 }
-"""Plan and plant by name."""
+"""Plan and plant by case name."""
 
 
 def measure(folder: Path, robot: Robot, plan: str, plant: Scenario, name: str, seed: int) -> Cell:
-    """Return a campaign whose run is there, measured over the bus if it was not."""
+    """Return a campaign with its run, measured over the bus if missing."""
     cell = Cell(folder.resolve(), name, plan, seed, seed)
     cell.plant.parent.mkdir(parents=True, exist_ok=True)
     write_plant(plant, ROBOT, cell.plant)

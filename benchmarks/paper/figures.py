@@ -1,4 +1,4 @@
-"""The paper's figures of the virtual robot, from what the file of results keeps."""
+"""Figures of the paper for the virtual robot, from the kept results."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ LOOK: Any = {
 
 
 def fig_1(drawn: Drawn, robot: Robot) -> Figure:
-    """Normalised characteristics, and models of axis 1."""
+    """Draw normalised characteristics, and models of axis 1."""
     figure, (left, right) = _panels(3.3, 1, 2)
     points = np.array(drawn["sweep"]["points"])
     for axis, colour in enumerate(ordered_colours(robot.n_joints), start=1):
@@ -52,7 +52,7 @@ def fig_1(drawn: Drawn, robot: Robot) -> Figure:
 
 
 def fig_2(drawn: Drawn, _: Robot) -> Figure:
-    """Friction of axis 2 over time with stops, and its characteristic in operation."""
+    """Draw friction of axis 2 over time with stops, and its characteristic in operation."""
     figure, (left, right) = _panels(3.3, 1, 2)
     _, minutes, _, forward, backward = np.array(drawn["stops"]["points"]).T
     level, apart = (forward - backward) / 2, np.diff(minutes, prepend=minutes[0]) > 0.5
@@ -73,19 +73,19 @@ def fig_2(drawn: Drawn, _: Robot) -> Figure:
 
 
 def by_speed(points: Array, axis: int) -> Array:
-    """Speeds of an axis, rising, and torques forward and backward."""
+    """Return ascending speeds of an axis, with torques forward and backward."""
     own = points[points[:, 0] == axis]
     return np.asarray(own[np.argsort(own[:, 2]), 2:].T)
 
 
 def in_operation(drawn: Drawn) -> list[Array]:
-    """The same of the characteristics one after another."""
+    """Return the successive characteristics in operation, in the form of `by_speed`."""
     points = np.array(drawn["operation"]["points"])
     return [by_speed(each, int(points[0, 0])) for each in np.array_split(points, len(OPERATION))]
 
 
 def fig_3(drawn: Drawn, _: Robot) -> Figure:
-    """Velocity and torque of a measurement of g2 and of one of M22."""
+    """Draw velocity and torque of a measurement of g2 and of one of M22."""
     figure, panels = _panels(3.8, 2, 2, sharex="col")
     names = "(a) gravitational torque $g_2$", "(b) moment of inertia $M_{22}$"
     for k, (name, each) in enumerate(zip(names, drawn["trajectories"], strict=True)):
@@ -97,7 +97,7 @@ def fig_3(drawn: Drawn, _: Robot) -> Figure:
 
 
 def fig_4(_: Drawn, robot: Robot) -> Figure:
-    """Frames of the robot file at q = 0, those of one origin beside each other."""
+    """Draw frames of the robot file at q = 0, frames with a common origin side by side."""
     figure, (panel,) = _panels(3.9, 1, 1)
     pose, flat, size = np.eye(4), np.array([[1.0, -0.4, 0.0], [0.0, -0.3, 1.0]]), 0.15
     apart = np.array([[0, 0], [-0.3, -0.2], [0, 0], [0, 0], [0.35, 0], [0.7, 0]])
@@ -124,12 +124,12 @@ ON_AXES: Any = {"angles": "xy", "scale_units": "xy"}
 
 
 def fig_5(drawn: Drawn, _: Robot) -> Figure:
-    """Gravity torques over the number of the configuration."""
+    """Draw gravity torques over the number of the configuration."""
     return _elements(drawn, "gravity", (2, 3, 4, 5), "$g_{}$ [N m]")
 
 
 def fig_6(drawn: Drawn, _: Robot) -> Figure:
-    """Moments of inertia over it, less what p_g gives of them."""
+    """Draw moments of inertia over the number of the configuration, without the part of p_g."""
     return _elements(drawn, "inertia", (1, 2, 3, 4, 5, 6), "$M_{{{0}{0}}}$ [kg m²]")
 
 
@@ -154,7 +154,7 @@ LINES = (("bare", "o", "-", "without"), ("loaded", "x", "--", "with the load"))
 
 
 def shown(drawn: Drawn, case: str, kind: str, axis: int) -> Array:
-    """Number, measured value and model of one axis's elements, those of M less p_g's share."""
+    """Return number, measured value and model of one axis's elements, of M without p_g."""
     own = enumerate((each for each in drawn[case] if each["kind"] == kind), start=1)
     chosen = [(n, each) for n, each in own if each["axis"] == axis]
     share = [each["of_gravity"] * (kind == "inertia") for _, each in chosen]
@@ -163,7 +163,7 @@ def shown(drawn: Drawn, case: str, kind: str, axis: int) -> Array:
 
 
 def fig_7(drawn: Drawn, _: Robot) -> Figure:
-    """The gravity torque g3 over q4: measured, by the robot file, and with effects found."""
+    """Draw the gravity torque g3 over q4: measured, by the robot file, with the effects found."""
     figure, (panel,) = _panels(3.1, 1, 1)
     found, fine = drawn["offset"], np.linspace(-np.pi, np.pi, 200)
     stated, extended = Sinusoid(*found["stated"]), Sinusoid(*found["extended"])

@@ -1,4 +1,4 @@
-"""The page: what the paper says beside what was found, line by line, each with its verdict."""
+"""Page with statements of the paper beside our results, line by line, each with its verdict."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ RESULTS, PAGE = HOME / "benchmarks/results/paper.json", HOME / "docs/explanation
 
 
 def rendered(article: Figures, results: Figures, robot: Robot) -> tuple[str, list[str]]:
-    """Return the page, and the lines whose verdict does not hold any more."""
+    """Return the page, and the lines with a changed verdict."""
     failed: list[str] = []
 
     def verdict(word: str, holds: object, what: str) -> str:
@@ -46,7 +46,7 @@ def rendered(article: Figures, results: Figures, robot: Robot) -> tuple[str, lis
         return f"`{name}`"
 
     def over(case: str, *path: str) -> Array:
-        """One figure of a case, of each seed."""
+        """Return one figure of a case for each seed."""
         found = results["cases"][case]
         for key in path:
             found = [each[key] for each in found]
@@ -67,21 +67,21 @@ def rendered(article: Figures, results: Figures, robot: Robot) -> tuple[str, lis
 
 
 def rms(values: Any) -> float:
-    """Root mean square."""
+    """Return the root mean square of values."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _digits(x: float, digits: int = 2) -> str:
-    """Write a figure to so many digits."""
+    """Return a figure with a number of digits."""
     text = f"{x:.{digits}g}"
     return (f"{float(text):.0f}" if "e+" in text else text).replace("-", "−")
 
 
 def of_robot(article: Figures, robot: Robot) -> Figures:
-    """Table 1, eq. (22), Table 2, groups and M44, each symbol as the robot file gives it."""
+    """Return Table 1, eq. (22), Table 2, groups and M44, with symbols of the robot file."""
     base, random, number = base_parameters(robot), np.random.default_rng(1), range(robot.n_joints)
     symbols = {name: random.normal() for name in (*robot.standard_parameters, "l1", "l2")}
-    # expressions that agree at random values of all their symbols are the same polynomial
+    # expressions with equal values at random arguments are the same polynomial
     pairs = zip(base.expressions, article["equation_22"], strict=True)
     cells = []
     for i, row in enumerate(article["table_2"]):
@@ -102,7 +102,7 @@ def of_robot(article: Figures, robot: Robot) -> Figures:
 
 
 def _value(expression: str, symbols: Mapping[str, float]) -> float:
-    """Value of an expression as the paper prints it."""
+    """Return the value of an expression in the paper's format."""
     python = re.sub(r"(?<=[\w)]) (?=[\w(])", "*", expression.replace("^", "**"))
     return float(eval(python, {}, dict(symbols)))  # noqa: S307 - our own text
 
@@ -139,7 +139,7 @@ SHORT = ("default", "default-loaded", "published")
 
 
 def _of_load(change: Array, expected: Array, robot: Robot) -> Figures:
-    """Errors of changes by the load in the norm, and the mass that p5 and p8 make of each."""
+    """Return errors of changes by the load in the norm, and the masses by p5 and p8."""
     groups = base_parameters(robot).groups
     parts = {"all": slice(None)} | {g: list(groups[g]) for g in ("gravity", "diagonal")}
     lengths, error, size = robot.file.lengths, change - expected, np.linalg.norm
@@ -149,7 +149,7 @@ def _of_load(change: Array, expected: Array, robot: Robot) -> Figures:
 
 
 def of_friction(drawn: Figures) -> Figures:
-    """Figs. 1 and 2 as figures: curvature, models, symmetry, what stops do."""
+    """Return Figs. 1 and 2 as figures: curvature, models, symmetry, effect of stops."""
     fits, early = drawn["sweep"]["models"], []
     for axis in fits:
         v, forward, backward = by_speed(np.array(drawn["sweep"]["points"]), int(axis))
@@ -174,7 +174,7 @@ def of_friction(drawn: Figures) -> Figures:
 
 
 def of_choice(robot: Robot) -> Figures:
-    """Condition, least singular value and scatter of p_Md by plans of the paper's counts."""
+    """Return condition, least singular value and scatter of p_Md by plans of equal counts."""
     random, rule, found = np.random.default_rng(1), PLANS["rule"](robot), {}
     anywhere = [
         m.model_copy(update={"q": tuple(random.uniform(0.8 * robot.q_min, 0.8 * robot.q_max))})
@@ -190,7 +190,7 @@ def of_choice(robot: Robot) -> Figures:
 
 
 def of_elements(drawn: Figures) -> Figures:
-    """Figs. 5 and 6: what the model leaves, and what p_g makes of the elements."""
+    """Return Figs. 5 and 6: residuals of the model, and the part of p_g in the elements."""
     gravity = [shown(drawn, "bare", "gravity", axis).T for axis in (2, 3, 5)]
     left = [rms(value - model) / np.ptp(model) for _, value, model in gravity]
     varied = {}

@@ -1,4 +1,4 @@
-"""Methods of the literature that `hil` is compared with: what ``hil identify`` takes, by name.
+"""Methods of the literature for comparison with `hil`: entries for ``hil identify``, by name.
 
 ``python -m benchmarks.rivals RUN --method NAME`` is ``hil identify`` with these methods besides.
 """

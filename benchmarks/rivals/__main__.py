@@ -1,4 +1,4 @@
-"""``hil identify`` with methods besides that exist only to be compared with.
+"""``hil identify`` with additional methods for comparison.
 
 python -m benchmarks.rivals RUN --method NAME [--help]
 """
@@ -25,7 +25,7 @@ app.command()(identify)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Entry point; exit status as of ``hil identify``."""
+    """Entry point; exit status as in ``hil identify``."""
     METHODS.update(RIVALS)
     cli.main(arguments, app, "python -m benchmarks.rivals")
 

@@ -1,12 +1,12 @@
-"""The limit: how precisely any unbiased estimator could identify the base parameters.
+"""Cramer-Rao bound: the best precision of any unbiased estimator of the base parameters.
 
 The Cramer-Rao bound of measurements as they were made, for white torque noise of known variance and
 a motion known exactly: the inverse of Fisher's information (Kay, *Fundamentals of Statistical
-Signal Processing*, 1993, chapter 3). What is unknown besides is what the simultaneous estimator
-takes as unknown, friction of each measurement and the common terms of each axis; with friction
-known the bound is lower, and both are stated. Every sample of an axis in motion counts, unfiltered,
-so the estimator loses against the bound by its filter, by samples that it leaves out, and by
-everything about friction that is not white.
+Signal Processing*, 1993, chapter 3). Further unknowns are those of the simultaneous estimator:
+friction of each measurement and the common terms of each axis; with friction known the bound is
+lower, and both are stated. Every sample of an axis in motion counts, unfiltered, so the estimator
+loses against the bound by its filter, by samples that it leaves out, and by everything about
+friction that is not white.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 MOVING = 0.005
-"""Share of the speed limit from which on an axis counts as in motion."""
+"""Share of the speed limit above which an axis is in motion."""
 
 
 def cramer_rao(
@@ -45,15 +45,15 @@ def cramer_rao(
     *,
     friction_known: bool = False,
 ) -> Array:
-    """Least covariance of the base parameters, shape (n_base, n_base).
+    """Return the least covariance of the base parameters, shape (n_base, n_base).
 
     Parameters
     ----------
     robot : Robot
     recorded : iterable of (RecordedMotion, Recording)
-        Only the motion of it counts.
+        Measurements with recordings; only the motion is used.
     variance : ndarray, shape (n_joints,)
-        Of the torque noise, per sample [(N m)^2].
+        Variance of the torque noise, per sample [(N m)^2].
     friction_known : bool
         Friction and common terms need not be estimated.
     """
@@ -76,7 +76,7 @@ def cramer_rao(
 
 
 def _share(robot: Robot, s: Signals, axis: int, *, friction_known: bool) -> Array:
-    """X'X of one axis in one measurement, friction eliminated."""
+    """Return X'X of one axis in one measurement, with friction eliminated."""
     moving = np.abs(s.smoothed(s.qd[:, axis])) > MOVING * robot.velocity_limit[axis]
     rows, common, friction = term_columns(robot, s, axis)
     X = np.column_stack([rows, common, friction])[moving & s.valid]

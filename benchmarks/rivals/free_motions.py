@@ -1,4 +1,4 @@
-"""Solvers for free motions, each over rows weighted axis by axis.
+"""Solvers for free motions, with rows weighted by axis.
 
 Friction is Coulomb's, viscous and an offset at all speeds, as of weighted least squares.
 
@@ -34,10 +34,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 HUBER = 1.345
-"""Times the usual misfit from which on a piece counts less: 95 % efficiency where misfits are
-normal (Huber 1981)."""
+"""Multiple of the usual misfit above which a piece has less weight: 95 % efficiency for normal
+misfits (Huber 1981).
+"""
 ROUNDS = 30
-"""Most rounds of Huber's weights."""
+"""Maximum number of rounds with Huber's weights."""
 
 
 def fit_free_motions(
@@ -69,7 +70,7 @@ def robust(pieces: Normal) -> tuple[Normal, Array]:
 
 
 def total(pieces: Normal) -> tuple[Normal, Array]:
-    """Return the equations, and their solution by total least squares; 0 for unheard unknowns."""
+    """Return the equations with their solution by total least squares; 0 for unexcited unknowns."""
     N, v = pieces.information, pieces.vector
     heard = np.diag(N) > 0
     x = np.zeros(len(v))

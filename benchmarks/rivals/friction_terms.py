@@ -1,11 +1,11 @@
 """Friction in a conventional regression: columns fitted jointly, or a known characteristic.
 
-Models (1) and (2) are the paper's. The rich set is what can be had beyond them and still be linear:
-two degressive shapes, a progressive one, an offset for asymmetric friction and current sensors, and
-torque ripple at multiples of the motor's angle, which is no friction but would be taken for inertia
-of the wrist. Every set may have two customary columns besides: the offset, and friction that grows
-with the transmitted torque Q_t (Hamon, Gautier, Garrec, *Dynamic identification of robots with a
-dry friction model depending on load and velocity*, IROS 2010),
+Models (1) and (2) are the paper's. The rich set contains further linear terms: two degressive
+shapes, a progressive one, an offset for asymmetric friction and current sensors, and torque ripple
+at multiples of the motor's angle, which is no friction but would be taken for inertia of the wrist.
+Every set may have two customary columns besides: the offset, and friction that grows with the
+transmitted torque Q_t (Hamon, Gautier, Garrec, *Dynamic identification of robots with a dry
+friction model depending on load and velocity*, IROS 2010),
 
     mu |Q_t| sign(qd),
 
@@ -34,23 +34,24 @@ Terms = Literal["model 1", "model 2", "rich", "none"]
 Characteristic = Callable[["Array"], "Array"]
 """Friction torque of one axis [N m] at its velocities (n,) [rad/s], measured beforehand."""
 N_OF_SPEED = {"model 1": 2, "model 2": 3, "rich": 5, "none": 0}
-"""Number of a set's columns that are functions of speed and change as friction does; the sets share
-them, each begins with those of the smaller ones."""
+"""Number of columns of a set that are functions of speed and change with friction; sets share the
+columns, and each begins with those of the smaller sets.
+"""
 DIRECTION = 1
-"""Place of the sign of the velocity among the columns."""
+"""Index of the sign of the velocity among the columns."""
 OFFSET, LOAD, RIPPLE = 5, 6, 7
-"""Places of the offset, of the friction of the load, and of the first column of ripple."""
+"""Indices of the offset, of load-dependent friction, and of the first column of ripple."""
 N_FRICTION = RIPPLE + 2 * len(RIPPLE_ORDERS)
 """Number of columns of one axis."""
 
 
 def friction_columns(robot: Robot, q: Array, qd: Array, axis: int, direction: Array) -> Array:
-    """All columns of one axis's friction, shape (n, N_FRICTION); that of the load is still zero.
+    """Return all friction columns of one axis, shape (n, N_FRICTION); load friction is still zero.
 
     Parameters
     ----------
     q, qd : ndarray, shape (n, n_joints)
-        [rad], [rad/s].
+        Positions and velocities [rad], [rad/s].
     direction : ndarray, shape (n,)
         Sign of the axis's velocity, from filtered positions.
     """
@@ -65,7 +66,7 @@ def friction_columns(robot: Robot, q: Array, qd: Array, axis: int, direction: Ar
 
 
 def places(terms: Terms, *, offset: bool, load: bool) -> list[int]:
-    """Which columns a set of terms has, those of speed first; the rich set has offset and ripple.
+    """Return the columns of a set of terms, those of speed first; rich has offset and ripple.
 
     Parameters
     ----------
@@ -82,10 +83,10 @@ def places(terms: Terms, *, offset: bool, load: bool) -> list[int]:
 
 
 def _ripple(angle: Array) -> list[Array]:
-    """Sine and cosine of every order of the motor's angle."""
+    """Return sine and cosine of every order of the motor's angle."""
     return [f(order * angle) for order in RIPPLE_ORDERS for f in (np.cos, np.sin)]
 
 
 def compensated(s: Signals, characteristics: Sequence[Characteristic]) -> Array:
-    """Friction torque of all axes by known characteristics, shape (n, n_joints) [N m]."""
+    """Return friction torques of all axes by known characteristics, shape (n, n_joints) [N m]."""
     return np.column_stack([f(s.qd[:, axis]) for axis, f in enumerate(characteristics)])

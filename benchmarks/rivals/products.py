@@ -1,4 +1,4 @@
-"""Trajectories condensed to inner products, period by period and axis by axis.
+"""Trajectories condensed to inner products, by period and axis.
 
 Every method here needs of millions of samples only the inner products of torque, regressor and
 instruments. So each axis's share of each period becomes one small matrix over the columns
@@ -51,9 +51,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 DELAYS = np.linspace(0.0, 0.02, 41)
-"""Delays of the drives that are tried [s]."""
+"""Tested delays of the drives [s]."""
 THINNED = 3
-"""Every n-th sample is used: the filter leaves nothing in between."""
+"""Thinning ratio of the samples; the filtered signals have no content in between."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,9 +63,9 @@ class Products:
     Attributes
     ----------
     blocks : ndarray, shape (n_blocks, n_joints, n_columns, n_columns)
-        Of each period and axis.
+        Inner products of each period and axis.
     counts : ndarray, shape (n_blocks, n_joints)
-        Samples behind them.
+        Number of samples of each period and axis.
     n_base, n_friction : int
         Columns of base parameters, and of one axis's friction.
     n_trajectories : int
@@ -79,7 +79,7 @@ class Products:
 
     @property
     def plain(self) -> Array:
-        """Products of torque and columns, instruments left out."""
+        """Products of torque and columns, without instruments."""
         width = 1 + self.n_base + self.n_friction
         return self.blocks[..., :width, :width]
 
@@ -91,14 +91,14 @@ class Products:
         return self.blocks[..., rows, :width]
 
     def only(self, places: Sequence[int]) -> Products:
-        """The same with no more than these columns of friction."""
+        """Return the products with these friction columns only."""
         width = self.n_base + self.n_friction
         own = np.r_[: self.n_base, self.n_base + np.array(places, dtype=int)]
         kept = np.concatenate([[0], 1 + own, 1 + width + own])
         return replace(self, blocks=self.blocks[..., kept[:, None], kept], n_friction=len(places))
 
     def by_period(self, n_local: int) -> Products:
-        """The same with the first columns of friction eliminated, block by block; no instruments.
+        """Return products with friction columns eliminated by block; no instruments.
 
         So each period has coefficients of its own for them.
         """
@@ -118,7 +118,7 @@ class Products:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stacked:
-    """Recordings of trajectories with all columns, and the inner products of these.
+    """Recordings of trajectories with all columns, and their inner products.
 
     Attributes
     ----------
@@ -132,7 +132,7 @@ class Stacked:
     products: Products
 
     def loaded(self, p: Array) -> Products:
-        """Inner products with the column ``|Q_t| sign(qd)``, Q_t by base parameters `p`.
+        """Return inner products with the column ``|Q_t| sign(qd)``, Q_t by base parameters `p`.
 
         Q_t is the smoothed torque of the links, whose absolute value is not that of noise; the
         instrument is the same column along the commanded motion.
@@ -202,7 +202,7 @@ def _axis(
     periods: Sequence[NDArray[np.intp]],
     slowest: float,
 ) -> list[Array]:
-    """All columns of one axis, filtered: the samples of each period that count."""
+    """Return all filtered columns of one axis: the used samples of each period."""
     stacked = [y[:, np.newaxis]]
     for q, qd, qdd in ((s.q, s.qd, s.qdd), commanded):
         direction = np.sign(s.smoothed(qd[:, axis]))
@@ -215,7 +215,7 @@ def _axis(
 
 
 def _commanded(trajectory: Trajectory, s: Signals) -> tuple[Array, Array, Array]:
-    """Motion that was commanded, at the samples' times less the drives' delay."""
+    """Return the commanded motion, at the samples' times less the drives' delay."""
     t = s.time - s.time[int(np.argmax(s.active))]
     end = trajectory.cycles * trajectory.period
     moving = np.flatnonzero(s.active)[::THINNED]

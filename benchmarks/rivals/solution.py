@@ -17,7 +17,7 @@ commanded motion's regressor Z (Seeger 1992); total least squares, the right sin
 smallest singular value of [W Q], columns scaled to unit length (Gautier et al. 1994).
 
 The covariance is that of the scores of periods (Huber's sandwich): noise within a period may be
-coloured, what lasts over periods shows in none of them.
+coloured, errors that last over several periods are not contained.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ class Solution:
     residual : ndarray, shape (n_joints,)
         Root mean square of each axis's residual [N m].
     condition : float
-        Of the weighted observation matrix.
+        Condition number of the weighted observation matrix.
     n_blocks : int
-        Periods behind it.
+        Number of periods.
     """
 
     x: Array
@@ -80,11 +80,11 @@ def solve(
     ----------
     data : Products
     torque_limit : ndarray, shape (n_joints,)
-        [N m].
+        Torque limits [N m].
     weighting, solver : str
         See the module.
     expected : ndarray, shape (n_base,), optional
-        Of the "prior" weighting.
+        Expected parameters for the weighting "prior".
     """
     plain, weights = data.plain, _weights(data, torque_limit, weighting, expected)
     rows = data.crossed if solver == "instrumental" else plain
@@ -105,7 +105,7 @@ def solve(
 
 
 def _blocks(products: Array, data: Products) -> Blocks:
-    """Periods with base parameters' columns, which all axes share, and those of friction."""
+    """Return periods with the common columns of base parameters, and those of friction."""
     n_own = products.shape[-1] - 1 - data.n_base
     base, own = (
         tuple(f"{name} {k}" for k in range(n)) for name, n in (("p", data.n_base), ("f", n_own))
@@ -114,12 +114,12 @@ def _blocks(products: Array, data: Products) -> Blocks:
 
 
 def _whole(products: Array, data: Products, weights: Array) -> Normal:
-    """Equations of all periods together."""
+    """Return the equations of all periods together."""
     return _blocks(products, data).total.normal(weights)
 
 
 def _squares_left(data: Products, x: Array) -> Array:
-    """Mean square residual of each axis."""
+    """Return the mean square residual of each axis."""
     return _blocks(data.plain, data).mean_squares(x)
 
 

@@ -8,8 +8,8 @@ in the course of the measurement, but those by period.
 
 Friction of the load needs the base parameters that it is to be found with. So a method that has it
 solves without it, computes the transmitted torques from that solution and solves again, until the
-parameters stay the same (Hamon, Gautier, Garrec 2010). What friction of the load is wrong by is
-mu |error of Q_t|, so each round leaves about the share mu of the error that it began with.
+parameters stay the same (Hamon, Gautier, Garrec 2010). The error of load friction is mu |error of
+Q_t|, so each iteration multiplies the error by about mu.
 """
 
 from __future__ import annotations
@@ -46,23 +46,25 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SLOW = 0.05
-"""Share of an axis's speed limit below which samples are left out: near standstill friction
-depends on the way since the last reversal as well, which no term of these methods holds."""
+"""Share of an axis's speed limit below which samples are excluded: near standstill, friction also
+depends on the distance since the last reversal, for which these methods have no term.
+"""
 ROUNDS = 20
-"""Times that friction of the load and base parameters are found from each other, at most."""
+"""Maximum number of iterations of load friction and base parameters."""
 SETTLED = 0.01
-"""Share of a standard error by which parameters may still change when that ends: no digit of an
-interval shows it, and the next round would change them by mu times as much."""
+"""Change of parameters, relative to a standard error, at which the iteration ends: no digit of an
+interval shows it, and a further iteration would change them by mu times as much.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One conventional method.
+    """Conventional identification method.
 
     Attributes
     ----------
     terms : str
-        Friction that is fitted jointly.
+        Name of the friction terms in the fit.
     weighting, solver : str
         See `solution`.
     slowest : float
@@ -95,8 +97,9 @@ CUSTOMARY: dict[str, Variant] = {
     "instrumental, model 2": Variant("model 2", solver="instrumental"),
     "total, model 2": Variant("model 2", solver="total"),
 }
-"""The paper's friction models as they stand. Low speeds are left out, as proponents of these
-methods do; "all speeds" shows what they cost."""
+"""Friction models of the paper without changes. Low speeds are excluded, as by proponents of these
+methods; "all speeds" shows the loss otherwise.
+"""
 BOTH = "offset and load"
 VARIANTS: dict[str, Variant] = {
     **CUSTOMARY,
@@ -113,20 +116,21 @@ COMPENSATED: dict[str, Variant] = {
     "": Variant("none"),
     "corrected": Variant("model 1", offset=True, load=True),
 }
-"""With a friction characteristic measured beforehand, which says nothing of reversals: as it is, or
-corrected by what the trajectory shows of its level and slope, offset and load. Offset and load
-without the level make it worse where friction has drifted since: they stand in for it."""
+"""Variants with a friction characteristic measured beforehand, without values at reversals:
+unchanged, or with level and slope, offset and load fitted to the trajectory. Offset and load
+without the level are worse after a drift of the friction, because they compensate for the level.
+"""
 
 
 def trajectories(
     recorded: Iterable[tuple[RecordedMotion, Recording]],
 ) -> list[tuple[Trajectory, Recording]]:
-    """Return those of recorded measurements that are trajectories.
+    """Return the trajectories among recorded measurements.
 
     Raises
     ------
     NotEnoughData
-        There are none.
+        No trajectories.
     """
     found = select_kind(Trajectory, recorded)
     if not found:
@@ -153,14 +157,14 @@ def fit_trajectories(
     characteristics : sequence of callable, optional
         Friction of each axis that is compensated beforehand, with `COMPENSATED`.
     name : str
-        Of the method, for the estimate.
+        Name of the method in the estimate.
     """
     data = stack(robot, recorded, variant.slowest, characteristics)
     return estimate_of(robot, data, variant, name)
 
 
 def estimate_of(robot: Robot, data: Stacked, variant: Variant, name: str) -> Estimate:
-    """Identify from stacked trajectories, which several variants can share."""
+    """Identify from stacked trajectories, common to several variants."""
     n = data.products.n_base
     found = _solution(robot, data.products, variant, load=False)
     for _ in range(ROUNDS if variant.load else 0):
@@ -188,7 +192,7 @@ def estimate_of(robot: Robot, data: Stacked, variant: Variant, name: str) -> Est
 
 
 def _solution(robot: Robot, data: Products, variant: Variant, *, load: bool) -> Solution:
-    """Solve with the columns of a variant; that of the load may still be missing."""
+    """Solve with the columns of a variant; the column of load friction may still be missing."""
     data = data.only(places(variant.terms, offset=variant.offset, load=load))
     if variant.by_period:
         data = data.by_period(_n_local(variant))
@@ -200,7 +204,7 @@ def _n_local(variant: Variant) -> int:
 
 
 def _load_friction(found: Solution, variant: Variant, n_base: int) -> LoadFriction:
-    """Each axis's share of the transmitted torque that is friction."""
+    """Return each axis's friction as a share of the transmitted torque."""
     columns = places(variant.terms, offset=variant.offset, load=True)[_n_local(variant) :]
     k = np.arange(n_base + columns.index(LOAD), len(found.x), len(columns))
     return LoadFriction(found.x[k], np.sqrt(np.diag(found.covariance)[k]))

@@ -107,7 +107,7 @@ class PumpedSdoClient(SdoClient):
         Raises
         ------
         canopen.SdoAbortedError, canopen.SdoCommunicationError
-            The server refuses; it does not respond in time.
+            The server refuses the request; the server does not respond in time.
         """
         if not self._pumped.pump(self._timeout, lambda: bool(self._answers)):
             late = ", but one to an earlier request: its answers are late" if self._late else ""

@@ -284,7 +284,7 @@ def review(dictionary: Dictionary, rules: BusRules, axis: AxisDrive | None = Non
         Rules of the bus for the drive.
     axis : AxisDrive, optional
         Axis of a drives file: object of the current, and other means to stop the axis. Without an
-        axis a drive is not refused for what a file may state.
+        axis, values that a drives file may state are no reason to refuse a drive.
 
     Raises
     ------

@@ -57,7 +57,7 @@ class MissingTelegrams:
     period : float
         Time between two SYNCs [s].
     silence, wiring : str
-        Parts of the message: what is missing, and what to check of the bus.
+        Parts of the message: missing telegrams, and checks of the bus.
     doubling : str
         See `drivers.session.connection.Connection`.
 

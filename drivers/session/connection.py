@@ -42,7 +42,7 @@ class Connection(ABC):
     Attributes
     ----------
     silence, wiring : str
-        Parts of the message about missing telegrams: what is missing, and what to check.
+        Parts of the message about missing telegrams: missing object, and remedy.
     doubling : str
         Message about doubled telegrams, with the remedy.
     supervision : Supervision

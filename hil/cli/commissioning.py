@@ -2,7 +2,7 @@
 
 Each command opens a bus, calls a function of `drivers.operator_tools` and shows the result. Motion
 needs the operator's consent, asked for at the terminal or given by ``--yes``; space, q and Esc stop
-it, and Ctrl-C does. Whatever ends a command, the axes stop and are switched off.
+it, and Ctrl-C does. At the end of a command, for any reason, the axes stop and are switched off.
 """
 
 from __future__ import annotations

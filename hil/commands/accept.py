@@ -137,6 +137,12 @@ def accept(run: Run | Path | str, limits: Limits | Path | str) -> Acceptance:
         No model, or a damaged file.
     Mismatch
         Limits of another robot, or a model of another state of the run.
+
+    Examples
+    --------
+    >>> judged = hil.accept("runs/first", hil.draft_limits("runs/first"))
+    >>> judged.word, len(judged.checks)
+    ('good', 43)
     """
     run = opened(run)
     model = Model.load(run.path)
@@ -159,6 +165,12 @@ def draft_limits(run: Run | Path | str, factor: float = 3.0) -> Limits:
         No model, or a damaged recording.
     Mismatch
         A model of another state of the run.
+
+    Examples
+    --------
+    >>> limits = hil.draft_limits("runs/first", factor=5)
+    >>> limits.robot, limits.factor, limits.quantities[0].name
+    ('manutec-r15', 5.0, 'p1')
     """
     run = opened(run)
     model = Model.load(run.path)

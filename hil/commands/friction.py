@@ -152,6 +152,12 @@ def fit_friction(
         No model, or a damaged one.
     Mismatch
         A model of another robot.
+
+    Examples
+    --------
+    >>> fitted = hil.fit_friction("runs/friction")
+    >>> [curves.axis for curves in fitted.axes], len(fitted.points)  # axes from 0
+    ([5], 16)
     """
     run = opened(run)
     robot, model_folder = run.robot, None if model is None else Path(model)

@@ -65,9 +65,9 @@ class Signals:
     Attributes
     ----------
     period : float
-        [s].
+        Sampling period [s].
     time : ndarray, shape (n,)
-        [s].
+        Time [s].
     q, qd, qdd, tau : ndarray, shape (n, n_joints)
         [rad], [rad/s], [rad/s^2], [N m]; interpolated over missing samples.
     stroke, partner_stroke : ndarray, shape (n,)

@@ -151,7 +151,7 @@ def friction_of_joints(model: Model) -> tuple[SimpleFriction | None, ...]:
 def friction_remarks(model: Model, offsets: str = "") -> tuple[str, ...]:
     """Return the misfits of Coulomb and viscous friction, or the reason for missing friction.
 
-    `offsets` names what holds the offset of a law; by default the offset is left out.
+    `offsets` names the part that holds the offset of a law; by default the offset is left out.
     """
     try:
         simple = simple_friction(model)

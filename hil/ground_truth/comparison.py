@@ -51,6 +51,12 @@ class ModelComparison:
     torque : ndarray, shape (n_joints,)
         Root mean square of the difference of predicted rigid-body torques on a free motion,
         relative to the second torque; NaN for a joint without torque.
+
+    Examples
+    --------
+    >>> compared = hil.compare("runs/first", "manutec-r15")
+    >>> compared.difference.shape, bool((compared.torque < 0.01).all())
+    ((14,), True)
     """
 
     robot: Robot
@@ -119,6 +125,12 @@ def compare(model: Model | Path | str, other: Model | Path | str) -> ModelCompar
         Another robot or plant.
     FileError
         An unusable file.
+
+    Examples
+    --------
+    >>> compared = hil.compare("runs/first", "manutec-r15")  # with the virtual plant's truth
+    >>> bool((abs(compared.z) < 4).all())
+    True
     """
     model = loaded(model)
     robot, variance = model.robot, np.diag(model.covariance)

@@ -69,6 +69,11 @@ def import_recordings(
     FileError
         A map or a recording cannot be used, or is contradictory; nothing is written. The message
         states the problems of all maps.
+
+    Examples
+    --------
+    >>> hil.import_recordings(["examples/pan_tilt/other.yaml"], "runs/imported")
+    <Run runs/imported: pan-tilt, 1 of 1 measurements>
     """
     output = Path(output)
     if output.exists() or output.is_symlink():

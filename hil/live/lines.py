@@ -37,7 +37,7 @@ torque
     The band about the predicted torque holds 95 % of what is normal. ``measurement``: that of the
     recording, or "" of a run that is watched.
 estimate
-    What the recordings show of the base parameters so far: ``recordings``, their number, and
+    State of the base parameters by the recordings so far: ``recordings``, their number, and
     ``parameters``, of each ``name``, ``meaning``, ``unit``, ``expression``, ``value``, ``half``:
     half-width of its 95 % interval, null while recordings leave it open, and ``share``: the torque
     that this amounts to on a free motion, of the axis where it is largest, as a share of its limit.

@@ -99,6 +99,12 @@ def base_parameters(robot: Robot) -> BaseParameters:
     ------
     RegroupingFailed
         The numeric cross-check disagrees.
+
+    Examples
+    --------
+    >>> base = hil.base_parameters(hil.Robot.load("emps"))
+    >>> base.names, base.units
+    (('p1',), ('kg',))
     """
     heads, regrouped = _regroup(robot)
     sparse = [_put_in_sparsity(robot, row) for row in regrouped]

@@ -37,7 +37,7 @@ class Capsules:
     ends : array (n_links, 2, 3)
         Ends of the segments, each in its link's frame [m].
     radii : array (n_links,)
-        [m].
+        Radii [m].
     stated : tuple of bool
         True for capsules stated in the robot file.
     reach : array (n_links, n_joints)

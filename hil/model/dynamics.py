@@ -74,6 +74,12 @@ def regressor(
     ------
     ValueError
         Shapes that do not fit the robot, or an unknown joint.
+
+    Examples
+    --------
+    >>> robot = hil.Robot.load("manutec-r15")
+    >>> hil.regressor(robot, np.zeros((100, 6)), 0.5, 0.0, joints=[1]).shape
+    (100, 1, 14)
     """
     return regressors(robot, q, [(qd, qdd)], joints, gravity)[0]
 
@@ -110,7 +116,14 @@ def regressors(
 def inverse_dynamics(
     robot: Robot, p: ArrayLike, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike
 ) -> Array:
-    """Compute joint torques M(q) qdd + c(q, qd) + g(q) for base parameters `p` [N m]."""
+    """Compute joint torques M(q) qdd + c(q, qd) + g(q) for base parameters `p` [N m].
+
+    Examples
+    --------
+    >>> robot = hil.Robot.load("examples/pan_tilt/head.urdf")
+    >>> hil.inverse_dynamics(robot, np.ones(8), np.zeros((100, 2)), 0.5, 0.0).shape
+    (100, 2)
+    """
     return inverse_dynamics_at(robot, p, q, [(qd, qdd)])[0]
 
 
@@ -122,12 +135,26 @@ def inverse_dynamics_at(
 
 
 def gravity_torque(robot: Robot, p: ArrayLike, q: ArrayLike) -> Array:
-    """Compute gravity torques g(q) of eq. (6), shape of `q` [N m]."""
+    """Compute gravity torques g(q) of eq. (6), shape of `q` [N m].
+
+    Examples
+    --------
+    >>> robot = hil.Robot.load("examples/pan_tilt/head.urdf")
+    >>> hil.gravity_torque(robot, np.ones(8), [0, 0.5]).round(2)
+    array([ 0.  , -3.91])
+    """
     return inverse_dynamics(robot, p, q, 0.0, 0.0)
 
 
 def mass_matrix(robot: Robot, p: ArrayLike, q: ArrayLike) -> Array:
-    """Compute the mass matrix M(q) of eq. (6), shape (n_samples, n_joints, n_joints) [kg m^2]."""
+    """Compute the mass matrix M(q) of eq. (6), shape (n_samples, n_joints, n_joints) [kg m^2].
+
+    Examples
+    --------
+    >>> robot = hil.Robot.load("examples/pan_tilt/head.urdf")
+    >>> hil.mass_matrix(robot, np.ones(8), np.zeros((100, 2))).shape
+    (100, 2, 2)
+    """
     units = [(0.0, unit) for unit in np.eye(robot.n_joints)]
     return np.stack(_torques(robot, p, q, units, _WEIGHTLESS), axis=-1)
 

@@ -31,6 +31,13 @@ def motor_inertia(robot: Robot, q: ArrayLike) -> Array:
 
 
 def motor_torque(robot: Robot, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike) -> Array:
-    """Compute H(q) qdd + c_m(q, qd) of eq. (7), shape of `qdd` [N m]."""
+    """Compute H(q) qdd + c_m(q, qd) of eq. (7), shape of `qdd` [N m].
+
+    Examples
+    --------
+    >>> robot = hil.Robot.load("manutec-r15")
+    >>> hil.motor_torque(robot, np.zeros((100, 6)), 0.5, np.zeros((100, 6))).shape
+    (100, 6)
+    """
     del q, qd  # H is constant and diagonal and c_m vanishes, see the module
     return robot.reflected_inertia * np.asarray(qdd, dtype=np.float64)

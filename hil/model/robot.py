@@ -51,6 +51,12 @@ class Robot(RobotArrays):
     ----------
     source : str
         Path of the file. The property `text` is its content, copied into run folders.
+
+    Examples
+    --------
+    >>> robot = hil.Robot.load("manutec-r15")
+    >>> robot, robot.joint_names[0]
+    (<Robot manutec-r15: 6 joints>, 'joint 1')
     """
 
     source: str
@@ -136,6 +142,14 @@ class Robot(RobotArrays):
         ------
         InvalidValue
             Impossible values; the message has one line per problem, with its key.
+
+        Examples
+        --------
+        >>> joint = {"frame": {"alpha": "pi/2"}, "parameters": ["sx", "sy", "Izz"]}
+        >>> limits = {"q_min": -1.5, "q_max": 1.5, "velocity_limit": 2.0}
+        >>> limits |= {"acceleration_limit": 10.0, "torque_limit": 80.0}
+        >>> hil.Robot.create("pendulum", [joint | limits])
+        <Robot pendulum: 1 joints>
         """
         values = {
             "name": name,
@@ -178,6 +192,12 @@ class Robot(RobotArrays):
         ----------
         limits : mapping of str to sequence (n_joints,) of float
             Limits by key of the file, such as ``velocity_limit``; stated limits are not changed.
+
+        Examples
+        --------
+        >>> robot = hil.Robot.load("emps").fill_limits({"velocity_limit": [0.5]})
+        >>> robot.file.joints[0].velocity_limit
+        0.5
         """
         return self.replace_joints({
             axis: {
@@ -189,7 +209,14 @@ class Robot(RobotArrays):
         })  # fmt: skip
 
     def free_links(self, links: Iterable[int] | None = None) -> Robot:
-        """Return the robot with all ten parameters of `links` (from 0; default all), untied."""
+        """Return the robot with all ten parameters of `links` (from 0; default all), untied.
+
+        Examples
+        --------
+        >>> freed = hil.Robot.load("manutec-r15").free_links()
+        >>> len(hil.base_parameters(freed).names)
+        36
+        """
         whole = set(range(self.n_joints) if links is None else links)
         own = {f"{name}{link + 1}" for name in LINK_PARAMETERS for link in whole}
         ties = tuple(tie for tie in self.file.ties if not own & set(split_tie(tie)))
@@ -310,7 +337,13 @@ def parse_robot(text: str, source: str) -> Robot:
 
 
 def available_robots() -> list[str]:
-    """Return the names of the built-in robots."""
+    """Return the names of the built-in robots.
+
+    Examples
+    --------
+    >>> hil.available_robots()
+    ['emps', 'manutec-r15', 'staubli-tx40']
+    """
     return sorted(path.stem for path in ROBOTS.glob("*.yaml") if len(path.suffixes) == 1)
 
 

@@ -1,9 +1,9 @@
 """Strokes of an axis back and forth about a configuration: base of most kinds of measurement.
 
-After section 6.3 of Grotjahn, Daemi and Heimann (2001): `cycles` times from
-``q[axis] - stroke/2`` to ``q[axis] + stroke/2`` and back, each stroke a trapezoid of its own.
-`Strokes` answers what the stages ask of such a measurement; a kind (`hil.planning.measurement`)
-overrides what is special about it.
+After section 6.3 of Grotjahn, Daemi and Heimann (2001): `cycles` times from ``q[axis] - stroke/2``
+to ``q[axis] + stroke/2`` and back, each stroke with a separate trapezoid of velocity. `Strokes` has
+the properties of such a measurement needed in all stages; a kind (`hil.planning.measurement`)
+overrides its special ones.
 """
 
 from __future__ import annotations

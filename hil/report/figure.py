@@ -35,6 +35,12 @@ class Figure:
     Attributes
     ----------
     chart : Chart
+
+    Examples
+    --------
+    >>> figure = hil.plot_friction(hil.Model.load("runs/head"))
+    >>> figure.savefig("friction.svg").name
+    'friction.svg'
     """
 
     chart: Chart
@@ -83,6 +89,11 @@ def plot_torque(model: Model, run: Run | Path | str, measurement: str | None = N
     ------
     UnknownName, NotEnoughData
         The measurement does not exist, or none is usable.
+
+    Examples
+    --------
+    >>> hil.plot_torque(hil.Model.load("runs/first"), "runs/first", "g02")
+    <Figure: axis 2, g02>
     """
     run = opened(run)
     for each in [run[measurement]] if measurement else run:
@@ -99,6 +110,11 @@ def plot_friction(model: Model) -> Figure:
     ------
     NotEnoughData
         The model has no friction law.
+
+    Examples
+    --------
+    >>> hil.plot_friction(hil.Model.load("runs/head"))
+    <Figure: axis 1, axis 2>
     """
     robot = model.robot
     panels = []
@@ -136,6 +152,11 @@ def plot_friction_over_time(model: Model) -> Figure:
     ------
     NotEnoughData
         No single measurement is known, as for imports and trajectories.
+
+    Examples
+    --------
+    >>> hil.plot_friction_over_time(hil.Model.load("runs/first"))
+    <Figure: axis 1, axis 2, axis 3, axis 4, axis 5, axis 6>
     """
     if not model.local:
         model.friction_over_time(1)  # states what is missing
@@ -146,6 +167,11 @@ def plot_parameters(model: Model) -> Figure:
     """Draw the standard errors of base parameters relative to the values.
 
     Beyond 100 % the sign is uncertain, as for parameters that are zero.
+
+    Examples
+    --------
+    >>> hil.plot_parameters(hil.Model.load("runs/head"))
+    <Figure: pan-tilt: 2 measurements>
     """
     size = np.where(model.values != 0, np.abs(model.values), np.nan)
     share = 100 * model.standard_errors / size

@@ -56,6 +56,11 @@ def report(run: Run | Path | str, figures: Path | None = None) -> Path:
         A damaged recording, or a full disk.
     NotIdentifiable, NotEnoughData
         The measurements do not suffice.
+
+    Examples
+    --------
+    >>> hil.report("runs/head").as_posix()
+    'runs/head/report.html'
     """
     run = opened(run)
     whole = ReportedRun(run)

@@ -64,6 +64,13 @@ class ModelFit(ByName):
         Base parameters with their errors, and the data of the estimation.
     model : Model
         Model of the estimate, with its judgement.
+
+    Examples
+    --------
+    >>> fit = hil.regression(hil.Run.open("runs/head")).fit()
+    >>> low, high = fit.conf_int()["p8"]
+    >>> low < fit.params["p8"] < high
+    True
     """
 
     estimate: Estimate
@@ -147,20 +154,24 @@ def identify(
     qd : array_like, shape (n_samples, n_joints), or a list of these, optional
         Velocities [rad/s or m/s]. Accelerations are found from positions and velocities.
     alone, cut_off, accept : optional
-        As of `hil.Run.import_arrays`.
+        As in `hil.Run.import_arrays`.
 
     Raises
     ------
     InvalidArray, InvalidValue
-        As of `hil.Run.import_arrays`.
+        As in `hil.Run.import_arrays`.
     FileError, Mismatch, UnknownName, NotIdentifiable, NotEnoughData
-        As of `hil.results.identification.identified`.
+        As in `hil.results.identification.identified`.
 
     Examples
     --------
-    >>> hil.identify("runs/first")
-    <Model of manutec-r15: 14 base parameters, improved method, 39 measurements>
-    >>> hil.identify(hil.Robot.load("arm.urdf"), t=t, q=q, tau=tau)  # doctest: +SKIP
+    >>> robot = hil.Robot.load("examples/pan_tilt/head.urdf")
+    >>> rows = np.loadtxt("examples/pan_tilt/excitation.csv.gz", delimiter=",", skiprows=1)
+    >>> q, tau = np.deg2rad(rows[:, 1:3]), 2.5 * rows[:, 3:5]  # 2.5 N m for one ampere
+    >>> hil.identify(robot, t=rows[:, 0], q=q, tau=tau)
+    <Model of pan-tilt: 8 base parameters, free motion method, 2 measurements>
+    >>> hil.identify("runs/head")
+    <Model of pan-tilt: 8 base parameters, free motion method, 2 measurements>
     """
     if isinstance(run, Robot) or any(each is not None for each in (t, q, tau, qd)):
         from hil.imports.arrays import run_from_arrays  # noqa: PLC0415 - runs need none of it

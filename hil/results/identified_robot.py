@@ -90,6 +90,13 @@ class IdentifiedRobot(ByName):
         Residual of `hil.results.model.Model.predict` on the recordings of its identification, over
         the band common to all models; None without known friction, and for a file of an earlier
         version.
+
+    Examples
+    --------
+    >>> model = hil.Model.load("runs/first")
+    >>> low, high = model.interval(0.95).T
+    >>> bool((low < model.values).all() and (model.values < high).all())
+    True
     """
 
     robot: Robot

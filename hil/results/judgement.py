@@ -3,7 +3,7 @@
 good
     No objection.
 doubtful
-    Of possible use, but a condition does not hold, or too little was measured.
+    The model may be usable, but a condition does not hold, or too little was measured.
 failed
     Not to be used: stated values contradict the recordings, hardly anything was excited, or
     limits are exceeded.

@@ -140,6 +140,13 @@ class LoadFit(ByName):
     assumed : ndarray, shape (n_joints,)
         Reference values of the gains: torque constants [N m/A], or 1 for imported runs, NaN for a
         gain that the map leaves unknown.
+
+    Examples
+    --------
+    >>> bare, loaded = hil.Run.open("runs/head"), hil.Run.open("runs/loaded")
+    >>> fit = hil.regression(bare, loaded=[loaded], mass=1.0).fit()
+    >>> round(fit.params["centre y"], 3)  # [m]
+    0.1
     """
 
     robot: Robot
@@ -206,6 +213,13 @@ class LoadProblem:
         identify the torque constants.
     gains : bool
         True to identify the gains of imported runs by the mass.
+
+    Examples
+    --------
+    >>> bare, loaded = hil.Run.open("runs/head"), hil.Run.open("runs/loaded")
+    >>> problem = hil.regression(bare, loaded=[loaded], mass=1.0)
+    >>> problem.mass, problem.gains
+    (1.0, False)
     """
 
     bare: BareRun

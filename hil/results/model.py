@@ -51,6 +51,12 @@ class Model(IdentifiedRobot):
     """Identified base parameters of a robot, with methods for calculations.
 
     Data attributes are those of `hil.results.identified_robot.IdentifiedRobot`.
+
+    Examples
+    --------
+    >>> model = hil.Model.load("runs/first")
+    >>> model, model.residual.shape
+    (<Model of manutec-r15: 14 base parameters, improved method, 39 measurements>, (6,))
     """
 
     @classmethod
@@ -69,7 +75,14 @@ class Model(IdentifiedRobot):
         return cls(**read_model_file(path).identified(path))
 
     def save(self, path: Path | str) -> None:
-        """Write the model to a file, whole or not at all; see `hil.results.model_file`."""
+        """Write the model to a file, whole or not at all; see `hil.results.model_file`.
+
+        Examples
+        --------
+        >>> hil.Model.load("runs/head").save("copy.yaml")
+        >>> hil.Model.load("copy.yaml").names[-1]
+        'p8'
+        """
         write_file(Path(path), ModelFile.create(self).text().encode())
 
     def predict(
@@ -86,7 +99,7 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         q, qd, qdd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
-            [rad, rad/s, rad/s^2]; m for prismatic joints.
+            Positions, velocities and accelerations [rad, rad/s, rad/s^2]; m for prismatic joints.
         parts : collection of str
             Parts of the torque, all of `hil.results.identified_robot.PARTS` by default:
 
@@ -96,20 +109,20 @@ class Model(IdentifiedRobot):
             motors
                 Reflected inertia of the rotors stated in the robot file, eq. (7).
             friction
-                The law of friction (`friction_law`); at rest its offset alone, since what holds a
-                resting axis is no function of velocity. Where rows are successive samples of a
-                motion, positions changing as velocities say, it turns round after a reversal over
-                the presliding distance that imported recordings showed.
+                The law of friction (`friction_law`); at rest only its offset, since static friction
+                is not a function of velocity. If the rows are successive samples of a motion,
+                friction changes its sign after a reversal over the presliding distance found in
+                imported recordings.
         warmth : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints), optional
-            Of the gears, from 0 cold to 1 as warm as motion makes them (`warmth`). By default
-            friction is that at the mean warmth of what the model was found from. Without effect on
-            axes whose warmth is not identified; beyond what was seen it counts as the nearest
-            that was.
+            Warmth of the gears, from 0 (cold) to 1 (warmest by motion), see `warmth`. By default
+            friction is that at the mean warmth of the identified recordings. Warmth has no effect
+            on axes without an identified warmth; values outside the recorded range are replaced by
+            the nearest recorded value.
 
         Returns
         -------
         ndarray, shape (n_joints,) or (n_samples, n_joints)
-            Joint side [N m, or N].
+            Torques at the joints [N m or N].
 
         Raises
         ------
@@ -151,7 +164,7 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         qd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
-            [rad/s or m/s].
+            Velocities [rad/s or m/s].
         q, qdd : optional
             As in `predict`; without positions the gears transmit no load.
         warmth : optional
@@ -251,7 +264,13 @@ class Model(IdentifiedRobot):
         return warmth_along(self, time, qd, start)
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Return gravity torques g(q); shapes, units and errors as in `predict`."""
+        """Return gravity torques g(q); shapes, units and errors as in `predict`.
+
+        Examples
+        --------
+        >>> hil.Model.load("runs/first").gravity(np.zeros((100, 6))).shape
+        (100, 6)
+        """
         (q,) = samples(self.robot.n_joints, q=q)
         return dynamics.gravity_torque(self.robot, self.values, q)
 
@@ -261,7 +280,7 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         q : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
-            [rad or m].
+            Positions [rad or m].
         parts : collection of str
             As in `predict`; friction has no mass.
 
@@ -289,7 +308,7 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         q, qd : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
-            [rad or m, and per s].
+            Positions and velocities [rad or m, and per s].
 
         Returns
         -------
@@ -320,16 +339,16 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         q, qd, tau : scalar, or array_like of shape (n_joints,) or (n_samples, n_joints)
-            [rad, rad/s, N m; m, m/s, N for prismatic joints].
+            Positions, velocities and torques [rad, rad/s, N m; m, m/s, N].
         parts : collection of str
             As in `predict`, including rigid bodies or motors.
         warmth : optional
-            As of `predict`.
+            As in `predict`.
 
         Returns
         -------
         ndarray, shape (n_joints,) or (n_samples, n_joints)
-            [rad/s^2 or m/s^2].
+            Accelerations [rad/s^2 or m/s^2].
 
         Raises
         ------
@@ -383,7 +402,7 @@ class Model(IdentifiedRobot):
         Parameters
         ----------
         q, qd, qdd, parts, warmth
-            As of `predict`.
+            As in `predict`.
         level : float
             Share of the intervals that contain the torque.
         of_samples : bool
@@ -400,7 +419,13 @@ class Model(IdentifiedRobot):
         InvalidArray
             Wrong shape, NaN, or a level outside 0 to 1.
         UnknownName, NotEnoughData
-            As of `predict`.
+            As in `predict`.
+
+        Examples
+        --------
+        >>> model = hil.Model.load("runs/first")
+        >>> model.torque_interval(np.zeros((100, 6)), 0.5, 0.0, level=0.9).shape
+        (100, 6, 2)
         """
         q, qd, qdd = samples(self.robot.n_joints, q=q, qd=qd, qdd=qdd)
         state, level = warmth_of(self, warmth, q), checked_level(level)

@@ -46,6 +46,12 @@ class RegressionProblem:
     options : Options
     recipe : str, optional
         One of `hil.estimation.identify.METHODS`; by default chosen by the kind of the recordings.
+
+    Examples
+    --------
+    >>> problem = hil.regression(hil.Run.open("runs/head"))
+    >>> problem.method, problem.options.covariance
+    ('free motion', 'CR2')
     """
 
     runs: tuple[Run, ...]
@@ -128,6 +134,13 @@ def regression(
         method for a load.
     UnknownName
         Unknown value of an option.
+
+    Examples
+    --------
+    >>> head = hil.Run.open("runs/head")
+    >>> fit = hil.regression(head, friction="Coulomb and viscous").fit()
+    >>> round(fit.params["p8"], 2), fit.model.units[7]
+    (0.31, 'kg m')
     """
     if not runs:
         raise NotEnoughData("0 runs: give one or more, such as hil.Run.open('runs/first')")

@@ -191,6 +191,12 @@ def validate(
         Another robot.
     FileError
         A damaged file.
+
+    Examples
+    --------
+    >>> judged = hil.validate("runs/head", "runs/other")
+    >>> judged.word, len(judged.axes)
+    ('good', 2)
     """
     model, run = loaded(model), opened(run)
     model.refuse_other_robot(run.robot, str(run.path))

@@ -26,11 +26,11 @@ class Alarm(FileModel):
     torque, threshold : float
         Mean torque over the window, and the exceeded threshold [N m or N].
     window : float
-        [s].
+        Length of the window [s].
     peak : float
         Largest torque until the alarm was over [N m or N].
     lasted : float
-        [s].
+        Duration of the alarm [s].
     """
 
     axis: int

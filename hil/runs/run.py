@@ -55,6 +55,12 @@ class Run:
     journal : Journal
     set_aside : frozenset of str
         Ids of excluded measurements; see `exclude`.
+
+    Examples
+    --------
+    >>> run = hil.Run.open("runs/first")
+    >>> run, run.ids[:2]
+    (<Run runs/first: manutec-r15, 39 of 39 measurements>, ('g01', 'g02'))
     """
 
     set_aside: frozenset[str] = frozenset()
@@ -75,6 +81,11 @@ class Run:
         ------
         FileError
             The folder is not a run, or one of its files was changed or damaged.
+
+        Examples
+        --------
+        >>> hil.Run.open("runs/head")
+        <Run runs/head: pan-tilt, 2 of 2 measurements>
         """
         path = Path(path)
         if not path.is_dir():
@@ -135,8 +146,12 @@ class Run:
 
         Examples
         --------
-        >>> run = hil.Run.import_arrays(robot, t, q, tau)  # doctest: +SKIP
-        >>> hil.identify(run).params  # doctest: +SKIP
+        >>> robot = hil.Robot.load("examples/pan_tilt/head.urdf")
+        >>> rows = np.loadtxt("examples/pan_tilt/excitation.csv.gz", delimiter=",", skiprows=1)
+        >>> q, tau = np.deg2rad(rows[:, 1:3]), 2.5 * rows[:, 3:5]  # 2.5 N m for one ampere
+        >>> run = hil.Run.import_arrays(robot, rows[:, 0], q, tau)
+        >>> len(run), run.missing
+        (2, ())
         """
         return Run.array_importer(robot, t, q, tau, qd, alone, cut_off, accept)
 
@@ -182,6 +197,11 @@ class Run:
         ------
         UnknownName
             No measurement of the plan has this id.
+
+        Examples
+        --------
+        >>> len(hil.Run.open("runs/first").exclude(["g01"]))
+        38
         """
         left, known = frozenset(ids), [m.id for m in self.motions]
         for unknown in sorted(left.difference(known)):
@@ -200,6 +220,11 @@ class Run:
         ------
         UnknownName
             No measurement of the plan has this id or kind.
+
+        Examples
+        --------
+        >>> len(hil.Run.open("runs/first").only(kind="gravity"))
+        12
         """
         wanted = set(ids) | {m.id for m in self.motions if kind is not None and m.kind == kind}
         if kind is not None and not wanted:
@@ -230,6 +255,11 @@ class Run:
             Standard deviations [N m or N, rad or m].
         seed : int
             Seed of the noise.
+
+        Examples
+        --------
+        >>> hil.Run.open("runs/first").add_noise(torque=0.1, seed=3)
+        <MemoryRun runs/first: manutec-r15, 39 of 39 measurements>
         """
         rng, sizes = np.random.default_rng(seed), (np.asarray(torque), np.asarray(position))
         return self.mapped(lambda each: each.recording.add_noise(*sizes, rng))
@@ -241,6 +271,11 @@ class Run:
         ------
         FileError
             `path` exists already, or cannot be written.
+
+        Examples
+        --------
+        >>> hil.Run.open("runs/first").only(["g01"]).save("runs/part").ids
+        ('g01',)
         """
         path = Path(path)
         if path.exists():

@@ -1,11 +1,12 @@
 """Replay of a recorded motion: simulation of a model's arm with the recorded drive.
 
-Drives repeat their recorded torques, or hold the recorded positions with a stated PD controller.
-A stretch of a recording begins with `INITIAL` samples, whose parabola of least squares is the state
-that the simulation starts from, in their middle; what comes after them is scored. So EMPS is scored
-by its benchmark: the whole record from the command and its first 20 samples, root mean square of
-the position. Errors of a free simulation add up, and an arm that gravity turns over falls: a
-recording may be simulated in several stretches, each of which starts from what was recorded.
+Drives repeat their recorded torques, or hold the recorded positions with a stated PD controller. A
+stretch of a recording begins with `INITIAL` samples, whose parabola of least squares is the state
+that the simulation starts from, in their middle; the samples after them are scored. So EMPS is
+scored by its benchmark: the whole record from the command and its first 20 samples, root mean
+square of the position. Errors of a free simulation add up, and an arm that gravity turns over
+falls: a recording may be simulated in several stretches, each of which starts from a recorded
+state.
 """
 
 from __future__ import annotations
@@ -240,6 +241,15 @@ def replay(
         No recording is long enough, or the model is unsuitable for simulation.
     Mismatch
         A model of another robot.
+
+    Examples
+    --------
+    >>> robot = hil.Robot.load("examples/pan_tilt/head.urdf")
+    >>> rows = np.loadtxt("examples/pan_tilt/excitation.csv.gz", delimiter=",", skiprows=1)[:300]
+    >>> q, tau = np.deg2rad(rows[:, 1:3]), 2.5 * rows[:, 3:5]
+    >>> short = hil.Run.import_arrays(robot, rows[:, 0], q, tau)
+    >>> hil.replay(short, "runs/head").recordings[0].measurement
+    'r1-01'
     """
     run = opened(run)
     model = loaded(model, run.robot)

@@ -73,6 +73,11 @@ def export(
         A model for a format of recordings, or a model whose identification failed.
     FileError
         A file already exists, or cannot be written.
+
+    Examples
+    --------
+    >>> [path.as_posix() for path in hil.export("runs/head", "c", "code")]
+    ['code/pan_tilt_dynamics.h', 'code/example.c', 'code/CMakeLists.txt']
     """
     refuse_unknown(to)
     output = Path(output)

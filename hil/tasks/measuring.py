@@ -74,6 +74,12 @@ def dry_run(
     ------
     FileError
         One of the files cannot be used.
+
+    Examples
+    --------
+    >>> checked = hil.dry_run(hil.plan("manutec-r15", "friction", axis=[6]))
+    >>> checked.problems, round(checked.durations["friction"])  # [s]
+    ((), 207)
     """
     the_plan, the_robot = opened_plan(plan, robot, workspace)
     own = known_drives(the_robot, drives)
@@ -174,6 +180,13 @@ def measure(
         The plan has problems, or the folder contains another run.
     DriveError
         Drives or bus failed.
+
+    Examples
+    --------
+    >>> plan = hil.plan("manutec-r15")
+    >>> short = plan.model_copy(update={"measurements": plan.measurements[:1]})
+    >>> hil.measure(short, "runs/short")  # the virtual robot, without options
+    <Run runs/short: manutec-r15, 1 of 1 measurements>
     """
     output = Path(output)
     the_plan, the_robot = opened_plan(plan, robot)

@@ -109,6 +109,12 @@ def plan(robot: Robot | Path | str | None = None, kind: str = "strokes", **optio
     ------
     InvalidValue
         Incompatible options, or values without a possible plan.
+
+    Examples
+    --------
+    >>> plan = hil.plan("manutec-r15", "friction", axis=[6])
+    >>> len(plan.measurements), plan.measurements[0].id
+    (16, 'f6-01')
     """
     from hil.model.robot import Robot, refuse_unknown
     from hil.planning.workspace_check import load_workspace

@@ -4,8 +4,8 @@ Plain strings without a style are messages, suppressed by ``--quiet``; tables, t
 warnings are not. With ``--json`` standard output holds a JSON object of the tables and of
 additional results (`give`), and everything else goes to standard error.
 
-Text from files is shown with control characters written out, whatever prints it: names of columns
-and files come from somebody else, and an escape sequence in one would move the cursor, recolour or
+All text from files is shown with control characters replaced by their codes: names of columns and
+files come from somebody else, and an escape sequence in one would move the cursor, recolour or
 rename the operator's terminal.
 """
 

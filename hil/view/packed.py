@@ -1,12 +1,12 @@
 """Compressed data of a page: segments of the time line and tracks of quantities.
 
-A page has one object of data, whatever it is of; ``web/src/recorded.js`` reads it. What a page does
-not show is null.
+Every kind of page has one object of data; ``web/src/recorded.js`` reads it. Parts without data on a
+page are null.
 
 ``robot``, ``workspace``
     As `hil.view.visuals.robot_data` and `workspace_data` have them.
 ``kinds``
-    Of each kind of segment ``name``, ``colour`` and whether it ``moves`` between measurements.
+    For each kind of segment ``name``, ``colour`` and whether it ``moves`` between measurements.
 ``segments``
     One after the other on the time of the page [s]: ``id`` of the recording, or "", ``kind`` by its
     number, ``words``, ``begin``, ``end``, ``axes`` from 0, ``recorded``, ``problem``.
@@ -17,17 +17,17 @@ not show is null.
     the prediction, where there is one.
 ``predicted``, ``band``, ``prediction``
     Tracks of the predicted torque of each joint and of the half-width of its interval of 95 %, and
-    what the prediction is, in words.
+    a description of the prediction.
 ``distance``
     The least distance to a box, a track with the ``link`` and ``box`` of each knot.
 ``parameters``
-    Of base parameters, by name: ``title``, and ``by``, the recordings that carry it, with their
+    Base parameters by name: ``title``, and ``by``, the recordings that carry it, with their
     shares [%].
 
 A track is ``time``, ``value`` and, of planned motions, ``slope``, each packed: a ``step``, and
-``differences`` of successive multiples of it, null where nothing is known. What is drawn needs no
-more digits than a screen shows. The lines of a run that goes on (`hil.live.lines`) have the same
-names for the same quantities, and torques in such tracks.
+``differences`` of successive multiples of it, null where nothing is known. Curves need no more
+digits than a screen shows. The lines of a run that goes on (`hil.live.lines`) have the same names
+for the same quantities, and torques in such tracks.
 """
 
 from __future__ import annotations
@@ -134,7 +134,7 @@ class Track:
     time, value : array (n,)
         Time [s], and value in the quantity's unit.
     slope : array (n,), optional
-        [unit/s].
+        Rate of the value [unit/s].
     """
 
     time: Array

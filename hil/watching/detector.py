@@ -150,7 +150,7 @@ class Detector:
         Parameters
         ----------
         time : ndarray, shape (n,)
-            [s].
+            Time [s].
         q, tau : ndarray, shape (n, n_joints)
             Positions and torques [rad or m, N m or N]; NaN is a gap.
 

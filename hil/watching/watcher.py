@@ -105,7 +105,7 @@ class Watcher:
         Parameters
         ----------
         time : ndarray, shape (n,)
-            [s].
+            Time [s].
         q, tau : ndarray, shape (n, n_joints)
             Positions [rad or m] and torques [N m or N]; NaN for missing samples.
         """

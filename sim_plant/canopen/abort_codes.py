@@ -49,7 +49,7 @@ class AbortCode(enum.IntEnum):
     VALUE_LOW = 0x0609_0032
     """The value is below the object's lowest."""
     GENERAL = 0x0800_0000
-    """Anything else."""
+    """Any other reason."""
     DEVICE_STATE = 0x0800_0022
     """Not in the present state of the device."""
     NO_DATA = 0x0800_0024

@@ -38,7 +38,7 @@ def variant(base: str, personality: Personality) -> str:
     Raises
     ------
     FileError
-        It changes an object that neither exists nor is declared completely.
+        The personality changes an object that neither exists nor is declared completely.
     """
     eds = configparser.RawConfigParser()
     eds.optionxform = str  # type: ignore[assignment,method-assign]

@@ -173,7 +173,7 @@ class ObjectDictionary:
         Raises
         ------
         SdoAbort
-            Unknown, write-only, or refused by its source.
+            Object unknown, write-only, or refused by its source.
         """
         entry = self.entry(index, subindex)
         if not entry.readable:
@@ -203,7 +203,7 @@ class ObjectDictionary:
         Raises
         ------
         SdoAbort
-            Unknown, read-only, of wrong length, out of range, or refused by a guard.
+            Object unknown, read-only, of wrong length, out of range, or refused by a guard.
         """
         entry = self.check_download(index, subindex, len(data))
         if entry.code:

@@ -26,7 +26,7 @@ class Timers:
     now : float
         Present time [s]; set by whoever advances the machine.
     next : float
-        When the earliest timer is due [s]; inf without timers.
+        Due time of the earliest timer [s]; inf without timers.
     """
 
     def __init__(self) -> None:

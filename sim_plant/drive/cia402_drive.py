@@ -185,7 +185,7 @@ class Cia402Drive:
 
     def _control(self, _subindex: int, controlword: int) -> None:
         if controlword == self._controlword and self._follows_set_points:
-            return  # as with every set-point of a stream
+            return  # the behaviour is that of every set-point of a stream
         risen = controlword & ~self._controlword
         self._controlword = controlword
         if self.state is State.FAULT:
@@ -261,7 +261,8 @@ class Cia402Drive:
 
     def waits_for_news(self) -> bool:
         """Return True if rewriting the present controlword and target changes nothing."""
-        return (  # as `_follows_set_points`, which a call for every slave in every cycle would cost
+        # same condition as `_follows_set_points`, repeated here to save a call per slave and cycle
+        return (
             self.state is State.OPERATION_ENABLED
             and self._next_state is None
             and self._follower is not self._cyclic

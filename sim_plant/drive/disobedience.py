@@ -22,7 +22,7 @@ class Disobedience:
     Attributes
     ----------
     ignored : frozenset of Command
-        Have no effect.
+        Commands without effect.
     keeps_voltage : bool
         A quick stop ends in QUICK STOP ACTIVE, whatever 605Ah says.
     runs_on : bool

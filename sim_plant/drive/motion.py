@@ -1,7 +1,7 @@
 """Commands to the axis, and their completion.
 
-Whatever was reported before a command says nothing about the command, so each one forgets it; the
-next event or latched reading reports it anew.
+Events reported before a command do not belong to the command, so each command discards them; the
+next event or latched reading reports anew.
 """
 
 from __future__ import annotations

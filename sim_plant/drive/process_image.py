@@ -58,8 +58,7 @@ class ProcessImage:
         The fields of every axis's `Reading`, axis after axis, then all statuswords; changed in
         place.
     watch : ndarray, shape (3, n_axes)
-        `AxisEvent` bits that each drive knows of, and between which positions [increments] there
-        is nothing to report.
+        `AxisEvent` bits known to each drive, and range of positions without a report [increments].
     """
 
     def __init__(self, n_axes: int) -> None:

@@ -24,7 +24,7 @@ class Units:
     Attributes
     ----------
     velocity, acceleration : float
-        [counts/s, counts/s^2].
+        Units of velocity and acceleration [counts/s, counts/s^2].
     """
 
     velocity: float

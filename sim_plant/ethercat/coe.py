@@ -1,9 +1,9 @@
 """CANopen over EtherCAT: SDO server of a drive, and its emergencies (ETG.1000.6 clause 5.6).
 
-A service begins with its kind in bits 12 to 15 of two bytes; what follows is laid out as the eight
-bytes of an SDO on CAN, but may be as long as the mailbox. So a value of more than four bytes comes
-with the first response, and segments follow only where the mailbox is too small. With complete
-access a request concerns all sub-indices of an object at once, the first one padded to two bytes.
+A service begins with its kind in bits 12 to 15 of two bytes; the remaining bytes have the layout of
+an SDO on CAN, but may be as long as the mailbox. So a value of more than four bytes comes with the
+first response, and segments follow only where the mailbox is too small. With complete access a
+request concerns all sub-indices of an object at once, the first one padded to two bytes.
 """
 
 from __future__ import annotations

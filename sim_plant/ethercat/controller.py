@@ -5,8 +5,8 @@ written while empty and read while full, and access to its last byte changes bet
 buffered mode (process data) both sides have access at any time. FMMUs map parts of the memory, to
 the bit, into the logical memory shared by all slaves.
 
-What a frame sets off (a mailbox, a state request, an EEPROM command) happens when the frame has
-passed: `take_events`. Masters therefore find nothing answered in the same frame, as in hardware.
+Effects of a frame (mailbox, state request, EEPROM command) occur after its passage: `take_events`.
+Masters therefore find nothing answered in the same frame, as in hardware.
 """
 
 from __future__ import annotations

@@ -93,7 +93,7 @@ class CyclicFrame:
         Slaves with outputs acting on frames, not at SYNC0.
     is_plain : bool
         The layout is one of process data for all slaves, of registers that are read, and of the
-        first slave's time: whatever else is to be passed datagram by datagram.
+        first slave's time: other frames are to be passed datagram by datagram.
     is_repeated : bool
         The frame that was passed last is the one before it under another number.
     """
@@ -111,7 +111,7 @@ class CyclicFrame:
         self.is_plain, self.is_repeated = True, False
         self._before: bytes | None = None
         self._answer = bytearray()
-        layout, end = "<12x4s", DATAGRAMS  # what makes it a frame of EtherCAT: type, length, kind
+        layout, end = "<12x4s", DATAGRAMS  # header of an EtherCAT frame: type, length, kind
         for datagram in datagrams(bytearray(frame)):
             layout += f"{datagram.place - end}xBx6s2x{datagram.size}xH"
             end = datagram.place + HEADER_SIZE + datagram.size + _COUNTER.size
@@ -143,7 +143,7 @@ class CyclicFrame:
         """Return the answer to a frame of this layout."""
         content = _content(frame)
         self.is_repeated = content == self._before
-        if self.is_repeated:  # what the answer before has of it stands
+        if self.is_repeated:  # corresponding bytes of the answer before
             passing = bytearray(self._answer)
             passing[_INDEX] = frame[_INDEX]
         else:

@@ -101,7 +101,7 @@ def sii(objects: DriveObjects, identity: Sequence[int], name: str) -> bytes:
     Parameters
     ----------
     objects : DriveObjects
-        Its data sheet, for the process data that it has after power-on.
+        Data sheet of the drive, for its process data after power-on.
     identity : sequence of int
         Vendor, product code, revision, serial number.
     name : str

@@ -1,6 +1,6 @@
 """Device description of a drive on EtherCAT (ESI, ETG.2000), for configuration tools.
 
-The description is made from what the slave serves: identity, memory map, process data after
+The description is made from the contents of the slave: identity, memory map, process data after
 power-on, and all objects with their types and defaults.
 """
 
@@ -37,7 +37,7 @@ def write_esi(objects: DriveObjects, settings: DriveSettings) -> str:
     objects : DriveObjects
         All that it serves.
     settings : DriveSettings
-        Its identity and name.
+        Identity and name of the drive.
     """
     root = ElementTree.Element("EtherCATInfo", {"Version": "1.6"})
     vendor = ElementTree.SubElement(root, "Vendor")

@@ -156,7 +156,7 @@ class Span(FileModel):
     """Duration of a fault: either `time` or `syncs`."""
 
     time: Positive | None = None
-    """[s]."""
+    """Duration in time [s]."""
     syncs: Count | None = None
 
     @model_validator(mode="after")
@@ -217,6 +217,6 @@ def load_fault_plan(path: Path | str) -> FaultPlan:
     Raises
     ------
     FileError
-        It cannot be read or does not fit, with the line.
+        The file cannot be read or is invalid; the message states the line.
     """
     return load_yaml(Path(path), FaultPlan)

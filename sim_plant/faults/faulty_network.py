@@ -109,7 +109,7 @@ class FaultyNetwork(FaultSchedule[SlaveNetwork]):
         Raises
         ------
         NotSent
-            The frame is not sent; what the drives send meanwhile comes with the exception.
+            The frame is not sent; the exception contains frames sent by the drives in the meantime.
         """
         sync = identifier == self.nodes[0].sync_identifier
         self.progress.frames += 1

@@ -94,7 +94,7 @@ def drift(const: Array, state: Array, normal: Array, dt: float) -> None:
     normal : ndarray, shape (n,)
         Standard normal deviates for the wander.
     dt : float
-        [s].
+        Time step [s].
     """
     for i in range(const.shape[0]):
         if const[i, st.DRIFT] == 0.0:

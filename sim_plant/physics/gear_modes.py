@@ -45,9 +45,9 @@ def refuse_steps_too_long(arm: Arm, const: Array, flaws: Array, reach: Array, st
         Joints, frames, bodies, gravity, kinds of `sim_plant.physics.rigid_body`.
     const, flaws : ndarray, shape (n, ...)
     reach : ndarray, shape (n, 2)
-        Between what the axes move [rad or m].
+        Range of travel of the axes [rad or m].
     step : float
-        [s].
+        Integration step [s].
 
     Raises
     ------

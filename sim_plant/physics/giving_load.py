@@ -31,7 +31,7 @@ class GivingLoad:
     Parameters
     ----------
     arm : Arm
-        Its last body is written to; it holds the load at its centre so far.
+        Arm whose last body is changed; at first it contains the load at its original centre.
     load : Payload
     """
 

@@ -49,7 +49,7 @@ class Loops:
     position, velocity, integral : float
         Bandwidths [1/s].
     step : float
-        [s].
+        Integration step [s].
     """
 
     motors: Array
@@ -180,7 +180,7 @@ def refuse_hard_brakes(const: Array, inertia: ReflectedInertia, step: float) -> 
     const : ndarray, shape (n, N_CONST)
     inertia : ReflectedInertia
     step : float
-        [s].
+        Integration step [s].
 
     Raises
     ------

@@ -157,7 +157,7 @@ def run_and_latch(  # noqa: C901 - as `run`
     Parameters
     ----------
     steps : int
-        As of `run`.
+        As in `run`.
     several : ndarray, shape (k,)
         Steps before each of several latches, in place of `steps`; none for a single one.
     watch : ndarray, shape (3, n)
@@ -168,7 +168,7 @@ def run_and_latch(  # noqa: C901 - as `run`
     Returns
     -------
     int
-        As of `run`; or the number of latches before the one with news: the machine stands where it
+        As in `run`; or the number of latches before the one with news: the machine stands where it
         was after them.
     """
     times = len(several)

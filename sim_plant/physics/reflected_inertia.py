@@ -28,7 +28,7 @@ def configurations(reach: Array, number: int) -> Array:
     Parameters
     ----------
     reach : ndarray, shape (n, 2)
-        Between what the axes move [rad or m].
+        Range of travel of the axes [rad or m].
     number : int
 
     Returns
@@ -90,7 +90,7 @@ def reflected_inertia(arm: Arm, motors: Array, reach: Array) -> ReflectedInertia
     motors : ndarray, shape (n,)
         Motor inertias at the joints [kg m^2 or kg].
     reach : ndarray, shape (n, 2)
-        Between what the axes move [rad or m].
+        Range of travel of the axes [rad or m].
 
     Raises
     ------

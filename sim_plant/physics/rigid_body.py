@@ -57,7 +57,7 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
     Parameters
     ----------
     joints : tuple of int
-        0..n-1.
+        Joint indices, 0..n-1.
     frames : ndarray, shape (n, FRAME)
     bodies : ndarray, shape (n, BODY)
     gravity : ndarray, shape (3,)
@@ -65,7 +65,7 @@ def bias_and_mass(  # noqa: PLR0915 - one recursion, unrolled to scalars for spe
     kinds : ndarray, shape (n, KIND), optional
         None if all joints are revolute with theta = 0.
     q, qd : ndarray, shape (n,)
-        [rad or m], [rad/s or m/s].
+        Positions and velocities [rad or m], [rad/s or m/s].
     bias : ndarray, shape (n,)
         Written: c(q, qd) + g(q) [N m or N].
     mass : ndarray, shape (n, n)
@@ -289,7 +289,7 @@ def forward_dynamics(
     motor_inertia : ndarray, shape (n,)
         Rotor inertias seen at the joints, added to the diagonal of M [kg m^2].
     q, qd, tau : ndarray, shape (n,)
-        [rad or m], [rad/s or m/s], [N m or N].
+        Positions, velocities and torques [rad or m], [rad/s or m/s], [N m or N].
 
     Returns
     -------

@@ -76,7 +76,7 @@ def ripple(const: Array, i: int, q: float) -> float:
 @inlined
 def events(const: Array, state: Array, profile: Array, i: int, now: float, h: float) -> int:
     """Return the `AxisEvent` bits of an axis after a step."""
-    # without branches: they would cost more than all that is decided
+    # without branches, which would cost more than all the decisions
     speed = abs(state[i, st.QD]) * const[i, st.PER_VELOCITY_MAX]
     stood = int(state[i, st.EVENTS]) & _STANDSTILL
     error = abs(profile[i, st.DEMAND] - state[i, st.Q])

@@ -2,8 +2,8 @@
 
 One row an axis, one column a quantity: a compiled function takes two arrays instead of fifty
 arguments, and the whole state of the plant can be copied or compared in one statement. `const` is
-fixed when the plant is built, `state` is what time changes, `profile` is the trapezoid under way.
-All joint side, SI.
+fixed when the plant is built, `state` changes over time, `profile` is the trapezoid under way. All
+joint side, SI.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ GEAR = next(_c)
 VELOCITY_MAX, PER_VELOCITY_MAX = next(_c), next(_c)
 """Maximum velocity [rad/s] and its reciprocal, since divisions are slow."""
 KP, KV, KI = next(_c), next(_c), next(_c)
-"""Position loop [1/s], velocity loop [N m s/rad], its integral part [N m/rad]."""
+"""Gains of position loop [1/s], velocity loop [N m s/rad] and its integral part [N m/rad]."""
 F_COULOMB, F_DEGRESSIVE, F_VISCOUS = next(_c), next(_c), next(_c)
 """Friction at 15 K, without lubricant effect [N m, N m, N m s/rad]."""
 F_LOAD = next(_c)
@@ -27,7 +27,7 @@ ASYMMETRY = next(_c)
 PER_BRISTLE = next(_c)
 """Reciprocal of the presliding distance [1/rad]."""
 BRISTLE_DAMPING = next(_c)
-"""[N m s/rad]."""
+"""Damping of the presliding bristles [N m s/rad]."""
 BRAKE = next(_c)
 """Holding torque of the brake [N m]."""
 HEAT_PER_POWER = next(_c)

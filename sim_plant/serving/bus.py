@@ -5,8 +5,8 @@ channel switches the plant on, the last bus shut down switches it off. All buses
 same channel share the plant and receive the frames of the drives and of the other buses, so that a
 logger can listen to a master.
 
-`PlantBus.lock_step` states whether the plant keeps step with a master's SYNC: whatever the drives
-have to say to a frame is in the receive queue before `send` returns.
+`PlantBus.lock_step` states whether the plant keeps step with a master's SYNC: all answers of the
+drives to a frame are in the receive queue before `send` returns.
 """
 
 from __future__ import annotations
@@ -95,8 +95,8 @@ class PlantBus(can.BusABC):
         Returns
         -------
         list of bytes
-            Answers to all SYNCs but the last, each as `recv_block` returns them. Whatever is more
-            than new process data makes a SYNC the last.
+            Answers to all SYNCs but the last, each as `recv_block` returns them. A SYNC with other
+            effects than new process data is the last.
         """
         return self._opened().transmit_repeatedly(msg, times, self._inbox, self._echo)
 

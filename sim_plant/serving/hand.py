@@ -115,6 +115,6 @@ def _left_behind(path: Path) -> bool:
             knock.connect(str(path))
         except ConnectionRefusedError:
             return True
-        except OSError:  # of another kind: somebody serves there
+        except OSError:  # an error of another kind: the name is in use
             return False
     return False

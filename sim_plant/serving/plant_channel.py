@@ -98,8 +98,8 @@ class PlantChannel:
     ) -> list[bytes]:
         """Pass a SYNC to the drives several times; return all answers except the last.
 
-        These are `FramesOfSync`, packed; what answers the last SYNC goes to the inboxes. It is the
-        first where somebody else listens or acts.
+        These are `FramesOfSync`, packed; the answers to the last SYNC go to the inboxes. With other
+        listeners or actors on the channel, the first SYNC is the last.
         """
         network, packed = self._network, []
         alone = len(self.inboxes) == 1 and self._hand is None and not echo

@@ -1,6 +1,8 @@
 """`import hil`: public names, and correctness of the documented examples."""
 
+import dataclasses
 import doctest
+import pydoc
 import re
 import subprocess
 import sys
@@ -11,6 +13,7 @@ import pytest
 from small_run import identified_model, write_run
 
 import hil
+from hil.planning.design.friction import sweep
 
 ROOT = Path(__file__).parents[2]
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -18,12 +21,43 @@ FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 @pytest.fixture(scope="module")
 def place(manutec, tmp_path_factory):
-    """Folder with a small run in `runs/first`, and its model."""
+    """Folder with runs of the manutec-r15 and of the pan-tilt head, and the repository's examples.
+
+    `runs/first` is a small run with its model, `runs/friction` also has friction measurements.
+    `runs/head` is imported, with its model; `runs/other` is held out, and `runs/loaded` is the
+    same motion with 1 kg at a distance of 0.1 m from the tilt axis.
+    """
     folder = tmp_path_factory.mktemp("notebook")
-    (folder / "runs").mkdir()
-    write_run(folder / "runs" / "first", manutec)
-    identified_model().save(folder / "runs" / "first" / "model.yaml")
+    (folder / "examples").symlink_to(ROOT / "examples")
+    (runs := folder / "runs").mkdir()
+    write_run(runs / "first", manutec)
+    identified_model().save(runs / "first" / "model.yaml")
+    write_run(runs / "friction", manutec, more=sweep(manutec, [5]).measurements)
+    head, _ = (
+        hil.import_recordings([ROOT / "examples" / "pan_tilt" / f"{recorded}.yaml"], runs / name)
+        for name, recorded in (("head", "excitation"), ("other", "other"))
+    )
+    hil.identify(head).save(runs / "head" / "model.yaml")
+    head.mapped(carrying_a_load).save(runs / "loaded")
     return folder
+
+
+def carrying_a_load(measured):
+    """Return the recording of the pan-tilt head with the torque of a load added."""
+    recording = measured.recording
+    qd = np.gradient(recording.q, recording.time, axis=0)
+    qdd = np.gradient(qd, recording.time, axis=0)
+    robot = hil.Robot.load(ROOT / "examples" / "pan_tilt" / "head.urdf")
+    load = [0, 0.01, 0, 0, 0, 0.01, 0, 0.1]
+    torque = hil.regressor(robot, recording.q, qd, qdd) @ load
+    return dataclasses.replace(recording, tau=recording.tau + torque)
+
+
+def documented_names():
+    """Return the functions and classes on the page of public names, with their modules."""
+    page = (ROOT / "docs" / "reference" / "python.md").read_text()
+    names = re.findall(r"^\.\. auto(?:function|class):: (\S+)", page, re.MULTILINE)
+    return [name if name.startswith("hil.") else f"hil.{name}" for name in names]
 
 
 def refuse_differences(test):
@@ -40,15 +74,13 @@ def test_the_examples_of_documents_do_what_they_say(name, place, monkeypatch):
     refuse_differences(doctest.DocTestParser().get_doctest("\n".join(blocks), {}, name, name, 0))
 
 
-def test_the_examples_of_docstrings_do_what_they_say(place, monkeypatch):
+@pytest.mark.parametrize("name", ["hil.errors", *documented_names()])
+def test_the_examples_of_docstrings_do_what_they_say(name, place, monkeypatch):
     monkeypatch.chdir(place)
     found = [
-        test
-        for name in ("Robot", "Model", "identify")
-        for test in doctest.DocTestFinder().find(getattr(hil, name), name)
-        if test.examples
+        test for test in doctest.DocTestFinder().find(pydoc.locate(name), name) if test.examples
     ]
-    assert len(found) >= 7
+    assert name in [test.name for test in found]
     for test in found:
         test.globs = {"hil": hil, "np": np}
         refuse_differences(test)

@@ -2,7 +2,7 @@
 
 Derive a test class from `DriveBusConformance` and give it a fixture ``open_bus`` that returns a
 callable; each call gives a new, not yet entered `DriveBus` on the same machine. Joint 1 (index 0)
-must be free to move by 0.1 rad around where it stands.
+must be free to move by 0.1 rad about its present position.
 """
 
 from __future__ import annotations

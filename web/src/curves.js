@@ -7,11 +7,12 @@ const BOTTOM = 18;
 const RIGHT = 16;
 const TOP = 8;
 
-/** Round values that a scale is labelled with. */
+/** Round values for the labels of a scale. */
 export function ticks(low, high, most) {
   const raw = (high - low) / most;
   const power = 10 ** Math.floor(Math.log10(raw));
-  // neighbours differ by a factor of 2 at most, so that four parts of a scale have two labels at least
+  // neighbours differ by a factor of 2 at most, so that four parts of a scale have at least two
+  // labels
   const step = [1, 2, 2.5, 5, 10].map((k) => k * power).find((each) => each >= raw);
   const found = [];
   for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
@@ -19,14 +20,14 @@ export function ticks(low, high, most) {
   return { values: found, digits: digits ?? 6 };
 }
 
-/** How much of a band is to be seen: twice its median, unless its line is small beside that. */
+/** Visible part of a band: twice its median, unless its line is small beside the band. */
 function usual({ y, band }) {
   const [there, known] = [band ?? [], y].map((values) => values.filter(Number.isFinite).sort((a, b) => a - b));
   const [reach, span] = [2 * (there[there.length >> 1] ?? 0), known.at(-1) - known[0]];
   return span > 0 ? Math.min(reach, span / 4) : reach;
 }
 
-/** Numbers of what is known, a list for each stretch without a hole. */
+/** Known values, a list for each stretch without a gap. */
 function parts(values) {
   const found = [];
   values.forEach((v, i) => {
@@ -60,7 +61,9 @@ export class Curve {
     });
   }
 
-  /** Draw anew for a joint and a span of time, which is counted from `origin`, with a rule at each of `marks`. */
+  /**
+   * Redraw for a joint and a span of time counted from `origin`, with a rule at each of `marks`.
+   */
   draw(joint, begin, end, { origin = begin, marks = [] } = {}) {
     Object.assign(this, { span: [begin, end], origin, marks });
     this.caption.replaceChildren(...this._caption(joint));
@@ -73,7 +76,7 @@ export class Curve {
     this._paint();
   }
 
-  /** Values at the end of what is drawn, for who does not see it. */
+  /** Values at the end of the curves, as text for screen readers. */
   _ends() {
     const ends = this.drawn.map(({ name, y }) => [name, y.findLast(Number.isFinite)]);
     const known = ends.filter(([name, value]) => name && value !== undefined);

@@ -1,9 +1,10 @@
-// The curves of what is recorded or planned: position, velocity, torque beside the predicted one, distance.
+// Curves of recorded or planned motion: position, velocity, torque beside the predicted one,
+// distance.
 import { Curve } from './curves.js';
 
 const LEAST = 0.02; // share of the torque limit that a scale of torque spans at least, lest noise fill it
 
-/** Curves into a host; a click on one calls seek(t). */
+/** Draw curves into a host; a click on one calls seek(t). */
 export function curvesOf(host, { robot: { joints }, workspace, prediction }, recorded, seek) {
   const line = (track, name, colour, rest = {}) => ({
     name, colour, value: (t) => track.at(t)[0], instants: (...span) => track.instants(...span), ...rest,
@@ -20,7 +21,7 @@ export function curvesOf(host, { robot: { joints }, workspace, prediction }, rec
   if (torque || predicted) {
     found.push(add((j) => `axis ${j + 1}: ${word(joints[j])}, ${joints[j].torque_unit}`, (j) => [
       ...(torque ? [line(torque[j], 'measured', '--measured')] : []),
-      // dashed and on top, so that both are seen where they agree
+      // dashed and on top, so that equal curves are both visible
       ...(predicted ? [line(predicted[j], prediction, '--planned', { dashed: Boolean(torque), ...within(j) })] : []),
     ], { bounds: (j) => both(joints[j].torque), least: (j) => LEAST * (joints[j].torque ?? 0) }));
   }

@@ -10,7 +10,7 @@ export function make(tag, attributes = {}, ...children) {
   return element;
 }
 
-/** A number with as many places as its size needs, with a minus sign that is one. */
+/** A number with as many decimals as its size needs, and with a typographic minus sign. */
 export function shown(value, size) {
   if (!Number.isFinite(value)) return '–';
   const places = Math.min(Math.max(3 - Math.ceil(Math.log10(size || 1)), 0), 5);
@@ -18,7 +18,7 @@ export function shown(value, size) {
   return (Number(text) === 0 ? text.replace('-', '') : text).replace('-', '−');
 }
 
-/** Minutes and seconds. */
+/** Time in minutes and seconds. */
 export function clock(seconds) {
   const whole = Math.floor(seconds + 1e-6);
   const [minutes, rest] = [Math.floor(whole / 60), whole % 60];

@@ -1,4 +1,5 @@
-// A hand at the virtual arm: a link that is dragged is pulled where the pointer goes; or one axis is pushed by a button.
+// A hand at the virtual arm: a dragged link is pulled towards the pointer; a button pushes one
+// axis.
 import { Raycaster, Vector2, Vector3 } from 'three';
 import { make } from './elements.js';
 
@@ -11,7 +12,7 @@ const GRIP = [0, 14, 32]; // rings about the pointer in which a link is looked f
 const AROUND = 8; // directions of a ring
 
 export class Hand {
-  /** `send(torque, lasts)` passes a push on. */
+  /** `send(torque, lasts)` transmits a push. */
   constructor(view, robot, host, send) {
     this.view = view;
     this.joints = robot.joints;
@@ -69,7 +70,7 @@ export class Hand {
     this.timer = setInterval(() => this._tell(), EVERY);
   }
 
-  /** Link and point under the pointer, or beside it: a fingertip is wide, and the wrist slender. */
+  /** Link and point at or near the pointer: a fingertip is wide, and the wrist slender. */
   _under(event) {
     const links = this.view.capsules.filter(({ visible }) => visible);
     for (const radius of GRIP) {

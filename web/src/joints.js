@@ -1,4 +1,4 @@
-// The table of joints: sliders of a robot, or the state of what is played.
+// The table of joints: sliders of a robot, or the state of the played motion.
 import { make, shown } from './elements.js';
 
 const IN_RANGE = 'in its range';
@@ -27,7 +27,7 @@ export function sliders(host, joints, start, changed) {
   host.append(make('table', {}, make('thead', {}, make('tr', {}, ...heads)), make('tbody', {}, ...rows)));
 }
 
-/** The state of all axes at the instant that is shown. */
+/** The state of all axes at the displayed instant. */
 export class States {
   constructor(host, joints, { torque, error }) {
     this.joints = joints;

@@ -13,7 +13,7 @@ export class Chain {
     this.motion = new Matrix4();
   }
 
-  /** Place all frames; `stands` are those of the joints before their own motion. */
+  /** Place all frames; `stands` contains the joints' poses before their own motion. */
   place(q) {
     let last = null;
     this.joints.forEach(({ revolute, before }, j) => {

@@ -1,9 +1,10 @@
-// The page of a run that goes on: lines of the run come as events, and a stop goes back.
+// The page of a running measurement: lines of the run arrive as events, and a stop request is sent
+// back.
 import { LivePage } from './live_page.js';
 
 const AGAIN = 5000; // until a page that was refused tries anew [ms]
 
-/** Show the run that serves this page; `window.live` then answers what tests ask. */
+/** Show the run that serves this page; `window.live` then answers questions of tests. */
 export function follow() {
   const page = new LivePage();
   window.live = page;

@@ -1,4 +1,4 @@
-// The table of axes of a run that goes on: position in its range, torque in its limit, friction.
+// The table of axes of a running measurement: position in its range, torque in its limit, friction.
 import { make, shown } from './elements.js';
 
 const HIGH = 0.9; // share of the torque limit from which it is marked
@@ -28,7 +28,7 @@ export class LiveAxes {
     return { row, position, fill, ends, torque, bar, friction };
   }
 
-  /** Take the limits that hold on the drives. */
+  /** Take the limits in force on the drives. */
   narrow(axes) {
     axes.forEach(({ name, lower, upper }, j) => {
       const joint = this.joints[j];
@@ -39,7 +39,7 @@ export class LiveAxes {
     });
   }
 
-  /** Show positions and torques; null where none came. */
+  /** Show positions and torques; null marks missing values. */
   show(q, tau) {
     this.rows.forEach((row, j) => {
       row.row.classList.remove('unknown');
@@ -54,7 +54,7 @@ export class LiveAxes {
     });
   }
 
-  /** Mark the axes that are measured. */
+  /** Mark the measured axes. */
   highlight(axes) {
     this.rows.forEach(({ row }, j) => row.classList.toggle('measured', axes.includes(j)));
   }

@@ -1,5 +1,5 @@
-// Torques of a run that goes on, beside their prediction, and the instant that they share with the robot: now, or one
-// that has passed.
+// Torques of a running measurement beside their prediction, and the instant shared with the robot:
+// now, or in the past.
 import { curvesOf } from './curves_of.js';
 import { clock, make } from './elements.js';
 import { Player } from './player.js';
@@ -8,7 +8,7 @@ const EVERY = 80; // between two drawings, a dozen a second [ms]
 const WINDOW = 10; // what is shown of torques that pass by [s]
 
 export class LiveCurves {
-  /** `stand(t)` is called with an instant, or with nothing for now. */
+  /** `stand(t)` is called with an instant, or without argument for the present. */
   constructor(host, data, stand) {
     Object.assign(this, { host, data, stand, player: new Player(0) });
     this.slider = make('input', { type: 'range', step: 'any', 'aria-label': 'Instant shown, from the oldest to now', oninput: () => this.look(Number(this.slider.value)) });
@@ -24,7 +24,7 @@ export class LiveCurves {
     new ResizeObserver(() => this.draw()).observe(host);
   }
 
-  /** Begin anew with a run of which nothing has come, whose torques pass by or come by recordings. */
+  /** Restart with a run without data; torques arrive continuously or by recording. */
   begin(recorded, passing) {
     const { torque, predicted, band } = recorded;
     Object.assign(this, { recorded, passing, alarms: [], back: false, span: [0, WINDOW] });
@@ -42,7 +42,7 @@ export class LiveCurves {
     this.alarms.push(alarm);
   }
 
-  /** Look at an instant of what has passed; at none, go on with what comes. */
+  /** Show a past instant; without one, follow new data. */
   look(t) {
     this.back = t !== undefined && t < this.recorded.duration;
     if (this.back) this.player.seek(t);
@@ -67,7 +67,7 @@ export class LiveCurves {
     return this.recorded.measured[0].time[0] ?? 0;
   }
 
-  /** What has come, or another instant or size, is drawn when it is time. */
+  /** Redraw at the next frame, after new data, another instant or another size. */
   draw() {
     if (this.due || !this.recorded) return;
     this.due = setTimeout(() => requestAnimationFrame(() => {
@@ -97,14 +97,14 @@ export class LiveCurves {
     });
   }
 
-  /** Let the window hold an instant; it ends now where nothing is looked back at. */
+  /** Move the window over an instant; the window ends at the present if no instant is selected. */
   _slide(t) {
     if (this.back && t >= this.span[0] && t <= this.span[1]) return;
     const end = Math.min(this.back ? t + WINDOW / 2 : t, this.recorded.duration);
     this.span = [Math.max(end - WINDOW, this.first), end];
   }
 
-  /** Span of the last recording that an axis has at an instant, or of its first. */
+  /** Span of the last recording of an axis at an instant, or of the first recording. */
   _recording(j, t) {
     const own = this.recorded.segments.filter(({ axes }) => axes.includes(j));
     const { begin, end } = own.findLast((each) => each.begin <= t) ?? own[0] ?? { begin: 0, end: 1 };

@@ -1,4 +1,4 @@
-// What a run's lines (hil/live/lines.py) change on the page. Text is only ever set as text.
+// Changes of the page by lines of a run (hil/live/lines.py). Text is only ever set as text.
 import { clock, make } from './elements.js';
 import { Hand } from './hand.js';
 import { Intervals } from './intervals.js';
@@ -18,7 +18,7 @@ const ENDS = {
   lost: ['the run has ended without a word: look at the robot', 'bad'],
 };
 
-/** What an event lets somebody see who looks at the robot, and what that motion shows. */
+/** Description of an event for observers of the robot, and the purpose of the motion. */
 function seen({ name, doing, seen: motion, shows }) {
   if (name === 'Travelled' || name === 'Repeated') return [motion, shows];
   if (name === 'Recorded' || name === 'GaveUp') return ['On the way to the next motion', ''];
@@ -123,7 +123,7 @@ export class LivePage {
     this.curves.draw();
   }
 
-  /** How much faster than the clock the bus's time passes, averaged over a second. */
+  /** Ratio of the bus's time to the clock's time, averaged over a second. */
   _keepPace(t) {
     const now = performance.now() / 1000;
     if (!this.since || t < this.since.t) this.since = { t, now };
@@ -132,7 +132,7 @@ export class LivePage {
     this.since = { t, now };
   }
 
-  /** Show the robot as at an instant that has passed; without one, as now. */
+  /** Show the robot at a past instant; without one, at present. */
   _look(t) {
     this.back = t !== undefined;
     this._stand(this.recorded.q(this.back ? t : this.recorded.duration));
@@ -163,7 +163,7 @@ export class LivePage {
     if (more !== undefined) at('more').textContent = more;
   }
 
-  /** The end of all: where the report and the run are, and what to do next. */
+  /** End of the run: places of the report and of the run, and the next step. */
   _report({ folder, commands }) {
     const link = make('a', { href: 'report', target: '_blank', text: 'Open the report' });
     const next = commands.map((each) => make('li', {}, make('code', { text: each })));
@@ -207,7 +207,7 @@ export class LivePage {
     this.axes.friction(line);
   }
 
-  /** A notice; where the bus's time of it is known, one looks back at it by a click. */
+  /** A notice; with a known bus time, a click shows the robot at this time. */
   _note({ at: when, text, t }, kind = '') {
     const time = make('time', { text: new Date(1000 * when).toLocaleTimeString() });
     const shown = !Number.isFinite(t) ? time : make('button', { type: 'button', class: 'then', title: 'Look back at it', onclick: () => this.curves.look(t) }, time);
@@ -230,7 +230,7 @@ export class LivePage {
     if (how === 'failed' && at('fault').textContent !== text) this._fault({ text, at: when });
   }
 
-  /** State, time left and the button, as they are now. */
+  /** Show state, remaining time and button. */
   _tick() {
     const [text, look] = this._state();
     if (at('state').textContent !== text) at('state').textContent = text;

@@ -1,4 +1,5 @@
-// What the bundle offers: the page of hil view, that of a run that goes on, and what reports carry.
+// Exports of the bundle: the page of hil view, the page of a running measurement, and scripts of
+// reports.
 export { follow } from './live.js';
 export { open } from './page.js';
 export { report } from './report.js';

@@ -1,4 +1,4 @@
-// What hil/view/packed.py packs: whole numbers as differences, times a step.
+// Decoder for the data of hil/view/packed.py: whole numbers as differences, times a step.
 
 /** Decode one list of numbers. */
 export function unpack({ step, differences }) {
@@ -11,7 +11,7 @@ export function unpack({ step, differences }) {
   return values;
 }
 
-/** Text of a page's data, which is base64 of gzip of JSON, as an object. */
+/** Parse a page's data: base64 of gzip of JSON. */
 export async function inflate(text) {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('gzip'));

@@ -1,4 +1,4 @@
-// The page: what was packed into it, put together.
+// The page, built from its packed data.
 import { curvesOf } from './curves_of.js';
 import { clock, make } from './elements.js';
 import { States, sliders } from './joints.js';
@@ -10,7 +10,7 @@ import { Timeline } from './timeline.js';
 
 const at = (id) => document.getElementById(id);
 
-/** Open the page on its data; `window.view` then answers what tests and other scripts ask. */
+/** Open the page on its data; `window.view` then answers questions of tests and other scripts. */
 export async function open() {
   try {
     const data = await inflate(at('data').textContent.trim());
@@ -25,7 +25,7 @@ export async function open() {
   }
 }
 
-/** A robot whose joints are set by hand. */
+/** A robot with joints set by hand. */
 function still(scene, { robot }) {
   at('player').hidden = true;
   sliders(at('states'), robot.joints, scene.q, (q, joint) => {
@@ -35,7 +35,7 @@ function still(scene, { robot }) {
   return { scene, show: (q) => scene.show(q) };
 }
 
-/** A plan or a run in time. */
+/** A plan or a run over time. */
 function played(scene, data) {
   const recorded = new Recorded(data);
   const player = new Player(recorded.duration);
@@ -65,7 +65,7 @@ class Played {
     this._showState();
   }
 
-  /** Show the instant of the player everywhere. */
+  /** Show the instant of the player in all parts of the page. */
   follow() {
     const { recorded, player: { time } } = this;
     const number = recorded.segment(time);
@@ -103,7 +103,7 @@ class Played {
     this.scene.sweep(this.passed(this.segment));
   }
 
-  /** Configurations by which the volume of a segment is drawn; none where it is hidden. */
+  /** Configurations for the volume of a segment; empty for a hidden volume. */
   passed(number) {
     return at('show-swept').checked ? this.recorded.passed(this.recorded.segments[number], this.steps) : [];
   }
@@ -150,7 +150,7 @@ class Played {
     at('speed').value = String(speed);
   }
 
-  /** To the measurement before or after. */
+  /** Go to the measurement before or after. */
   _jump(by) {
     const { recorded, player } = this;
     const here = by > 0
@@ -177,7 +177,7 @@ class Played {
   }
 }
 
-/** Views and what is shown. */
+/** Buttons for views and for visible parts. */
 function buttons(scene, { robot, workspace, segments }) {
   for (const from of ['oblique', 'front', 'side', 'top']) {
     at('views').append(make('button', { type: 'button', text: from, onclick: () => scene.look(from) }));
@@ -194,7 +194,7 @@ function buttons(scene, { robot, workspace, segments }) {
   }
 }
 
-/** Colours of kinds for this scheme of colours, and the scene's. */
+/** Colours of kinds and of the scene for this colour scheme. */
 function colours(kinds, scene) {
   const scheme = matchMedia('(prefers-color-scheme: dark)');
   const set = () => {

@@ -1,4 +1,4 @@
-// Time: an instant that is set, or that runs.
+// Time of the player: an instant set by hand, or a running one.
 export const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 30, 60];
 
 export class Player extends EventTarget {

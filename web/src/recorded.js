@@ -1,9 +1,10 @@
-// What is played: tracks of all joints and the segments of the time line, of a page's data or as lines of a run bring them.
+// Played motion: tracks of all joints and segments of the time line, from a page's data or from
+// lines of a run.
 import { Track } from './track.js';
 
 const tracks = (given) => given && given.map((each) => new Track(each));
 
-/** The nearest link and box of each instant: a track, and numbers that hold until the next knot. */
+/** Nearest link and box of each instant: a track, and indices that hold until the next knot. */
 function distances(given) {
   if (!given) return null;
   const track = new Track(given);
@@ -28,19 +29,19 @@ export class Recorded {
     this.recorded = data.segments.filter((each) => each.recorded);
   }
 
-  /** A run that goes on, of which nothing has come yet. */
+  /** A running measurement without data. */
   static growing(joints) {
     const each = () => joints.map(() => new Track());
     return Object.assign(new Recorded({ segments: [] }), { measured: each(), torque: each(), predicted: each(), band: each() });
   }
 
-  /** Take the positions of one instant, null where a joint's is missing. */
+  /** Take the positions of one instant, null for a missing joint. */
   sample(t, q) {
     q.forEach((value, j) => this.measured[j].extend([t], [value ?? NaN]));
     this.duration = t;
   }
 
-  /** Take torques that follow upon those there are: of a recording, or of all axes as they pass by. */
+  /** Append torques of a recording, or current torques of all axes. */
   take({ axes, measurement, ...lines }) {
     const [{ time: instants }] = tracks(lines.torque);
     if (!instants.length) return;
@@ -53,7 +54,7 @@ export class Recorded {
     else this.segments.push({ id: measurement, axes, begin, end });
   }
 
-  /** What the robot does: as measured where that is known. */
+  /** Positions of the robot, measured ones if known. */
   get shown() {
     return this.measured ?? this.planned;
   }
@@ -62,13 +63,13 @@ export class Recorded {
     return this.shown.map((track) => track.at(t)[0]);
   }
 
-  /** Number of the segment under way at t. */
+  /** Number of the active segment at t. */
   segment(t) {
     const found = this.segments.findIndex((each) => t < each.end);
     return found < 0 ? this.segments.length - 1 : found;
   }
 
-  /** Position, velocity and torque of a joint at t, and what was planned or predicted beside it. */
+  /** Position, velocity and torque of a joint at t, with planned or predicted values. */
   state(joint, t) {
     const planned = this.planned?.[joint].at(t);
     const measured = this.measured && [this.measured[joint].at(t)[0], this.velocity[joint].at(t)[0]];
@@ -82,14 +83,16 @@ export class Recorded {
     };
   }
 
-  /** Joint that goes furthest from one end of a segment to the other, in steps of its own. */
+  /**
+   * Joint with the greatest displacement between the ends of a segment, in multiples of its step.
+   */
   busiest({ begin, end }, step) {
     const [from, to] = [this.q(begin), this.q(end)];
     const ways = step.map((each, j) => Math.abs(to[j] - from[j]) / each);
     return ways.indexOf(Math.max(...ways));
   }
 
-  /** Configurations that a segment passes from end to end, each apart from all others by a step. */
+  /** Configurations along a segment, each apart from all others by at least a step. */
   passed({ begin, end }, step) {
     const way = [];
     for (let k = 0; k <= SAMPLES; k++) way.push(this.q(begin + ((end - begin) * k) / SAMPLES));
@@ -103,7 +106,7 @@ export class Recorded {
 const SAMPLES = 600;
 const POSES = 96;
 
-/** Those of the way that differ from all chosen before by more than a step in a joint. */
+/** Configurations of the path that differ from all chosen before by more than a step in a joint. */
 function apart(way, step) {
   const far = (a, b) => a.some((x, j) => Math.abs(x - b[j]) > step[j]);
   const found = [];

@@ -1,5 +1,6 @@
-// What a saved page offers beside what it shows: recordings behind points and parameters, and one instant that the robot
-// and all curves show together. Without it the page shows the same, and none of these.
+// Additional functions of a saved page: recordings behind points and parameters, and one instant
+// common to the robot and all curves. Without this script, the page shows the same content without
+// these functions.
 import { curvesOf } from './curves_of.js';
 import { make } from './elements.js';
 import { inflate } from './packed.js';
@@ -38,7 +39,7 @@ class Saved {
     });
   }
 
-  /** The segment of a recording; where another run's has the same name, `shown` takes that one. */
+  /** The segment of a recording; `shown` decides between runs with a segment of the same name. */
   segment(id, shown = false) {
     return this.data.segments[shown ? 'findLast' : 'find']((each) => each.id === id);
   }
@@ -65,7 +66,7 @@ class Saved {
     this.dialog.scrollTop = 0;
   }
 
-  /** Parameters lead to the recordings that carry them. */
+  /** Link parameters to the recordings that determine them. */
   parameters() {
     for (const cell of document.querySelectorAll('tbody th[scope="row"]')) {
       const each = this.data.parameters[cell.textContent.trim()];
@@ -82,7 +83,7 @@ class Saved {
     this._dialog(title, make('p', { text: 'Recordings that carry it, with their shares in its certainty:' }), make('ol', { class: 'carriers' }, ...items));
   }
 
-  /** One instant: the robot stands as it did then, and all curves of that recording have a cursor. */
+  /** Show one instant: pose of the robot, and a cursor in all curves of that recording. */
   play() {
     this.panels = [...document.querySelectorAll('svg[data-r]')].map((svg) => {
       const [left, right, low, high] = svg.dataset.x.split(' ').map(Number);
@@ -126,7 +127,7 @@ class Saved {
     this.view.look('oblique');
   }
 
-  /** To an instant of a recording that is drawn [s]. */
+  /** Go to an instant of a drawn recording [s]. */
   seek(id, t) {
     const { begin, end } = this.segment(id, true);
     this.player.seek(Math.min(begin + t, end));
@@ -153,7 +154,7 @@ class Saved {
     this.words.textContent = `${now.words}, ${(time - now.begin).toFixed(2)} s`;
   }
 
-  /** Points of a measurement stand out together, and open it. */
+  /** Highlight the points of a measurement together, and open the measurement by a click. */
   points() {
     this.alike = Map.groupBy(document.querySelectorAll('[data-m]'), (each) => each.dataset.m);
     this.marked = [];
@@ -200,7 +201,7 @@ class Saved {
     event.preventDefault();
   }
 
-  /** Mark a point and all of its measurement; without one, none. */
+  /** Mark a point and all points of its measurement; without a point, remove the marks. */
   _mark(point) {
     for (const each of this.marked) each.classList.remove('same');
     this.marked = point ? this.alike.get(point.dataset.m) : [];

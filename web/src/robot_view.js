@@ -14,7 +14,7 @@ const THEMES = {
 };
 const DIRECTIONS = { oblique: [1, -1.1, 0.7], front: [1, 0, 0.05], side: [0, -1, 0.05], top: [0.01, 0, 1] };
 
-// Links are seen as they are, also inside the volume that they pass: they mark their pixels.
+// Links are drawn in full also inside their swept volume: their pixels are marked.
 const MARKED = { stencilWrite: true, stencilRef: 1, stencilZPass: ReplaceStencilOp };
 const NOT_OVER_LINKS = { stencilWrite: true, stencilRef: 1, stencilFunc: NotEqualStencilFunc };
 
@@ -50,20 +50,20 @@ export class RobotView {
     this._draw();
   }
 
-  /** Mark the axes that are measured, from 0. */
+  /** Mark the measured axes, from 0. */
   highlight(axes) {
     this.highlighted = new Set(axes);
     this._colour();
   }
 
-  /** Mark the link and the box, from 0, that are closest to each other; -1 for none. */
+  /** Mark the link and the box, from 0, with the smallest distance; -1 for none. */
   nearest(link, number) {
     if (link === this.close.link && number === this.close.box) return;
     this.close = { link, box: number };
     this._colour();
   }
 
-  /** Show the volume that the links pass at configurations qs; an empty list shows none. */
+  /** Show the volume swept by the links at configurations qs; an empty list shows none. */
   sweep(qs) {
     for (const each of this.sweeps) {
       this.swept.remove(each);
@@ -74,7 +74,7 @@ export class RobotView {
     this.show(this.q);
   }
 
-  /** Draw a line from a point of the robot to where it is pulled; without points none. */
+  /** Draw a line from a point of the robot to the pulling point; without points none. */
   pull(from, to) {
     this.pulled.visible = Boolean(from);
     if (from) {
@@ -121,7 +121,7 @@ export class RobotView {
     this._colour();
   }
 
-  /** Where the origin of a link's frame is seen, in pixels of the picture from its upper left. */
+  /** Position of the origin of a link's frame, in pixels of the picture from its upper left. */
   project(link) {
     this.camera.updateMatrixWorld();
     const point = new Vector3().setFromMatrixPosition(this.chain.frames[link]).project(this.camera);
@@ -129,7 +129,7 @@ export class RobotView {
     return { x: ((point.x + 1) / 2) * width, y: ((1 - point.y) / 2) * height };
   }
 
-  /** Matrix from the base frame to what the picture shows, row by row, and the picture's size. */
+  /** Matrix from the base frame to the picture, row by row, and the picture's size. */
   seen() {
     this.camera.updateMatrixWorld();
     const m = this.camera.projectionMatrix.clone().multiply(this.camera.matrixWorldInverse);
@@ -242,7 +242,7 @@ export class RobotView {
     this.robot.joints.forEach((_, link) => {
       const moved = places.some((frames) => !frames[link].equals(places[0][link]));
       if (!moved) return;
-      // first the depth alone, so that overlapping capsules are seen as one volume
+      // first the depth alone, so that overlapping capsules look like one volume
       for (const material of [this.materials.hidden, this.materials.swept]) {
         const each = new InstancedMesh(this.rough[link], material, qs.length);
         places.forEach((frames, i) => each.setMatrixAt(i, frames[link]));

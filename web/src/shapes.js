@@ -1,4 +1,4 @@
-// What links, boxes, limits and meshes look like; nothing here moves.
+// Shapes of links, boxes, limits and meshes, without motion.
 import {
   BoxGeometry, BufferAttribute, BufferGeometry, CapsuleGeometry, EdgesGeometry, LineSegments, Matrix4,
   Quaternion, Vector3,
@@ -36,7 +36,7 @@ export function box({ low, high }) {
 
 export const edges = (shape, material) => new LineSegments(new EdgesGeometry(shape), material);
 
-/** Range of a joint in the frame that it moves in: an arc, or a way along z, with a mark at q. */
+/** Range of a joint in its moving frame: an arc, or a path along z, with a mark at q. */
 export function range({ revolute, lower, upper }, radius) {
   const point = revolute
     ? (q) => [radius * Math.cos(q), radius * Math.sin(q), 0]

@@ -5,7 +5,7 @@ import { unpack } from './packed.js';
 const KEPT = 60_000; // knots of a track that grows: 40 minutes of samples for the eye, of which 25 come a second
 
 export class Track {
-  /** What a page has of a track; without it, one that grows. */
+  /** A track from a page's data; without data, a growing one. */
   constructor(given) {
     this.time = given ? unpack(given.time) : [];
     this.value = given ? unpack(given.value) : [];
@@ -13,14 +13,14 @@ export class Track {
     this.last = 0; // players ask for one instant after the other
   }
 
-  /** Add what comes after. */
+  /** Append knots. */
   extend(time, value) {
     this.time.push(...time);
     this.value.push(...value);
     if (this.time.length > KEPT) for (const each of [this.time, this.value]) each.splice(0, KEPT / 4);
   }
 
-  /** Number of the last knot at or before t. */
+  /** Index of the last knot at or before t. */
   before(t) {
     const { time } = this;
     let low = this.last;
@@ -37,7 +37,7 @@ export class Track {
     return low;
   }
 
-  /** Value and rate at t; the ends hold. */
+  /** Value and rate at t; constant beyond the ends. */
   at(t) {
     const { time, value, slope } = this;
     const i = this.before(t);
@@ -53,10 +53,10 @@ export class Track {
     ];
   }
 
-  /** Instants from begin to end at which the curve must be drawn: knots, and points between. */
+  /** Instants from begin to end for drawing the curve: knots, and points between. */
   instants(begin, end, atLeast) {
     const found = [];
-    // times are rounded, and slopes at the ends are not to be those of what is beside them
+    // times are rounded, and slopes at the ends must not be those of neighbouring parts
     const first = begin + 2e-4;
     const last = Math.max(end - 2e-4, first);
     for (let k = 0; k <= atLeast; k++) found.push(first + ((last - first) * k) / atLeast);

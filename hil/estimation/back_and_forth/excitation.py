@@ -17,7 +17,8 @@ the recorded motion, uncertain by more than the share `LOOSE` of the torque: for
 residual variance and a column with the share r of its square length left, the sum of squares of
 that torque is uncertain by 1 / r.
 
-Dropped parameters are zero in the model: the model predicts what such motions show, no more.
+Dropped parameters are zero in the model: the model predicts only quantities excited by such
+motions.
 """
 
 from __future__ import annotations

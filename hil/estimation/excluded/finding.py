@@ -57,8 +57,10 @@ LARGE = 0.95
 first-order column, and other readings are tried. 0.5 and 0.99 have the same outcome: clean runs
 1000 and 1001 of `benchmarks/excluded.py`, and six flaws put into each."""
 BOUNCES = 0.25
-"""Share of what a backlash explains that its column may leave: the column holds one impact without
-a rebound, and links that rebound with a restitution of 0.5 come back with as much of the energy."""
+"""Share of the residual explained by a backlash that its column may leave: the column holds one
+impact without a rebound, and links that rebound with a restitution of 0.5 come back with as much of
+the energy.
+"""
 CONTRADICTS = 4.0
 """Median dispersion of causes from which on groups contradict each other, whatever the reason: they
 scatter twice as much as noise within them explains. Then nothing may be significant, since

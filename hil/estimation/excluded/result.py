@@ -41,6 +41,11 @@ class Found(FileModel):
     size, error : float
         Size and standard error in the cause's unit; the largest of several columns; None without a
         size.
+
+    Examples
+    --------
+    >>> [(found.cause, found.axes) for found in hil.Model.load("runs/head").excluded.found]
+    []
     """
 
     cause: str
@@ -79,6 +84,12 @@ class Limit(FileModel):
         Size that would be found with a probability of 80 %; None if the cause never shows.
     torque : float
         Share of the recorded torque due to one unit, on the axis with the largest share.
+
+    Examples
+    --------
+    >>> limit = hil.Model.load("runs/head").excluded.limits[1]
+    >>> limit.cause, limit.axis, limit.unit, limit.visible
+    ('zero', 2, 'degrees', False)
     """
 
     cause: str
@@ -121,6 +132,12 @@ class Excluded(FileModel):
         Limits of all causes, in the order of the table.
     tests : int
         Number of tested causes.
+
+    Examples
+    --------
+    >>> excluded = hil.Model.load("runs/head").excluded
+    >>> excluded.found, excluded.limits[0].cause
+    ((), 'zero')
     """
 
     found: tuple[Found, ...]

@@ -83,14 +83,14 @@ def robot_as_stated(
     ----------
     chain : UrdfChain
     gravity : sequence of three floats, optional
-        As of `draft_robot`.
+        As in `draft_robot`.
     format_ : str
         Format of the chain's source.
 
     Raises
     ------
     FileError
-        As of `draft_robot`.
+        As in `draft_robot`.
     """
     title = [
         comment(f"Robot {_ends(chain)}, from its {format_}."),

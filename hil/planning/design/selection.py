@@ -1,15 +1,15 @@
 """Greedy selection of measurements by information gain per second.
 
-With the information N of what was chosen so far, over base parameters p and common terms b, adding
-a measurement of worth I changes
+With the information N of the measurements chosen so far, over base parameters p and common terms b,
+adding a measurement of worth I changes
 
 det
     log det of the information of p, b eliminated: log det(N) - log det(N_bb). Its growth is a ratio
     of two small determinants, since a measurement touches one or two axes (Fedorov, *Theory of
     Optimal Experiments*, 1972);
 torque
-    the variance of torques, sum of (scale sd)^2 over the parameters: what is imprecise, compared by
-    the torque that it causes, counts most.
+    the variance of torques, sum of (scale sd)^2 over the parameters: imprecise parameters with a
+    large torque count most.
 
 Both are taken per second, of the measurement and of the way to it from the nearest one chosen: with
 many of them a tour goes from neighbour to neighbour.

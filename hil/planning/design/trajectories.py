@@ -115,7 +115,8 @@ class Basis:
     """Trajectories at rest at the beginning of a period, linear in the unknowns.
 
     The unknowns `x`, shape (n_unknowns, n_joints), are of order one: first a joint's mean as a
-    share of half its range, then amplitudes as shares of what the velocity limit allows.
+    share of half its range, then amplitudes as shares of the largest amplitudes within the velocity
+    limit.
 
     Parameters
     ----------

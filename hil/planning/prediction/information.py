@@ -172,9 +172,9 @@ class Forecast:
     period : float
         Sample period [s].
     time : ndarray, shape (n,)
-        [s].
+        Time [s].
     q, qd, qdd : ndarray, shape (n, n_joints)
-        [rad], [rad/s], [rad/s^2].
+        Positions, velocities and accelerations [rad], [rad/s], [rad/s^2].
     """
 
     period: float

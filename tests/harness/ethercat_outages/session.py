@@ -52,9 +52,9 @@ class Outage:
     number : int
         Of the draw.
     cycle : int
-        The first frame with process data that meets it, from 1.
+        Number of the first frame with process data in the outage, from 1.
     length : float
-        [s].
+        Duration of the outage [s].
     kind : str
         One of `KINDS`.
     axis : int

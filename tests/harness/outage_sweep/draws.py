@@ -29,9 +29,9 @@ class Outage:
     number : int
         Of the draw.
     frame : int
-        The first one of ours that meets it, from 1.
+        Number of our first frame in the outage, from 1.
     length : float
-        [s].
+        Duration of the outage [s].
     direction : str
         One of `DIRECTIONS`.
     axis : int or None
