@@ -143,8 +143,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """Exclude tests and libraries from garbage collection, and collect less often.
 
-    They took an eighth of all time. A campaign thaws when it ends what is frozen while it measures,
-    which would be tests and libraries as well.
+    They took an eighth of all time. At its end, a campaign thaws all frozen objects, which would
+    include tests and libraries.
     """
     gc.collect()
     gc.freeze()
@@ -259,7 +259,7 @@ class IdealBus:
 def _signals_as_by_default() -> None:
     """Handle signals as in a terminal: nohup and background jobs of scripts ignore some of them.
 
-    A program that a test starts takes over what is ignored, and nothing else.
+    A program started by a test inherits ignored signals only.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     for name in ("SIGHUP", "SIGTERM"):

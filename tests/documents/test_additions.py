@@ -1,7 +1,7 @@
 """CONTRIBUTING's table of additions: its files exist and contain the listed registries.
 
-Each row is followed to the registry that it names: whatever is listed there today lives where the
-row says that the next one shall.
+Each row names a registry: the present entries of this registry are at the place stated by the row
+for new ones.
 """
 
 from __future__ import annotations

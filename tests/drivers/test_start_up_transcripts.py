@@ -1,7 +1,7 @@
 """Start-up, check and scan exchange the same messages with each kind of drive as before.
 
-`transcripts` holds it, transfer by transfer; of all but the plain drive, what differs from it. A
-change there is either a defect or meant: then the transcripts are written anew (see
+The folder `transcripts` holds the transfers of the plain drive, and for all others the differences
+from these. A change there is either a defect or meant: then the transcripts are written anew (see
 `start_up_transcripts`) and their difference is reviewed.
 """
 

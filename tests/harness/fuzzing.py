@@ -83,7 +83,7 @@ class Outcome:
     text : str
         The refusal, or the traceback.
     memory : int
-        More than before [bytes]; `bound` is what the file may take.
+        Additional memory [bytes]; `bound` is the budget of the file.
     bound : int
     outside : list of str
         Files written, moved or removed outside of the folder.

@@ -1,7 +1,7 @@
 """Our master and the plant on a cable of two interfaces; one of the two processes is killed.
 
-`python ethercat_processes.py moving` moves an axis on the wall clock and says so;
-`killed-driver` starts that, kills it in the middle of the motion, and prints what the drives show;
+`python ethercat_processes.py moving` moves an axis on the wall clock and says so; `killed-driver`
+starts that, kills it in the middle of the motion, and prints the states of the drives;
 `killed-plant FOLDER` measures a plan and kills the plant in its middle.
 """
 

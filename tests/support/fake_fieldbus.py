@@ -1,7 +1,7 @@
 """Fieldbus without CAN: CiA 402 drives in memory with objects and `ProcessData`.
 
 Each drive is a state machine, a position that goes to its target at constant velocity, and a
-dictionary. SYNC moves time on by one period; what was commanded counts from the next SYNC on.
+dictionary. SYNC moves time on by one period; commands take effect at the next SYNC.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Sessions with drives of each personality, and their stored transcripts.
 
 `python tests/support/start_up_transcripts.py [NAME ...]` writes the files of
-`tests/drivers/transcripts` anew, all of them or those of the personalities that are named; what has
-changed is then for `git diff` to show and for a reader to judge. That of the plain drive is kept
-whole, of the others what differs from it: what is said to all drives stands once. Joint 5, whose
+`tests/drivers/transcripts` anew, all of them or those of the personalities that are named; changes
+are shown by `git diff` and judged by a reader. The transcript of the plain drive is complete; the
+others contain the differences from it, so that common transfers are stored once. Joint 5, whose
 sign is negative, stands for all: that the drives of a robot are treated alike is a test of its own.
 """
 

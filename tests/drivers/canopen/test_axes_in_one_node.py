@@ -1,4 +1,4 @@
-"""Several axes in one node behave like single drives, whatever objects the node shares.
+"""Several axes in one node behave like single drives, for any set of shared objects.
 
 The plant is the manutec r15 with two or three axes in each node, without ripple, whose phases
 follow from the node number; the peer is the same plant with a node for each axis.

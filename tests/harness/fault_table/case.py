@@ -59,7 +59,7 @@ class Case:
     off_within : float, optional
         Largest time from the event until all axes are off [s].
     foreign : tuple of (int, bytes)
-        Identifiers and data of what another participant sends once, in the second stroke.
+        Identifiers and data of frames sent once by another participant, in the second stroke.
     changed : callable, optional
         Change in the axis's drive by another participant at that time, over EtherCAT.
     unnoticed : float

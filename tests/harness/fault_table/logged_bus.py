@@ -3,7 +3,7 @@
 A fault begins as its plan says, or with a frame of ours that fulfils a condition; Ctrl-C may be
 pressed at the same moment. A frame that our adapter refuses takes time from the plant as well: a
 SYNC its cycle, another one as long as the driver waits before it sends again. So the drives move on
-and an outage ends as they would by the wall clock, whatever the driver tries to send.
+and an outage ends as they would by the wall clock, independently of the driver's attempts to send.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class LoggedBus(can.BusABC, WitnessedLog):
     reaction : float
         See `fault_table.witness.Witness`.
     foreign : sequence of (int, bytes)
-        What another participant sends right after the SYNC number `FOREIGN`.
+        Frames sent by another participant right after the SYNC number `FOREIGN`.
 
     Attributes
     ----------

@@ -2,8 +2,8 @@
 witness.
 
 The log speaks of frames as that of CAN does (`fault_table.logged_bus`): a frame with process data
-is a SYNC, the outputs in it are what an axis is sent, and the inputs of an axis that took part are
-what it answers. So whatever reads such a log reads both.
+is a SYNC, its outputs are commands to an axis, and the inputs of a participating axis are answers.
+So readers of one log can read both.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """True events of a session in the plant: energised axes, watchdogs, distances.
 
-Judged by the machine and by the drives' own dictionaries, never by what the driver or a frame says.
-The buses of this package call `look` after every frame and every advance of time.
+Judged by the machine and by the drives' own dictionaries, never by the driver or by frames. The
+buses of this package call `look` after every frame and every advance of time.
 """
 
 from __future__ import annotations

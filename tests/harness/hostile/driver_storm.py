@@ -2,14 +2,14 @@
 
 A `hostile.storm_bus.StormBus` stands between the driver and the virtual plant. After every frame
 that the driver sends, hostile frames are mixed into the drives' answers, before, between and behind
-them. What must hold:
+them. Conditions:
 
 - an axis whose TPDO nobody forged has exactly the drive's values, and no flag, but for LATE where a
   frame of its identifier had another length;
 - an axis with a forged TPDO (right identifier, right length) is flagged DOUBLED or LATE;
 - the driver offers no set-point but those of the caller;
-- the driver ends a session only for what concerns it: an EMCY, a heartbeat or a TPDO in a drive's
-  name, or an SDO answer; then all axes are without power, and the next session can begin.
+- the driver ends a session only by a frame relevant to it: an EMCY, a heartbeat or a TPDO in a
+  drive's name, or an SDO answer; then all axes are without power, and the next session can begin.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class DriverStorm:
         Raises
         ------
         Harm
-            The driver did what it must not do.
+            A forbidden action of the driver.
         """
         with PlantBus(ROBOT) as plant, StormBus(plant, self._seed, self._session) as bus:
             while bus.injected < n_frames:

@@ -2,8 +2,8 @@
 
 Answers are changed on their way back: bytes, lengths, whole contents, answers of other frames. Some
 carry our number and address, so that they pass for ours. Ethernet's check sum, which would drop
-nearly all of them, is not there. What must hold: the driver raises nothing but a `DriveError`, and
-when it has left and the drives were left alone, no axis is energised.
+nearly all of them, is not there. Conditions: the driver raises nothing but a `DriveError`, and when
+it has left and the drives were left alone, no axis is energised.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def storm(seed: int, answers: int, drives: DrivesFile) -> Figures:
     Raises
     ------
     Harm
-        The driver did what it must not do.
+        A forbidden action of the driver.
     """
     figures = Figures()
     drives = drives.model_copy(update={"sdo_timeout": 0.01})

@@ -89,7 +89,7 @@ def storm(
     Raises
     ------
     Harm
-        A frame did what it must not do.
+        A forbidden effect of a frame.
     """
     figures = PlantFigures()
     frames = iter(Hostile(seed, session))

@@ -1,7 +1,7 @@
 """Session of fast moves of all six axes, in lock-step, with an outage.
 
-Powering up, three moves at up to full speed, powering down; then the drives are left alone. What
-counts is what the witness of the machine says (`fault_table.witness`).
+Powering up, three moves at up to full speed, powering down; then the drives are left alone. The
+judgement is that of the witness of the machine (`fault_table.witness`).
 """
 
 from __future__ import annotations

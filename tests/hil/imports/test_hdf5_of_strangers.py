@@ -31,7 +31,9 @@ def _chunk(path: Path, content: bytes, **how: object) -> None:
 def test_a_chunk_unpacks_to_no_more_than_it_declares(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """HDF5's own filter doubles its memory until all is unpacked, whatever the chunk declares."""
+    """HDF5's own filter doubles its memory until all is unpacked, independently of the declared
+    size.
+    """
     monkeypatch.setattr(budget, "BASE", 100_000)
     _chunk(tmp_path / "a.h5", zlib.compress(bytes(8000)), compression="gzip")
     assert len(next(iter(open_table(tmp_path / "a.h5", Format()).blocks([0])))) == 1000
