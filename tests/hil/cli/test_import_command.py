@@ -105,7 +105,7 @@ def test_a_draft_is_never_written_over_a_file(hil: Hil, folder: Path) -> None:
 def test_maps_or_a_draft(hil: Hil, folder: Path, arguments: tuple[str, ...]) -> None:
     status, _, errors = hil("import", *arguments, "-o", "x")
     assert status == 2
-    assert "needs either a column, or a rate" in errors
+    assert "give either maps" in errors
     assert not (folder / "x").exists()
 
 
