@@ -45,7 +45,7 @@ def clock_suspicions(
     if not shown.any():
         return
     ratio, error = _ratios(excerpts, evidence, shown)
-    common, _ = common_ratio(excerpts, evidence, shown)
+    common = _common(ratio, error)
     agreeing = np.all(np.abs(np.log(ratio / common)) <= error)
     period = excerpts[0].period
     joints = ", ".join(str(joint + 1) for joint in np.flatnonzero(shown))
@@ -95,7 +95,11 @@ def common_ratio(
 ) -> tuple[float, float]:
     """Return the rate by the velocities of some joints over the map's, and its relative error."""
     ratio, error = _ratios(excerpts, evidence, shown)
-    return float(np.exp(np.average(np.log(ratio), weights=error**-2))), float(error.min())
+    return _common(ratio, error), float(error.min())
+
+
+def _common(ratio: Array, error: Array) -> float:
+    return float(np.exp(np.average(np.log(ratio), weights=error**-2)))
 
 
 def _ratios(excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask) -> tuple[Array, Array]:

@@ -74,6 +74,23 @@ class Excerpt:
         """Range and noise of the positions."""
         return extent(self.q, self.period)
 
+    @cached_property
+    def fitted(self) -> tuple[Integers, tuple[Array, ...], Array]:
+        """Parabolas through the positions around some samples, and means of torques and velocities.
+
+        Samples (n,); q, qd, qdd, torque and recorded velocity, each (n, n_joints); standard
+        deviations of qd and qdd by the noise of positions, (2, n_joints).
+        """
+        half = half_width(self.period)
+        at = np.linspace(half, len(self.q) - 1 - half, self.points).round().astype(int)
+        about = at[:, None] + np.arange(-half, half + 1)
+        t = np.arange(-half, half + 1) * self.period
+        fit = np.linalg.pinv(np.stack([np.ones_like(t), t, t**2 / 2], axis=1))
+        motion = (np.einsum("w,pwj->pj", row, self.q[about]) for row in fit)
+        means = (values[about].mean(axis=1) for values in (self.tau, self.qd))
+        noise = np.linalg.norm(fit, axis=1)[1:, None] * self.extent.noise
+        return at, (*motion, *means), noise
+
 
 def even_samples(samples: Samples, piece: Piece) -> tuple[Array, Array, Array]:
     """Return positions, torques and velocities of a piece on an even grid, (n, n_joints) each."""
@@ -141,7 +158,7 @@ class Evidence:
     @classmethod
     def join(cls, excerpts: Sequence[Excerpt]) -> Evidence:
         """Join the samples of excerpts."""
-        _, samples, noises = zip(*map(fitted, excerpts), strict=True)
+        _, samples, noises = zip(*(each.fitted for each in excerpts), strict=True)
         noise_qd, noise_qdd = np.max(noises, axis=0)
         moves = moving([excerpt.extent for excerpt in excerpts])
         recorded = np.max([extent(each.qd, each.period).noise for each in excerpts], axis=0)
@@ -154,25 +171,3 @@ class Evidence:
 def half_width(period: float) -> int:
     """Return the number of samples on either side of a local fit."""
     return max(2, round(HALF_WIDTH / period))
-
-
-def fitted(excerpt: Excerpt) -> tuple[Integers, tuple[Array, ...], Array]:
-    """Fit parabolas through the positions around some samples, and average torques and velocities.
-
-    Returns
-    -------
-    samples : ndarray of int, shape (n,)
-    values : tuple of ndarray, shape (n, n_joints)
-        q, qd, qdd, torque and recorded velocity.
-    noise : ndarray, shape (2, n_joints)
-        Standard deviations of qd and qdd by the noise of positions.
-    """
-    half = half_width(excerpt.period)
-    at = np.linspace(half, len(excerpt.q) - 1 - half, excerpt.points).round().astype(int)
-    about = at[:, None] + np.arange(-half, half + 1)
-    t = np.arange(-half, half + 1) * excerpt.period
-    fit = np.linalg.pinv(np.stack([np.ones_like(t), t, t**2 / 2], axis=1))
-    motion = (np.einsum("w,pwj->pj", row, excerpt.q[about]) for row in fit)
-    means = (values[about].mean(axis=1) for values in (excerpt.tau, excerpt.qd))
-    noise = np.linalg.norm(fit, axis=1)[1:, None] * excerpt.extent.noise
-    return at, (*motion, *means), noise

@@ -268,7 +268,7 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
             every = replace(stated, scale=np.where(wrong, factor, 1.0))
             yield "position scale", (), f"positions of all joints that turn are {words}", every
     for axis in turning:
-        for size in (size for size in STARTS["zero"] if size % 90.0 == 0.0):
+        for size in (size for size in STARTS["zero"] if size and size % 90.0 == 0.0):
             reading = sized(robot, "zero", axis)(size)
             yield "zero", (axis,), f"{CAUSES['zero'].words} of some {size:g} degrees", reading
     for cause in ("gravity x", "gravity y") if np.any(robot.gravity) else ():

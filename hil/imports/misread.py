@@ -195,11 +195,12 @@ def _twice(excerpts: Sequence[Excerpt], evidence: Evidence) -> Iterator[Suspicio
     for i, j in combinations(range(n), 2):
         for key, arrays in (("position", [e.q for e in excerpts]),
                             ("torque", [e.tau for e in excerpts])):  # fmt: skip
-            same = all(np.array_equal(array[:, i], array[:, j]) for array in arrays)
-            least = ROUNDED_OFF * max(float(np.abs(array[:, i]).max()) for array in arrays)
             # joints at rest may have equal positions
             shown = key == "torque" or evidence.moves[i]
-            if same and shown and any(np.ptp(array[:, i]) > least for array in arrays):
+            if not shown or not all(np.array_equal(x[:, i], x[:, j]) for x in arrays):
+                continue
+            least = ROUNDED_OFF * max(float(np.abs(array[:, i]).max()) for array in arrays)
+            if any(np.ptp(array[:, i]) > least for array in arrays):
                 yield Suspicion(
                     "still",
                     ("joints", j, key),

@@ -8,6 +8,7 @@ others are stated.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,9 +67,11 @@ def suspicions(
         # a factor common to all velocities is stated once, not for speeds and positions as well
         found = clock + found
         misread = [] if clock else list(misread_velocities(evidence, robot))
-        if not clock and not misread:
-            clock = list(clock_of_velocities(excerpts, compared(evidence)))
-            found = clock + found
+        if not clock and (clock := list(clock_of_velocities(excerpts, compared(evidence)))):
+            # lags of another clock lower sizes and correlations of velocities
+            certain = any(suspicion.certain for suspicion in misread)
+            found = [replace(suspicion, certain=certain) for suspicion in clock] + found
+            misread = []
         found += misread
         wrong = any(suspicion.certain for suspicion in found)
         held = [] if wrong else list(_held(excerpts, evidence))

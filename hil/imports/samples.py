@@ -76,8 +76,9 @@ class Samples:
         """Return the values of rows in the order of time, with angles unwrapped."""
         contiguous = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
         chosen = slice(rows[0], rows[-1] + 1) if contiguous else rows
-        values = np.array(self.values[chosen])
+        values = np.asarray(self.values[chosen])
         if self.wraps:
+            values = values.copy()
             values[:, : self.n_joints] = np.unwrap(values[:, : self.n_joints], axis=0)
         return values
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.estimation.excluded.finding import LEAVES
-from hil.imports.evidence import Suspicion, fitted, half_width
+from hil.imports.evidence import Suspicion, half_width
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array, Integers, Mask
     from hil.imports.evidence import Excerpt
+    from hil.imports.map_file import Check
     from hil.model.robot import Robot
 
 PARTS, SHORTEST = 12, 2.0
@@ -113,7 +114,7 @@ def _suspicion(
     ]
     rows, first, most = [], 0, max(PARTS, len(excerpts))
     for each, n in zip(excerpts, parts, strict=True):
-        samples, (q, qd, qdd, *_), _ = fitted(each)
+        samples, (q, qd, qdd, *_), _ = each.fitted
         X, known = columns(q, qd, qdd)
         part = (first + np.arange(len(samples)) * n // len(samples)) * PARTS // most
         rows.append(_Rows(each, key, samples, X[:, shown], known[:, shown], part))
@@ -128,7 +129,8 @@ def _suspicion(
     # the instant of a row is known within a period
     if left.mean() <= np.log(LEAVES) and np.ptp(many.lags) > excerpts[0].period:
         name = {"tau": "torque", "qd": "velocity"}[key]
-        yield Suspicion("shape", ("joints", 0, name), _words(name, many), certain=False)
+        check: Check = "shape" if key == "tau" else "velocity"
+        yield Suspicion(check, ("joints", 0, name), _words(name, many), certain=False)
 
 
 def _words(name: str, found: _Lags) -> str:

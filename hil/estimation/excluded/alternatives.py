@@ -87,6 +87,12 @@ class Reading:
             changed[name][axis] = value
         return replace(self, **changed)
 
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Key of the motion and of gravity: readings of equal keys have equal regressors."""
+        values = self.sign_q * self.scale, self.zero, self.gravity
+        return self.order, self.slip, *(x.tobytes() for x in values)
+
     def motion(self, evidence: Evidence) -> tuple[Array, Array, Array]:
         """Return true q, qd and qdd of the joints, shape (n, n_joints) for each."""
         factor = self.sign_q * self.scale
@@ -97,15 +103,22 @@ class Reading:
             q[:, axis] += angle * (evidence.time >= instant)
         return q, qd, qdd
 
-    def rows(self, robot: Robot, evidence: Evidence) -> tuple[Array, Array]:
-        """Return torque less motor torque, and base-parameter columns, in recorded torque."""
-        motion = self.motion(evidence)
+    def rows(
+        self, robot: Robot, evidence: Evidence, known: dict[tuple[int, int], Array] | None = None
+    ) -> tuple[Array, Array]:
+        """Return torque less motor torque, and base-parameter columns, in recorded torque.
+
+        `known` are regressor rows of this motion by channel and joint; missing ones are added.
+        """
+        motion, known = self.motion(evidence), {} if known is None else known
         torque, X = evidence.recorded.copy(), np.zeros_like(evidence.X)
         for channel in np.unique(evidence.axis):
             joint, rows = self.torques.index(int(channel)), evidence.axis == channel
             factor = self.sign_tau[joint] * self.gain[joint]
             q, qd, qdd = (x[rows] for x in motion)
-            X[rows] = factor * regressor(robot, q, qd, qdd, [joint], self.gravity)[:, 0]
+            if (at := (int(channel), joint)) not in known:
+                known[at] = regressor(robot, q, qd, qdd, [joint], self.gravity)[:, 0]
+            X[rows] = factor * known[at]
             inertia = robot.reflected_inertia[joint] / self.gear[joint] ** 2
             torque[rows] -= factor * inertia * qdd[:, joint]
         return torque, X
@@ -159,12 +172,20 @@ class Explained:
         Separate base parameters for each channel leave a smaller residual than common ones, without
         iterated weights; even so, few wrong readings come below `most`.
         """
-        columns = _columns(self.robot, self.evidence, reading, self.more)
+        if reading.key not in self._regressors and len(self._regressors) > 1:
+            self._regressors.popitem()
+        known = self._regressors.setdefault(reading.key, {})
+        columns = _columns(self.robot, self.evidence, reading, self.more, known)
         blocks = columns.blocks
         apart, counts = Normal.split(blocks.products[0]), blocks.counts[0]
         left = apart.square - np.sum(apart.v * solve_each(apart.N, apart.v), axis=1)
         least = counts @ np.log(np.maximum(left / np.maximum(counts, 1.0), self.evidence.least))
         return self.instead(reading, columns=columns) if least < most else None
+
+    @cached_property
+    def _regressors(self) -> dict[tuple[object, ...], dict[tuple[int, int], Array]]:
+        """Regressor rows of this motion and of the latest one of `instead_below`."""
+        return {self.reading.key: {}}
 
     @cached_property
     def driven(self) -> Array:
@@ -271,8 +292,14 @@ class _Columns(NamedTuple):
     blocks: Blocks
 
 
-def _columns(robot: Robot, evidence: Evidence, reading: Reading, more: Array | None) -> _Columns:
-    torque, X = reading.rows(robot, evidence)
+def _columns(
+    robot: Robot,
+    evidence: Evidence,
+    reading: Reading,
+    more: Array | None,
+    known: dict[tuple[int, int], Array] | None = None,
+) -> _Columns:
+    torque, X = reading.rows(robot, evidence, known)
     if evidence.later is not None:  # the earlier recordings are as stated
         stated_torque, stated_X = Reading.stated(robot).rows(robot, evidence)
         torque = np.where(evidence.later, torque, stated_torque)

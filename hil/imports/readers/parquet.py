@@ -316,11 +316,15 @@ def _is_number(kind: Any) -> bool:
 
 def _within(column: Any, place: _Place) -> Any:
     """Return the values of a column, or of a field or element within."""
+    for step in place.steps:
+        column = _elements(column, step) if isinstance(step, int) else _field(column, step)
+    return column
+
+
+def _field(structures: Any, name: str) -> Any:
     import pyarrow.compute as pc  # noqa: PLC0415 - optional
 
-    for step in place.steps:
-        column = _elements(column, step) if isinstance(step, int) else pc.struct_field(column, step)
-    return column
+    return pc.struct_field(structures, name)
 
 
 def _numbers(column: Any, place: _Place) -> Array:
@@ -331,7 +335,8 @@ def _numbers(column: Any, place: _Place) -> Array:
         column = _elements(column, 0)
     if pa.types.is_timestamp(column.type):
         column = column.cast(pa.timestamp("ns")).cast(pa.int64())
-    return numbers(column.cast(pa.float64(), safe=False))
+    doubles = column.type == pa.float64()  # whose cast would import `pyarrow.compute`
+    return numbers(column if doubles else column.cast(pa.float64(), safe=False))
 
 
 def _elements(lists: Any, element: int) -> Any:

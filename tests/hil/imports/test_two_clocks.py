@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from synthetic import TABLE_3_A
 
-from hil.imports.evidence import Excerpt
+from hil.imports.evidence import Evidence, Excerpt
+from hil.imports.plausibility import suspicions
 from hil.imports.two_clocks import clock_of_torques, clock_of_velocities
 from hil.model.dynamics import inverse_dynamics
 
@@ -57,3 +58,15 @@ def test_a_lag_that_changes_is_of_another_clock(manutec, lag, words):
     ((velocities, _, changes),) = said(manutec, lag_of_qd=lag)
     assert velocities == "velocities of all joints have another clock"
     assert re.fullmatch(words, changes), changes
+
+
+@pytest.mark.parametrize(("share", "refused"), [(0.004, False), (0.012, True)])
+def test_velocities_by_another_clock_are_not_said_to_follow_no_position(manutec, share, refused):
+    lag = lambda t: share * (t - 17.0)  # noqa: E731 - which lowers sizes and correlations
+    excerpts = [recorded(manutec, begin, lambda t: 0 * t, lag) for begin in (0.0, 25.0)]
+    correlation = [np.corrcoef(e.qd[:, 5], np.gradient(e.q[:, 5]))[0, 1] for e in excerpts]
+    assert (min(correlation) < 0.9) == refused
+    (first, *rest) = suspicions(excerpts, Evidence.join(excerpts), manutec)
+    assert first.message.startswith("velocities of all joints are by another clock than the")
+    assert (first.certain, first.check) == (refused, "velocity")
+    assert not [each for each in rest if each.location[-1] == "velocity"]
