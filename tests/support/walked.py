@@ -2,7 +2,8 @@
 
 In order, in one folder: files that a page asks for ("Write `axis.yaml`", "Save as `move.py`") are
 written, commands carried out, questions answered with y, and the lines that a page shows of a
-command are looked for among those that it prints. `hil` is called in this process; everything else by a shell.
+command are looked for among those that it prints. `hil` is called in this process; everything else
+by a shell.
 """
 
 from __future__ import annotations
