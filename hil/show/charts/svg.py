@@ -174,8 +174,10 @@ def panels(chart: Chart) -> list[Markup]:
 
 def narrow(panel: Panel) -> Markup:
     """Draw a panel as an ``svg`` element for telephones, labels of rows above their rows."""
-    rows = {} if panel.rows is None else {"above": True, "height": TALLER * panel.height}
-    return panels(Chart((replace(panel, width=NARROW, **rows),)))[0]
+    small = replace(panel, width=NARROW)
+    if panel.rows is not None:
+        small = replace(small, above=True, height=TALLER * panel.height)
+    return panels(Chart((small,)))[0]
 
 
 def legend(chart: Chart) -> list[tuple[Markup, str]]:
