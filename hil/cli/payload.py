@@ -229,8 +229,8 @@ def _carry_out(plan: Plan, bare: Run, folder: Path, how: OnBus, *, resume: bool)
 
 def _show_stage(name: str, plan: Plan, bare: Run) -> None:
     from hil.planning.timetable import timetable
-    from hil.show.rounding import clock
+    from hil.show.rounding import clock, count
 
     entries = timetable(plan, bare.robot, plan.measurements)
     lasts = clock(sum(each.travel + each.duration for each in entries))
-    say(f"{name}: {len(entries)} measurements in {lasts} min of motion")
+    say(f"{name}: {count(len(entries), 'measurement')} in {lasts} min of motion")

@@ -10,6 +10,7 @@ from hil.model.robot import ROBOTS
 from hil.planning.plan import dump_plan
 from hil.planning.workspace_check import load_workspace, remarks
 from hil.runs.atomic_file import write_file
+from hil.show.rounding import count
 from hil.tasks.plan_files import opened_plan
 from hil.terminal.console import give, say
 
@@ -60,4 +61,4 @@ def write_plan(output: Path, designed: Plan, the_robot: Robot) -> None:
         designed = designed.model_copy(update={"robot": remembered})
     write_file(output, dump_plan(designed).encode())
     give(plan=str(output), measurements=len(designed.measurements))
-    say(f"{len(designed.measurements)} measurements in {output}")
+    say(f"{count(len(designed.measurements), 'measurement')} in {output}")

@@ -15,7 +15,7 @@ from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
 from hil.planning.measurement import FOR_A_LAW
 from hil.planning.prediction.precision import IMPRECISE
-from hil.show.rounding import clock, rounded, significant, unit
+from hil.show.rounding import clock, count, rounded, significant, unit
 from hil.show.table import Column, Marked, Part, figures, table
 from hil.show.terminal import show
 from hil.terminal.console import out, say
@@ -119,8 +119,9 @@ def render(result: DryRun, robot: Robot) -> None:
         )
     for axis, planned in result.without_law.items():
         say(
-            f"axis {axis + 1}: {planned} measurements move it, a friction law needs {FOR_A_LAW}; "
-            "predicted torques will lack friction of this axis; add measurements of it",
+            f"axis {axis + 1}: {count(planned, 'measurement')} of it, a friction law needs "
+            f"{FOR_A_LAW}; predicted torques will lack friction of this axis; "
+            "add measurements of it",
             "yellow",
         )
     if result.groups:

@@ -94,6 +94,7 @@ def identify(
         from hil.results.tables import excluded
         from hil.results.tables.friction import symmetry
         from hil.runs.pooling import open_runs, pooled
+        from hil.show.rounding import count
 
         refuse_unknown(method)
         bounds = body_bounds(masses)
@@ -107,7 +108,8 @@ def identify(
             method, reason = identification.method_for(run, more)
             if run.imported or any(each.imported for each in more):
                 say(f"{method} method: {reason}")
-        now(f"estimating {run.robot.name} from {sum(map(len, (run, *more)))} measurements")
+        recorded = count(sum(map(len, (run, *more))), "measurement")
+        now(f"estimating {run.robot.name} from {recorded}")
         found = identify_and_keep(run, method, more, options=options).model
         if consistent or masses:
             from hil.results.consistency import find_consistent_robot

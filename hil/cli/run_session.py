@@ -15,7 +15,7 @@ from hil.measuring.events import Finished
 from hil.runs import SIMULATED
 from hil.runs.atomic_file import locked
 from hil.runs.run_folder import RunFolder
-from hil.show.rounding import clock
+from hil.show.rounding import clock, count
 from hil.terminal.console import give, out, say
 from hil.terminal.interruption import interruptible, report
 from hil.terminal.keys import HINT, KeyboardStop
@@ -128,7 +128,7 @@ def _conclusion(folder: RunFolder, last: Event, rehearsal: float | None) -> str:
     give(run=str(folder.path), measurements=last.recorded, with_findings=list(last.gave_up))
     kept = f", {len(last.gave_up)} with findings: {', '.join(last.gave_up)}"
     return (
-        f"{last.recorded} measurements in {folder.path}"
+        f"{count(last.recorded, 'measurement')} in {folder.path}"
         f" ({clock(last.time)} of robot time{_begun(last.before_first)})"
         f"{kept if last.gave_up else ''}; {folder.journal.sessions[-1].sync}"
     )

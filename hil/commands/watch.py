@@ -44,11 +44,16 @@ def watch(folder: Path, run: Run | None, found: Watched, trace: Trace) -> Outcom
     folder.mkdir(parents=True, exist_ok=True)
     write_file(folder / NAME, found.encode_yaml(80))
     model, units = Model.load(found.model), tuple(axis.unit for axis in found.axes)
+    where = (
+        "around its first alarm, or at the end without one"
+        if found.alarms
+        else "at the end of the watch: no alarm"
+    )
     plot = Plot(
         "watch",
         partial(alarm_chart, trace, units),
-        "Measured and predicted torque of every axis around its first alarm, or at the end.",
-        "Torques around each axis's first alarm, or at the end of the watch.",
+        f"Measured and predicted torque of every axis {where}.",
+        f"Torques of each axis {where}.",
     )
     return Outcome(
         (watched(found), alarms(found)),

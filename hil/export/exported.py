@@ -14,6 +14,7 @@ from checked_files.yaml_file import FileError
 from hil.results.model import Model
 from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.journal import NO_REAL_MACHINE
+from hil.show.rounding import count
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,7 +86,7 @@ def origin(model: Model, source: Path) -> tuple[str, ...]:
     return (
         *cautions(model),
         f"robot {model.robot.name} (robot file {model.robot.digest[:12]})",
-        f"model of {source}{also}: {made.measurements} measurements, {made.method} method",
+        f"model of {source}{also}: {count(made.measurements, 'measurement')}, {made.method} method",
         f"identified {made.identified} by version {made.version}",
         *validations(model, source),
     )

@@ -24,7 +24,7 @@ from hil.results.prediction import FreeTorques
 from hil.results.tables.parameters import NAMED
 from hil.runs.pooling import pooled
 from hil.show.outcome import Outcome
-from hil.show.rounding import clock, rounded, signed, unit
+from hil.show.rounding import clock, count, rounded, signed, unit
 from hil.show.table import Marked, Part, Table, figures, table
 
 if TYPE_CHECKING:
@@ -234,8 +234,8 @@ def truth_comparison(
     recordings = list(pooled([run, *others]))
     result = comparison(found_in(run, method, others).estimate, run.robot, true)
     source = (
-        f"{len(recordings)} measurements in {clock(recordings[-1][1].time[-1])} of robot time,"
-        f" {method} method, truth of {truth}"
+        f"{count(len(recordings), 'measurement')} in {clock(recordings[-1][1].time[-1])} of robot"
+        f" time, {method} method, truth of {truth}"
     )
     return replace(result, source=source)
 

@@ -30,6 +30,7 @@ from hil.results.model_file import ModelFile, file_of, read_model_file
 from hil.results.samples import samples, warmth_along, warmth_of
 from hil.results.tables.model import summary
 from hil.runs.atomic_file import write_file
+from hil.show.rounding import count
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -458,7 +459,7 @@ class Model(IdentifiedRobot):
     def __repr__(self) -> str:
         return (
             f"<Model of {self.robot.name}: {len(self.values)} base parameters, {self.method}"
-            f" method, {self.provenance.measurements} measurements>"
+            f" method, {count(self.provenance.measurements, 'measurement')}>"
         )
 
     def _repr_html_(self) -> str:

@@ -38,6 +38,11 @@ def significant(value: float, digits: int) -> str:
     return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e6 else text.rstrip(".")
 
 
+def count(number: int, noun: str) -> str:
+    """Format a number of things, in the singular for one."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def clock(seconds: float) -> str:
     """Format a duration as h:mm:ss or m:ss."""
     minutes, rest = divmod(round(seconds), 60)

@@ -45,10 +45,10 @@ class Plot:
         return self.draw()
 
     @property
-    def panels(self) -> list[tuple[float, Markup]]:
-        """Width and picture of the panels."""
+    def panels(self) -> list[tuple[float, Markup, Markup | None]]:
+        """Width and picture of the panels, and the picture for telephones of those too wide."""
         return [
-            (panel.width, picture)
+            (panel.width, picture, svg.narrow(panel) if panel.width > 1.2 * svg.NARROW else None)
             for panel, picture in zip(self.chart.panels, svg.panels(self.chart), strict=True)
         ]
 

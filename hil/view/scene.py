@@ -11,6 +11,7 @@ from hil.errors import NotEnoughData
 from hil.model.capsules import capsules
 from hil.planning.workspace import narrow_ranges
 from hil.runs.pooling import recorded
+from hil.show.rounding import count
 from hil.view.along_motion import (
     concatenate_recordings,
     distances,
@@ -146,7 +147,7 @@ def plan_scene(
     near = distances(robot, plan.workspace, time, q)
     torque = predicted(model, time, q, qd, qdd) if model else None
     return Scene(
-        title=f"{robot.name}: plan of {len(plan.measurements)} measurements",
+        title=f"{robot.name}: plan of {count(len(plan.measurements), 'measurement')}",
         robot=robot,
         workspace=plan.workspace,
         visuals=visuals,

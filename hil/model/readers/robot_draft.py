@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -221,5 +222,13 @@ def _angle(angle: float) -> str:
 
 
 def _plain(name: str) -> str:
-    """Convert a name to the characters permitted in robot files."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("._-") or "robot"
+    """Convert a name to the characters permitted in robot files: ö to oe, é to e, others to -."""
+    letters = unicodedata.normalize("NFKD", unicodedata.normalize("NFC", name).translate(_SPELT))
+    spelt = "".join(each for each in letters if not unicodedata.combining(each))
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", spelt).strip("._-") or "robot"
+
+
+_SPELT = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ø": "o"}
+)
+"""Spelling of letters that Unicode does not decompose, or that German spells in its own way."""

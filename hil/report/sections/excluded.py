@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hil.results.tables import excluded as tables
-from hil.show.charts.chart import MODEL, Chart, Line, Panel, Points, chart, ordered_colours
+from hil.show.charts.chart import INK, Chart, Panel, Points, chart, ordered_colours
 from hil.show.section import Plot, Section
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hil.show.charts.chart import Item
 
 LEAST = 1e-3
-"""Lower end of the bars [%]: a tenth of the smallest detectable torque in any campaign so far."""
+"""Lower end of the axis [%]: a tenth of the smallest detectable torque in any campaign so far."""
 
 
 def excluded(run: ReportedRun) -> Section | None:
@@ -25,7 +25,7 @@ def excluded(run: ReportedRun) -> Section | None:
         return None
     plot = Plot(
         "excluded",
-        partial(bars, proof, n_joints),
+        partial(dots, proof, n_joints),
         "Largest undetected torque by each cause, for each axis.",
         "Largest undetected torque by each cause, for each axis, in % of the axis's recorded "
         "torque. Rings: causes invisible in these recordings, at their usual size.",
@@ -37,8 +37,8 @@ def excluded(run: ReportedRun) -> Section | None:
     return Section("What is excluded", "excluded.html", values, (plot,))
 
 
-def bars(proof: Excluded, n_joints: int) -> Chart:
-    """Draw bars of the largest undetected torque by cause and axis."""
+def dots(proof: Excluded, n_joints: int) -> Chart:
+    """Draw the largest undetected torques by cause and axis."""
     drawn = [
         each
         for each in proof.limits
@@ -49,7 +49,7 @@ def bars(proof: Excluded, n_joints: int) -> Chart:
     return chart(
         Panel(
             [
-                _bar(each, len(names) - names.index(_name(each)), n_joints)
+                _dot(each, len(names) - names.index(_name(each)), n_joints)
                 for each in sorted(drawn, key=lambda each: each.axis)
             ],
             x_label="largest undetected torque [%]",
@@ -68,12 +68,12 @@ def _name(limit: Limit) -> str:
     return f"{limit.cause} {limit.part}".strip()
 
 
-def _bar(limit: Limit, row: int, n_joints: int) -> Item:
-    """Draw a bar in a row: axis 1 at the top, no axis in the middle."""
+def _dot(limit: Limit, row: int, n_joints: int) -> Item:
+    """Draw a dot in a row: axis 1 at the top, no axis in the middle."""
     at = row + (0.35 - 0.7 * (limit.axis - 0.5) / n_joints if limit.axis else 0.0)
     torque = 100.0 * limit.unnoticed
     if limit.size is None:
-        return Points([torque], [at], "ring", MODEL, "invisible", size=2.4)
-    colour = ordered_colours(n_joints)[limit.axis - 1] if limit.axis else MODEL
+        return Points([torque], [at], "ring", INK, "invisible", size=2.4)
+    colour = ordered_colours(n_joints)[limit.axis - 1] if limit.axis else INK
     label = f"axis {limit.axis}" if limit.axis else "no axis in particular"
-    return Line([LEAST, torque], [at, at], colour, label, width=3.0)
+    return Points([torque], [at], "o", colour, label, size=3.0)

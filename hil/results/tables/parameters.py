@@ -10,7 +10,7 @@ import numpy as np
 from hil.estimation.drive_train import compliance_units
 from hil.estimation.simultaneous import SIGNIFICANT
 from hil.model.base_parameters import base_parameters
-from hil.show.rounding import percent, rounded, signed, significant, uncertain, unit
+from hil.show.rounding import count, percent, rounded, signed, significant, uncertain, unit
 from hil.show.table import Column, Marked, Part, Table, figures, table
 
 if TYPE_CHECKING:
@@ -64,7 +64,8 @@ def parameters(model: IdentifiedRobot, *, in_full: bool = False) -> Table:
 
 def _title(model: IdentifiedRobot) -> str:
     origin, condition = model.provenance, model.condition.get("all")
-    title = f"{model.robot.name}: {origin.measurements} measurements, {origin.method} method"
+    measured = count(origin.measurements, "measurement")
+    title = f"{model.robot.name}: {measured}, {origin.method} method"
     return title if condition is None else f"{title}, condition number {condition:.3g}"
 
 

@@ -130,6 +130,8 @@ class Panel:
         Width of the whole panel, and height of the field inside the axes.
     left : float
         Space for labels of the vertical axis.
+    above : bool
+        True to write the labels of `rows` above them, inside the axes.
     recording : str
         Id of the recording with its time on the horizontal axis [s], if any.
     """
@@ -148,6 +150,7 @@ class Panel:
     width: float = 350.0
     height: float = 150.0
     left: float = 66.0
+    above: bool = False
     recording: str = ""
 
 

@@ -8,6 +8,7 @@ follows. A file is for papers: light, with its legend, self-contained.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from hil.show.charts.axis import Scale, axis_range, text_of
-from hil.show.charts.chart import NAMES, Band, Line, Points, Rule
+from hil.show.charts.chart import NAMES, Band, Chart, Line, Points, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from hil.arrays import Array
-    from hil.show.charts.chart import Chart, Item, Panel, Range
+    from hil.show.charts.chart import Item, Panel, Range
 
 
 _INDEX = re.compile(r"\$(\w)_\{?(\w+)\}?\$")
@@ -162,10 +163,21 @@ RIGHT, TOP, BOTTOM, BETWEEN = 16.0, 24.0, 38.0, 9.0
 LETTER, BESIDE = 7.6, 28.0
 """Width of a 13 px digit, and of the axis label with spacing."""
 
+NARROW, TALLER = 350.0, 1.6
+"""Width of a picture for telephones, and factor of its height with labels between its rows."""
+
 
 def panels(chart: Chart) -> list[Markup]:
     """Draw the panels of a chart as ``svg`` elements."""
     return [_svg(*size_of(each), "".join(draw(each)), _clock(each)) for each in chart.panels]
+
+
+def narrow(panel: Panel) -> Markup:
+    """Draw a panel as an ``svg`` element for telephones, labels of rows above their rows."""
+    small = replace(panel, width=NARROW)
+    if panel.rows is not None:
+        small = replace(small, above=True, height=TALLER * panel.height)
+    return panels(Chart((small,)))[0]
 
 
 def legend(chart: Chart) -> list[tuple[Markup, str]]:
@@ -200,6 +212,8 @@ def draw(panel: Panel) -> Iterator[str]:
 
 def _left_margin(panel: Panel) -> float:
     """Return the left margin, enlarged for long labels of the vertical axis."""
+    if panel.above:
+        return RIGHT
     fields = (panel, *([panel.below] if panel.below else []))
     longest = max(len(words) for each in fields for _, words in _up(each, 0.0))
     return max(panel.left, BESIDE + LETTER * longest)
@@ -235,8 +249,12 @@ def _field(panel: Panel, x: Scale, top: float, along: list[float]) -> Iterator[s
         yield from item_on(item, x, y)
     frame = f"M{number(x.begin)} {number(top)}V{number(bottom)}H{number(x.end)}"
     yield f'<path class="frame" d="{frame}"/>'
+    row = 0.42 * float(y.place(0.0) - y.place(1.0))
     for at, words in up:
-        yield text(x.begin - 5, at + 4.5, words, "end")
+        if panel.above:
+            yield text(x.begin + 4, at - row, words, "over")
+        else:
+            yield text(x.begin - 5, at + 4.5, words, "end")
     if panel.y_label:
         yield text(13, (top + bottom) / 2, panel.y_label, "middle", turned=True)
 

@@ -241,7 +241,7 @@ def test_a_damaged_recording_is_told_and_measured_again(
     status, out, _ = hil("run", plan_file, "-o", tmp_path / "first", "--resume")
     assert status == 0
     assert "kept as i1.h5.damaged, will be measured again" in out
-    assert "1 measurements in" in out
+    assert "1 measurement in" in out
     assert RunFolder.open(tmp_path / "first").missing == ()
 
 
@@ -390,7 +390,7 @@ def test_help_states_the_defaults_that_are_taken(
 ) -> None:
     printed = " ".join(hil(*command, "--help")[1].replace("│", " ").split())
     for option, value in defaults.items():
-        assert re.search(rf"{option}\b.*?\[default: \(?([\d.]+)", printed)[1] == str(value)
+        assert re.search(rf"{option}\b.*?\[default: ([\d.]+)\]", printed)[1] == str(value)
 
 
 @pytest.mark.parametrize(

@@ -123,7 +123,7 @@ def test_friction_alone_identifies_no_base_parameters(folder, capsys):
 def test_what_is_missing_is_measured_on_resume(folder, planned, capsys):
     (folder / "recordings" / f"{planned.measurements[3].id}.h5").unlink()
     assert cli("run", folder / "plan.yaml", "-o", folder, "--resume") == 0
-    assert "1 measurements in" in capsys.readouterr().out
+    assert "1 measurement in" in capsys.readouterr().out
 
 
 def test_the_gate_lets_symmetric_friction_pass_and_tells_what_it_cannot_judge(

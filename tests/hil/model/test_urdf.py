@@ -53,6 +53,17 @@ def filled(draft: str) -> str:
     return re.sub(rf"(?m)^(.*: ){UNSTATED} (.*)$", value, draft)
 
 
+@pytest.mark.parametrize(
+    ("name", "spelt"),
+    [("Größe é 7", "Groesse-e-7"), ("Gro\u0308ße", "Groesse"), ("机器人", "robot")],
+)
+def test_letters_of_a_name_that_a_robot_file_lacks_are_spelt(
+    tmp_path: Path, name: str, spelt: str
+) -> None:
+    draft = draft_robot(chain_of(tmp_path, urdf(name, ROBOTS["SCARA"])), GRAVITY)
+    assert f"\nname: {spelt}\n" in draft
+
+
 def robot_of(chain: UrdfChain, gravity: tuple[float, float, float] = GRAVITY) -> Robot:
     return parse_robot(filled(draft_robot(chain, gravity)), "draft")
 

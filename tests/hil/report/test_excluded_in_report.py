@@ -1,32 +1,30 @@
-"""Picture of excluded causes: a bar for each cause and axis on a scale of torque."""
+"""Picture of excluded causes: a dot for each cause and axis on a scale of torque."""
 
 from __future__ import annotations
 
 from hil.estimation.excluded.result import Excluded, Limit
-from hil.report.sections.excluded import LEAST, bars
-from hil.show.charts.chart import Line, Points
+from hil.report.sections.excluded import dots
+from hil.show.charts.chart import Points
 
 
 def limit(cause: str, axis: int, size: float | None, torque: float = 0.01) -> Limit:
     return Limit(cause=cause, axis=axis, part="", unit="", size=size, torque=torque)
 
 
-def drawn(*limits: Limit) -> list[Line | Points]:
-    (panel,) = bars(Excluded(found=(), limits=limits, tests=1), 2).panels
-    return [item for item in panel.items if isinstance(item, Line | Points)]
+def drawn(*limits: Limit) -> list[Points]:
+    (panel,) = dots(Excluded(found=(), limits=limits, tests=1), 2).panels
+    return [item for item in panel.items if isinstance(item, Points)]
 
 
-def test_a_bar_ends_at_the_torque_beyond_which_the_cause_would_be_found() -> None:
-    (bar,) = drawn(limit("zero", 1, 0.3))
-    assert isinstance(bar, Line)
-    assert list(bar.x) == [LEAST, 0.3]  # .3 degrees, each 1 % of the torque
-    assert bar.label == "axis 1"
+def test_a_dot_stands_at_the_torque_beyond_which_the_cause_would_be_found() -> None:
+    (dot,) = drawn(limit("zero", 1, 0.3))
+    assert (list(dot.x), dot.mark) == ([0.3], "o")  # .3 degrees, each 1 % of the torque
+    assert dot.label == "axis 1"
 
 
 def test_a_ring_stands_for_what_never_shows_in_the_size_that_is_usual() -> None:
     (ring,) = drawn(limit("zero", 2, None))
-    assert isinstance(ring, Points)
-    assert list(ring.x) == [0.5]  # half a degree
+    assert (list(ring.x), ring.mark) == ([0.5], "ring")  # half a degree
     assert ring.label == "invisible"
 
 
@@ -36,8 +34,6 @@ def test_what_makes_no_torque_is_not_drawn() -> None:
 
 def test_each_cause_has_a_row_in_the_order_of_the_table() -> None:
     limits = limit("zero", 1, 0.3), limit("spring", 1, 0.3), limit("zero", 2, 0.1)
-    (panel,) = bars(Excluded(found=(), limits=limits, tests=1), 2).panels
+    (panel,) = dots(Excluded(found=(), limits=limits, tests=1), 2).panels
     assert panel.rows == {2.0: "zero", 1.0: "spring"}
-    assert [item.label for item in panel.items if isinstance(item, Line)] == [
-        "axis 1", "axis 1", "axis 2",
-    ]  # fmt: skip
+    assert [item.label for item in drawn(*limits)] == ["axis 1", "axis 1", "axis 2"]

@@ -108,6 +108,19 @@ def test_nothing_makes_the_page_wider_than_the_screen(
     assert browser.execute_script(wide) == 0
 
 
+@pytest.mark.parametrize("width", [1440, 420])
+def test_every_chart_is_whole_on_the_screen_without_scrolling(
+    browser: Chrome, page: Path, width: int
+) -> None:
+    show(browser, page, width)
+    boxes = """return [...document.querySelectorAll('.panels > div')]
+        .filter((each) => each.clientWidth)
+        .map((each) => each.scrollWidth - each.clientWidth)"""
+    beyond = browser.execute_script(boxes)
+    assert len(beyond) > 10
+    assert max(beyond) <= 0
+
+
 def test_a_click_on_a_point_opens_the_recording_behind_it(
     browser: Chrome, page: Path, run: Run
 ) -> None:

@@ -58,6 +58,12 @@ def test_the_level_of_a_run_follows_from_rate_and_number_of_runs() -> None:
     assert departures(found, RATE).level == pytest.approx(RATE / 120.0)
 
 
+def test_runs_at_the_same_time_count_once() -> None:
+    found = fleet(n=3)
+    at_once = replace(found, time=np.zeros_like(found.time))
+    assert runs_in_ten_years(at_once) == 1.0
+
+
 def test_wear_of_one_axis_is_found_against_the_machine_s_own_past() -> None:
     growth = 1.0 + 0.1 * np.clip((np.arange(24) - 12) / 6.0, 0.0, 1.0)
     (first, *_) = departures(changed(fleet(), 7, 3, growth), RATE).changes
