@@ -119,7 +119,7 @@ def render(result: DryRun, robot: Robot) -> None:
         )
     for axis, planned in result.without_law.items():
         say(
-            f"axis {axis + 1}: {count(planned, 'measurement')} of it, a friction law needs "
+            f"axis {axis + 1}: {count(planned, 'measurement')} planned, a friction law needs "
             f"{FOR_A_LAW}; predicted torques will lack friction of this axis; "
             "add measurements of it",
             "yellow",

@@ -2,8 +2,8 @@
 
 Not carried out anywhere: `pipx install .`, because it asks the package index; the program of the
 wheel is started in tests/system/test_wheel.py. `hil try` of these pages is carried out in
-test_try_command.py and test_try_in_a_browser.py, `uvx` nowhere. The EtherCAT tutorial needs a
-network namespace: tests/drivers/ethercat/test_over_a_cable.py.
+test_try_command.py, `uvx` nowhere. The EtherCAT tutorial needs a network namespace:
+tests/drivers/ethercat/test_over_a_cable.py.
 """
 
 from __future__ import annotations

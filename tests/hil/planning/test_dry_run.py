@@ -236,5 +236,5 @@ def test_axes_that_move_too_seldom_for_a_law_of_friction_are_named(
     found = dry_run(plan, manutec)
     assert found.without_law == {axis: int(axis == once.index) for axis in range(6)}
     render(found, manutec)
-    said = f"axis {once.axis}: 1 measurement of it, a friction law needs 3"
+    said = f"axis {once.axis}: 1 measurement planned, a friction law needs 3"
     assert said in capsys.readouterr().out
