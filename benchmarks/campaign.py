@@ -3,7 +3,7 @@
 The same minute of motion is measured with the whole program (sequencer, driver, CAN frames, drives,
 physics, checks, run folder) once over ``sim_plant``, where the plant keeps step with SYNC inside
 ``send``, and once over python-can's stock ``virtual`` bus with the plant served by a thread. Both
-run in lock-step, so each is as fast as it can. Switching the drives on is not counted. They take
+run in lock-step, so each is as fast as possible. Drive switch-on is not counted. The buses take
 turns, so that a busy machine slows both; the table shows medians and the best run.
 
 The cost of each layer is measured in a separate run, with a stopwatch around the layer's entry; the

@@ -63,7 +63,7 @@ def main() -> None:
             errors.append(np.sqrt(np.diag(made.covariance)))
             print(kind, seed, flush=True)
     error = np.sqrt(np.mean(np.square(errors), axis=0))
-    # differences over standard errors, shape (seeds, n_base)
+    # estimates over standard errors, shape (seeds, n_base)
     profile, cyclic = (np.array(rows) / error for rows in found.values())
     truth = true_parameters(run.robot, MANUTEC) / error
 
@@ -71,10 +71,10 @@ def main() -> None:
         return float(np.sqrt(np.mean(np.square(np.asarray(differences)))))
 
     kept = {}
-    print("standard errors, rms over all base parameters")
+    print("differences in standard errors, rms over all base parameters")
     for name, pairs in (
-        ("two of profile position", combinations(profile, 2)),
-        ("two of cyclic position", combinations(cyclic, 2)),
+        ("two profile runs", combinations(profile, 2)),
+        ("two cyclic runs", combinations(cyclic, 2)),
         ("one of each", product(profile, cyclic)),
         ("one of each, of the same seed", zip(profile, cyclic, strict=True)),
     ):

@@ -86,7 +86,7 @@ def swapped(*pairs: tuple[str, str]) -> Change:
 
 
 def rows(pick: Callable[[int, np.random.Generator], Array], *, stamps: bool) -> Change:
-    """Return a change of rows; the stamps continue as before, or belong to their rows."""
+    """Return a selection of rows, with their own or with equidistant time stamps."""
 
     def change(columns: Columns, rng: np.random.Generator) -> Columns:
         at = pick(len(columns["t"]), rng)

@@ -108,7 +108,7 @@ def _value(expression: str, symbols: Mapping[str, float]) -> float:
 
 
 def of_table_3(article: Figures, robot: Robot, over: Any) -> Figures:
-    """Return Table 3 recomputed: the paper's rows against eq. (22), and ours of all seeds."""
+    """Return Table 3 recomputed: paper's rows, eq. (22), and our mean and scatter."""
     row = {name: np.array(each) for name, each in article["table_3"].items()}
     m, d = DISC["mass"], DISC["centre"][2]
     body = {"m": m, "sz": m * d, "Izz": DISC["Izz"]}

@@ -232,10 +232,10 @@ def effective_limits(
     stop = holds.pop(_STOP) if find(_QUICK_STOP) is not None else None
     if stop is not None and stop < SLOWEST_STOP * stated.acceleration:
         notes.append(
-            f"its quick stop ramp of {stop:.4g} {axis.unit}/s^2 (6085, 60C6) takes "
-            f"{stated.velocity / stop:.3g} s from full speed; below {SLOWEST_STOP:.0%} of "
-            f"limits.acceleration {stated.acceleration:.4g} {axis.unit}/s^2 the voltage is "
-            "disabled before the ramp ends: raise 6085 with the maker's commissioning tool, or "
+            f"quick stop ramp {stop:.4g} {axis.unit}/s^2 (6085, 60C6; "
+            f"{stated.velocity / stop:.3g} s from full speed) is below {SLOWEST_STOP:.0%} of "
+            f"limits.acceleration {stated.acceleration:.4g} {axis.unit}/s^2: the voltage is "
+            "disabled before its end; raise 6085 with the maker's commissioning tool, or "
             "state this ramp as quick_stop_deceleration"
         )
     limits = AxisLimits.model_validate({**range_, **{key: holds[key] for key in _FIELDS}})

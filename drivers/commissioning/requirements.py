@@ -60,7 +60,7 @@ def _accept_share(words: str, less: float, more: float) -> Kept:
 
 
 def _accept_inwards(direction: int) -> Kept:
-    """Accept values in a direction (+1, -1), and an increment in the opposite direction."""
+    """Accept any change inwards (direction +1 or -1), and one increment outwards."""
     words = "any value further inside, or one increment further outside; any range, if it is fixed"
     return Kept(words, lambda written, kept, _: (kept - written) * direction >= -1)
 

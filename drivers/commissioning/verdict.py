@@ -67,7 +67,7 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Statement of the drives file, compared with the drive's.
+    """Comparison of an entry of the drives file with the drive's value.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Comparison:
     check : str
         Subject of the comparison, with its objects.
     found : str
-        Statement of the drive.
+        Value in the drive.
     key, stated : str
         Key and value in the drives file.
     remedy : str

@@ -112,7 +112,7 @@ class Mailbox:
             self._line.pause()
 
     def collect(self) -> None:
-        """Receive waiting services without waiting for more (errors as in `exchange`)."""
+        """Receive pending mailbox services without waiting (errors as in `exchange`)."""
         for _ in range(WAITING):
             found = self._fetch()
             if found is None:

@@ -104,7 +104,7 @@ def inputs_of(axis: AxisDrive) -> tuple[Entry, ...]:
 
 
 def ours(index: int, entries: Iterable[Entry]) -> Mapped:
-    """Return a single mapping with our preferred content."""
+    """Return a single mapping object with these entries."""
     return Mapped((index,), tuple(entry.word for entry in entries))
 
 

@@ -147,9 +147,7 @@ def export(
     output: Annotated[Path, output_option(folder_to_write, "Folder to write into.")],
     urdf: Annotated[
         Path | None,
-        typer.Option(
-            help="URDF of the robot: urdf and mjcf keep its shapes and names, mcap its names."
-        ),
+        typer.Option(help="URDF for shapes and names (formats urdf, mjcf) or names only (mcap)."),
     ] = None,
     patch: Annotated[
         Path | None,

@@ -103,7 +103,7 @@ class History:
         return tuple(each for each in self.changes if each.run == run.label)
 
     def sentences(self, run: KnownRun) -> tuple[str, ...]:
-        """Return sentences on significant changes, replaced by a rescaling that explains them."""
+        """Return sentences on significant changes, or on rescalings that explain the changes."""
         exchanged = [each for each in self.rescaled if each.run == run.label]
         explained = {each.against for each in exchanged}
         others = (e.sentence for e in self.tests(run) if e.marked and e.against not in explained)

@@ -303,8 +303,8 @@ def _update(robot: SimulatedRobot, given: Given) -> tuple[ET.Element, list[str]]
         others = [name for name in others if name not in chain]
         if others:
             remarks.append(
-                f"links of joints {', '.join(others)} keep their inertials; remove these if the "
-                f"links were mounted during measurement: {joint.link} includes them then"
+                f"joints {', '.join(others)}: remove the inertials of links mounted during "
+                f"measurement; {joint.link} already includes these links"
             )
     return root, remarks
 

@@ -120,7 +120,7 @@ def _alternating(q: Array, time: Array) -> _Mixed | None:
 
 
 def _least(q: Array, time: Array) -> float:
-    """Return root mean square second differences, by count or by stamps, whichever are less."""
+    """Return the rms second difference, by row number or by stamps, whichever is smaller."""
     period = float(np.median(np.diff(time)))
     if not period > 0:
         period = 1.0

@@ -52,7 +52,7 @@ class Statement:
     explanation: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
-        """Return sentences, general ones first."""
+        """Return the findings as sentences."""
         return [
             *self._samples(),
             *self.notes,

@@ -55,7 +55,7 @@ def stream(bus: DriveBus, trajectory: Trajectory) -> Recording:
 
 
 def pass_slowly(bus: DriveBus, trajectory: Trajectory, slow: float) -> Sample:
-    """Pass a period at `slow` times its speed without a recording; return the last sample."""
+    """Run one period at `slow` times its speed, unrecorded; return the last sample."""
     for sample, _ in _followed(bus, trajectory.once, slow):
         last = sample
     return last

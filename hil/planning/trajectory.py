@@ -39,7 +39,7 @@ saturate and fault."""
 ROUNDED = 0.5e-6
 """Rounding error of amplitudes in plans, a bound on non-zero sums [rad or m]."""
 _WHY = {
-    "acceleration": f", {ACCELERATION_SHARE:.0%} of its limit, since all axes load each other",
+    "acceleration": f", {ACCELERATION_SHARE:.0%} of its limit, to allow for coupling",
 }
 
 

@@ -193,7 +193,7 @@ def _strokes(
     from hil.planning.design.by_minutes import design_within
     from hil.tasks.robot_drives import expected_of
 
-    now(f"choosing the most informative measurements of {minutes:g} minutes")
+    now(f"choosing the most informative measurements in {minutes:g} minutes")
     noise = expected_of(robot, noise_from).noise
     plan = design_within(
         robot, minutes, noise, warm_up, workspace, with_trajectories=with_trajectories
@@ -235,7 +235,7 @@ def _refined(now: Now, runs: Sequence[Path], minutes: float) -> Designed:
     folders, (noise, known, _) = experience_of(runs)
     first, robot = folders[0], folders[0].robot
     taken = {measurement.id for folder in folders for measurement in folder.motions}
-    now(f"choosing the most informative measurements of {minutes:g} minutes")
+    now(f"choosing the most informative measurements in {minutes:g} minutes")
     plan = refine(robot, minutes, noise, known, first.planned, taken)
     more = information(robot, plan.measurements, plan.sample_period, noise)
     before, then = (precision(robot, each, noise.source) for each in (known, known + more))

@@ -120,7 +120,7 @@ class CanopenNode:
             node._axes = axes
 
     def connect(self, connected: bool) -> None:
-        """Connect the node to the bus, or disconnect it; the firmware works on."""
+        """Connect or disconnect the node; the firmware keeps running."""
         for node in self._axes:
             node._connected = connected
         self._rewired()

@@ -141,7 +141,7 @@ class EthercatSlave(Cia402Drive):
         self.boot()
 
     def connect(self, connected: bool) -> None:
-        """Let frames pass, or none, as without supply."""
+        """Pass frames, or block them (no supply)."""
         self.is_connected = connected
         self.controller.set_up = None  # no `CyclicFrame` of before fits
 

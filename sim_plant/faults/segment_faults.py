@@ -144,14 +144,14 @@ class Alias(SegmentInjection):
 
 
 class ClockDrift(SegmentInjection):
-    """Speed error of the slave's crystal."""
+    """Frequency error of the slave's crystal."""
 
     def begin(self) -> None:
-        """Set the speed error."""
+        """Set the clock drift."""
         drift = (self.fault.size or 0.0) / _MILLION
         self.node.clock.set_drift(drift, self.segment.time)
 
     def end(self) -> list[CanFrame]:
-        """Remove the speed error."""
+        """Remove the clock drift."""
         self.node.clock.set_drift(0.0, self.segment.time)
         return []

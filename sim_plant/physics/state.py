@@ -1,7 +1,7 @@
 """Columns of the arrays of the compiled loop: constants, state and profile of the axes.
 
-One row an axis, one column a quantity: a compiled function takes two arrays instead of fifty
-arguments, and the whole state of the plant can be copied or compared in one statement. `const` is
+One row per axis, one column per quantity: three arrays replace fifty arguments of compiled
+functions, and the whole state of the plant can be copied or compared in one statement. `const` is
 fixed when the plant is built, `state` changes over time, `profile` is the trapezoid under way. All
 joint side, SI.
 """

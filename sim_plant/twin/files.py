@@ -145,7 +145,7 @@ def _following_error_window(twin: Twin, number: int) -> float:
 
 
 def _position_window(axis: PlantAxis) -> float:
-    """Return a 3000th of the range, at least some increments and presliding distances."""
+    """Return a 3000th of the range, at least 5 increments and 3 presliding distances."""
     drive, (low, high) = axis.drive, axis.drive.reach
     increment = 6.3 / drive.increments / drive.gear_ratio
     return max((high - low) / 3000, 5 * increment, 3 * axis.friction.presliding)

@@ -118,7 +118,7 @@ def test_an_axis_that_stands_outside_does_so_by_metres() -> None:
     [
         ({(0x607D, 1): ("i32", -65_190), (0x607D, 2): ("i32", 65_190)}, "[-2, 2] m; used:"),
         ({(0x607F, 0): ("u32", 65_190)}, "is 1 m/s, tighter"),
-        ({(0x6085, 0): ("u32", 65_190)}, "quick stop ramp of 1 m/s^2"),
+        ({(0x6085, 0): ("u32", 65_190)}, "quick stop ramp 1 m/s^2"),
         ({(0x6072, 0): ("u16", 1000)}, "is 100 N, tighter"),
         ({(0x607D, 1): ("i32", 10**6), (0x607D, 2): ("i32", 10**7)}, "[-2, 2] m do not"),
     ],

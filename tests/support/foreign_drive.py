@@ -46,7 +46,7 @@ class _Network(canopen.Network):
 
 
 class ForeignDrive:
-    """One axis; `position` and `velocity` in increments and increments per second."""
+    """Independent CiA 402 drive; `position` and `velocity` in increments, increments/s."""
 
     def __init__(self, channel: str, node: int, eds: str, ratings: dict[tuple[int, int], int]):
         self.state = "off"

@@ -365,7 +365,7 @@ class Battery:
         Parameters
         ----------
         itself : bool
-            True for dispersion and noise of the residual after the cause.
+            True for dispersion and noise after the cause is fitted.
         """
         at, B = self._basis(columns)
         if not len(at):
@@ -392,7 +392,7 @@ class Battery:
         # relative to the residual, which excludes the change
         omega = self.unchanged.get(nearest(self.columns.names[at[0]][:2]))
         parts = noise if omega is None else Common(white * omega.dispersion, omega.degrees)
-        # the greatest scale, by the quantile of its degrees of freedom
+        # the largest critical value of the three scales (F quantile)
         level = 1.0 - self.level / len(self.columns.tests)
         phi, degrees = max(
             (noise, others, parts),

@@ -236,7 +236,7 @@ class _Search:
         return found
 
     def _candidates(self) -> list[ElementMeasurement]:
-        """Return strokes as for a plan; with a named load, strokes that vary the load, too."""
+        """Return strokes of a plan, with strokes for load parameters if a load is named."""
         guard = self.plan.workspace
         robot = narrow_ranges(self.robot, guard)
         if any(cause == "load" for cause, _ in self.keys):

@@ -63,7 +63,7 @@ def foreseen(plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0) ->
 def foreseen_tests(
     plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0
 ) -> tuple[Battery, int] | None:
-    """Return the tests of causes in a plan's expected recordings, and the number of tests."""
+    """Return tests of a plan's expected recordings, and the number of visible causes."""
     try:
         evidence = expected_evidence(robot, _expected(plan, robot, noise, p, seed))
     except NotIdentifiable:

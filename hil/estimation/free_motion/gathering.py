@@ -282,12 +282,12 @@ def rate_regressions(gathered: Sequence[Gathered]) -> list[Kind]:
 def _unspoilt_stretches(
     found: Survey, motions: Iterable[tuple[FreeMotion, Recording]], processing: Processing
 ) -> list[Motion]:
-    """Filter the survey's stretches, or longer stretches if the low-pass spoils all samples.
+    """Filter the survey's stretches, or longer stretches if filter transients cover all.
 
     Raises
     ------
     NotEnoughData
-        The low-pass spoils all of each recording.
+        Filter transients cover every recording.
     """
     stretches = [filtered_motion(each, processing) for each in found.stretches]
     if any(each.used.any() for each in stretches):

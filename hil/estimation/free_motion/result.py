@@ -135,7 +135,7 @@ class FreeMotionFit(FileModel):
     not_identified: ClassVar[tuple[str, ...]] = ()
 
     def sum_of(self, _name: str) -> str:
-        """Return an empty sum, since every parameter is identified by itself."""
+        """Return an empty text: every parameter is identified individually."""
         return ""
 
     @property

@@ -1,6 +1,6 @@
 """Tables and sentences on a narrow terminal: no line is too long, and nothing is truncated.
 
-Columns move below or repeat; no number breaks, nor leaves its unit, nor its heading.
+Columns wrap or repeat; no number is split, or separated from unit or heading.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ LONG = [
      "finding the base parameters of 6 joints"),
     ("plan manutec-r15 -o NEW", "planning.design.by_counts.design", "choosing measurements"),
     ("plan manutec-r15 --minutes 5 -o NEW", "planning.design.by_minutes.design_within",
-     "choosing the most informative measurements of 5 minutes"),
+     "choosing the most informative measurements in 5 minutes"),
     ("plan --refine RUN -o NEW", "results.identification.experience",
      "reading earlier runs"),
     ("plan manutec-r15 --kind trajectory -o NEW", "planning.design.trajectories.design_trajectory",

@@ -201,7 +201,7 @@ def test_a_given_urdf_keeps_everything_but_inertials_and_dynamics_of_the_chain(a
     bodies = bodies_of(given_urdf(after, model.robot), model.robot)
     np.testing.assert_allclose(bodies, model.consistent.bodies, rtol=1e-9, atol=1e-12)
     assert "the inertial of link4 includes tool" in text
-    assert "links of joints grip keep their inertials" in text
+    assert "joints grip: remove the inertials of links mounted during" in text
 
 
 def test_what_is_wrong_with_inertials_of_a_given_urdf_is_remarked_and_stands_in_the_file(arm):
