@@ -61,8 +61,9 @@ class _Motion:
     duration: float
     start: float = 0.0
     under_way: bool = False
-    still: tuple[int, float] = (0, math.inf)
-    """Last position [increments], and the time since which it has not changed [s]."""
+    still: tuple[float, float] = (math.nan, math.inf)
+    alike: tuple[float, float] = (math.nan, math.inf)
+    """Last position (`still`) and current, each with the time of its last change [s]."""
     following: Move | None = None
 
 
@@ -134,6 +135,8 @@ class ProfilePosition:
             position = process_data.positions[axis]
             if position != motion.still[0]:
                 motion.still = position, time
+            if process_data.currents[axis] != motion.alike[0]:
+                motion.alike = process_data.currents[axis], time
             self._step(axis, motion, process_data.words[axis], position)
             if time > motion.deadline and axis in self.active:
                 return self._describe_failure(axis, motion, position)
@@ -152,8 +155,11 @@ class ProfilePosition:
     def pass_by(self, cycles: Cycles) -> None:
         """Evaluate SYNCs before `quiet_until`."""
         for axis, motion in self.active.items():
-            for time, positions in zip(cycles.times, cycles.positions, strict=True):
+            rows = zip(cycles.times, cycles.positions, cycles.currents, strict=True)
+            for time, positions, currents in rows:
                 position = positions[axis]
+                if currents[axis] != motion.alike[0]:
+                    motion.alike = currents[axis], time
                 if position != motion.still[0]:
                     motion.still = position, time
                 # a waiting set-point tests one bit of the statusword, which is clear
@@ -215,12 +221,14 @@ class ProfilePosition:
         if still > GRACE and not there and phase is Phase.TRAVELLING:
             seen = f"the encoder has shown no motion for {still:.2g} s, "
             remedy = f"{_STUCK}, {_NOT_REACHED.removeprefix('check ')}"
+        alike = self._process_data.now() - max(motion.still[1], motion.alike[1])
+        if alike > min(GRACE, self._patience[axis]) / 2:
+            seen = f"position and current have not changed for {alike:.2g} s: unless the current "
+            seen += "is always so still, the drive's program hangs, switch the drive off and on; "
         remote = [bool(word & Status.REMOTE) for word in self._process_data.words]
         if phase is Phase.OFFERED and any(remote) and not remote[axis]:
-            seen = (
-                "takes no commands by the bus (statusword bit 9, remote, is clear): release it from"
-            )
-            seen += " local control or the maker's tool; "
+            seen = "takes no commands by the bus (statusword bit 9, remote, is clear): "
+            seen += "release it from local control or the maker's tool; "
         return MoveFailed(
             f"{place}: {seen}set-point {target:g} at q = {q:g}: {phase.value}, for too long; "
             f"{_REMEDIES.get(phase, remedy)}"

@@ -82,7 +82,7 @@ def test_a_drive_may_be_pre_operational_for_a_while_after_its_start_alone(bench:
     assert bench.beats.trouble is None
     bench.time += 0.01
     bench.hear(PRE_OPERATIONAL)
-    assert "axis 3: is pre-operational in the middle of operation" in str(bench.beats.trouble)
+    assert "axis 3: is pre-operational during operation" in str(bench.beats.trouble)
 
 
 def test_a_drive_that_was_operational_may_not_leave_that(bench: Bench) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from fake_fieldbus import PERIOD, FakeFieldbus
@@ -12,6 +12,9 @@ from drivers.axis import Axis, AxisScale
 from drivers.cia402.profile_position import GRACE, ProfilePosition
 from drivers.cia402.states import State
 from drivers.drive_bus import Move, MoveFailed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 PATIENCE = 0.5
 LONG = Move(1.5, 0.5, 10.0)
@@ -75,3 +78,33 @@ def test_an_axis_that_stays_where_it_is_fails_after_half_its_time_again_and_a_gr
     duration = 1.5 / 0.5 + 2 * 0.5 / 10.0
     assert lasted == pytest.approx(1.5 * duration + GRACE, abs=0.1)
     assert "on the way, for too long" in str(failed)
+
+
+@pytest.mark.parametrize("deaf", [True, False])
+@pytest.mark.parametrize("target", [1.5, 0.0005])
+@pytest.mark.parametrize("alive", [True, False])
+def test_a_drive_that_repeats_its_telegram_is_named_before_brake_encoder_and_window(
+    bus: FakeFieldbus, monkeypatch: pytest.MonkeyPatch, *, deaf: bool, target: float, alive: bool
+) -> None:
+    monkeypatch.setattr("fake_fieldbus.STEP", 0)
+    monkeypatch.setattr(
+        "fake_fieldbus.FakeDrive.step", noisy(bus) if alive else lambda _drive: None
+    )
+    bus.drives[0].deaf = deaf
+    motion = moving_on(bus)
+    motion.start({0: Move(target, 0.5, 10.0)})
+    _, failed = failure(bus, motion)
+    on_the_way = target > 1.0 and not deaf
+    repeats = "axis 1: position and current have not changed for "
+    assert str(failed).startswith(repeats) is not alive
+    assert ("the encoder has shown no motion" in str(failed)) is (alive and on_the_way)
+    assert ("program hangs" in str(failed)) is not alive
+
+
+def noisy(bus: FakeFieldbus) -> Callable[[object], None]:
+    """Return a period of a drive that moves nothing and whose current has noise."""
+
+    def step(_drive: object) -> None:
+        bus.currents = tuple(current + 1 for current in bus.currents)
+
+    return step

@@ -63,5 +63,5 @@ def test_a_drive_that_becomes_pre_operational_once_it_was_not_stops_all_axes() -
         for _ in range(30):  # by then each node has reported that it is operational
             drive_bus.sample()
         can_bus.network.emit(0x700 + NODE, PRE_OPERATIONAL)
-        with pytest.raises(NodeSilent, match="is pre-operational in the middle of operation"):
+        with pytest.raises(NodeSilent, match="is pre-operational during operation"):
             drive_bus.sample()
