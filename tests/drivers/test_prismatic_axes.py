@@ -89,7 +89,7 @@ def is_enabled_on_and_on(drive: Any, drive_bus: CanopenDriveBus) -> None:
 @pytest.mark.parametrize(
     ("act", "words"),
     [
-        (leaves_its_place, " m, outside -0.05 ... 0.05 m,"),
+        (leaves_its_place, " m, outside -0.05 ... 0.05 m around the set-point"),
         (jumps, "m/s, at most 2.6 m/s allowed"),
         (is_blocked, ": 290 N for "),
         (moves(Move(9.0, 1.0, 1.0)), "target 9 m must be in [-2, 2] m;"),
