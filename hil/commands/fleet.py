@@ -321,7 +321,7 @@ def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
     machines = sorted({each.run for each in changes})
     n = sum(len(fleet.machines) for fleet in fleets.values())
     text = (
-        f"{len(machines)} of {n} machines deviate: {', '.join(machines[:5])}"
+        f"{len(machines)} of {n} machines with significant deviations: {', '.join(machines[:5])}"
         + (", ..." if len(machines) > 5 else "")
         if changes
         else f"none of {n} machines deviates significantly"

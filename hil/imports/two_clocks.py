@@ -89,6 +89,8 @@ def clock_of_velocities(excerpts: Sequence[Excerpt], shown: Mask) -> Iterator[Su
     shown : ndarray of bool, shape (n_joints,)
         Joints whose recorded velocity can be compared with the derivative of the position.
     """
+    varies = np.any([np.ptp(each.qd, axis=0) > 0 for each in excerpts], axis=0)
+    shown = shown & varies  # a constant in place of a velocity has no lag
     yield from _suspicion(
         excerpts, shown, "qd", lambda _q, qd, _qdd: (_block_diagonal(qd[:, :, None]), 0.0 * qd)
     )

@@ -194,7 +194,7 @@ def refuse_hard_brakes(const: Array, inertia: ReflectedInertia, step: float) -> 
         present = 1 / const[axis, st.PER_BRISTLE]
         raise Unstable(
             ("axes", axis, "friction", "presliding"),
-            f"{present:g} makes the closed brake too stiff for steps of {1e3 * step:g} mswith an "
+            f"{present:g} makes the closed brake too stiff for steps of {1e3 * step:g} ms with an "
             f"inertia of {inertia.least[axis]:.3g}; must be at least "
             f"{present * (share[axis] / FOLLOWED) ** 2:.2g}",
         )

@@ -96,7 +96,7 @@ class TestCommand:
         assert np.linalg.norm(model.values - TABLE_3_A) < 0.02 * np.linalg.norm(TABLE_3_A)
         assert np.isfinite(model.interval(0.8)).all()
         shown = capsys.readouterr().out
-        assert "1 measurements, strongest method" in shown
+        assert "1 measurement, strongest method" in shown
         assert "condition number" in shown
 
     def test_hil_states_where_rivals_are(

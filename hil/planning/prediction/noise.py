@@ -188,8 +188,8 @@ def _describe_coarse(axes: Indices, lost: Array) -> str:
     listed = ", ".join(str(axis + 1) for axis in axes)
     shares = ", ".join(f"{100 * lost[axis]:.2g}" for axis in axes)
     return (
-        f"; encoder increments are a larger noise at axis {listed}, and bias inertias there by "
-        f"about -{shares} %, not included in standard deviations"
+        f"; encoder increments are a larger noise at axis {listed}, and make inertias there "
+        f"about {shares} % too small, not included in standard deviations"
     )
 
 

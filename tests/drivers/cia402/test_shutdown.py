@@ -198,7 +198,7 @@ def test_a_reset_without_a_trip_changes_nothing(can_bus: Any, drive_bus: Canopen
 def test_a_drive_that_does_not_show_that_it_is_off_is_not_powered_on_again(
     can_bus: Any, drive_bus: CanopenDriveBus
 ) -> None:
-    with pytest.raises(DriveFault, match=r"joint 2 .*not shown to be off"), drive_bus:
+    with pytest.raises(DriveFault, match=r"joint 2 .*not confirmed off"), drive_bus:
         can_bus.drives[2].stuck |= {"enabled", "stopping"}
         trip(can_bus, drive_bus)
         drive_bus.reset()
@@ -357,7 +357,7 @@ def test_axes_rest_before_a_drive_is_asked_for_the_reason_of_its_fault(can_bus: 
 def test_a_drive_that_shows_off_and_moves_is_not_powered_on_again(
     can_bus: Any, drive_bus: CanopenDriveBus
 ) -> None:
-    with pytest.raises(DriveFault, match=r"joint 2 .*not shown to be off"), drive_bus:
+    with pytest.raises(DriveFault, match=r"joint 2 .*not confirmed off"), drive_bus:
         trip(can_bus, drive_bus)
         can_bus.drives[2].sags = 1e9
         drive_bus.reset()

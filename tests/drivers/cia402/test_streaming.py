@@ -266,5 +266,5 @@ def test_a_stream_at_full_speed_is_halted_where_the_ramp_ends(fed: bool) -> None
 
 
 def test_a_bus_that_cannot_stream_is_refused() -> None:
-    with pytest.raises(DriveRefused, match="follow no stream"):
+    with pytest.raises(DriveRefused, match="accept no cyclic set-points"):
         stream(SimpleNamespace(period=PERIOD), TRAJECTORY)  # type: ignore[arg-type]

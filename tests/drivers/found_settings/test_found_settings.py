@@ -124,7 +124,7 @@ def test_after_a_session_every_drive_holds_what_it_held(
     assert changed <= written <= places
     assert keeper.unannounced == []
     assert kept.restored
-    assert [note for note in axes.notes if "does not hold" in note] == []
+    assert [note for note in axes.notes if "earlier values not restored" in note] == []
 
 
 def test_after_homing_a_drive_holds_what_it_held(tmp_path: Path) -> None:
@@ -321,7 +321,7 @@ def test_a_value_that_a_drive_does_not_take_back_keeps_no_other_from_it(tmp_path
             can_bus.drives[1].insists[0x6065, 0] = 77
         assert can_bus.drives[1].value(0x6081) == 0
         assert can_bus.drives[1].value(0x1016, 1) == 0
-    (note,) = [note for note in axes.notes if "does not hold" in note]
+    (note,) = [note for note in axes.notes if "earlier values not restored" in note]
     assert "joint 1 (node 1)" in note
     assert f"hil drives restore {path}" in note
     kept = load_found_settings(path)
@@ -350,7 +350,7 @@ def test_a_mode_that_cannot_be_written_is_left_as_the_session_chose_it(tmp_path:
             aborting(can_bus.drives[1], 0x6060)
         assert can_bus.drives[1].value(0x6060) == 1
     assert load_found_settings(path).restored
-    assert not any("does not hold" in note for note in axes.notes)
+    assert not any("earlier values not restored" in note for note in axes.notes)
 
 
 def test_what_a_drive_does_not_take_back_is_reported_once_and_keeps_no_session_away(
@@ -433,7 +433,7 @@ def test_values_of_another_drive_are_refused_by_its_serial_number(tmp_path: Path
         with pytest.raises(DriveRefused) as caught:
             list(put_back(CanopenBus(can_bus), load_found_settings(path)))
         assert downloads(can_bus.sent) == []
-    assert "joint 2 (node 2): another drive" in str(caught.value)
+    assert "joint 2 (node 2): not the drive of the file" in str(caught.value)
     assert "1018:04 (serial number) was 000003EAh, now it is 00001267h" in str(caught.value)
 
 
@@ -792,7 +792,7 @@ def test_each_end_of_the_range_is_the_tighter_one() -> None:
 
 def test_ranges_with_nothing_in_common_are_refused_with_both() -> None:
     can_bus, drive_bus = entered({(0x607D, 1): ("i32", 200_000), (0x607D, 2): ("i32", 300_000)})
-    with can_bus, pytest.raises(DriveRefused, match=r"607D.*\[3.068, 4.6019\].*\[-2, 2\].*common"):
+    with can_bus, pytest.raises(DriveRefused, match=r"607D.*\[3.068, 4.6019\].*\[-2, 2\].*do not overlap"):
         drive_bus.__enter__()
 
 

@@ -266,7 +266,7 @@ def test_what_is_missing_stands_above_the_axis() -> None:
     [
         (
             [{(0x6064, 0): None}],
-            "drive.eds: cannot serve: 6064:00 (position actual value) is missing",
+            "drive.eds: cannot be used: 6064:00 (position actual value) is missing",
         ),
         ([{(0x6078, 0): None}], "torques cannot be measured"),
     ],

@@ -57,7 +57,7 @@ def test_a_machine_that_changed_is_named_with_what_it_may_come_from(
     hil("fleet", "index", plants, "-o", index)
     status, out, _ = hil("fleet", "query", index)
     assert status == 0
-    assert "1 of 2 machines departed: b" in out
+    assert "1 of 2 machines with significant deviations: b" in out
     assert "counterweight" in out
     assert hil("fleet", "page", index, "-o", page)[0] == 0
     assert "fleet, median" in page.read_text(encoding="utf-8")
@@ -73,7 +73,7 @@ def test_a_run_identified_anew_takes_the_place_of_its_earlier_model(
         "utf-8",
     )
     hil("fleet", "index", plants, "-o", index)
-    assert "none of 2 machines departed" in hil("fleet", "query", index)[1]
+    assert "none of 2 machines deviates" in hil("fleet", "query", index)[1]
 
 
 @pytest.mark.parametrize("name", ["m*", "a::b", "simplecache::b"])

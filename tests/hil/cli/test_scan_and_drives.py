@@ -113,7 +113,7 @@ def test_a_drive_that_cannot_serve_leaves_no_file(hil: Hil, tmp_path: Path) -> N
     output = tmp_path / "drives.yaml"
     status, _, err = hil("drives", "new", "--eds", bad, "-o", output)
     assert status == 1
-    assert f"{bad}: cannot serve: 6064:00 (position actual value) is missing" in err
+    assert f"{bad}: cannot be used: 6064:00 (position actual value) is missing" in err
     assert not output.exists()
 
 

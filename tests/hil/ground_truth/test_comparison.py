@@ -190,7 +190,7 @@ class TestCommand:
         model = identified_model()
         of_two = model.provenance.model_copy(update={"together_with": ("second",)})
         replace(model, provenance=of_two).save(tmp_path / "run" / "model.yaml")
-        with pytest.raises(Mismatch, match=r"made from 2 runs, .* --with second"):
+        with pytest.raises(Mismatch, match=r"identified from 2 runs, .* --with second"):
             truth_comparison(Run.open(tmp_path / "run"), PLANT)
 
     def test_a_model_that_was_cut_off_is_refused(self, run, tmp_path):

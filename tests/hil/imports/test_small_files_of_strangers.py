@@ -94,7 +94,7 @@ LARGE: dict[str, Callable[[Path], object]] = {
 def test_a_file_that_becomes_larger_than_its_budget_is_refused(tmp_path: Path, name: str) -> None:
     LARGE[name](tmp_path / name)
     skip = 1 if name.startswith("skipped") else 0
-    with pytest.raises(FileError, match=r"would take .* at most 0\.05 MB may be"):
+    with pytest.raises(FileError, match=r"would take .* at most 0\.05 MB allowed"):
         for _ in open_table(tmp_path / name, Format(skip=skip)).blocks([0]):
             pass
 

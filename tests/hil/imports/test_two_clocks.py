@@ -67,6 +67,6 @@ def test_velocities_by_another_clock_are_not_said_to_follow_no_position(manutec,
     correlation = [np.corrcoef(e.qd[:, 5], np.gradient(e.q[:, 5]))[0, 1] for e in excerpts]
     assert (min(correlation) < 0.9) == refused
     (first, *rest) = suspicions(excerpts, Evidence.join(excerpts), manutec)
-    assert first.message.startswith("velocities of all joints are by another clock than the")
+    assert first.message.startswith("velocities of all joints have another clock than the")
     assert (first.certain, first.check) == (refused, "velocity")
     assert not [each for each in rest if each.location[-1] == "velocity"]

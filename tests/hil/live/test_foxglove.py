@@ -253,7 +253,7 @@ def test_a_diagnosis_states_torque_beside_its_limit(published: Any, manutec: Rob
 
 
 @pytest.mark.parametrize(
-    ("flags", "text"), [(8, "the drive limits its torque"), (1, "no sample came")]
+    ("flags", "text"), [(8, "the drive limits its torque"), (1, "no sample received")]
 )
 def test_flags_of_a_sample_warn(published: Any, flags: int, text: str) -> None:
     published("armed", axes=[])

@@ -49,5 +49,5 @@ def test_without_a_path_it_is_at_its_beginning(ideal_bus: IdealBus) -> None:
 
 
 def test_drives_that_follow_no_set_points_are_refused(ideal_bus: IdealBus) -> None:
-    with pytest.raises(DriveRefused, match="follow no stream"):
+    with pytest.raises(DriveRefused, match="accept no cyclic set-points"):
         BusInFront(BusInFront(ideal_bus)).stream([[0.0]])

@@ -116,7 +116,7 @@ def test_a_mesh_is_needed_where_it_makes_an_inertia_and_nowhere_else(tmp_path):
     assert read_mjcf(of_mesh(tmp_path / "stated", stated=True)).model.nmesh == 0
     path = of_mesh(tmp_path / "made")
     with pytest.raises(
-        FileError, match=r"arm\.xml:\d+: 'tool\.obj' is not there.*state the inertial"
+        FileError, match=r"arm\.xml:\d+: 'tool\.obj' does not exist.*state the inertial"
     ):
         read_mjcf(path)
     (path.parent / "meshes").mkdir()

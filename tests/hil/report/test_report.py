@@ -198,7 +198,7 @@ class TestPage:
 
 class TestModelNote:
     def test_no_model_is_needed(self, page):
-        assert "There is no model.yaml yet" in page
+        assert "No model.yaml yet; hil identify writes these parameters there." in page
 
     @pytest.mark.long
     def test_the_report_is_by_the_method_that_the_model_was_made_by(self, as_it_was):
@@ -317,7 +317,7 @@ class TestAdvice:
         best = found["improved"]
         residual = folder.robot.torque_limit * [0.003, 0.02, 0.003, 0.015, np.nan, 0.003]
         item = self.advised(folder, replace(best, residual=residual))["axis 2, axis 4"]
-        assert "leave 2.0 %, 1.5 % of the torque limit" in item.reason
+        assert "residual 2.0 %, 1.5 % of the torque limit" in item.reason
         assert item.word == "doubtful"
 
     def test_findings_and_measurements_left_out_are_stated(self, folder, found):

@@ -274,7 +274,7 @@ def test_assumed_capsules_are_said_to_be_so(manutec: Robot) -> None:
     first = manutec.file.joints[0].model_copy(update={"capsule": None})
     file = manutec.file.model_copy(update={"joints": (first, *manutec.file.joints[1:])})
     assert not robot_scene(manutec).notes
-    assert "of: link 1." in robot_scene(replace(manutec, file=file)).notes[0]
+    assert "for: link 1." in robot_scene(replace(manutec, file=file)).notes[0]
 
 
 def test_limits_are_those_of_the_workspace(manutec: Robot) -> None:

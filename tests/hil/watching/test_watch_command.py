@@ -188,7 +188,7 @@ def test_an_interrupted_watch_keeps_what_it_has_seen(
     assert found.learned + found.watched == pytest.approx(motion, abs=0.01)
     assert found.axes[5].soon is None
     page = (folder / "watch.html").read_text()
-    assert ("<strong>doubtful</strong> nothing was watched" in page) == (motion < 5)
+    assert ("<strong>doubtful</strong> no motion watched" in page) == (motion < 5)
     assert 'class="outcome good"' not in page  # axes other than the second did not move
 
 

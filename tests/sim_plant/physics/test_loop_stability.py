@@ -126,7 +126,7 @@ def test_a_brake_that_is_too_stiff_for_the_steps_is_refused_with_a_way_that_is_n
     with pytest.raises(Unstable, match="closed brake too stiff") as caught:
         Plant(sliding(2e-5))
     assert caught.value.place == ("axes", 5, "friction", "presliding")
-    least = re.search(r"at least ([\d.e-]+) can", str(caught.value))
+    least = re.search(r"must be at least ([\d.e-]+)$", str(caught.value))
     assert least
     Plant(sliding(1.05 * float(least[1])))
 
