@@ -244,7 +244,10 @@ def test_rpdo_2_and_3_are_put_back_as_they_were_found() -> None:
         ({"torque": bump(600.0)}, r"joint 3 .*torque 5.* N m fed forward .*\[-540, 540\] N m"),
         ({"velocity": bump(6.0)}, r"joint 3 .*velocity 5.* rad/s fed forward after 0\.\d+ s"),
         ({"torque": bump(np.nan)}, r"joint 3 .*torque nan"),
-        ({"torque": bump(9.0) + 9.0}, r"torque fed forward begins with 9 N m, must be zero at rest"),
+        (
+            {"torque": bump(9.0) + 9.0},
+            r"torque fed forward begins with 9 N m, must be zero at rest",
+        ),
         ({"velocity": bump(0.1)[: COUNT // 2]}, r"velocity fed forward, of shape \(60, 6\)"),
     ],
 )
@@ -267,7 +270,10 @@ def test_drives_that_were_not_set_up_for_it_are_fed_nothing() -> None:
 
 
 SPOILT = {
-    "no torque offset": ({"missing": [0x60B2]}, "no object 60B2:00 (torque offset), so nothing"),
+    "no torque offset": (
+        {"missing": [0x60B2]},
+        "no object 60B2:00 (torque offset), needed for feed-forward",
+    ),
     "an RPDO 2 that is fixed at something else": (
         {"objects": [{"index": 0x1601, "subindex": n, "access": "ro"} for n in range(3)]},
         "(object 1 of RPDO 2) is fixed at 60400010h, 60B10020h is needed",

@@ -130,7 +130,9 @@ def test_a_disk_that_takes_nothing_any_more_is_reported() -> None:
     with Background(waiting_max=1, patience=0.01) as background:
         background.do(lambda: released.wait(60))
         try:
-            with pytest.raises(FileError, match=r"no file was written to disk for 0\.01 s, with 1 "):
+            with pytest.raises(
+                FileError, match=r"no file was written to disk for 0\.01 s, with 1 "
+            ):
                 _ = [background.do(lambda: None) for _ in range(2)]
         finally:
             released.set()

@@ -792,7 +792,10 @@ def test_each_end_of_the_range_is_the_tighter_one() -> None:
 
 def test_ranges_with_nothing_in_common_are_refused_with_both() -> None:
     can_bus, drive_bus = entered({(0x607D, 1): ("i32", 200_000), (0x607D, 2): ("i32", 300_000)})
-    with can_bus, pytest.raises(DriveRefused, match=r"607D.*\[3.068, 4.6019\].*\[-2, 2\].*do not overlap"):
+    with (
+        can_bus,
+        pytest.raises(DriveRefused, match=r"607D.*\[3.068, 4.6019\].*\[-2, 2\].*do not overlap"),
+    ):
         drive_bus.__enter__()
 
 

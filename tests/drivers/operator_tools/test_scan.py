@@ -80,7 +80,10 @@ def test_what_a_drive_lacks_is_told() -> None:
     review = found.nodes[2].review
     assert review is not None
     stated = [str(finding) for finding in review.findings]
-    assert any("6084:00 (profile deceleration) is missing: profile acceleration (6083)" in t for t in stated)
+    assert any(
+        "6084:00 (profile deceleration) is missing: profile acceleration (6083)" in t
+        for t in stated
+    )
     assert not review.serves
 
 

@@ -88,4 +88,6 @@ def test_a_recording_without_constant_velocity_is_left_out_with_its_reason(robot
     recording.stroke[recording.stroke == 1] = -1
     found, left_out = points(robot, [(m, recording)])
     assert not found
-    assert left_out == [f"{m.id}: no window of constant velocity in both directions; repeat the measurement"]
+    assert left_out == [
+        f"{m.id}: no window of constant velocity in both directions; repeat the measurement"
+    ]
