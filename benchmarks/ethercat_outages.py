@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import signal
 import sys
 from pathlib import Path
 
@@ -26,6 +27,8 @@ def main() -> int:
     """Return 0 if every promise is kept."""
     from outages import report
 
+    # a shell lets its jobs in the background ignore the signal of Ctrl-C
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     parser = argparse.ArgumentParser(description="Random outages over EtherCAT.")
     parser.add_argument("--number", type=int, default=900)
     parser.add_argument("--seed", type=int, default=1)

@@ -22,6 +22,7 @@ from __future__ import annotations
 import argparse
 import logging
 import multiprocessing
+import signal
 import sys
 from collections import Counter
 from functools import partial
@@ -49,6 +50,8 @@ SHOWN = 20
 
 def main() -> int:
     """Return 0 if every promise is kept."""
+    # a shell lets its jobs in the background ignore the signal of Ctrl-C
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     parser = argparse.ArgumentParser(description="Random outages.")
     parser.add_argument("--number", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
