@@ -646,7 +646,10 @@ def test_a_set_point_that_is_not_reached_fails(can_bus: Any, drive_bus: CanopenD
     can_bus.drives[2].immobile = True
     can_bus.drives[1].immobile = True
     with (
-        pytest.raises(MoveFailed, match=r"joint 1 .*set-point 0.1 at q = 0: on the way"),
+        pytest.raises(
+            MoveFailed,
+            match=r"joint 1 .*: position and current have .*; set-point 0.1 at q = 0: on the way",
+        ),
         drive_bus,
     ):
         drive_bus.move({0: Move(0.1, 0.5, 5.0)})
