@@ -13,10 +13,10 @@ from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
-from drivers.drive_bus import DriveRefused, NodeSilent
+from drivers.drive_bus import DriveRefused, NodeSilent, Tripped
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Container, Iterable, Mapping, Sequence
 
     from drivers.fieldbus import Entry
 
@@ -279,6 +279,19 @@ class RemoteDictionary:
         for entry, value in present.items():
             self.set(entry, value)
         return bool(present)
+
+    def held(self, indices: Collection[int]) -> list[Entry]:
+        """Return the objects with these indices that were written and read back."""
+        return [entry for entry in self.kept if entry.index in indices]
+
+    def refuse_changed(self, entries: Iterable[Entry]) -> None:
+        """Refuse objects with another value than was read back after a write (`Tripped`)."""
+        for entry in entries:
+            if (present := self.get(entry)) != self.kept[entry]:
+                raise Tripped(
+                    f"{self.label}: {entry} is {present}, {self.kept[entry]} was written: "
+                    "another master or tool changed it; stop it first"
+                )
 
     def do_without(self, entries: Sequence[Entry], consequence: str) -> None:
         """Note the consequence of missing objects."""

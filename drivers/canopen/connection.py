@@ -19,7 +19,7 @@ from drivers.canopen.process_data import SyncProcessData
 from drivers.canopen.rules import WATCHDOGS
 from drivers.canopen.sdo import server_of
 from drivers.canopen.sync_clock import KernelClock, choose_sync_clock, kernel_sync
-from drivers.drive_bus import DriveRefused, NodeSilent
+from drivers.drive_bus import NodeSilent
 from drivers.remote_dictionary import labels_by_node
 from drivers.session.connection import Connection, places_of
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import can
 
     from drivers.can_bus.kernel_sync import KernelSync
+    from drivers.drive_bus import DriveRefused
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import PacingName
     from drivers.sync_clock import SyncClock
@@ -60,6 +61,7 @@ class CanopenConnection(Connection):
         "two telegrams for each of {} SYNCs in a row; give each node its own number, and stop "
         "other producers of SYNC"
     )
+    guards = WATCHDOGS
     communications: tuple[CanopenCommunication, ...]
     process_data: SyncProcessData
     life_sign: Heartbeats
@@ -195,29 +197,17 @@ class CanopenConnection(Connection):
             self.cycle()
 
     def refuse_unwatched(self) -> None:
-        """Refuse drives whose supervision of our life sign was changed, as by another master.
-
-        Raises
-        ------
-        DriveRefused
-            The first such drive, with present and written value.
-        """
+        """Refuse drives with a changed 1016, 100C or 100D (see `Connection`)."""
         for server in self.servers:
-            for entry, value in server.kept.items():
-                if entry.index in WATCHDOGS and (present := server.get(entry)) != value:
-                    raise DriveRefused(
-                        f"{server.label}: {entry} is {present} before power-on, {value} was "
-                        "written; another master or a restore changed it: stop that first"
-                    )
+            server.refuse_changed(server.held(self.guards))
 
     def _watch_again(self, node: int) -> None:
         """Restore a drive's supervision of our life sign as set at start-up, under power only."""
         if self.life_sign.trouble is None:
             return
         for server in self.servers:
-            for entry, value in server.kept.items():
-                if server.node == node and entry.index in WATCHDOGS:
-                    server.order(entry, value)
+            for entry in server.held(self.guards) if server.node == node else ():
+                server.order(entry, server.kept[entry])
         self.life_sign.hurry()
 
     def collect_late(self) -> None:

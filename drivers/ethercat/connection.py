@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from drivers.drive_bus import DriveError, NodeSilent, Tripped
+from drivers.drive_bus import DriveError, NodeSilent
 from drivers.ethercat import registers as reg
 from drivers.ethercat.clocks import AHEAD, Clocks, ReferenceClock
 from drivers.ethercat.communication import EthercatCommunication, offers_sync0, synchronise
@@ -14,7 +14,6 @@ from drivers.ethercat.process_data import APART, LOGICAL, EthercatProcessData
 from drivers.ethercat.registers import ERROR, MASK, AlState
 from drivers.ethercat.slaves import Slaves
 from drivers.ethercat.watchdog import OutputsSent
-from drivers.found_settings.settings_file import WRITTEN_ONCE
 from drivers.remote_dictionary import NoAnswer
 from drivers.session.connection import Connection, places_of
 
@@ -67,7 +66,6 @@ class EthercatConnection(Connection):
         if isinstance(clock, ReferenceClock) and file.distributed_clock:
             self._clock = clock
         self._clocks: Clocks | None = None
-        self._looked = -1
         self._data = data = EthercatProcessData(line, file.axes, drives, clock)
         life_sign = OutputsSent(
             data,
@@ -148,20 +146,6 @@ class EthercatConnection(Connection):
         for drive in self._drives:
             with name_drive(drive.label):
                 drive.refuse_unwatched()
-
-    def look_at_limits(self) -> None:
-        """Read back an object of every drive, the next one at each call; no frame shows changes."""
-        self._looked += 1
-        for server in self.servers:
-            held = [entry for entry in server.kept if entry.index in WRITTEN_ONCE]
-            if not held:
-                continue
-            entry = held[self._looked % len(held)]
-            if (present := server.get(entry)) != server.kept[entry]:
-                raise Tripped(
-                    f"{server.label}: {entry} is {present}, {server.kept[entry]} was written: "
-                    "another master or tool changed it; stop it first"
-                )
 
     def collect_late(self) -> None:
         """Do nothing: a late frame has an old number and is dropped."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.cia402.power import Power
 from drivers.cia402.supervision import Supervision
+from drivers.found_settings.settings_file import WRITTEN_ONCE
 from drivers.in_node import ALONE, InNode
 
 if TYPE_CHECKING:
@@ -45,6 +46,8 @@ class Connection(ABC):
         Parts of the message about missing telegrams: missing object, and remedy.
     doubling : str
         Message about doubled telegrams, with the remedy.
+    guards : collection of int
+        Index of the objects by which drives supervise us.
     supervision : Supervision
         Supervision of statuswords and emergencies.
     power : Power
@@ -56,6 +59,7 @@ class Connection(ABC):
     silence: str
     wiring: str
     doubling: str
+    guards: Collection[int] = ()
 
     def __init__(
         self,
@@ -69,6 +73,7 @@ class Connection(ABC):
         self.supervision = Supervision(servers)
         self.power = Power(process_data, servers, self.supervision)
         self.written: list[RemoteDictionary] = []
+        self._looked = -1
 
     def remarks(self) -> Sequence[str]:
         """Return remarks on the bus without effect on the session."""
@@ -98,18 +103,23 @@ class Connection(ABC):
 
         Raises
         ------
-        DriveRefused
+        DriveRefused, Tripped
             Another master may be at work.
         """
 
-    def look_at_limits(self) -> None:  # noqa: B027 - most buses hear foreign writes
-        """Read back a limit of each drive, if foreign writes cannot be heard.
+    def look_at_limits(self) -> None:
+        """Read back the guards of each drive, and one limit, the next at each call.
 
         Raises
         ------
         Tripped
-            The limit differs from the value written at start-up.
+            A value differs from the one written: another tool wrote it, unheard on this bus.
         """
+        self._looked += 1
+        for server in self.servers:
+            limits = server.held(WRITTEN_ONCE)
+            turn = self._looked % max(1, len(limits))
+            server.refuse_changed([*server.held(self.guards), *limits[turn : turn + 1]])
 
     @abstractmethod
     def collect_late(self) -> None:

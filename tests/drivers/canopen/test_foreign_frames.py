@@ -8,7 +8,7 @@ import can
 import pytest
 from local_bench import all_off, build
 
-from drivers.drive_bus import NodeSilent, Tripped
+from drivers.drive_bus import Move, NodeSilent, Tripped
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -111,3 +111,36 @@ def test_a_tpdo_of_another_length_is_named() -> None:
     message = answers(size=2)
     assert "TPDO 182h has 2 bytes, 8 were mapped" in message
     assert "another master changed the mapping" in message
+
+
+def unheard(event: Callable[[Any], None], moves: int = 40) -> str:
+    """Return the error that ends a session of moves after a change that no frame shows."""
+    can_bus, drive_bus = build()
+    with can_bus:
+        with pytest.raises(Tripped) as caught, drive_bus:  # noqa: PT012 - a session
+            here = drive_bus.sample().q[0]
+            event(can_bus.drives[2])
+            for number in range(moves):
+                drive_bus.move({0: Move(here + 0.01 * (number % 2), 0.5, 2.0)})
+                while not drive_bus.sample().reached:
+                    pass
+        assert all_off(can_bus)
+    return str(caught.value)
+
+
+def test_an_axis_that_a_tool_beside_the_bus_left_unwatched_does_not_move_again() -> None:
+    message = unheard(lambda drive: drive.node.set_data(0x1016, 1, bytes(4)), moves=1)
+    assert message.startswith("joint 2 (node 2): 1016:01 (consumer heartbeat time) is 0, ")
+    assert f"{127 << 16 | 500} was written: another master or tool changed it" in message
+
+
+@pytest.mark.parametrize("index", [0x6072, 0x607F, 0x6065])
+def test_a_limit_that_a_tool_beside_the_bus_changes_is_read_back(index: int) -> None:
+    def change(drive: Any) -> None:
+        drive.node.set_data(
+            index, 0, (60_000).to_bytes(len(drive.node.get_data(index, 0)), "little")
+        )
+
+    message = unheard(change)
+    assert message.startswith(f"joint 2 (node 2): {index:04X}:00")
+    assert "is 60000, " in message

@@ -474,7 +474,7 @@ def test_a_watch_that_somebody_changed_before_power_on_is_refused(can_bus: Any) 
             can_bus.drives[2].node.set_data(0x1016, 1, bytes(4))
 
     can_bus.on_send = meddle
-    with pytest.raises(DriveError, match=r"joint 2 .*1016:01 .* is 0 before power-on"):
+    with pytest.raises(DriveError, match=r"joint 2 .*1016:01 .* is 0, .* was written: another"):
         CanopenDriveBus(can_bus, drives_file()).__enter__()
     assert never_energised(can_bus)
 
