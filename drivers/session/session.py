@@ -105,6 +105,7 @@ class Session:
         self._unsupervised = max(UNSUPERVISED * connection.life_sign.timeout, 3 * period)
         self._words: Sequence[int] = ()
         self._late = (-math.inf, 0.0)
+        self._profiles: dict[int, tuple[float, float]] = {}
         self._samples = SampleReader(axes)
         self._missing = MissingTelegrams(
             axes,
@@ -175,8 +176,11 @@ class Session:
         for axis, move in moves.items():
             check_move(move, self.axes[axis])
         try:
-            if not self._moving:
+            profiles = {axis: (move.velocity, move.acceleration) for axis, move in moves.items()}
+            # not between equal strokes of a measurement: requests delay SYNC
+            if not self._moving and not profiles.items() <= self._profiles.items():
                 self.connection.look_at_limits()
+            self._profiles |= profiles
             if self._planned:
                 return self._cyclic_position.move(moves)
             if self._cyclic_position.cyclic:

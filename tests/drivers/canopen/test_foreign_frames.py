@@ -121,7 +121,7 @@ def unheard(event: Callable[[Any], None], moves: int = 40) -> str:
             here = drive_bus.sample().q[0]
             event(can_bus.drives[2])
             for number in range(moves):
-                drive_bus.move({0: Move(here + 0.01 * (number % 2), 0.5, 2.0)})
+                drive_bus.move({0: Move(here + 0.01 * (number % 2), 0.5 + 0.1 * (number % 2), 2.0)})
                 while not drive_bus.sample().reached:
                     pass
         assert all_off(can_bus)
