@@ -9,3 +9,17 @@ from __future__ import annotations
 
 class HilError(Exception):
     """Error with a remedy; the message states value, bound and remedy."""
+
+    @property
+    def lines(self) -> str:
+        """Message, and the notes below it: what failed afterwards.
+
+        Examples
+        --------
+        >>> error = HilError("joint 2: no answer; check its supply")
+        >>> error.add_note("powering off is incomplete")
+        >>> print(error.lines)
+        joint 2: no answer; check its supply
+        powering off is incomplete
+        """
+        return "\n".join([str(self), *getattr(self, "__notes__", ())])

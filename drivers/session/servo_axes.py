@@ -361,17 +361,19 @@ class ServoAxes:
             outcome.problems += self._close()
             if self._bus.recorded:
                 outcome.problems.clear()
-            self._note(outcome.notes)
-            if outcome.message:
-                log.error("%s", outcome.message)
-                if error is not None:
-                    # without the answer of the bus in parentheses, if the error contains it
-                    message, answer = outcome.message, str(error).rsplit(": ", 1)[-1]
-                    if answer:
-                        message = re.sub(rf" \([^()]*{re.escape(answer)}\)", "", message)
-                    error.add_note(message)
-        if outcome.message and error is None:
-            raise DriveFault(outcome.message)
+            if not isinstance(error, Exception):
+                self._note(outcome.notes)
+                if outcome.message and error is None:
+                    raise DriveFault(outcome.message)
+                if outcome.message:
+                    log.error("%s", outcome.message)
+                return
+            # without the answer of the bus in parentheses, if the error contains it
+            answer = re.escape(str(error).rsplit(": ", 1)[-1]) or "$."
+            message = re.sub(rf" \([^()]*{answer}\)", "", outcome.message)
+            self.notes += tuple(outcome.notes)
+            for note in filter(None, (*outcome.notes, message)):  # shown below the reason
+                error.add_note(note)
 
     def _close(self) -> list[str]:
         """Close our part of the bus; return failures."""

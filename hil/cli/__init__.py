@@ -161,14 +161,9 @@ def main(
         sys.stderr.write(f"{shown(message)}\n")
         sys.exit(1)
     except Exception as error:
-        if not _is_explained(error) or out.verbose:
+        from checked_files.errors import HilError  # its message is sufficient for the operator
+
+        if not isinstance(error, HilError) or out.verbose:
             raise
-        sys.stderr.write(f"{shown(str(error))}\n")
+        sys.stderr.write(f"{shown(error.lines)}\n")
         sys.exit(1)
-
-
-def _is_explained(error: Exception) -> bool:
-    """Return True if the error's own message is sufficient for the operator."""
-    from checked_files.errors import HilError
-
-    return isinstance(error, HilError)

@@ -90,7 +90,7 @@ def carry_out(
             report(f"the output was closed, the axes are off; {_describe_rest(folder)}")
             raise typer.Exit(1) from None
         except (DriveError, FileError) as error:
-            report(f"{error}\n{_describe_rest(folder)}")
+            report(f"{error.lines}\n{_describe_rest(folder)}")
             raise typer.Exit(1) from None
         except Exception:
             folder.discard_if_empty()

@@ -216,3 +216,16 @@ def test_the_command_states_that_no_drive_is_in_a_fault(hil: Hil) -> None:
     status, out, err = hil("drives", "reset-faults", "manutec-r15", "--yes")
     assert (status, err) == (0, "")
     assert out.count("SWITCH ON DISABLED") == 6
+
+
+def test_the_reason_stands_above_what_could_not_be_switched_off(hil: Hil, tmp_path: Path) -> None:
+    faults = tmp_path / "faults.yaml"
+    faults.write_text("faults:\n  - {what: bus-off, axis: 2, at: {set_point: 3, after: 0.2}}\n")
+    plan = tmp_path / "plan.yaml"
+    hil("plan", "manutec-r15", "-o", plan)
+    status, _, err = hil("run", plan, "-o", tmp_path / "x", "--bus-option", f"faults={faults}")
+    reason, *below = err.splitlines()
+    assert status == 1
+    assert reason.startswith("joint 2 (node 2): no TPDO for 10 SYNCs in a row")
+    assert any(line.startswith("powering off is incomplete, press the") for line in below)
+    assert err.count("powering off is incomplete") == 1
