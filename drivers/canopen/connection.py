@@ -19,7 +19,7 @@ from drivers.canopen.process_data import SyncProcessData
 from drivers.canopen.rules import WATCHDOGS
 from drivers.canopen.sdo import server_of
 from drivers.canopen.sync_clock import KernelClock, choose_sync_clock, kernel_sync
-from drivers.drive_bus import NodeSilent
+from drivers.drive_bus import DriveRefused, NodeSilent
 from drivers.remote_dictionary import labels_by_node
 from drivers.session.connection import Connection, places_of
 
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     import can
 
     from drivers.can_bus.kernel_sync import KernelSync
-    from drivers.drive_bus import DriveRefused
     from drivers.drives_file import DrivesFile
     from drivers.fieldbus import PacingName
     from drivers.sync_clock import SyncClock
@@ -195,11 +194,6 @@ class CanopenConnection(Connection):
                     server.access.go_operational()
                 again = clock.now() + START_AGAIN
             self.cycle()
-
-    def refuse_unwatched(self) -> None:
-        """Refuse drives with a changed 1016, 100C or 100D (see `Connection`)."""
-        for server in self.servers:
-            server.refuse_changed(server.held(self.guards))
 
     def _watch_again(self, node: int) -> None:
         """Restore a drive's supervision of our life sign as set at start-up, under power only."""

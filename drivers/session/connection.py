@@ -97,7 +97,6 @@ class Connection(ABC):
             Drives without answers or life sign.
         """
 
-    @abstractmethod
     def refuse_unwatched(self) -> None:
         """Refuse drives whose supervision of our life sign was changed, just before power-on.
 
@@ -106,6 +105,8 @@ class Connection(ABC):
         DriveRefused, Tripped
             Another master may be at work.
         """
+        for server in self.servers:
+            server.refuse_changed(server.held(self.guards))
 
     def look_at_limits(self) -> None:
         """Read back the guards of each drive, and one limit, the next at each call.

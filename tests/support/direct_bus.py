@@ -184,9 +184,6 @@ class DirectConnection(Connection):
     def await_answers(self) -> None:
         self.cycle()
 
-    def refuse_unwatched(self) -> None:
-        """Do nothing: the watchdog is unchanged."""
-
     def collect_late(self) -> None:
         """Do nothing: no telegram is late."""
 

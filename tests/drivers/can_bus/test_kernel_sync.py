@@ -270,5 +270,42 @@ def test_a_clock_that_is_set_in_the_middle_does_not_move_the_samples(
         assert bus.skipped == 0
 
 
+@pytest.mark.parametrize("step", [-3600.0, -0.4, -0.05, 0.05, 0.4, 3600.0])
+@pytest.mark.parametrize("late", [0.0, 0.3 * PERIOD, 1.5 * PERIOD])
+def test_a_clock_that_is_set_between_stamp_and_reading_does_not_move_the_samples(
+    kernel: KernelBus, step: float, late: float
+) -> None:
+    """Two SYNCs are stamped, then the wall clock is set, then they are read `late` seconds on."""
+    shift = [0.0]
+    bus = KernelSync(
+        kernel,
+        PERIOD,
+        ANSWERS,
+        pause=PAUSE,
+        clock=kernel.clock,
+        wall=lambda: kernel.now + shift[0],
+    )
+    with bus:
+        kernel.arrive(PERIOD, 0x80)
+        bus.send(SYNC)
+        kernel.arrive(2 * PERIOD, 0x80)
+        kernel.now = START + 2 * PERIOD + late
+        shift[0] = step
+        bus.send(SYNC)
+        assert bus.instant == pytest.approx(START + 2 * PERIOD)
+        number = 4 + round(late / PERIOD)
+        kernel.arrivals.append(
+            can.Message(
+                timestamp=START + number * PERIOD + step, arbitration_id=0x80, is_extended_id=False
+            )
+        )
+        kernel.arrivals[-1].is_rx = False
+        kernel.now = START + number * PERIOD
+        waiting = iter([kernel.arrivals.pop(), None])
+        kernel.recv = lambda _timeout=None: next(waiting)  # type: ignore[method-assign]
+        bus.send(SYNC)
+        assert bus.instant == pytest.approx(START + number * PERIOD)
+
+
 def test_buses_whose_kernel_has_no_sync_are_left_as_they_are(kernel: KernelBus) -> None:
     assert kernel_sync(kernel, "auto", PERIOD, ANSWERS) is None
