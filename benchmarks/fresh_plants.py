@@ -55,11 +55,11 @@ class Property(NamedTuple):
 
 
 PROPERTIES = {
+    "torque constant error, %:": Property("torque constant", (2,)),
+    "SYNC, ms:": Property("", (4, 8, 16)),
     "encoder increments:": Property("encoders", (256, 512, 1024)),
     "gears, Hz:": Property("gears", (25, 45, 80)),
     "backlash, mrad:": Property("play", (0.5, 1.0, 2.0)),
-    "SYNC, ms:": Property("", (4, 8, 16)),
-    "torque constant error, %:": Property("torque constant", (2,)),
 }
 
 

@@ -139,7 +139,8 @@ class _Path:
         )
         beyond = np.maximum(0.0, bends - reach)
         place = max(0, min(len(beyond) - 1 - OF_ONE_JUMP, int(len(beyond) * USUAL)))
-        bounds = TIMES * np.maximum(np.partition(beyond, place)[place], motion)
+        # bends of whole increments may equal their bound: half an increment decides, not rounding
+        bounds = TIMES * np.maximum(np.partition(beyond, place)[place], motion) + resolution / 2
         at = np.flatnonzero(bends > bounds)
         if len(at) and self._ages.any():
             at = at[self._off_path(at + 1) > bounds[at]]

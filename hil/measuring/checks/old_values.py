@@ -70,8 +70,9 @@ def mark_old_values(
     period = float(np.median(np.diff(recording.time)))
     old = np.zeros(recording.q.shape, dtype=bool)
     for k, axis in enumerate(axes):
-        least = max(axis.position_resolution, acceleration * period**2)
-        old[:, k], every = _old_positions(recording.q[:, k], least)
+        step = axis.position_resolution
+        least = max(step, acceleration * period**2)
+        old[:, k], every = _old_positions(recording.q[:, k], least, step)
         if every > 1:
             raise DriveRefused(
                 f"{axis.name}: position updated only every {every} SYNCs of {1e3 * period:.3g} "
@@ -84,7 +85,7 @@ def mark_old_values(
     return replace(recording, flags=recording.flags | np.uint8(SampleFlag.OLD) * old)
 
 
-def _old_positions(q: Array, least: float) -> tuple[Mask, int]:
+def _old_positions(q: Array, least: float, increment: float) -> tuple[Mask, int]:
     """Return stale samples, between two large steps in one direction, and the renewal in SYNCs.
 
     The renewal is the number of SYNCs between two new positions.
@@ -94,6 +95,8 @@ def _old_positions(q: Array, least: float) -> tuple[Mask, int]:
     before, after = steps[changes[:-1]], steps[changes[1:]]
     rests = np.diff(changes)
     sizes = np.minimum(np.abs(before), np.abs(after)) * ((before * after > 0) & (rests > 1))
+    # whole increments may equal a bound: half an increment decides, not rounding
+    sizes -= increment / 2
     slow = sizes > OFTEN_TIMES * least
     every = round(float(np.median(rests[slow]))) if np.sum(slow) >= FEW else 1
     if np.sum(slow) < OFTEN * np.sum(rests > 0):

@@ -83,6 +83,25 @@ def test_a_jump_within_a_short_travel_is_found() -> None:
         assert "axis 1" in jumps(jumped(Recording(**short), 0, 30, size))
 
 
+def test_a_bend_of_whole_increments_is_not_judged_by_rounding() -> None:
+    """A gear with backlash throws its motor by three steps: the bend is five, as allowed."""
+    resolution, n = 2 * np.pi / 4096 / 99, 400
+    steps = np.zeros(n)
+    steps[200:204] = 1, 4, 2, 1
+    still = {name: array[:n] for name, array in SOUND["gravity"][1].arrays.items()}
+    for more, found in ((0, 0), (1, 100)):
+        steps[201] += more
+        refused = 0
+        for start in range(100):
+            recording = Recording(**still)
+            recording = replace(recording, q=resolution * (start + np.tile(steps, (2, 1)).T))
+            try:
+                refuse_jumps(recording, 0.5, resolution)
+            except Tripped:
+                refused += 1
+        assert refused == found
+
+
 def _slowed(sound: Recording) -> Recording:
     return replace(sound, q=0.85 * sound.q)
 

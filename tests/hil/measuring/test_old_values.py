@@ -60,6 +60,14 @@ def test_a_position_that_is_renewed_too_rarely_is_refused_with_the_period(
     assert f"set sync_period: {every * PERIOD:.3g} or more" in str(caught.value)
 
 
+def test_a_creep_by_twice_the_resolution_is_not_judged_by_rounding() -> None:
+    sound = SOUND["gravity"][1]
+    q, creep = sound.q.copy(), 2 * (np.arange(sound.n_samples) // 2)
+    for start in range(50):
+        q[:, 0] = 1e-5 * (start + creep)
+        mark_old_values(replace(sound, q=q), 0.1, AXES)
+
+
 @pytest.mark.parametrize("every", RENEWALS)
 def test_a_current_that_is_renewed_too_rarely_is_flagged_and_only_fresh_ones_are_estimated(
     every: int,
