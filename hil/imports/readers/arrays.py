@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 DATASET = 24_000
-"""Memory of an open dataset of HDF5 with its description [bytes]. DATASETHERE"""
+"""Memory of an open dataset of HDF5 with its description [bytes]; by RSS 21 800, for 5000."""
 COLUMN = 600
 """Memory of an offered column [bytes]; by RSS 517 for 10^6 columns of a dataset of HDF5."""
 
