@@ -50,7 +50,7 @@ FEWEST = 20
 """Minimum number of rows of a recording in a table: a second of the slowest motion of a robot."""
 _TABLES = ("table", "timetable")
 _ELEMENT = 5200
-"""Bytes of an element of a cell, which HDF5 keeps while the file is open; by RSS 5100, for 80 000."""
+"""Bytes of an element of a cell, kept by HDF5 while the file is open; by RSS 5100, for 80 000."""
 _SAVED = {
     "table": "writetable({0}, 'FILE.csv')",
     "timetable": "writetimetable({0}, 'FILE.csv')",
