@@ -172,7 +172,8 @@ class ArrayTable:
                 " of one recording"
             )
         rows = next(iter(lengths.values()))
-        refuse_beyond(self.path, 8 * rows * len(columns), f"{rows} rows of {len(columns)} columns")
+        size = 8 * min(rows, ROWS) * len(columns)
+        refuse_beyond(self.path, size, f"a block of {len(columns)} columns")
         for begin in range(0, rows, ROWS):
             part = slice(begin, begin + ROWS)
             block = [np.asarray(self._columns[index][1](part), dtype=float) for index in columns]

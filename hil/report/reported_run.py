@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -30,6 +31,13 @@ if TYPE_CHECKING:
     from hil.runs.recording_file import Measured
 
     Recordings = tuple[tuple[RecordedMotion, Recording], ...]
+
+
+MODEL_LEFT_OUT = (
+    "the model of the last hil friction: missing, of another robot, or outside of the folder around"
+    " this run; put its run beside this one, and repeat hil friction --model"
+)
+"""Reason for half-differences in place of the model that compensated gravity."""
 
 
 class ShownTorques(NamedTuple):
@@ -171,7 +179,7 @@ def _neighbour(run: Run, path: Path) -> Path:
     if not path.resolve().is_relative_to(folder):
         raise FileError(
             f"{run.path}: names a run outside of {folder}: {path}; if you trust the folder, put"
-            " that run beside it, and identify anew"
+            " that run beside it, and repeat the command that named it"
         )
     return path
 
@@ -184,7 +192,8 @@ def _friction_alone(run: Run) -> bool:
 def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
     """Evaluate the friction of a run with the settings of the last `hil friction`, None if absent.
 
-    The settings are the model of gravity, if it still exists, and the bound of asymmetry.
+    The settings are the model of gravity, if it is still in the folder around the run, and the
+    bound of asymmetry.
 
     Raises
     ------
@@ -199,7 +208,13 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
 
     try:
         kept = load_friction(run)
-        bound = BOUND if kept.bound is None else kept.bound
-        return fit_friction(run, kept.model_folder, bound, recordings)
-    except (FileError, Mismatch):  # no fit was made, or its model is missing
+    except FileError:  # no fit was made
         return fit_friction(run, recordings=recordings)
+    bound = BOUND if kept.bound is None else kept.bound
+    try:
+        model = kept.model_folder and _neighbour(run, Path(kept.model_folder))
+        return fit_friction(run, model or None, bound, recordings)
+    except (FileError, Mismatch):
+        found = fit_friction(run, None, bound, recordings)
+        # without the names of folders: the report may be sent to whoever wrote the file
+        return replace(found, left_out=(*found.left_out, MODEL_LEFT_OUT))

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 TYPE = "sensor_msgs/msg/JointState"
 NAME = 300
-"""Maximum memory of the name of a column [bytes]."""
+"""Maximum memory of the name of a column [bytes]; by RSS 104, for 300 000 names."""
 LAYOUTS = 32
 """Maximum number of layouts per recording for fast reading; other messages are read one by one."""
 LARGEST = 1 << 26

@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from checked_files.budget import refuse_beyond
+from checked_files.budget import PASSED, refuse_beyond
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrow import plain_rows
@@ -221,7 +221,7 @@ def open_text(path: Path, stated: Format) -> Table:
     text = _decoded(head)
     for belongs, opened in ((is_stacked, open_stacked), (is_diadem, open_diadem)):
         if belongs(text):
-            return opened(path, _whole(path))
+            return opened(path, _lines(path))
     try:
         layout = layout_of(text, stated)
     except NoNumbers as error:
@@ -232,9 +232,10 @@ def open_text(path: Path, stated: Format) -> Table:
     return Channels(table, layout.clocks) if layout.clocks else table
 
 
-def _whole(path: Path) -> str:
-    with _opened(path) as file:
-        return _decoded(file.read())
+def _lines(path: Path) -> Iterator[str]:
+    """Yield the lines of a text."""
+    for block in _whole_lines(path, 0):
+        yield from _decoded(block).removesuffix("\n").split("\n")
 
 
 def _pieces(text: bytes) -> Iterator[bytes]:
@@ -283,7 +284,7 @@ def _refuse_binary(path: Path, block: bytes) -> None:
 
 
 class _Counted(io.RawIOBase):
-    """Unpacked content of a file, refused where it exceeds the budget of the file."""
+    """Unpacked content of a file, of which a block at a time is held."""
 
     def __init__(self, path: Path, stored: io.BufferedIOBase) -> None:
         self._path, self._stored, self._size = path, stored, 0
@@ -296,7 +297,7 @@ class _Counted(io.RawIOBase):
         """Read into a buffer; return the number of bytes."""
         read = self._stored.readinto(buffer)
         self._size += read
-        refuse_beyond(self._path, self._size, "its text")
+        refuse_beyond(self._path, self._size, "its text", times=PASSED)
         return read
 
 

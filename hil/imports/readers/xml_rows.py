@@ -34,9 +34,11 @@ _DECLARATION = re.compile(r"<\?xml[^>]*\?>")
 ROWS = 20
 """Minimum count of equal elements in one place that are rows: more than a file lists signals."""
 CELL = 24
-"""Maximum memory of a cell while the columns are joined [bytes]."""
+"""Maximum memory of a cell while the columns are joined, beside its text [bytes]; by RSS 17 for a
+missing cell, 34 with its text of 11 bytes, held twice."""
 COLUMN = 800
-"""Maximum memory of a name: of a column, of an element, or of a text in the place of a number."""
+"""Maximum memory of a name: of a column, of an element, or of a text in the place of a number; by
+RSS 580 for 20 000 kinds of elements, and 916 with 20 rows and their text of 316 bytes."""
 CHECKED = 100
 """Rows or names between two checks of the budget."""
 

@@ -83,5 +83,5 @@ def test_the_cells_of_a_mat_file_are_no_more_than_the_budget(
     with _mat(tmp_path / "a.mat") as file:
         q = file.create_dataset("q", (10**9,), h5py.ref_dtype, chunks=(1000,))
         q.attrs["MATLAB_class"] = np.bytes_("cell")
-    with pytest.raises(FileError, match=r"q would take 1e\+06 MB"):
+    with pytest.raises(FileError, match=r"q would take 5\.2e\+06 MB"):
         open_table(tmp_path / "a.mat", Format())

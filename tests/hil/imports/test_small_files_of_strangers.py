@@ -18,6 +18,7 @@ import pytest
 
 from checked_files import budget
 from checked_files.yaml_file import FileError
+from hil.imports import tables
 from hil.imports.map_file import Format
 from hil.imports.readers import layout, matlab, open_table, text
 
@@ -71,11 +72,18 @@ def _archive(path: Path) -> None:
             file.writestr(f"{k}.npy", b"")
 
 
+def _wide(path: Path) -> None:
+    """Declare 10 000 columns in a file of 1400 bytes."""
+    with h5py.File(path, "w") as file:
+        file.create_dataset("q", (10_000, 10_000), "f4", chunks=(100, 100))
+
+
 TRACE = "[key]; value\n1.Variable; q\n"
 LARGE: dict[str, Callable[[Path], object]] = {
-    "trace.csv.gz": _gzip(TRACE + "1;1\n" * 20_000),
-    "comments.csv.gz": _gzip("t,q\n1,2\n" + "#\n" * 40_000),
-    "skipped.csv.gz": _gzip("x" * 100_000 + "\n1,2\n3,4\n"),
+    "trace.csv.gz": _gzip(TRACE + ";1;1\n" * 20_000),
+    "rows.csv.gz": _gzip("1,2\n" * 20_000),
+    "name.csv": _text(TRACE + f"2.Variable; {'x' * 10_000}\n"),
+    "wide.h5": _wide,
     "traces.csv": _text("[key]; value\n" + "".join(f"{k}.Variable; q\n" for k in range(100))),
     "trace.dat": _text("DIAEXTENDED\n" + "#BEGINCHANNELHEADER\n" * 100),
     "kinds.xml": _text("".join(f"<a{k}/>" for k in range(1000))),
@@ -93,10 +101,43 @@ LARGE: dict[str, Callable[[Path], object]] = {
 @pytest.mark.parametrize("name", LARGE)
 def test_a_file_that_becomes_larger_than_its_budget_is_refused(tmp_path: Path, name: str) -> None:
     LARGE[name](tmp_path / name)
-    skip = 1 if name.startswith("skipped") else 0
     with pytest.raises(FileError, match=r"would take .* at most 0\.05 MB allowed"):
-        for _ in open_table(tmp_path / name, Format(skip=skip)).blocks([0]):
+        for _ in open_table(tmp_path / name, Format()).blocks([0]):
             pass
+
+
+@pytest.mark.usefixtures("small")
+def test_text_that_is_not_kept_counts_against_a_bound_of_time_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Text of 4 times its file and 200 MB was refused, though it is read block by block."""
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress(b"t,q\n1,2\n" + b"#\n" * 100_000 + b"3,4\n"))
+    assert np.concatenate(list(open_table(path, Format()).blocks([0, 1]))).tolist() == [
+        [1, 2],
+        [3, 4],
+    ]
+    path.write_bytes(gzip.compress(b"t,q\n1,2\n" + b"#\n" * 200_000))
+    with pytest.raises(
+        FileError, match=r"its text would take .* at most 0\.25 MB .*0 times the file.*LIMIT=1 in"
+    ):
+        list(open_table(path, Format()).blocks([0, 1]))
+    monkeypatch.setattr(text, "BLOCK", 1000)
+    path.write_bytes(gzip.compress(b"t,q\n1,2\n#" + b"x" * 5000 + b"\n"))
+    with pytest.raises(FileError, match="has a line of more than 1000 bytes"):
+        list(open_table(path, Format()).blocks([0, 1]))
+
+
+@pytest.mark.usefixtures("small")
+def test_a_large_dataset_is_refused_where_its_rows_are_read_not_before(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file.create_dataset("q", (10**9,), "f4", chunks=(1000,))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tables, "ROWS", 1000)
+        blocks = open_table(tmp_path / "a.h5", Format()).blocks([0])
+        assert sum(len(next(blocks)) for _ in range(6)) == 6000
+        with pytest.raises(FileError, match=r"the part read so far would take 0\.056 MB"):
+            next(blocks)
 
 
 def test_elements_of_xml_nest_as_deep_as_is_usual(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """A report states friction of the last `hil friction`: by the same model, with its bound."""
 
+import shutil
+
 import numpy as np
 import pytest
 from small_run import SIMULATED, identified_run
@@ -7,7 +9,7 @@ from synthetic import TABLE_3_A, Friction, record
 
 from hil.commands.friction import fit_friction, write_friction
 from hil.planning.design.friction import sweep
-from hil.report.reported_run import friction_of_run
+from hil.report.reported_run import MODEL_LEFT_OUT, friction_of_run
 from hil.runs.pooling import recorded
 from hil.runs.recording_file import Measured
 from hil.runs.run_folder import RunFolder
@@ -18,15 +20,20 @@ BOUND = 0.31
 
 
 @pytest.fixture(scope="module")
-def model_folder(tmp_path_factory):
-    return identified_run(tmp_path_factory.mktemp("identified") / "run")
+def beside(tmp_path_factory):
+    return tmp_path_factory.mktemp("runs")
+
+
+@pytest.fixture(scope="module")
+def model_folder(beside):
+    return identified_run(beside / "identified")
 
 
 @pytest.fixture
-def run(manutec, tmp_path):
+def run(manutec, beside, tmp_path):
     """Sweep of one axis with different friction in either direction."""
     plan = sweep(manutec, [LOADED], speeds=6, slowest=0.02)
-    folder = RunFolder.create(tmp_path / "run", plan, manutec)
+    folder = RunFolder.create(beside / tmp_path.name, plan, manutec)
     uneven, begin = Friction(offset=np.array([1.0, -2.0, 0.5, 0.3, -0.2, 0.1])), 0.0
     with folder.session(SIMULATED) as session:
         for m in plan.measurements:
@@ -47,11 +54,22 @@ def test_without_a_fit_half_differences_compensate_gravity(run):
     found = friction_of_run(run, list(recorded(run)))
     assert found.model_folder is None
     assert not found.symmetry
+    assert not found.left_out
 
 
-def test_where_the_model_is_gone_half_differences_do(run, model_folder, tmp_path):
-    result = fit_friction(run, model_folder, BOUND)
-    write_friction(run, result)
+@pytest.mark.parametrize("elsewhere", [False, True])
+def test_a_model_that_is_gone_or_of_a_folder_elsewhere_is_not_followed(
+    run, model_folder, tmp_path, elsewhere
+):
+    """A stranger's friction.yaml brought a model of the user's own folders into a report."""
+    named = tmp_path / "own"
+    if elsewhere:
+        shutil.copytree(model_folder, named)
+    write_friction(run, fit_friction(run, model_folder, BOUND))
     kept = (run.path / "friction.yaml").read_text()
-    (run.path / "friction.yaml").write_text(kept.replace(str(model_folder), str(tmp_path / "no")))
-    assert friction_of_run(run, list(recorded(run))).model_folder is None
+    (run.path / "friction.yaml").write_text(kept.replace(str(model_folder), str(named)))
+    found = friction_of_run(run, list(recorded(run)))
+    assert found.model_folder is None
+    assert not found.symmetry
+    assert found.left_out[-1] == MODEL_LEFT_OUT
+    assert fit_friction(run, named if elsewhere else None).axes  # named by the user
