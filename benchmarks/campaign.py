@@ -76,13 +76,13 @@ def minute() -> Plan:
 
 
 @contextmanager
-def in_step() -> Iterator[ServoAxes]:
+def open_in_step() -> Iterator[ServoAxes]:
     """Open a bus with the plant inside `send`."""
     yield open_drive_bus(drives, "sim_plant", ROBOT)
 
 
 @contextmanager
-def in_thread() -> Iterator[ServoAxes]:
+def open_in_thread() -> Iterator[ServoAxes]:
     """Open a bus with the plant in a thread behind python-can's ``virtual`` bus."""
     stop = threading.Event()
     with (
@@ -163,7 +163,7 @@ LAYERS = (
 def split(plan: Plan) -> tuple[dict[str, float], float]:
     """Return the cost of each layer and of the whole [us per SYNC]."""
     stopwatch = Stopwatch()
-    with ExitStack() as patches, in_step() as bus:
+    with ExitStack() as patches, open_in_step() as bus:
         for what, owner, name in LAYERS:
             watched = stopwatch.watch(what, getattr(owner, name))
             patches.enter_context(mock.patch.object(owner, name, watched))
@@ -185,7 +185,7 @@ def main() -> None:
     )
     speeds: dict[str, list[float]] = {"sim_plant, in step": [], "virtual, plant in a thread": []}
     for _ in range(REPEATS):
-        for speed, open_bus in zip(speeds.values(), (in_step, in_thread), strict=True):
+        for speed, open_bus in zip(speeds.values(), (open_in_step, open_in_thread), strict=True):
             with open_bus() as bus:
                 robot_time, wall = measure(plan, bus)
             speed.append(robot_time / wall)

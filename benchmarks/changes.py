@@ -105,7 +105,7 @@ def _friction(robot: Robot, p: np.ndarray, recording: Recording) -> np.ndarray:
     return (forward - back) / 2.0 * np.sign(qd)
 
 
-def of_example() -> None:
+def keep_example() -> None:
     """Keep the figures of the two recordings of `examples/pan_tilt`."""
     example = Path(__file__).parents[1] / "examples" / "pan_tilt"
     with tempfile.TemporaryDirectory() as folder:
@@ -123,4 +123,4 @@ if __name__ == "__main__":
         end = sys.argv.index("--")
         main(sys.argv[1:end], sys.argv[end + 1 :])
     else:
-        of_example()
+        keep_example()

@@ -126,11 +126,14 @@ def main() -> None:
     ):
         versions = Version(earlier, Path(place) / "old"), Version(HERE, Path(place) / "new")
         spent = {
-            name: in_turns(name, versions, asked.times) for name in ("robot", "plan", "dry-run")
+            name: time_in_turns(name, versions, asked.times)
+            for name in ("robot", "plan", "dry-run")
         }
         runs = [[campaign(version) for version in versions] for _ in range(asked.times)]
         spent["run"] = [list(each) for each in zip(*runs, strict=True)]
-        spent |= {name: in_turns(name, versions, asked.times) for name in ("identify", "report")}
+        spent |= {
+            name: time_in_turns(name, versions, asked.times) for name in ("identify", "report")
+        }
     middle = {name: [median(each) for each in both] for name, both in spent.items()}
     show(middle, asked.commit)
     kept = {}
@@ -143,7 +146,7 @@ def main() -> None:
     sys.exit(any(middle[name][1] > most * middle[name][0] for name, most in PROMISED.items()))
 
 
-def in_turns(name: str, versions: tuple[Version, ...], times: int) -> list[list[float]]:
+def time_in_turns(name: str, versions: tuple[Version, ...], times: int) -> list[list[float]]:
     """Return the processor times of a command by each version [s]."""
     spent: list[list[float]] = [[] for _ in versions]
     for turn in range(times + 1):  # the first call writes byte code and fills the disk's cache

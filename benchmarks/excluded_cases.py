@@ -201,7 +201,7 @@ def said(folder: Path, case: Case) -> Said:
     return judged(run, robot, recorded, true_parameters(run.robot, ROBOT))
 
 
-def of_run(folder: Path) -> Said:
+def judge_run(folder: Path) -> Said:
     """Judge the result of a run; the plant file is two folders above the run."""
     run = Run.open(folder)
     truth = true_parameters(run.robot, folder.parents[1] / "plant.yaml")
@@ -241,14 +241,14 @@ def smallest(proof: Excluded | None, cause: str, axis: int) -> float:
     """Return the smallest stated size; for a load the first moment across the axis.
 
     What is stated of a slip and of a torque that repeats is that of the instant and of the order
-    that hardly show: `of_parts` has those of the flaws.
+    that hardly show: `smallest_parts` has those of the flaws.
     """
     own = [each for each in (proof.limits if proof else ())
            if each.cause == cause and each.axis == axis and each.part in ("", "sx6")]  # fmt: skip
     return min((each.size for each in own if each.size is not None), default=0.0)
 
 
-def of_parts(folder: Path, seed: int) -> dict[tuple[str, int], float]:
+def smallest_parts(folder: Path, seed: int) -> dict[tuple[str, int], float]:
     """Return the smallest sizes of the slip half-way and of the periodic torque."""
     run, found, evidence = rows_of(folder, seed)
     every = columns(run.robot, found.p, evidence)

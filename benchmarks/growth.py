@@ -77,7 +77,7 @@ def spent(*arguments: str | Path) -> float:
     return processor_time((*PROGRAM, *map(str, arguments)), {})
 
 
-def over_axes(place: Path, times: int, out: Console) -> dict[str, Figure]:
+def grow_axes(place: Path, times: int, out: Console) -> dict[str, Figure]:
     """Print and return the cost of plan and campaign for robots with increasing numbers of axes."""
     kept: dict[str, Figure] = {}
     table = Table("axes", "plan [s]", "run [s]", "measurements", "run, a measurement [ms]")
@@ -99,7 +99,7 @@ def over_axes(place: Path, times: int, out: Console) -> dict[str, Figure]:
     return kept
 
 
-def over_campaigns(place: Path, times: int, out: Console) -> dict[str, Figure]:
+def grow_campaigns(place: Path, times: int, out: Console) -> dict[str, Figure]:
     """Print and return the cost of identification from several campaigns."""
     plan, runs = place / "plan.yaml", [place / f"run {k}" for k in range(max(CAMPAIGNS))]
     spent("plan", NAME, "-o", plan)
@@ -122,8 +122,8 @@ def main() -> None:
     parser.add_argument("--times", type=int, default=3)
     times = parser.parse_args().times
     with tempfile.TemporaryDirectory() as place:
-        kept = over_axes(Path(place), times, Console())
-        kept |= over_campaigns(Path(place), times, Console())
+        kept = grow_axes(Path(place), times, Console())
+        kept |= grow_campaigns(Path(place), times, Console())
     keep(
         "growth", kept, depends=("hil", "drivers", "sim_plant"),
         command=f"python benchmarks/growth.py --times {times}",

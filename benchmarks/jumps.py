@@ -146,7 +146,7 @@ def measured(interface: str, channel: str, jumps: int) -> Found:
     return found
 
 
-def beside_the_plant(interface: str, jumps: int) -> Found:
+def run_beside_plant(interface: str, jumps: int) -> Found:
     """Return the results of `measured` with the plant started beside."""
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as plan:
         yaml.safe_dump(fault_plan(jumps), plan)
@@ -180,7 +180,7 @@ def main() -> None:
         return
     found = Found()
     while found.tried < options.jumps:
-        found.add(beside_the_plant(options.interface, min(EACH, options.jumps - found.tried)))
+        found.add(run_beside_plant(options.interface, min(EACH, options.jumps - found.tried)))
         share = 1 - len(found.missed) / max(found.tried, 1)
         print(
             f"{options.interface}: {share:.1%} of {found.tried} jumps found, {found.seconds:.0f} s"

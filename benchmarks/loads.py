@@ -32,7 +32,7 @@ from hil.estimation.loads.fit import fit_load
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
 from free_run import write_free_run
-from twin_recordings import Load, TwinRecorder, brick, in_units
+from twin_recordings import Load, TwinRecorder, brick, scale_gains
 
 LOADS = {
     "scara": brick(2.805, (0.03, -0.02, 0.05), 0.05),
@@ -56,7 +56,7 @@ def main() -> None:
     for name in given.robots:
         twin, load = TwinRecorder(name), LOADS.get(name, LOADS["scara"])
         seeds = range(FIRST_SEED, FIRST_SEED + given.seeds)
-        results = [of_seed(twin, load, seed) for seed in seeds]
+        results = [cover_seed(twin, load, seed) for seed in seeds]
         kept: dict[str, Figure] = {}
         for what, held in zip(
             ("load", "load by its mass", "gains by it", "parameters", "unknown gain"),
@@ -72,13 +72,13 @@ def main() -> None:
         keep(f"loads-{name}", kept, depends=("hil/estimation",), command=command, seeds=seeds)
 
 
-def of_seed(twin: TwinRecorder, load: Load, seed: int) -> list[np.ndarray]:
+def cover_seed(twin: TwinRecorder, load: Load, seed: int) -> list[np.ndarray]:
     """Return coverage of the intervals for one seed."""
     runs = [twin.recorded(2 * seed), twin.recorded(2 * seed + 1, load)]
     truth, mass = load.phi(), load.parameters["m"]
     free = fitted(twin, runs)
     gains = np.exp(SPREAD * np.random.default_rng(seed).standard_normal(twin.n))
-    unknown = in_units(runs[0], {1: 0.1})
+    unknown = scale_gains(runs[0], {1: 0.1})
     for _, recording in (*runs[0], *runs[1]):
         recording.tau[:] /= gains
     by_mass = fitted(twin, runs, mass, gains=True)

@@ -62,7 +62,7 @@ class Part(NamedTuple):
     of: int
 
 
-def by_method(runs: list[Run], method: str, truth: Array, name: str) -> Part:
+def estimate_by_method(runs: list[Run], method: str, truth: Array, name: str) -> Part:
     """Return the estimate of runs by one method."""
     made = estimate(runs[0].robot, Pooled(runs), method)
     inside = np.abs(made.p - truth) <= made.half_width()
@@ -81,9 +81,9 @@ def strokes(folder: Path, seed: int) -> Iterator[Part]:
     other, _ = measured(folder, "trajectories", seed)
     imported = exported(other, folder / f"csv-{seed}", strokes=False)
     truth = true_parameters(own.robot, plant)
-    yield by_method([own], "improved", truth, "strokes")
-    yield by_method([imported], DEFAULT, truth, "import")
-    yield by_method([own, imported], JOINT, truth, "both")
+    yield estimate_by_method([own], "improved", truth, "strokes")
+    yield estimate_by_method([imported], DEFAULT, truth, "import")
+    yield estimate_by_method([own, imported], JOINT, truth, "both")
 
 
 def rates(folder: Path, seed: int) -> Iterator[Part]:
@@ -93,9 +93,9 @@ def rates(folder: Path, seed: int) -> Iterator[Part]:
     fast = exported(first, folder / f"csv-{seed}", strokes=False)
     slow = exported(second, folder / f"slow-{seed}", strokes=False, every=SLOWER)
     truth = true_parameters(first.robot, plant)
-    yield by_method([fast], DEFAULT, truth, "fast")
-    yield by_method([slow], DEFAULT, truth, "slow")
-    yield by_method([fast, slow], DEFAULT, truth, "both")
+    yield estimate_by_method([fast], DEFAULT, truth, "fast")
+    yield estimate_by_method([slow], DEFAULT, truth, "slow")
+    yield estimate_by_method([fast, slow], DEFAULT, truth, "both")
 
 
 def loads(folder: Path, seed: int) -> Iterator[Part]:
@@ -104,8 +104,8 @@ def loads(folder: Path, seed: int) -> Iterator[Part]:
     heavy, plant_with = measured(folder, "load", seed)
     loaded = exported(heavy, folder / f"loaded-{seed}", strokes=False)
     truth, with_load = (true_parameters(bare.robot, each) for each in (plant, plant_with))
-    yield by_method([bare], "improved", truth, "bare")
-    yield by_method([loaded], DEFAULT, with_load, "loaded")
+    yield estimate_by_method([bare], "improved", truth, "bare")
+    yield estimate_by_method([loaded], DEFAULT, with_load, "loaded")
     found, K = find_load(BareRun(bare), [loaded]), load_columns(bare.robot).K
     inside = np.abs(found.p - truth) <= half_width(
         np.diag(found.p_covariance), np.zeros(len(truth)), found.p_degrees, 0.95

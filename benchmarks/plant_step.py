@@ -133,7 +133,7 @@ def mujoco_task(model: mujoco.MjModel) -> Callable[[], None]:
     return task
 
 
-def in_turns(tasks: Mapping[str, Callable[[], None]]) -> dict[str, list[float]]:
+def time_in_turns(tasks: Mapping[str, Callable[[], None]]) -> dict[str, list[float]]:
     """Time all tasks in turn, `REPEATS` times; return the costs of one step [us]."""
     costs: dict[str, list[float]] = {name: [] for name in tasks}
     for _ in range(REPEATS):
@@ -153,7 +153,7 @@ def main() -> None:
         model = mujoco.MjModel.from_xml_string(mjcf(plant.file, integrator))
         check_same_arm(plant, model)
         tasks[f"MuJoCo {mujoco.__version__}: arm, {integrator}"] = mujoco_task(model)
-    costs = in_turns(tasks)
+    costs = time_in_turns(tasks)
     table = Table("", "us per step", "least", "times ours", title="One step, six axes")
     kept: dict[str, Figure] = {}
     for key, (name, values) in zip(KEYS, costs.items(), strict=True):

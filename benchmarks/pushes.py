@@ -158,14 +158,14 @@ def report(found: list[Seen], false: int) -> None:
     print(f"alarms without a push beside these: {false}")
 
 
-def of_pushes(folder: Path, seed: int, model: Path) -> tuple[list[Seen], int]:
+def watch_pushes(folder: Path, seed: int, model: Path) -> tuple[list[Seen], int]:
     """Measure and watch a motion with pushes on the plant of a seed."""
     given = pushes(np.random.default_rng(seed))
     run = recorded(folder, seed, "pushed", 1, f"faults={faults(folder / 'faults.yaml', given)}")
     return seen(run, watched(run, model), given)
 
 
-def without(folder: Path, seed: int, model: Path, hours: float) -> Watched:
+def watch_undisturbed(folder: Path, seed: int, model: Path, hours: float) -> Watched:
     """Measure and watch a motion without pushes on the plant of a seed."""
     rounds = round(3600 * hours / (CYCLES * TURN))
     found = watched(recorded(folder, seed, "free", rounds), model)
@@ -185,11 +185,13 @@ if __name__ == "__main__":
     for seed in asked.seeds:
         with TemporaryDirectory() as name:
             model = model_of(Path(name), seed)
-            rows, wrong = of_pushes(Path(name), seed, model)
+            rows, wrong = watch_pushes(Path(name), seed, model)
             everything += rows
             false += wrong
             if asked.hours:
-                quiet.append(without(Path(name), seed, model, asked.hours / len(asked.seeds)))
+                quiet.append(
+                    watch_undisturbed(Path(name), seed, model, asked.hours / len(asked.seeds))
+                )
     report(everything, false)
     if quiet:
         number, hours = sum(len(w.alarms) for w in quiet), sum(w.watched for w in quiet) / 3600

@@ -114,7 +114,7 @@ class Start(NamedTuple):
 AT_ONCE = Start(0, 0)
 
 
-def over_can(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
+def measure_can(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
     """Measure over CAN; return the plant's state at the switch-on of axes."""
     with (
         PlantBus(ROBOT, seed=SEED) as bus,
@@ -126,7 +126,7 @@ def over_can(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
         )
 
 
-def over_ethercat(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
+def measure_ethercat(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
     """Measure over EtherCAT; return the plant's state at the switch-on of axes."""
     segment = Segment(load_machine(ROBOT, SEED))
     segment.power_on()
@@ -166,13 +166,16 @@ def compared(counts: Mapping[str, int], folder: Path) -> tuple[int, int, float, 
     """Return numbers of equal and of all data sets, both durations [s], and CAN's wait."""
     plan = design(robot, counts)
     first = plan.model_copy(update={"measurements": plan.measurements[:1]})
-    can, ethercat = over_can(first, folder / "can0"), over_ethercat(first, folder / "ethercat0")
+    can, ethercat = (
+        measure_can(first, folder / "can0"),
+        measure_ethercat(first, folder / "ethercat0"),
+    )
     waiting = can.ahead(ethercat)
     waiting = waiting._replace(readings=waiting.readings + 1)  # EtherCAT also reads before a cycle
     begun = time.perf_counter()
-    over_can(plan, folder / "can", waiting)
+    measure_can(plan, folder / "can", waiting)
     between = time.perf_counter()
-    over_ethercat(plan, folder / "ethercat", ethercat.ahead(can))
+    measure_ethercat(plan, folder / "ethercat", ethercat.ahead(can))
     took = between - begun, time.perf_counter() - between
     same = total = 0
     for ours, theirs in zip(Run.open(folder / "can"), Run.open(folder / "ethercat"), strict=True):
@@ -198,7 +201,10 @@ def ethercat_over_can(folder: Path) -> Figure:
         return time.process_time() - begun
 
     return Figure.median(
-        [took(over_ethercat, f"ethercat-{k}") / took(over_can, f"can-{k}") for k in range(TURNS)]
+        [
+            took(measure_ethercat, f"ethercat-{k}") / took(measure_can, f"can-{k}")
+            for k in range(TURNS)
+        ]
     )
 
 

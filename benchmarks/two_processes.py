@@ -54,7 +54,7 @@ def apart(interface: str, channel: str) -> Figure:
             plant.kill()
 
 
-def over_ethercat() -> Figure:
+def measure_ethercat() -> Figure:
     """Return the rate over EtherCAT, with this file as a script beside the plant."""
     value, scatter = map(float, carried_out(__file__, "beside-the-plant").split()[-2:])
     return Figure(value, "SYNC/s", scatter=scatter)
@@ -77,7 +77,7 @@ def main() -> None:
         if interface == "socketcan" and not Path(f"/sys/class/net/{channel}").exists():
             print(f"{interface} {channel}: not here; see tools/can_guest.py")
             continue
-        rate = over_ethercat() if interface == "ethercat" else apart(interface, channel)
+        rate = measure_ethercat() if interface == "ethercat" else apart(interface, channel)
         ratio = rate.value / together.value
         print(f"{interface + ' ' + channel:24s} {rate.value:8.0f} SYNC/s, ratio {ratio:.3f}")
         kept |= {f"{interface}-over-one-process": Figure(ratio), interface: rate}

@@ -34,7 +34,7 @@ def become(user: int) -> None:
     os.setuid(user)
 
 
-def as_user(user: int, act: Callable[[], object]) -> str:
+def act_as_user(user: int, act: Callable[[], object]) -> str:
     """Return the result of an action of a user, from a separate process."""
     reading, writing = os.pipe()
     if not (child := os.fork()):
@@ -60,7 +60,7 @@ def stop_and_close(port: int, *, wait: bool) -> bytes:
         return page.recv(100) if wait else b""
 
 
-def on_bus(folder: Path, sockets: list[Path]) -> dict[str, Callable[[], object]]:
+def bus_actions(folder: Path, sockets: list[Path]) -> dict[str, Callable[[], object]]:
     """Actions of a stranger against a channel of the local bus."""
 
     def send() -> None:
@@ -92,8 +92,8 @@ def attack_bus() -> list[str]:
             os._exit(0 if called and second.recv(1) else 1)
     os.read(reading, 5)
     sockets = sorted(folder.iterdir())
-    for what, act in on_bus(folder, sockets).items():
-        said = as_user(STRANGER, act)
+    for what, act in bus_actions(folder, sockets).items():
+        said = act_as_user(STRANGER, act)
         print(f"bus, {what}: {said}")
         wrong += [what] if said.startswith("done") else []
     if sorted(folder.iterdir()) != sockets:
@@ -103,12 +103,12 @@ def attack_bus() -> list[str]:
         with LocalBus("two-users") as bus:
             bus.send(can.Message(arbitration_id=1, is_extended_id=False))
 
-    print(f"bus, the owner sends: {as_user(OWNER, call)}")
+    print(f"bus, the owner sends: {act_as_user(OWNER, call)}")
     if os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]):
         wrong.append("frames of the owner were lost")
     shutil.rmtree(planted := folder.parent)
-    as_user(STRANGER, lambda: planted.mkdir(mode=0o777))
-    said = as_user(OWNER, lambda: LocalBus("two-users"))
+    act_as_user(STRANGER, lambda: planted.mkdir(mode=0o777))
+    said = act_as_user(OWNER, lambda: LocalBus("two-users"))
     print(f"bus, the owner joins a folder that the stranger made: {said}")
     wrong += ["planted folder"] if said.startswith("done") else []
     shutil.rmtree(planted)
@@ -137,12 +137,12 @@ def attack_page() -> list[str]:
             return asking.recv(100).split(b"\r\n")[0]
 
     for path in ("/", "/events"):
-        said = as_user(STRANGER, lambda path=path: ask(path))
+        said = act_as_user(STRANGER, lambda path=path: ask(path))
         print(f"page, get {path}: {said}")
         wrong += [path] if b"403" not in said.encode() else []
-    print(f"page, stop: {as_user(STRANGER, lambda: stop_and_close(port, wait=True)[:30])}")
+    print(f"page, stop: {act_as_user(STRANGER, lambda: stop_and_close(port, wait=True)[:30])}")
     for _ in range(50):
-        as_user(STRANGER, lambda: stop_and_close(port, wait=False))
+        act_as_user(STRANGER, lambda: stop_and_close(port, wait=False))
     os.set_blocking(reading, False)
     try:
         stopped = b"stop" in os.read(reading, 10_000)
@@ -150,7 +150,7 @@ def attack_page() -> list[str]:
         stopped = False
     print(f"page, 50 stops of connections that were closed at once: stopped {stopped}")
     wrong += ["stopped"] if stopped else []
-    said = as_user(OWNER, lambda: ask("/"))
+    said = act_as_user(OWNER, lambda: ask("/"))
     print(f"page, the owner gets /: {said}")
     wrong += ["owner refused"] if "200" not in said else []
     os.close(end)

@@ -137,7 +137,9 @@ def hold(name: str, every: int) -> Change:
     return column(name, lambda x: np.repeat(x[::every], every)[: len(x)])
 
 
-def of(joint: int, part: str, **changes: Any) -> tuple[tuple[int, str, dict[str, Any]], ...]:
+def change_map(
+    joint: int, part: str, **changes: Any
+) -> tuple[tuple[int, str, dict[str, Any]], ...]:
     """Return a change of one joint in the map, or of all for 0."""
     return tuple((k, part, changes) for k in (range(1, 9) if joint == 0 else (joint,)))
 
@@ -159,9 +161,9 @@ DEGREES, RPM = np.degrees, lambda x: x * 30 / np.pi
 MISTAKES = (
     *(Mistake(f"degrees as rad, axis {k}", rf"joints\.{k - 1}.*deg", column(f"q{k}", DEGREES))
       for k in (1, 2, 3)),
-    Mistake("rad as degrees, all axes", "velocit|unit", joints=of(0, P, unit="deg")),
+    Mistake("rad as degrees, all axes", "velocit|unit", joints=change_map(0, P, unit="deg")),
     Mistake("rad as degrees, axis 2", r"joints\.1\.(velocity|position).*deg|unit",
-            joints=of(2, P, unit="deg")),
+            joints=change_map(2, P, unit="deg")),
     *(Mistake(f"deg/s as rad/s, axis {k}", rf"joints\.{k - 1}\.velocity.*deg",
               column(f"v{k}", DEGREES)) for k in (1, 3)),
     Mistake("rpm as rad/s, axis 2", r"joints\.1\.velocity.*rpm", column("v2", RPM)),
@@ -176,7 +178,7 @@ MISTAKES = (
     *(Mistake(f"torque of axis {k} has the other sign", rf"joints\.{k - 1}\.torque.*sign",
               column(f"m{k}", np.negative)) for k in (1, 2, 3)),
     *(Mistake(f"velocity of axis {k} has the other sign", rf"joints\.{k - 1}\.velocity.*sign",
-              joints=of(k, V, sign=-1)) for k in (1, 2)),
+              joints=change_map(k, V, sign=-1)) for k in (1, 2)),
     Mistake("sizes of torques without sign", "sign", column("m", np.abs)),
     *(Mistake(f"{name} of axes {a} and {b} exchanged", f"({a} and {b}|position of joint)",
               swapped((f"{key}{a}", f"{key}{b}")))
@@ -213,7 +215,7 @@ MISTAKES = (
     Mistake("from another link: tilted by 90 degrees", "gravity|axis 1: joint offset", robot=gravity(1)),
     Mistake("gravity points up", "gravity|sign|axis 1: joint offset", robot=gravity(0, -1.0)),
     Mistake("zero of axis 3 off by 90 degrees", r"joints\.2\.position.*zero",
-            joints=of(3, P, offset=np.pi / 2)),
+            joints=change_map(3, P, offset=np.pi / 2)),
     Mistake("constant torque of axis 3", "throughout", column("m3", lambda x: 0 * x + 7.3)),
     Mistake("torque of axis 2 in axis 3, too", "same", lambda c, _: c | {"m3": c["m2"]}),
     Mistake("velocities as torques", "velocit", lambda c, _: c | {
@@ -234,7 +236,7 @@ def recorded(name: str, seed: int) -> Columns:
     return columns
 
 
-def at_rest(columns: Columns, number: int, rng: np.random.Generator) -> Columns:
+def add_rest(columns: Columns, number: int, rng: np.random.Generator) -> Columns:
     """Return a clean file with joints at rest: flickering counts, dead bands, noise.
 
     Their torques are constant but for noise, so the imported torques do not obey mechanics: only
@@ -296,7 +298,7 @@ def one(folder: Path, seed: int, job: tuple[str, int]) -> tuple[str, int, str]:
         }
         return robot, number, imported(own, robot, mistake.change(columns, rng), mistake, [])
     if number % 2:
-        columns = at_rest(columns, -number, rng)
+        columns = add_rest(columns, -number, rng)
     accept = ["shape"] if number % 2 else []
     said = imported(own, robot, columns, Mistake("clean", ""), accept)
     kept = [line for line in said.splitlines() if "only gravity parameters of joint" not in line]

@@ -212,12 +212,12 @@ def _counted(folder: str, names: Sequence[str]) -> dict[str, Any]:
     """Count commands one after the other."""
     found = {}
     for name in names:
-        found[name], arguments = _in_process(folder, name), COMMANDS[name]
+        found[name], arguments = _count_in_process(folder, name), COMMANDS[name]
         if found[name]["counts"].pop("compiled anew", 0):  # now on disk: counted again
             if "-o" in arguments:
                 made = Path(folder) / arguments[arguments.index("-o") + 1]
                 shutil.rmtree(made) if made.is_dir() else made.unlink()
-            found[name] = _in_process(folder, name)
+            found[name] = _count_in_process(folder, name)
     return found
 
 
@@ -230,7 +230,7 @@ def write_recording(folder: Path) -> None:
     small_recording.write_map(folder, small_recording.a_map())
 
 
-def _in_process(folder: str, name: str) -> dict[str, Any]:
+def _count_in_process(folder: str, name: str) -> dict[str, Any]:
     done = subprocess.run(
         [sys.executable, __file__, "--command", name],
         cwd=folder, env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(HERE)},
@@ -320,7 +320,7 @@ def too_slow() -> list[str]:
         sys.stdout.write(f"kernels were timed on another processor, {stated['processor']}\n")
         return []
     for _ in range(ATTEMPTS):
-        found = _in_process(".", KERNELS)
+        found = _count_in_process(".", KERNELS)
         least = {name: min(ratio, least.get(name, ratio)) for name, ratio in found.items()}
         if all(least[name] <= SLOWER * kept[name] for name in kept):
             return []
@@ -347,7 +347,7 @@ def main() -> None:
             total = counted["counts"]["own calls"]
             calls = sorted(counted["calls"].items())
             counted["calls"] = {key: n for key, n in calls if n > LISTED * total}
-        kernels = _in_process(".", KERNELS)
+        kernels = _count_in_process(".", KERNELS)
         kept = {"python": PYTHON, "processor": PROCESSOR, "commands": found, "kernels": kernels}
         KEPT.write_text(json.dumps(kept, indent=1) + "\n")
         return

@@ -70,17 +70,17 @@ def judge(folder: Path, robot: Robot, name: str, seed: int) -> None:
         return
     run = Run.open(cell.run)
     if name == "offset":
-        figures = assessment.of_offset(run)
+        figures = assessment.assess_offset(run)
     elif name in ONCE:
         model = measure(folder, robot, *CASES["default"], "default", seed).run
         subprocess.run([sys.executable, "-m", "hil", "identify", str(model)], check=True)
-        figures = assessment.of_friction(run, model)
+        figures = assessment.assess_friction(run, model)
     else:
         # the check of symmetry belongs to the improved method: the published one fits no asymmetry
         both = CASES[name][0] == "rule" or name == "uneven"
-        figures = assessment.of_strokes(run, cell.plant, both=both)
+        figures = assessment.assess_strokes(run, cell.plant, both=both)
     if (name, seed) == ("bare", SEEDS[0]):
-        figures["filters"] = assessment.of_filters(run, cell.plant)
+        figures["filters"] = assessment.assess_filters(run, cell.plant)
         figures["trajectories"] = [assessment.course(run, each) for each in ("g01", "i39")]
     cell.verdict.write_text(json.dumps(figures, default=np.ndarray.tolist))
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     Figures = dict[str, Any]
 
 
-def of_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
+def assess_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
     """Return errors of a campaign of strokes with evidence for the claims; `both`: improved too."""
     robot, measured = run.robot, list(recorded(run))
     truth = true_parameters(robot, plant)
@@ -51,7 +51,7 @@ def of_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
     tests = symmetry.judge_local_values(found["improved"].local) if both else {}
     return {
         "minutes": measured[-1][1].time[-1] / 60,
-        "known_gravity": errors(robot, _without(robot, fits, wrong), truth),
+        "known_gravity": errors(robot, _remove_torque(robot, fits, wrong), truth),
         "neglected": _neglected(robot, raw, fits, p, truth),
         "bound": _bound(robot, fits, p, truth),
         "elements": _elements(robot, fits, p),
@@ -70,7 +70,7 @@ def errors(robot: Robot, p: Array, truth: Array) -> dict[str, float]:
     return {name: float(size((p - truth)[k]) / size(truth[k])) for name, k in groups.items()}
 
 
-def _without(robot: Robot, fits: Sequence[LocalFit], torques: Sequence[float]) -> Array:
+def _remove_torque(robot: Robot, fits: Sequence[LocalFit], torques: Sequence[float]) -> Array:
     """Return the parameters after removal of a torque from each measured element."""
     pairs = zip(fits, torques, strict=True)
     less = [replace(f, sides=np.r_[f.sides[0] - put, f.sides[1:]]) for f, put in pairs]
@@ -90,7 +90,7 @@ def _neglected(
     for name, torque in NEGLECTED.items():
         alone = [(m, replace(s, tau=torque(robot, p, s, list(m.moved)))) for m, s in raw]
         put = [f.sides[0] for f in local_fits(robot, alone)[0]]
-        without, share = _without(robot, fits, put), {}
+        without, share = _remove_torque(robot, fits, put), {}
         for kind in ELEMENT_KINDS:
             own = [k for k, f in enumerate(fits) if f.kind == kind]
             largest = np.abs([(put[k], fits[k].evaluate(p).value) for k in own]).max(axis=0)
@@ -103,13 +103,13 @@ def _coriolis(robot: Robot, p: Array, s: Signals, _: list[int]) -> Array:
     return inverse_dynamics(robot, p, s.q, s.qd, 0 * s.qd) - gravity_torque(robot, p, s.q)
 
 
-def _of_axes_at_rest(robot: Robot, p: Array, s: Signals, moved: list[int]) -> Array:
+def _rest_torque(robot: Robot, p: Array, s: Signals, moved: list[int]) -> Array:
     wanted = np.isin(np.arange(robot.n_joints), moved)
     alone = inverse_dynamics(robot, p, s.q, s.qd * wanted, s.qdd * wanted)
     return inverse_dynamics(robot, p, s.q, s.qd, s.qdd) - alone
 
 
-NEGLECTED = {"coriolis": _coriolis, "at_rest": _of_axes_at_rest}
+NEGLECTED = {"coriolis": _coriolis, "at_rest": _rest_torque}
 
 
 def _bound(robot: Robot, fits: Sequence[LocalFit], p: Array, truth: Array) -> Figures:
@@ -140,7 +140,7 @@ def _elements(robot: Robot, fits: Sequence[LocalFit], p: Array) -> list[Figures]
     ]  # fmt: skip
 
 
-def of_friction(run: Run, model: Path) -> Figures:
+def assess_friction(run: Run, model: Path) -> Figures:
     """Return points of a friction run (axis, minutes, speed, both torques) and errors of models."""
     found = fit_friction(run, model)
     return {
@@ -154,7 +154,7 @@ def of_friction(run: Run, model: Path) -> Figures:
     }
 
 
-def of_offset(run: Run) -> Figures:
+def assess_offset(run: Run) -> Figures:
     """Return the result of Fig. 7: first-ranked omitted parameter, its value, and the phase.
 
     Configurations 10 to 24, brought to one another by the model: each begins at an angle of its own
@@ -180,7 +180,7 @@ LOW_PASSES = {
 """Interpretations of "non-causal, phase-neutral eighth-order" low-passes, and others."""
 
 
-def of_filters(run: Run, plant: Path) -> Figures:
+def assess_filters(run: Run, plant: Path) -> Figures:
     """Return errors of the published method by order, direction and signals of the low-pass."""
     truth, found = true_parameters(run.robot, plant), {}
     for name, (order, way, torque_alone) in LOW_PASSES.items():

@@ -52,7 +52,7 @@ is the paper's own, and so are 15 values of g3 over q4 (Fig. 7); the rest comple
 """
 
 
-def by_rule(robot: Robot) -> Iterator[Measurement]:
+def rule_measurements(robot: Robot) -> Iterator[Measurement]:
     """Yield the measurements of section 6.2, 64 + 92 + 9."""
     sought = base_parameters(robot).dependencies.sought()
     for name, rows in RULE.items():
@@ -71,9 +71,9 @@ def by_rule(robot: Robot) -> Iterator[Measurement]:
 
 
 PLANS: dict[str, Callable[[Robot], Plan]] = {
-    "rule": lambda robot: make_plan(robot, by_rule(robot)),
-    "short": lambda robot: make_plan(robot, list(by_rule(robot))[::3]),
-    "glance": lambda robot: make_plan(robot, list(by_rule(robot))[:64:8]),
+    "rule": lambda robot: make_plan(robot, rule_measurements(robot)),
+    "short": lambda robot: make_plan(robot, list(rule_measurements(robot))[::3]),
+    "glance": lambda robot: make_plan(robot, list(rule_measurements(robot))[:64:8]),
     "chosen": lambda robot: design(robot, ARTICLE["counts"]),
     "sweep": sweep,
     "stops": lambda robot: stops(robot, 1),

@@ -34,13 +34,13 @@ def fig_1(drawn: Drawn, robot: Robot) -> Figure:
     figure, (left, right) = _panels(3.3, 1, 2)
     points = np.array(drawn["sweep"]["points"])
     for axis, colour in enumerate(ordered_colours(robot.n_joints), start=1):
-        v, forward, _ = by_speed(points, axis)
+        v, forward, _ = sort_by_speed(points, axis)
         x, y = v / robot.velocity_limit[axis - 1], forward / robot.torque_limit[axis - 1]
         left.plot(x, y, "o-", color=colour, ms=3, label=axis)
     left.set(title="(a) all axes", xlabel="speed / limit", ylabel="friction / peak torque")
     left.set_ylim(0, 0.55)
     left.legend(title="axis", ncols=3)
-    speed, forward, backward = by_speed(points, 1)
+    speed, forward, backward = sort_by_speed(points, 1)
     right.plot(speed, (forward - backward) / 2, "o", color=MEASURED, ms=4, label="measured")
     v, law = np.linspace(speed[0], speed[-1], 200), drawn["sweep"]["models"]["1"]
     right.plot(v, torque("linear", law["linear"][1:], v), ":", color=MUTED, label="eq. (1)")
@@ -62,7 +62,7 @@ def fig_2(drawn: Drawn, _: Robot) -> Figure:
         left.annotate(f"{stop} min", (minutes[at], level[at]), (6, -3), textcoords="offset points")
     left.set(title="(a) stops of 5, 1 and 2 min", xlabel="time [min]", ylabel="friction [N m]")
     for curve, colour, begun in zip(
-        in_operation(drawn), ordered_colours(4), OPERATION, strict=True
+        operating_characteristics(drawn), ordered_colours(4), OPERATION, strict=True
     ):
         v, forward, backward = curve
         x, y = np.append(-v[::-1], v), np.append(backward[::-1], forward)
@@ -72,16 +72,18 @@ def fig_2(drawn: Drawn, _: Robot) -> Figure:
     return figure
 
 
-def by_speed(points: Array, axis: int) -> Array:
+def sort_by_speed(points: Array, axis: int) -> Array:
     """Return ascending speeds of an axis, with torques forward and backward."""
     own = points[points[:, 0] == axis]
     return np.asarray(own[np.argsort(own[:, 2]), 2:].T)
 
 
-def in_operation(drawn: Drawn) -> list[Array]:
-    """Return the successive characteristics in operation, in the form of `by_speed`."""
+def operating_characteristics(drawn: Drawn) -> list[Array]:
+    """Return the successive characteristics in operation, in the form of `sort_by_speed`."""
     points = np.array(drawn["operation"]["points"])
-    return [by_speed(each, int(points[0, 0])) for each in np.array_split(points, len(OPERATION))]
+    return [
+        sort_by_speed(each, int(points[0, 0])) for each in np.array_split(points, len(OPERATION))
+    ]
 
 
 def fig_3(drawn: Drawn, _: Robot) -> Figure:

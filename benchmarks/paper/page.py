@@ -17,7 +17,7 @@ from hil.planning.plan import make_plan
 from hil.planning.prediction.identifiability import group_observations
 
 from .campaigns import DISC, PLANS
-from .figures import by_speed, in_operation, shown
+from .figures import operating_characteristics, shown, sort_by_speed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -59,9 +59,9 @@ def rendered(article: Figures, results: Figures, robot: Robot) -> tuple[str, lis
     environment.filters |= {"f": _digits, "pc": lambda x, n=2: f"{_digits(100 * x, n)}\u00a0%"}
     page = environment.get_template("page.md.j2").render(
         article=article, **results, verdict=verdict, code=code, np=np, over=over,
-        rms=lambda case, *path: rms(over(case, *path)), robot=of_robot(article, robot),
-        table=of_table_3(article, robot, over), friction=of_friction(results["drawn"]),
-        choice=of_choice(robot), seen=of_elements(results["drawn"]),
+        rms=lambda case, *path: rms(over(case, *path)), robot=robot_figures(article, robot),
+        table=table_3_figures(article, robot, over), friction=friction_figures(results["drawn"]),
+        choice=choice_figures(robot), seen=element_figures(results["drawn"]),
     )  # fmt: skip
     return page + "\n", failed
 
@@ -77,7 +77,7 @@ def _digits(x: float, digits: int = 2) -> str:
     return (f"{float(text):.0f}" if "e+" in text else text).replace("-", "−")
 
 
-def of_robot(article: Figures, robot: Robot) -> Figures:
+def robot_figures(article: Figures, robot: Robot) -> Figures:
     """Return Table 1, eq. (22), Table 2, groups and M44, with symbols of the robot file."""
     base, random, number = base_parameters(robot), np.random.default_rng(1), range(robot.n_joints)
     symbols = {name: random.normal() for name in (*robot.standard_parameters, "l1", "l2")}
@@ -107,7 +107,7 @@ def _value(expression: str, symbols: Mapping[str, float]) -> float:
     return float(eval(python, {}, dict(symbols)))  # noqa: S307 - our own text
 
 
-def of_table_3(article: Figures, robot: Robot, over: Any) -> Figures:
+def table_3_figures(article: Figures, robot: Robot, over: Any) -> Figures:
     """Return Table 3 recomputed: paper's rows, eq. (22), and our mean and scatter."""
     row = {name: np.array(each) for name, each in article["table_3"].items()}
     m, d = DISC["mass"], DISC["centre"][2]
@@ -130,15 +130,15 @@ def of_table_3(article: Figures, robot: Robot, over: Any) -> Figures:
         "misprint": np.abs(row["B"] - row["A"] - row["change"]).max(),
         "l1": (np.sqrt(implied[0]), implied[4]),
         "l2": (np.sqrt(implied[5]), -implied[7]),
-        "paper": _of_load(row["change"], row["expected"], robot),
-        "ours": {key: _of_load(each, by_22, robot) for key, each in change.items()},
+        "paper": _load_figures(row["change"], row["expected"], robot),
+        "ours": {key: _load_figures(each, by_22, robot) for key, each in change.items()},
     }
 
 
 SHORT = ("default", "default-loaded", "published")
 
 
-def _of_load(change: Array, expected: Array, robot: Robot) -> Figures:
+def _load_figures(change: Array, expected: Array, robot: Robot) -> Figures:
     """Return errors of changes by the load in the norm, and the masses by p5 and p8."""
     groups = base_parameters(robot).groups
     parts = {"all": slice(None)} | {g: list(groups[g]) for g in ("gravity", "diagonal")}
@@ -148,18 +148,18 @@ def _of_load(change: Array, expected: Array, robot: Robot) -> Figures:
     return found | masses
 
 
-def of_friction(drawn: Figures) -> Figures:
+def friction_figures(drawn: Figures) -> Figures:
     """Return Figs. 1 and 2 as figures: curvature, models, symmetry, effect of stops."""
     fits, early = drawn["sweep"]["models"], []
     for axis in fits:
-        v, forward, backward = by_speed(np.array(drawn["sweep"]["points"]), int(axis))
+        v, forward, backward = sort_by_speed(np.array(drawn["sweep"]["points"]), int(axis))
         creep, half = np.interp([0.02 * v[-1], 0.51 * v[-1]], v, forward - backward)
         early.append((half - creep) / (forward[-1] - backward[-1] - creep))
     richer = ("cube-root", "arctan")
     _, minutes, _, forward, backward = np.array(drawn["stops"]["points"]).T
     level = forward - backward
     after = np.flatnonzero(np.diff(minutes, prepend=minutes[0]) > 0.5)
-    curves = [(forward, backward) for _, forward, backward in in_operation(drawn)]
+    curves = [(forward, backward) for _, forward, backward in operating_characteristics(drawn)]
     size = [float(np.sum(forward - backward)) for forward, backward in curves]
     return {
         "early": early,
@@ -173,7 +173,7 @@ def of_friction(drawn: Figures) -> Figures:
     }  # fmt: skip
 
 
-def of_choice(robot: Robot) -> Figures:
+def choice_figures(robot: Robot) -> Figures:
     """Return condition, least singular value and scatter of p_Md by plans of equal counts."""
     random, rule, found = np.random.default_rng(1), PLANS["rule"](robot), {}
     anywhere = [
@@ -189,7 +189,7 @@ def of_choice(robot: Robot) -> Figures:
     return found
 
 
-def of_elements(drawn: Figures) -> Figures:
+def element_figures(drawn: Figures) -> Figures:
     """Return Figs. 5 and 6: residuals of the model, and the part of p_g in the elements."""
     gravity = [shown(drawn, "bare", "gravity", axis).T for axis in (2, 3, 5)]
     left = [rms(value - model) / np.ptp(model) for _, value, model in gravity]

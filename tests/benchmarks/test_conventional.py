@@ -81,22 +81,22 @@ def test_a_friction_that_the_model_lacks_spoils_the_parameters_and_one_that_it_h
 
 
 def test_friction_known_beforehand_is_subtracted(robot: Robot, trajectory: Trajectory) -> None:
-    def of(axis: int) -> Characteristic:
+    def characteristic_of_axis(axis: int) -> Characteristic:
         limit, fastest = robot.torque_limit[axis], robot.velocity_limit[axis]
         return lambda v: limit * (COULOMB * np.sign(v) + VISCOUS * v / fastest)
 
     data = recorded(robot, trajectory)
-    known = [of(axis) for axis in range(6)]
+    known = [characteristic_of_axis(axis) for axis in range(6)]
     assert error(robot, fit_trajectories(robot, data, COMPENSATED[""], known)) < 2e-3
     assert error(robot, fit_trajectories(robot, data, COMPENSATED[""])) > 0.01
 
 
 def test_a_level_that_has_changed_since_is_corrected(robot: Robot, trajectory: Trajectory) -> None:
-    def of(axis: int) -> Characteristic:
+    def characteristic_of_axis(axis: int) -> Characteristic:
         return lambda v: 0.8 * COULOMB * robot.torque_limit[axis] * np.sign(v)
 
     data = recorded(robot, trajectory, load=MU)
-    known = [of(axis) for axis in range(6)]
+    known = [characteristic_of_axis(axis) for axis in range(6)]
     assert error(robot, fit_trajectories(robot, data, COMPENSATED["corrected"], known)) < 2e-3
     assert error(robot, fit_trajectories(robot, data, COMPENSATED[""], known)) > 0.01
 

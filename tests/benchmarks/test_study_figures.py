@@ -32,15 +32,17 @@ def outcome(method: str, torque: float, inside: int = 14, **groups: float) -> Ou
     return Outcome(method, errors, torque, inside, 14, [0.0] * 14)
 
 
-def of_seed(seed: int, *outcomes: Outcome, scenario: str = "on", kind: str = "two-step") -> Judged:
+def judge_seed(
+    seed: int, *outcomes: Outcome, scenario: str = "on", kind: str = "two-step"
+) -> Judged:
     return Judged(Cell(Path("study"), scenario, kind, seed, seed + 1), outcomes)
 
 
 class TestFigures:
     def test_errors_are_root_mean_squares_over_the_seeds(self) -> None:
         found = [
-            of_seed(1, outcome(OUR_DEFAULT, 0.03, gravity=0.01)),
-            of_seed(2, outcome(OUR_DEFAULT, 0.04, gravity=0.07)),
+            judge_seed(1, outcome(OUR_DEFAULT, 0.03, gravity=0.01)),
+            judge_seed(2, outcome(OUR_DEFAULT, 0.04, gravity=0.07)),
         ]
         (row,) = summary.summarise(found)
         assert (row.scenario, row.method, row.n) == ("on", OUR_DEFAULT, 2)
@@ -50,8 +52,8 @@ class TestFigures:
 
     def test_ratios_are_those_to_our_default_in_the_same_scenario(self) -> None:
         found = [
-            of_seed(1, outcome(OUR_DEFAULT, 0.01), outcome("rival", 0.05)),
-            of_seed(1, outcome(OUR_DEFAULT, 0.02), outcome("rival", 0.06), scenario="off"),
+            judge_seed(1, outcome(OUR_DEFAULT, 0.01), outcome("rival", 0.05)),
+            judge_seed(1, outcome(OUR_DEFAULT, 0.02), outcome("rival", 0.06), scenario="off"),
         ]
         ratio = {(row.scenario, row.method): row.ratio for row in summary.summarise(found)}
         assert ratio["on", "rival"] == pytest.approx(5)
@@ -59,18 +61,18 @@ class TestFigures:
         assert ratio["off", OUR_DEFAULT] == 1
 
     def test_without_our_default_there_is_no_ratio(self) -> None:
-        (row,) = summary.summarise([of_seed(1, outcome("rival", 0.05))])
+        (row,) = summary.summarise([judge_seed(1, outcome("rival", 0.05))])
         assert np.isnan(row.ratio)
 
     def test_coverage_counts_intervals_of_all_seeds(self) -> None:
-        found = [of_seed(k, outcome("rival", 0.1, inside=n)) for k, n in ((1, 14), (2, 7))]
+        found = [judge_seed(k, outcome("rival", 0.1, inside=n)) for k, n in ((1, 14), (2, 7))]
         assert summary.summarise(found)[0].coverage == pytest.approx(0.75)
 
     def test_they_are_kept_by_scenario_and_method(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.setattr(figures, "RESULTS", tmp_path)
-        found = [of_seed(seed, outcome("jointly: rival", 0.01 * seed)) for seed in (1, 3)]
+        found = [judge_seed(seed, outcome("jointly: rival", 0.01 * seed)) for seed in (1, 3)]
         given = {
             **dict.fromkeys(CHANGING),
             "seeds": 2,
@@ -89,9 +91,9 @@ class TestFigures:
 
     def test_scenarios_and_campaigns_stand_in_their_order_whatever_failed(self) -> None:
         found = [
-            of_seed(1, outcome("rival", 1.0), scenario="load", kind="trajectory"),
-            of_seed(1, outcome("rival", 1.0), scenario="off", kind="trajectory"),
-            of_seed(2, outcome(OUR_DEFAULT, 1.0), scenario="load"),
+            judge_seed(1, outcome("rival", 1.0), scenario="load", kind="trajectory"),
+            judge_seed(1, outcome("rival", 1.0), scenario="off", kind="trajectory"),
+            judge_seed(2, outcome(OUR_DEFAULT, 1.0), scenario="load"),
         ]
         order = [(row.scenario, row.method) for row in summary.summarise(found)]
         assert order == [("off", "rival"), ("load", OUR_DEFAULT), ("load", "rival")]
@@ -110,7 +112,7 @@ def rows() -> list[summary.MethodScore]:
         "warmed": ("beforehand after warm-up: other session",),
     }
     found = [
-        of_seed(
+        judge_seed(
             seed,
             *(outcome(name, 2e-4 * seed * 12**k, gravity=1.2345 * 10**-k) for name in methods),
             scenario=scenario,

@@ -42,14 +42,14 @@ def session(tmp_path_factory):
         return list(reader), samples
 
 
-def of(frames, cob_id):
+def select(frames, cob_id):
     return [bytes(frame.data) for frame in frames if frame.arbitration_id == cob_id]
 
 
 def writes(frames, node):
     """Return expedited SDO downloads to a node: (index, subindex, value)."""
     found = []
-    for data in of(frames, 0x600 + node):
+    for data in select(frames, 0x600 + node):
         if data[0] & 0xE3 == 0x23:
             length = 4 - (data[0] >> 2 & 3)
             index, sub = struct.unpack_from("<HB", data, 1)
@@ -67,7 +67,7 @@ def test_every_frame_is_a_standard_one_of_at_most_eight_bytes(session):
 def test_each_sdo_request_has_one_answer_and_none_is_an_abort(session):
     frames, _ = session
     for node in NODES:
-        requests, answers = of(frames, 0x600 + node), of(frames, 0x580 + node)
+        requests, answers = select(frames, 0x600 + node), select(frames, 0x580 + node)
         assert len(requests) == len(answers) > 20
         aborts = [a.hex() for a in answers if a[0] == 0x80]
         looked_for = {struct.unpack_from("<HB", bytes.fromhex(a), 1)[0] for a in aborts}
@@ -112,7 +112,7 @@ def test_every_sync_is_answered_by_six_tpdos_before_the_next(session):
 
 def test_the_samples_are_what_the_tpdos_said(session):
     frames, samples = session
-    tpdos = [struct.unpack("<Hih", data) for data in of(frames, 0x185)]
+    tpdos = [struct.unpack("<Hih", data) for data in select(frames, 0x185)]
     q = -(np.array([t[1] for t in tpdos]) - 5000) / (79.2 * 4096) * 2 * np.pi
     tau = -np.array([t[2] for t in tpdos]) / 1000 * 3.002 * 0.2608 * 79.2
     heard = {(round(a, 9), round(b, 6)) for a, b in zip(q, tau, strict=True)}
@@ -123,10 +123,10 @@ def test_the_samples_are_what_the_tpdos_said(session):
 
 def test_the_handshake_raises_and_drops_new_set_point_once_for_the_move(session):
     frames, _ = session
-    words = [struct.unpack_from("<H", data, 4)[0] for data in of(frames, 0x205)]
+    words = [struct.unpack_from("<H", data, 4)[0] for data in select(frames, 0x205)]
     raised = [b for a, b in pairwise([0, *words]) if b & 0x10 and not a & 0x10]
     assert len(raised) == 1
-    acknowledged = [data[1] & 0x10 for data in of(frames, 0x185)]
+    acknowledged = [data[1] & 0x10 for data in select(frames, 0x185)]
     assert sum(b > a for a, b in pairwise(acknowledged)) == 1
 
 
@@ -161,4 +161,4 @@ def test_our_heartbeat_and_the_drives_are_there_all_the_time(session):
     assert len(ours) > 2
     assert max(b - a for a, b in pairwise(ours)) < 0.5
     for node in NODES:
-        assert len(of(frames, 0x700 + node)) > 2
+        assert len(select(frames, 0x700 + node)) > 2

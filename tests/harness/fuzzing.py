@@ -151,7 +151,7 @@ def attempt(kind: str, path: Path) -> Outcome:
     reading, writing = os.pipe()
     if not (child := os.fork()):
         os.close(reading)
-        _in_child(kind, path, writing)
+        _report_child(kind, path, writing)
     os.close(writing)
     with os.fdopen(reading, "rb") as answer:
         said = answer.read()
@@ -170,7 +170,7 @@ def _bound(path: Path) -> int:
     return budget.BASE + budget.SHARE * size
 
 
-def _in_child(kind: str, path: Path, writing: int) -> None:
+def _report_child(kind: str, path: Path, writing: int) -> None:
     """Read an example, report the outcome, and exit."""
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
     signal.alarm(30 * PATIENCE)

@@ -35,7 +35,7 @@ def pinocchio_of(text: str, rotors: Array) -> pin.Model:
     return theirs
 
 
-def by_pinocchio(function: object, theirs: pin.Model, *motion: Array) -> Array:
+def call_pinocchio(function: object, theirs: pin.Model, *motion: Array) -> Array:
     """Call a function of pinocchio sample by sample."""
     data = theirs.createData()
     found = [np.array(function(theirs, data, *each)) for each in zip(*motion, strict=True)]
@@ -58,7 +58,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[hil.Robot, pin.M
     phase, size = rng.uniform(0, 2 * np.pi, w.shape), 0.18 / (w / w[1])
     turns = w * t[:, None, None] + phase
     q, qd = (size * np.sin(turns)).sum(axis=1) + 0.5, (size * w * np.cos(turns)).sum(axis=1)
-    tau = by_pinocchio(pin.rnea, theirs, q, qd, -(size * w**2 * np.sin(turns)).sum(axis=1))
+    tau = call_pinocchio(pin.rnea, theirs, q, qd, -(size * w**2 * np.sin(turns)).sum(axis=1))
     tau += COULOMB * np.sign(qd) + VISCOUS * qd + rng.normal(0.0, 0.2, q.shape)
     return robot, theirs, [t, q, qd, tau]
 
@@ -209,7 +209,7 @@ def parameters_of(robot: hil.Robot, theirs: pin.Model, q: Array, qd: Array) -> A
     """Return base parameters that reproduce pinocchio's torques exactly."""
     qdd = np.random.default_rng(1).normal(size=q.shape)
     A = hil.regressor(robot, q, qd, qdd).reshape(q.size, -1)
-    tau = by_pinocchio(pin.rnea, theirs, q, qd, qdd).ravel()
+    tau = call_pinocchio(pin.rnea, theirs, q, qd, qdd).ravel()
     p = np.linalg.lstsq(A, tau, rcond=None)[0]
     assert A @ p == pytest.approx(tau, abs=1e-9 * np.abs(tau).max())
     return p
@@ -231,13 +231,13 @@ class TestAsPinocchio:
     def test_torques_and_gravity(self, bodies) -> None:
         model, theirs, motion = bodies
         parts = ["rigid bodies", "motors"]
-        close(model.predict(*motion, parts=parts), by_pinocchio(pin.rnea, theirs, *motion))
-        gravity = by_pinocchio(pin.computeGeneralizedGravity, theirs, motion[0])
+        close(model.predict(*motion, parts=parts), call_pinocchio(pin.rnea, theirs, *motion))
+        gravity = call_pinocchio(pin.computeGeneralizedGravity, theirs, motion[0])
         close(model.gravity(motion[0]), gravity)
 
     def test_mass_matrix(self, bodies) -> None:
         model, theirs, (q, *_) = bodies
-        upper = np.triu(by_pinocchio(pin.crba, theirs, q))
+        upper = np.triu(call_pinocchio(pin.crba, theirs, q))
         close(model.mass_matrix(q), upper + np.transpose(np.triu(upper, 1), (0, 2, 1)))
 
     def test_coriolis_matrix(self, bodies) -> None:
@@ -245,7 +245,7 @@ class TestAsPinocchio:
         C = model.coriolis(q, qd)
         velocity_product = model.predict(q, qd, 0.0, ["rigid bodies"]) - model.gravity(q)
         close(np.einsum("nij,nj->ni", C, qd), velocity_product)
-        close(C, by_pinocchio(pin.computeCoriolisMatrix, theirs, q, qd))
+        close(C, call_pinocchio(pin.computeCoriolisMatrix, theirs, q, qd))
         h = 1e-5
         rate = (model.mass_matrix(q + h * qd) - model.mass_matrix(q - h * qd)) / (2 * h)
         skew = rate - 2 * C
@@ -255,7 +255,7 @@ class TestAsPinocchio:
         model, theirs, (q, qd, tau) = bodies
         close(
             model.forward_dynamics(q, qd, tau, parts=["rigid bodies", "motors"]),
-            by_pinocchio(pin.aba, theirs, q, qd, tau),
+            call_pinocchio(pin.aba, theirs, q, qd, tau),
         )
 
 
@@ -289,13 +289,13 @@ class TestMachine:
     def test_torques_predict_what_pinocchio_s_robot_needs(self, model, recorded) -> None:
         _, theirs, (_, q, qd, tau) = recorded
         at = np.random.default_rng(9).integers(0, len(q), 200)
-        qdd = by_pinocchio(pin.aba, theirs, q[at], qd[at], tau[at] - friction(qd[at]))
+        qdd = call_pinocchio(pin.aba, theirs, q[at], qd[at], tau[at] - friction(qd[at]))
         left = model.predict(q[at], qd[at], qdd) - tau[at]
         assert (np.abs(left).max(axis=0) < 0.02 * np.abs(tau).max(axis=0)).all()
 
     @pytest.mark.parametrize("law", [("Coulomb", "viscous"), ("Coulomb", "load")])
     def test_forward_dynamics_undoes_predict_also_where_friction_grows_with_load(self, law) -> None:
-        model = with_friction(dict.fromkeys(law, 0.4))
+        model = friction_model(dict.fromkeys(law, 0.4))
         q, qd, qdd = np.random.default_rng(4).uniform(-1, 1, (3, 50, 2))
         close(model.forward_dynamics(q, qd, model.predict(q, qd, qdd)), qdd, share=1e-6)
         one = model.forward_dynamics(q[0], qd[0], model.predict(q[0], qd[0], qdd[0]))
@@ -303,16 +303,16 @@ class TestMachine:
 
     def test_friction_as_large_as_its_load_and_masses_that_no_robot_has_are_refused(self) -> None:
         with pytest.raises(NotEnoughData, match="load-dependent friction"):
-            with_friction({"load": 3.0}).forward_dynamics(0.5, 0.5, 1.0)
+            friction_model({"load": 3.0}).forward_dynamics(0.5, 0.5, 1.0)
         with pytest.raises(NotEnoughData, match=r"the mass matrix of .* is not positive definite"):
-            with_friction({}).forward_dynamics(0.5, 0.5, 1.0, parts=["friction"])
+            friction_model({}).forward_dynamics(0.5, 0.5, 1.0, parts=["friction"])
 
 
 def friction(qd: Array) -> Array:
     return COULOMB * np.sign(qd) + VISCOUS * qd
 
 
-def with_friction(terms: dict[str, float]) -> hil.Model:
+def friction_model(terms: dict[str, float]) -> hil.Model:
     from free_run import TRUTH, arm
 
     from hil.friction.law import AxisLaw, FrictionLaw, TermValue

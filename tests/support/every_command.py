@@ -11,11 +11,11 @@ def every_command() -> dict[str, Any]:
     return {
         name: command
         for first in COMMANDS
-        for name, command in _with_inner(first, import_command(first))
+        for name, command in _inner_commands(first, import_command(first))
     }
 
 
-def _with_inner(name: str, command: Any) -> Iterator[tuple[str, Any]]:
+def _inner_commands(name: str, command: Any) -> Iterator[tuple[str, Any]]:
     yield name, command
     for inner, member in getattr(command, "commands", {}).items():
-        yield from _with_inner(f"{name} {inner}", member)
+        yield from _inner_commands(f"{name} {inner}", member)

@@ -62,7 +62,7 @@ TABLES: dict[tuple[str, str], Callable[[], str]] = {
 """Tables by file and name of the mark."""
 
 
-def with_tables(file: str) -> str:
+def insert_tables(file: str) -> str:
     """Return the text of a file with its tables regenerated."""
     text = (DOCS / file).read_text()
     for (name, mark), made in TABLES.items():
@@ -78,7 +78,7 @@ def _alone(row: Requirement) -> str:
     return _index(row.entry)
 
 
-def _with_others(row: Requirement) -> str:
+def _name_substitutes(row: Requirement) -> str:
     """Return the index of an object, and the indices of its substitutes."""
     mutual = row.instead and row.entry in REQUIREMENTS[row.instead[0]].instead
     entries = sorted((row.entry, *row.instead), key=_index) if mutual else (row.entry, *row.instead)
@@ -93,7 +93,7 @@ def _index(entry: Entry) -> str:
 def _grouped(
     rows: Iterable[Requirement],
     describe: Callable[[Requirement], tuple[str, ...]],
-    named: Callable[[Requirement], str] = _with_others,
+    named: Callable[[Requirement], str] = _name_substitutes,
 ) -> Iterator[tuple[str, ...]]:
     """Yield a line for all objects with equal entries."""
     groups: dict[tuple[str, ...], list[Requirement]] = {}
@@ -121,4 +121,4 @@ def _table(head: tuple[str, ...], lines: Iterable[tuple[str, ...]]) -> str:
 
 if __name__ == "__main__":
     for each, _ in TABLES:
-        (DOCS / each).write_text(with_tables(each))
+        (DOCS / each).write_text(insert_tables(each))

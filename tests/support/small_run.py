@@ -90,7 +90,7 @@ def _place():
     return Path(_temporary().name)
 
 
-def as_on_hardware(journal, bus):
+def state_hardware(journal, bus):
     """Change the `run.json` of a run to state another bus than the virtual plant's."""
     content = json.loads(journal.read_text())
     for session in content["sessions"]:

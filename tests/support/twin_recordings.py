@@ -148,7 +148,7 @@ class TwinRecorder:
         return (robot.q_max + robot.q_min) / 2 + q, qd, qdd
 
 
-def in_units(data: FreeRecorded, gains: dict[int, float]) -> FreeRecorded:
+def scale_gains(data: FreeRecorded, gains: dict[int, float]) -> FreeRecorded:
     """Return recordings with torques of some axes, from 1, in unknown units of size `gains`."""
     found = []
     for motion, recording in data:

@@ -210,7 +210,7 @@ HABITS = {
 }
 
 
-def as_sheet(objects: Objects) -> dict[Place, dict[str, object] | None]:
+def make_sheet(objects: Objects) -> dict[Place, dict[str, object] | None]:
     """Return the same objects as a configuration file."""
     codes = {"u16": 6, "u32": 7}
     return {

@@ -34,7 +34,7 @@ def begun(settled: int = 1, delay: float = 0.0) -> AxisStop:
     return axis
 
 
-def at_rest() -> AxisStop:
+def resting_stop() -> AxisStop:
     """Return the stop of an axis at standstill that confirms the stop at the instant 0."""
     axis = begun()
     axis.step(0.0, STOPPING, 0, fresh=True)
@@ -45,21 +45,21 @@ def at_rest() -> AxisStop:
 
 def switched_off() -> AxisStop:
     """Return the stop of an axis that is off at the instant 0."""
-    axis = at_rest()
+    axis = resting_stop()
     axis.step(0.0, OFF, 0, fresh=True)
     assert axis.phase is StopPhase.OFF
     return axis
 
 
 def test_an_axis_has_rested_for_as_long_as_it_has_stood_still() -> None:
-    axis = at_rest()
+    axis = resting_stop()
     assert axis.resting_time(3.0) == 3.0
     axis.disable(3.0)
     assert axis.resting_time(4.0) == 0.0
 
 
 def test_a_drive_at_rest_may_take_longer_to_switch_off_than_one_in_motion() -> None:
-    axis = at_rest()
+    axis = resting_stop()
     axis.disable(1.0)
     axis.note_sent(1.0)
     axis.step(1.0 + OFF_TIME - 0.01, STOPPING, 0, fresh=True)
@@ -84,13 +84,13 @@ def test_an_axis_that_has_shown_that_it_is_off_stays_off_though_the_stop_is_give
 
 
 def test_an_axis_that_has_not_ended_when_the_stop_is_given_up_is_not_seen_to_be_off() -> None:
-    axis = at_rest()
+    axis = resting_stop()
     axis.hang()
     assert axis.phase is StopPhase.UNSEEN
 
 
 def test_a_drive_that_stays_ready_to_switch_on_counts_as_off_when_its_time_is_over() -> None:
-    axis = at_rest()
+    axis = resting_stop()
     axis.disable(1.0)
     axis.note_sent(1.0)
     assert axis.step(1.0, READY, 0, fresh=True) is Command.DISABLE_VOLTAGE
@@ -142,7 +142,7 @@ def test_an_axis_that_shows_off_and_moves_is_off_only_once_it_rests() -> None:
 
 
 def test_a_drive_has_half_a_second_to_switch_off_and_the_bus_two_to_take_a_command() -> None:
-    axis = at_rest()
+    axis = resting_stop()
     axis.disable(1.0)
     axis.note_sent(1.0)
     axis.step(1.51, STOPPING, 0, fresh=True)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from local_bench import build
-from requirement_tables import DOCS, TABLES, with_tables
+from requirement_tables import DOCS, TABLES, insert_tables
 
 from drivers.canopen.rules import REQUIREMENTS
 from drivers.cia402 import objects
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @pytest.mark.parametrize("file", [file for file, _ in TABLES])
 def test_the_documentation_has_the_table_as_it_is(file: str) -> None:
     remedy = "write it anew: python tests/support/requirement_tables.py"
-    assert (DOCS / file).read_text() == with_tables(file), remedy
+    assert (DOCS / file).read_text() == insert_tables(file), remedy
 
 
 @pytest.mark.parametrize("names", [VELOCITIES, ACCELERATIONS])

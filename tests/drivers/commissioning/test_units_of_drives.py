@@ -12,7 +12,7 @@ import yaml
 from canopen_drive_bus import CanopenDriveBus
 from data_sheets import sheet
 from local_bench import axis, never_energised
-from unit_dictionaries import HABITS, Habit, as_sheet, words
+from unit_dictionaries import HABITS, Habit, make_sheet, words
 
 from checked_files.yaml_file import UNSTATED
 from drivers.axis import AxisScale
@@ -54,7 +54,7 @@ def checked(habit: Habit, **changes: Any) -> list[Verdict]:
 @pytest.mark.parametrize("name", NAMES)
 def test_a_draft_states_what_the_drive_proves_and_nothing_else(name: str) -> None:
     habit = HABITS[name]
-    dictionary = parse_eds(sheet(as_sheet(habit.objects)).encode(), "drive.dcf", 1)
+    dictionary = parse_eds(sheet(make_sheet(habit.objects)).encode(), "drive.dcf", 1)
     text = draft_drives([DraftedAxis(dictionary, review(dictionary, RULES), 1)], RULES)
     marked = set(re.findall(rf"(\w+): {UNSTATED}", text))
     read = yaml.safe_load(re.sub(rf"{UNSTATED} .*", "0", text))["axes"][0]

@@ -394,7 +394,7 @@ def values(drive: Any) -> Iterator[tuple[tuple[int, int], bytes]]:
                 yield (index, sub), drive.node.get_data(index, sub)
 
 
-def as_delivered(can_bus: Any, changes: dict[int, Any] | None = None) -> bool:
+def has_delivered_values(can_bus: Any, changes: dict[int, Any] | None = None) -> bool:
     """Return True if all drives have their values from before the first session."""
     fresh = local_drives.LocalBus(NODES, changes or {})
     return all(
@@ -411,10 +411,10 @@ def test_what_a_killed_session_left_is_put_back_and_doing_it_twice_is_harmless(
 ) -> None:
     path = tmp_path / "found.yaml"
     with crashed(path, SERIALS) as can_bus:
-        assert not as_delivered(can_bus, SERIALS)
+        assert not has_delivered_values(can_bus, SERIALS)
         settings = load_found_settings(path)
         first = list(put_back(CanopenBus(can_bus), settings))
-        assert as_delivered(can_bus, SERIALS)
+        assert has_delivered_values(can_bus, SERIALS)
         assert all(each.written and not each.problem for each in first)
         can_bus.sent.clear()
         again = list(put_back(CanopenBus(can_bus), settings))
@@ -464,7 +464,7 @@ def test_values_kept_by_a_killed_session_stand_for_the_next_one(tmp_path: Path) 
         keeper = SettingsKeeper(path, write_file)
         with CanopenDriveBus(can_bus, drives_file(), keeper=keeper):
             pass
-        assert as_delivered(can_bus)
+        assert has_delivered_values(can_bus)
         assert load_found_settings(path).restored
 
 

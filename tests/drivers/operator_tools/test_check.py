@@ -45,12 +45,12 @@ def unpowered(bus: Any, drives: Any) -> list[Verdict]:
     return found
 
 
-def of_grade(grade: Grade, verdicts: list[Verdict]) -> dict[str, str]:
+def select_grade(grade: Grade, verdicts: list[Verdict]) -> dict[str, str]:
     return {v.check: str(v) for v in verdicts if v.grade is grade}
 
 
 def refusals(verdicts: list[Verdict]) -> dict[str, str]:
-    return of_grade(Grade.REFUSED, verdicts)
+    return select_grade(Grade.REFUSED, verdicts)
 
 
 def test_on_a_sound_plant_nothing_is_refused_and_all_axes_end_switched_off() -> None:
@@ -107,7 +107,7 @@ def test_limits_of_a_drive_that_are_tighter_than_the_files_hold_and_are_noted(
     with bench(narrow) as bus:
         verdicts = checked(bus, drives_of(1))
     assert refusals(verdicts) == {}
-    found = of_grade(Grade.WARNING, verdicts)
+    found = select_grade(Grade.WARNING, verdicts)
     assert "[-1.745, 1.745] rad (file: [-2.88, 2.88])" in found["software limits (607D)"]
     assert "the tighter of both applies, [-1.745, 1.745] rad" in found["software limits (607D)"]
     assert "lower limits.torque" in found["max torque (6072)"]
@@ -179,7 +179,7 @@ def test_a_current_that_shows_nothing_but_zero_leaves_its_sign_open() -> None:
             frame.data[6:8] = b"\0\0"
 
     with bench(alter=dead) as bus:
-        warnings = of_grade(Grade.WARNING, checked(bus, drives_of(1)))
+        warnings = select_grade(Grade.WARNING, checked(bus, drives_of(1)))
     assert "too little to decide" in warnings["sign of the current"]
 
 
@@ -205,7 +205,7 @@ def test_which_way_the_joint_turned_is_asked_of_the_operator(
 
 def test_where_nobody_can_be_asked_the_direction_is_a_warning() -> None:
     with bench() as bus:
-        warnings = of_grade(Grade.WARNING, checked(bus, drives_of(1)))
+        warnings = select_grade(Grade.WARNING, checked(bus, drives_of(1)))
     assert "not asked" in warnings["sign and size of the motion"]
 
 
@@ -296,13 +296,13 @@ def test_the_stopwatch_takes_the_last_answer_to_each_sync() -> None:
         assert bus.answers == pytest.approx([0.003, 0.002])
 
 
-def on_personality(name: str, **changes: Any) -> list[Verdict]:
+def check_personality(name: str, **changes: Any) -> list[Verdict]:
     with can.Bus("manutec-r15", "sim_plant", ignore_config=True, personality=name) as bus:
         return checked(bus, drives_of(1, **changes))
 
 
 def test_what_a_drive_lacks_is_told_once_with_what_follows() -> None:
-    verdicts = on_personality("bare")
+    verdicts = check_personality("bare")
     assert refusals(verdicts) == {}
     stated = [v for v in verdicts if v.grade is Grade.WARNING and "6007" in str(v)]
     assert len(stated) == 1
@@ -311,21 +311,21 @@ def test_what_a_drive_lacks_is_told_once_with_what_follows() -> None:
 
 
 def test_a_drive_that_cannot_watch_our_heartbeat_is_refused() -> None:
-    lacking = refusals(on_personality("no-watchdog"))["objects that measuring needs"]
+    lacking = refusals(check_personality("no-watchdog"))["objects that measuring needs"]
     assert "1016:01 (consumer heartbeat time) is missing" in lacking
 
 
 def test_a_drive_that_cannot_watch_our_heartbeat_serves_where_something_else_stops_it() -> None:
     reason = "the cell's safety controller cuts the power"
-    verdicts = on_personality("no-watchdog", allow_no_heartbeat=reason)
+    verdicts = check_personality("no-watchdog", allow_no_heartbeat=reason)
     assert refusals(verdicts) == {}
     (stated,) = [v for v in verdicts if "1016" in str(v)]
     assert (stated.grade, stated.check) == (Grade.WARNING, "objects that measuring needs")
 
 
 def test_what_showed_without_power_is_not_stated_again_with_power() -> None:
-    assert [v for v in on_personality("bare") if v.check == "configuration"] == []
-    rounded = [v for v in on_personality("rounding") if v.check == "configuration"]
+    assert [v for v in check_personality("bare") if v.check == "configuration"] == []
+    rounded = [v for v in check_personality("rounding") if v.check == "configuration"]
     assert {v.place for v in rounded} == {"joint 1 (node 1)"}
     assert all("the drive rounds or limits it" in v.found for v in rounded)
     assert len(rounded) > 3
@@ -353,8 +353,8 @@ def test_a_tighter_limit_of_current_is_stated_whatever_the_current_is_shown_in(b
 
 
 def test_a_drive_in_rpm_that_the_file_takes_for_increments_is_refused_before_it_moves() -> None:
-    verdicts = on_personality("tenth-rpm")
-    assert "max profile velocity (607F)" in of_grade(Grade.WARNING, verdicts)
+    verdicts = check_personality("tenth-rpm")
+    assert "max profile velocity (607F)" in select_grade(Grade.WARNING, verdicts)
     found = refusals(verdicts)
     assert "0.1 rpm (FFB44700h) (file: inc/s)" in found["SI unit velocity (60A9)"]
     assert "nothing was powered on" in found["motion"]
@@ -363,7 +363,7 @@ def test_a_drive_in_rpm_that_the_file_takes_for_increments_is_refused_before_it_
 def test_rms_and_peak_confused_show_in_the_torque_constant() -> None:
     with bench() as bus:
         constant = drives_of(1).axes[0].torque_constant
-        warnings = of_grade(
+        warnings = select_grade(
             Grade.WARNING, checked(bus, drives_of(1, torque_constant=constant * math.sqrt(2)))
         )
     assert "rms and peak are confused" in warnings["torque constant"]
@@ -373,7 +373,7 @@ def test_where_the_drive_confirms_its_ratings_the_torque_constant_is_wrong() -> 
     with bench() as bus:
         constant = drives_of(1).axes[0].torque_constant
         found = unpowered(bus, drives_of(1, torque_constant=2 * constant))
-        warnings = of_grade(Grade.WARNING, found)
+        warnings = select_grade(Grade.WARNING, found)
     assert f"correct torque_constant: {constant:.3g}" in warnings["torque constant"]
 
 
@@ -382,7 +382,7 @@ def test_an_amplitude_that_is_stated_as_the_other_is_named() -> None:
     other = {"rms": "peak", "peak": "rms"}[axis.torque_constant_amplitude]
     with bench() as bus:
         drives = drives_of(1, torque_constant_amplitude=other)
-        warnings = of_grade(Grade.WARNING, unpowered(bus, drives))
+        warnings = select_grade(Grade.WARNING, unpowered(bus, drives))
     stated = f"torque_constant_amplitude: {axis.torque_constant_amplitude} or current.amplitude"
     assert stated in warnings["torque constant"]
 

@@ -66,7 +66,7 @@ def stated(*axes: int, basis: str) -> DrivesFile:
 
 
 @pytest.fixture
-def without_torque(tmp_path: Path) -> str:
+def torqueless(tmp_path: Path) -> str:
     """Personality with current in mA and without a torque object."""
     path = tmp_path / "alone.yaml"
     path.write_text("name: alone\ncurrent: {unit: mA}\nmissing: [0x6077]\n")
@@ -96,10 +96,10 @@ def test_a_current_in_another_unit_than_stated_is_refused_with_the_unit_that_fit
 
 
 def test_without_the_torque_beside_it_the_load_that_no_motor_holds_tells(
-    without_torque: str,
+    torqueless: str,
 ) -> None:
     # joint 2 holds its arm with 90 % of the rated torque; mA taken for per mille give 233 %
-    light, heavy = verdicts(stated(1, 2, basis=BASES[1]), UNIT, personality=without_torque)
+    light, heavy = verdicts(stated(1, 2, basis=BASES[1]), UNIT, personality=torqueless)
     assert "undecided" in light.found
     assert "contradicts" in heavy.found
     assert heavy.grade is Grade.WARNING

@@ -137,11 +137,11 @@ def test_an_axis_moves_as_before_after_homing() -> None:
 
 
 def test_a_drive_without_homing_mode_is_refused_with_what_to_do_instead() -> None:
-    def without(frame: can.Message) -> None:
+    def drop(frame: can.Message) -> None:
         if frame.arbitration_id & 0x780 == 0x580 and frame.data[1:3] == b"\x02\x65":
             frame.data[4] = 1
 
-    with bench(alter=without) as bus:
+    with bench(alter=drop) as bus:
         with pytest.raises(DriveRefused, match=r"no homing mode .* state the position there"):
             homed(bus, 1)
         assert not bus.powered

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 PER_RADIAN = 4096 * 100 / (2 * math.pi)
 
 
-def on(can_bus: Any, **changes: Any) -> CanopenDriveBus:
+def open_bus(can_bus: Any, **changes: Any) -> CanopenDriveBus:
     return CanopenDriveBus(can_bus, drives_file(**changes))
 
 
@@ -51,7 +51,7 @@ def show(drive: Any, current: int) -> None:
 def test_an_axis_that_leaves_its_place_stops_all_within_two_syncs(
     can_bus: Any, way: float, at: int
 ) -> None:
-    with on(can_bus, trip={"velocity": 1000.0}) as drive_bus:
+    with open_bus(can_bus, trip={"velocity": 1000.0}) as drive_bus:
         for _ in range(at):
             drive_bus.sample()
         can_bus.drives[1].position += way * PER_RADIAN
@@ -67,7 +67,7 @@ def test_an_axis_that_leaves_its_place_stops_all_within_two_syncs(
 
 
 def test_an_axis_may_be_anywhere_on_its_way(can_bus: Any) -> None:
-    with on(can_bus) as drive_bus:
+    with open_bus(can_bus) as drive_bus:
         drive_bus.move({0: Move(0.5, 1.0, 10.0)})
         until(drive_bus, lambda sample: sample.reached)
         drive_bus.move({0: Move(-0.5, 1.0, 10.0)})
@@ -77,7 +77,7 @@ def test_an_axis_may_be_anywhere_on_its_way(can_bus: Any) -> None:
 
 
 def test_an_axis_that_runs_the_wrong_way_is_stopped(can_bus: Any) -> None:
-    with on(can_bus) as drive_bus:
+    with open_bus(can_bus) as drive_bus:
         drive_bus.move({0: Move(0.5, 1.0, 10.0)})
         until(drive_bus, lambda sample: sample.q[0] > 0.01)
         can_bus.drives[1].target = -0.5 * PER_RADIAN
@@ -86,7 +86,7 @@ def test_an_axis_that_runs_the_wrong_way_is_stopped(can_bus: Any) -> None:
 
 
 def test_an_axis_may_not_go_back_where_its_last_move_came_from(can_bus: Any) -> None:
-    with on(can_bus) as drive_bus:
+    with open_bus(can_bus) as drive_bus:
         for target in (0.5, 0.4):
             drive_bus.move({0: Move(target, 1.0, 10.0)})
             until(drive_bus, lambda sample: sample.reached)
@@ -99,7 +99,7 @@ def test_an_axis_may_not_go_back_where_its_last_move_came_from(can_bus: Any) -> 
 
 
 def test_an_encoder_that_jumps_within_the_corridor_is_noticed(can_bus: Any) -> None:
-    with on(can_bus) as drive_bus:
+    with open_bus(can_bus) as drive_bus:
         drive_bus.move({1: Move(1.0, 1.0, 10.0)})
         until(drive_bus, lambda sample: sample.q[1] > 0.2)
         can_bus.drives[2].position -= 0.3 * PER_RADIAN
@@ -116,13 +116,13 @@ def test_an_encoder_that_jumps_within_the_corridor_is_noticed(can_bus: Any) -> N
 
 
 def test_full_speed_is_no_overspeed(can_bus: Any) -> None:
-    with on(can_bus) as drive_bus:
+    with open_bus(can_bus) as drive_bus:
         drive_bus.move({0: Move(1.5, 2.0, 20.0)})
         assert until(drive_bus, lambda sample: sample.reached).q[0] == pytest.approx(1.5, abs=1e-4)
 
 
 def test_way_made_while_tpdos_were_lost_is_not_taken_for_speed(can_bus: Any) -> None:
-    with on(can_bus) as drive_bus:
+    with open_bus(can_bus) as drive_bus:
         drive_bus.move({0: Move(1.5, 2.0, 20.0)})
         until(drive_bus, lambda sample: sample.q[0] > 0.1)
         can_bus.outgoing = lambda frame: [] if frame.arbitration_id == 0x181 else [frame]
@@ -136,7 +136,7 @@ def test_way_made_while_tpdos_were_lost_is_not_taken_for_speed(can_bus: Any) -> 
 
 
 def test_torque_near_the_limit_for_long_stops_all_axes(can_bus: Any) -> None:
-    with on(can_bus) as drive_bus:
+    with open_bus(can_bus) as drive_bus:
         show(can_bus.drives[2], -2900)
         with pytest.raises(
             Tripped, match=r"joint 2 .*: 290 N m for 0.5\d* s, at most .* s above 285 N m"
@@ -146,7 +146,7 @@ def test_torque_near_the_limit_for_long_stops_all_axes(can_bus: Any) -> None:
 
 
 def test_torque_may_peak_for_a_short_time(can_bus: Any) -> None:
-    with on(can_bus) as drive_bus:
+    with open_bus(can_bus) as drive_bus:
         for current, samples in 4 * ((2900, 100), (100, 25)):
             show(can_bus.drives[2], current)
             for _ in range(samples):
@@ -154,7 +154,7 @@ def test_torque_may_peak_for_a_short_time(can_bus: Any) -> None:
 
 
 def test_a_stated_torque_trip_counts(can_bus: Any) -> None:
-    with on(can_bus, trip={"torque": 20.0, "torque_time": 0.1}) as drive_bus:
+    with open_bus(can_bus, trip={"torque": 20.0, "torque_time": 0.1}) as drive_bus:
         show(can_bus.drives[1], 250)
         with pytest.raises(Tripped, match=r"25 N m for 0.1\d* s, at most .* s above 20 N m"):
             until(drive_bus, lambda _: False)
@@ -218,7 +218,7 @@ def test_all_limits_are_in_the_drive_too() -> None:
     indices = (0x6080, 0x60C5, 0x60C6, 0x6085)
     objects = {(index, 0): ("u32", 0) for index in indices}
     bus = local_drives.LocalBus(NODES, {1: objects})
-    with bus, on(bus):
+    with bus, open_bus(bus):
         first = bus.drives[1]
         velocity, acceleration = int(2 * PER_RADIAN), int(20 * PER_RADIAN)
         assert values(first, 0x607F, 0x6080, 0x6072) == [velocity, 1910, 3000]
@@ -229,7 +229,7 @@ def test_all_limits_are_in_the_drive_too() -> None:
 def test_one_limit_of_speed_in_the_drive_is_enough(present: tuple[int, ...], noted: bool) -> None:
     objects = {(i, 0): ("u32", 0) if i in present else None for i in (0x607F, 0x6080)}
     bus = local_drives.LocalBus(NODES, {2: objects})
-    with bus, on(bus) as drive_bus:
+    with bus, open_bus(bus) as drive_bus:
         words = (
             "joint 2 (node 2): no object 607F:00 (max profile velocity) nor 6080:00 (max motor"
             " speed): only the driver enforces this limit, not the drive"
@@ -239,7 +239,7 @@ def test_one_limit_of_speed_in_the_drive_is_enough(present: tuple[int, ...], not
 
 def test_where_torque_cannot_be_limited_the_current_is() -> None:
     bus = local_drives.LocalBus(NODES, {2: {(0x6072, 0): None, (0x6073, 0): ("u16", 9999)}})
-    with bus, on(bus):
+    with bus, open_bus(bus):
         assert bus.drives[2].value(0x6073) == 3000
 
 
@@ -249,7 +249,7 @@ def test_where_torque_cannot_be_limited_the_current_is() -> None:
 REASON = "the cell's light curtain cuts the power"
 
 
-def with_reason() -> DrivesFile:
+def state_reason() -> DrivesFile:
     axes = [axis(node, allow_no_heartbeat=REASON) for node in range(1, NODES + 1)]
     return DrivesFile.model_validate({"bitrate": 1_000_000, "axes": axes})
 
@@ -264,12 +264,12 @@ def test_a_watch_that_does_not_read_back_is_refused_even_with_a_reason() -> None
     bus = local_drives.LocalBus(NODES, {})
     bus.drives[2].insists[0x1016, 1] = 0
     with bus, pytest.raises(DriveRefused, match=r"1016.* reads back 0 after"):
-        CanopenDriveBus(bus, with_reason()).__enter__()
+        CanopenDriveBus(bus, state_reason()).__enter__()
 
 
 def test_with_a_reason_the_drive_serves_and_the_reason_is_shown() -> None:
     bus = local_drives.LocalBus(NODES, {2: {(0x1016, 1): None}})
-    with bus, CanopenDriveBus(bus, with_reason()) as drive_bus:
+    with bus, CanopenDriveBus(bus, state_reason()) as drive_bus:
         assert any(note.endswith(f"allowed because: {REASON}") for note in drive_bus.notes)
         assert bus.drives[1].value(0x1016, 1) == 127 << 16 | 500
 

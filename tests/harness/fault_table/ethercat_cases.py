@@ -32,7 +32,7 @@ def _put(place: int, size: int, value: int, node: Any) -> None:
     node.controller.put(place, size, value)
 
 
-def _of_drives() -> Iterator[Case]:
+def _drive_cases() -> Iterator[Case]:
     """Return rows of drives, sensors and motors, independent of the bus."""
     for case in CASES:
         if case.foreign:
@@ -133,5 +133,5 @@ ETHERCAT_CASES = (
     ),
     *_outages(What.TRANSMIT_OUTAGE),
     *_outages(What.RECEIVE_OUTAGE),
-    *_of_drives(),
+    *_drive_cases(),
 )  # fmt: skip

@@ -48,13 +48,13 @@ def _broken(case: Case, outcome: Outcome) -> list[str]:
         f"energised: {outcome.energised}": case.energised in (None, outcome.energised),
         "all axes are off": outcome.off,
         f"axes {sorted(outcome.unwatched)} energised with the watchdog off": not outcome.unwatched,
-        **_of_the_stop(case, outcome),
+        **_stop_promises(case, outcome),
         "recorded to the end": bool(outcome.kept) or not goes_on,
     }
     return [promise for promise, kept in promises.items() if not kept]
 
 
-def _of_the_stop(case: Case, outcome: Outcome) -> dict[str, bool]:
+def _stop_promises(case: Case, outcome: Outcome) -> dict[str, bool]:
     """Return promises on distance and time, each with True if it was kept."""
     promises = {}
     if outcome.error is not None and (case.interrupted or case.outage):

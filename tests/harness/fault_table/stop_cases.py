@@ -54,11 +54,11 @@ def powering_up(frame: can.Message) -> bool:
 
 def _outages(what: What) -> Iterator[Case]:
     for length in LENGTHS:
-        yield _at_interruption(what, length)
+        yield _interruption(what, length)
     for length in LENGTHS:
-        yield _in_a_stroke(what, length)
+        yield _stroke_case(what, length)
     for length in LENGTHS:
-        yield _in_powering_up(what, length)
+        yield _power_up_case(what, length)
 
 
 def _names(what: What, length: float, moment: str) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def _names(what: What, length: float, moment: str) -> dict[str, Any]:
     return {"name": named.format(f"{1000 * length:.0f}"), "kind": named}
 
 
-def _at_interruption(what: What, length: float) -> Case:
+def _interruption(what: What, length: float) -> Case:
     return Case(
         does=_STOPS_AGAIN, faults=(everywhere(what, SECOND_STROKE, Span(time=length)),),
         error=KeyboardInterrupt, reads="", interrupted=True, outage=length,
@@ -75,7 +75,7 @@ def _at_interruption(what: What, length: float) -> Case:
     )  # fmt: skip
 
 
-def _in_a_stroke(what: What, length: float) -> Case:
+def _stroke_case(what: What, length: float) -> Case:
     case = partial(
         Case, faults=(everywhere(what, SECOND_STROKE, Span(time=length)),), outage=length,
         **_names(what, length, "in a stroke"),
@@ -94,7 +94,7 @@ def _in_a_stroke(what: What, length: float) -> Case:
     )  # fmt: skip
 
 
-def _in_powering_up(what: What, length: float) -> Case:
+def _power_up_case(what: What, length: float) -> Case:
     case = partial(
         Case, faults=(everywhere(what, When(time=0), Span(time=length)),), outage=length,
         condition=powering_up, **_names(what, length, "in powering up"),

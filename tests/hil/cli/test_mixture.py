@@ -8,7 +8,7 @@ import numpy as np
 from free_run import write_free_run
 from small_run import write_run
 from trajectory_run import recorded, some_trajectory
-from twin_recordings import in_units
+from twin_recordings import scale_gains
 
 from hil import regression
 from hil.planning.free_motion import FreeMotion
@@ -55,7 +55,7 @@ def test_unknown_gains_of_an_import_are_found_beside_strokes(
     truth = {axis: 10.0 * axis for axis in range(1, manutec.n_joints + 1)}
     first, csv = tmp_path / "first", tmp_path / "csv"
     write_run(first, manutec)
-    run = write_free_run(csv, manutec, in_units([(motion, recording)], truth))
+    run = write_free_run(csv, manutec, scale_gains([(motion, recording)], truth))
 
     found = regression(Run.open(first), run).fit()
     alone = regression(run).fit()

@@ -57,7 +57,7 @@ class Machine(Linux):
 ALL = ("scheduling", "memory", "core", "idle states")
 
 
-def by_name(measures: tuple[str, ...]) -> dict[str, str]:
+def name_measures(measures: tuple[str, ...]) -> dict[str, str]:
     return {measure.partition(":")[0]: measure for measure in measures}
 
 
@@ -86,7 +86,7 @@ def test_all_is_given_back_after_an_interrupt_too() -> None:
 def test_what_is_refused_is_stated_with_the_reason_and_the_remedy(missing: str) -> None:
     machine = Machine(*(set(ALL) - {missing}), isolated={1})
     with real_time(machine) as measures:
-        found = by_name(measures)
+        found = name_measures(measures)
     assert f"{missing}: not granted (Operation not permitted); " in found[missing]
     remedies = {
         "scheduling": "rtprio",
@@ -101,7 +101,7 @@ def test_what_is_refused_is_stated_with_the_reason_and_the_remedy(missing: str) 
 def test_a_shared_core_is_never_occupied() -> None:
     machine = Machine(*ALL)
     with real_time(machine) as measures:
-        core = by_name(measures)["core"]
+        core = name_measures(measures)["core"]
     assert not any(done.startswith("pin") for done in machine.log)
     assert core == (
         "core: 2 shared with everything else; set one aside with isolcpus=N among the kernel's"
@@ -198,7 +198,7 @@ def test_this_machine_has_what_is_said_and_everything_is_as_before_afterwards() 
     before = state()
     inherited: list[int] = []
     with real_time() as measures:
-        found = by_name(measures)
+        found = name_measures(measures)
         policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
         assert (policy == os.SCHED_FIFO) is granted(found["scheduling"])
         assert (locked() > 0) is granted(found["memory"])

@@ -43,7 +43,7 @@ STEPS = (
 )
 
 
-def without(*arguments: object, place: Path) -> subprocess.CompletedProcess[str]:
+def run_without_numba(*arguments: object, place: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(  # noqa: S603 - our own program
         [sys.executable, "-c", ABSENT, *map(str, arguments)],
         cwd=place, capture_output=True, text=True, check=False,
@@ -58,7 +58,7 @@ def test_a_recording_gives_the_same_figures(
     monkeypatch.chdir(tmp_path / "with")
     for step in STEPS:
         status, shown, err = hil(*step)
-        done = without(*step, place=tmp_path / "without")
+        done = run_without_numba(*step, place=tmp_path / "without")
         assert (status, err, done.returncode, done.stderr) == (0, "", 0, ""), step
         if step[0] == "validate":
             assert done.stdout == shown
@@ -72,7 +72,7 @@ def test_a_recording_gives_the_same_figures(
 
 
 def test_the_virtual_plant_says_what_it_needs(tmp_path: Path) -> None:
-    without("plan", "manutec-r15", "-o", "plan.yaml", place=tmp_path)
-    done = without("run", "plan.yaml", "-o", "run", place=tmp_path)
+    run_without_numba("plan", "manutec-r15", "-o", "plan.yaml", place=tmp_path)
+    done = run_without_numba("run", "plan.yaml", "-o", "run", place=tmp_path)
     assert (done.returncode, "Traceback" in done.stderr) == (1, False), done.stderr
     assert "the virtual plant needs Numba, which is not installed: pip install numba" in done.stderr

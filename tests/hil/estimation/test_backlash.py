@@ -50,7 +50,7 @@ def torque_of_gap(seed: int, axis: int, gap: float) -> Array:
     return np.column_stack([np.interp(at - 0.5, at, x) for x in mean.T])
 
 
-def with_gap(data: FreeRecorded, axis: int, gap: float) -> FreeRecorded:
+def add_gap(data: FreeRecorded, axis: int, gap: float) -> FreeRecorded:
     found = []
     for seed, (motion, recording) in enumerate(data):
         change = torque_of_gap(seed, axis, gap)[: len(recording.tau)]
@@ -67,14 +67,14 @@ def good() -> FreeRecorded:
 def test_backlash_is_named_with_its_axis_and_its_size(
     good: FreeRecorded, axis: int, gap: float
 ) -> None:
-    proof = proved(arm(), with_gap(good, axis, gap))
+    proof = proved(arm(), add_gap(good, axis, gap))
     assert proof is not None
     first, *_ = proof.found
     assert (first.cause, first.axes) == ("play", (axis + 1,))
     assert first.size == pytest.approx(np.degrees(gap), rel=0.25)
 
 
-def with_twist(data: FreeRecorded, axis: int, compliance: float) -> FreeRecorded:
+def add_twist(data: FreeRecorded, axis: int, compliance: float) -> FreeRecorded:
     """Return the link angle less compliance times transmitted torque, as in an elastic gear."""
     robot, found = arm(), []
     for seed, (motion, recording) in enumerate(data):
@@ -95,7 +95,7 @@ def test_the_error_of_a_fitted_compliance_is_no_other_cause(
     good: FreeRecorded, axis: int, share: float
 ) -> None:
     compliance = 2e-4
-    twisted = with_twist(good, axis, compliance)
+    twisted = add_twist(good, axis, compliance)
     fitted = replace(
         directly_driven(arm()),
         lag=np.zeros(2),

@@ -28,10 +28,10 @@ ROBOT = arm()
 
 @pytest.fixture(scope="module")
 def strokes() -> list[tuple[FreeMotion, Recording]]:
-    return campaign(ROBOT, TRUTH, without_load)
+    return campaign(ROBOT, TRUTH, unloaded_friction)
 
 
-def without_load(qd: Array, time: Array, load: Array) -> Array:
+def unloaded_friction(qd: Array, time: Array, load: Array) -> Array:
     return curved(qd, time, 0.0 * load)
 
 

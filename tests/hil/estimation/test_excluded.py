@@ -120,7 +120,7 @@ def limit(_q: Array, tau: Array, _time: Array) -> None:
     np.clip(tau[:, 0], -60.0, 60.0, out=tau[:, 0])
 
 
-def without_load(qd: Array, time: Array, load: Array) -> Array:
+def unloaded_friction(qd: Array, time: Array, load: Array) -> Array:
     return curved(qd, time, 0.0 * load)
 
 
@@ -165,7 +165,7 @@ def test_what_periods_of_a_trajectory_repeat_is_one_sample(manutec: Robot) -> No
 def test_noise_of_an_axis_at_rest_does_not_show_that_a_position_is_late() -> None:
     """If one axis moves at a time, relative position delays are not observable."""
     rng = np.random.default_rng(1)
-    strokes = campaign(arm(), ARM, without_load)
+    strokes = campaign(arm(), ARM, unloaded_friction)
     loud = changed(strokes, lambda q, _tau, _t: q.__iadd__(rng.normal(scale=1e-4, size=q.shape)))
     prepared = [(motion, signals(recording)) for motion, recording in loud]
     solver = SimultaneousFit(arm(), prepared)
@@ -176,7 +176,7 @@ def test_noise_of_an_axis_at_rest_does_not_show_that_a_position_is_late() -> Non
 
 def test_a_zero_is_not_named_with_a_slip_before_anything_was_measured(robot: Robot) -> None:
     p = np.array([TRUTH[head] for head in base_parameters(robot).heads])
-    strokes = campaign(robot, p, without_load)
+    strokes = campaign(robot, p, unloaded_friction)
     (found,) = found_in(robot, changed(strokes, zero_of_one_degree))
     assert found.cause == "load"
     assert [each for each in found.others if "joint offset error" in each]

@@ -163,14 +163,14 @@ class TestExactness:
     def test_missing_samples_do_not_bias_the_result(self, robot, symmetric):
         rng = np.random.default_rng(4)
 
-        def with_gaps():
+        def gappy_run():
             for measurement, recording in symmetric:
                 q, tau = recording.q.copy(), recording.tau.copy()
                 lost = rng.random(len(q)) < 0.004
                 q[lost], tau[lost] = np.nan, np.nan
                 yield measurement, replace(recording, q=q, tau=tau)
 
-        assert relative_error(estimate(robot, with_gaps()).p) < 1e-5
+        assert relative_error(estimate(robot, gappy_run()).p) < 1e-5
 
 
 class TestCalibration:

@@ -72,11 +72,11 @@ def found_between(robot, runs, mass=None, **gains):
     fit = SimultaneousFit(robot, prepared(runs[0]))
     bare, p = stroke_evidence(fit.recorded, fit.loaded), fit.solve()
 
-    def with_load(change):
+    def add_load(change):
         items = condensed_like(robot, fit, prepared(runs[1]), p + change)
         return [stroke_evidence(items, fit.loaded)]
 
-    return fit_load(robot, [bare], with_load, mass, **gains)
+    return fit_load(robot, [bare], add_load, mass, **gains)
 
 
 def test_mass_and_centre_of_a_load_are_found(robot, runs):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import special
 from synthetic import Friction, record
-from twin_recordings import TwinRecorder, brick, in_units
+from twin_recordings import TwinRecorder, brick, scale_gains
 
 from hil.estimation.free_motion.gathering import Gathered, gather
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
@@ -79,7 +79,7 @@ def test_a_known_mass_fixes_the_gains_of_all_axes_though_nothing_else_does(
     without_rotors.robot = parse_robot(text, "scara without rotors")
     gains = {1: 0.1, 2: 3.0, 3: 20.0, 4: 0.01}
     pair = [
-        in_units(without_rotors.recorded(seed, load, n=2), gains)
+        scale_gains(without_rotors.recorded(seed, load, n=2), gains)
         for seed, load in ((1, None), (2, LOAD))
     ]
     runs = [gathered(without_rotors, data, open_scale=True) for data in pair]

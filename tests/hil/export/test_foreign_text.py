@@ -62,7 +62,7 @@ READERS: dict[str, Callable[[str], str]] = {
 """Readers of a file by its ending: all content but comments and origin."""
 
 
-def with_text(model: Model, text: str) -> tuple[Model, tuple[str, ...]]:
+def insert_text(model: Model, text: str) -> tuple[Model, tuple[str, ...]]:
     """Return a failed model with a text in its provenance and verdict, and its origin."""
     about = {"method": text, "version": text, "identified": text, "together_with": (text,)}
     verdict = Judgement(word="failed", reason=text)
@@ -82,7 +82,7 @@ def test_a_text_of_origin_and_verdict_changes_nothing_but_comments(
         model = find_consistent_robot(model_of(robot, *possible(robot)))
     plain, hostile = (
         export(own, name, lines).files
-        for own, lines in (with_text(model, "plain"), with_text(model, TEXT))
+        for own, lines in (insert_text(model, "plain"), insert_text(model, TEXT))
     )
     assert list(plain) == list(hostile)
     assert any("injected" in text for text in hostile.values())

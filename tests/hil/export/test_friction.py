@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hil.results.model import Model
 
 
-def with_terms(presliding: float = 0.0, **terms: float) -> Model:
+def set_terms(presliding: float = 0.0, **terms: float) -> Model:
     """Return a model whose axes all have one law with these coefficients, at speeds up to 2."""
     law = AxisLaw(
         law="stated",
@@ -42,36 +42,36 @@ def with_terms(presliding: float = 0.0, **terms: float) -> Model:
 
 
 def test_a_law_of_coulomb_and_viscous_friction_is_itself() -> None:
-    first = simple_friction(with_terms(Coulomb=5.0, viscous=3.0))[0]
+    first = simple_friction(set_terms(Coulomb=5.0, viscous=3.0))[0]
     assert (first.coulomb, first.viscous) == pytest.approx((5.0, 1.5))  # per rad/s
     assert first.misfit < 1e-12
     assert first.stribeck.misfit < 1e-12
 
 
 def test_coulomb_friction_of_an_axis_with_presliding_is_not_dropped() -> None:
-    first = simple_friction(with_terms(presliding=2e-3, Coulomb=5.0, viscous=3.0))[0]
+    first = simple_friction(set_terms(presliding=2e-3, Coulomb=5.0, viscous=3.0))[0]
     assert (first.coulomb, first.viscous) == pytest.approx((5.0, 1.5))
     assert first.misfit < 1e-12
     assert first.size == pytest.approx(6.7, abs=0.1)
 
 
 def test_what_differs_by_direction_is_left_out_and_counts_as_misfit() -> None:
-    first = simple_friction(with_terms(Coulomb=5.0, viscous=3.0, offset=0.7))[0]
+    first = simple_friction(set_terms(Coulomb=5.0, viscous=3.0, offset=0.7))[0]
     assert (first.coulomb, first.viscous) == pytest.approx((5.0, 1.5))
     assert first.misfit == pytest.approx(0.7)
 
 
 def test_a_constant_torque_is_named_where_a_format_has_no_place_for_it() -> None:
-    left_out = friction_remarks(with_terms(Coulomb=5.0, viscous=3.0, offset=0.7))
+    left_out = friction_remarks(set_terms(Coulomb=5.0, viscous=3.0, offset=0.7))
     assert (
         "axis 1: the constant torque of 0.700 N m of the friction law (offset) is left out: add it"
         " to the commanded torque"
     ) in left_out
-    assert "constant torque" not in str(friction_remarks(with_terms(Coulomb=5.0, viscous=3.0)))
+    assert "constant torque" not in str(friction_remarks(set_terms(Coulomb=5.0, viscous=3.0)))
 
 
 def test_a_degressive_law_is_missed_by_what_is_stated() -> None:
-    model = with_terms(Coulomb=5.0, viscous=1.0, arc_tangent=4.0)
+    model = set_terms(Coulomb=5.0, viscous=1.0, arc_tangent=4.0)
     for each in simple_friction(model):
         left = each.forward - each.coulomb - each.viscous * each.speeds
         assert each.misfit == pytest.approx(np.sqrt(np.mean(left**2)))
@@ -80,12 +80,12 @@ def test_a_degressive_law_is_missed_by_what_is_stated() -> None:
 
 
 def test_no_simulator_is_given_a_negative_friction() -> None:
-    for each in simple_friction(with_terms(Coulomb=5.0, viscous=-3.0, cube_root=4.0)):
+    for each in simple_friction(set_terms(Coulomb=5.0, viscous=-3.0, cube_root=4.0)):
         assert min(each.coulomb, each.viscous, *each.stribeck[:3]) >= 0.0
 
 
 def test_the_file_holds_the_law_its_curve_and_both_simplifications() -> None:
-    model = with_terms(Coulomb=5.0, viscous=1.0, arc_tangent=4.0)
+    model = set_terms(Coulomb=5.0, viscous=1.0, arc_tangent=4.0)
     exported = write_friction(model, ("origin",))
     content = json.loads(exported.files["friction.json"])
     axis = content["axes"][1]
@@ -124,7 +124,7 @@ def test_a_model_without_friction_is_refused_with_the_remedy() -> None:
 
 
 def test_an_axis_without_a_law_is_named_and_the_others_are_exported() -> None:
-    model = with_terms(Coulomb=5.0, viscous=3.0)
+    model = set_terms(Coulomb=5.0, viscous=3.0)
     law = model.friction_law
     assert law is not None
     blind = replace(model, friction_law=FrictionLaw(axes=(*law.axes[:5], None)))
@@ -138,7 +138,7 @@ def test_an_axis_without_a_law_is_named_and_the_others_are_exported() -> None:
 
 
 def test_code_keeps_the_laws_of_the_other_axes_and_states_the_one_that_lacks() -> None:
-    model = with_terms(Coulomb=5.0, viscous=3.0)
+    model = set_terms(Coulomb=5.0, viscous=3.0)
     law = model.friction_law
     assert law is not None
     blind = replace(model, friction_law=FrictionLaw(axes=(*law.axes[:5], None)))

@@ -132,7 +132,7 @@ def test_friction_json_gives_the_model_s_friction_by_the_formulas_that_it_states
     q, qd, qdd = recording()
     wanted = model.predict(q, qd, qdd, parts=["friction"])
     for axis, own in enumerate(content["axes"]):
-        found = by_formulas(content["formulas"], own, qd[:, axis])
+        found = evaluate_formulas(content["formulas"], own, qd[:, axis])
         turned = sliding(q, qd)[:, axis]
         if own["presliding_distance"] == 0:
             turned[:] = True
@@ -140,7 +140,7 @@ def test_friction_json_gives_the_model_s_friction_by_the_formulas_that_it_states
         assert own["presliding_distance"] == PRESLIDING[axis]
 
 
-def by_formulas(formulas: dict[str, str], own: dict[str, Any], v: Array) -> Array:
+def evaluate_formulas(formulas: dict[str, str], own: dict[str, Any], v: Array) -> Array:
     """Return friction of an axis as in `friction.json`, without load."""
     slowest, fastest = own["speeds"]
     sign = np.where(np.abs(v) < 1e-3 * own["speed"], 0.0, np.sign(v))
@@ -181,7 +181,9 @@ def test_simple_friction_is_off_on_the_recording_by_what_is_stated(model: Model,
     made = exported(model, name)
     (text,) = made.files.values()
     wanted = model.predict(q, qd, qdd)
-    off = {"ros2": by_ros2, "mjcf": by_mujoco, "urdf": by_pinocchio}[name](model, text) - wanted
+    off = {"ros2": ros2_torques, "mjcf": mujoco_torques, "urdf": pinocchio_torques}[name](
+        model, text
+    ) - wanted
     turned = sliding(q, qd)
     for axis in range(model.robot.n_joints):
         (stated,) = re.findall(rf"(?m)axis {axis + 1}: .* differ from the law by (\S+)", text)
@@ -190,7 +192,7 @@ def test_simple_friction_is_off_on_the_recording_by_what_is_stated(model: Model,
     assert [each in text for each in made.remarks] == [True] * len(made.remarks)
 
 
-def by_ros2(model: Model, text: str) -> Array:
+def ros2_torques(model: Model, text: str) -> Array:
     """Return torques of rigid bodies, armature and friction as added by a controller."""
     q, qd, qdd = recording()
     content = yaml.safe_load(text)["joint_dynamics"]["ros__parameters"]
@@ -203,7 +205,7 @@ def by_ros2(model: Model, text: str) -> Array:
     return np.asarray(rigid + armature * qdd + coulomb * np.sign(qd) + viscous * qd)
 
 
-def by_mujoco(model: Model, text: str) -> Array:
+def mujoco_torques(model: Model, text: str) -> Array:
     """Return inverse dynamics of MuJoCo, which includes damping and friction loss."""
     loaded = mujoco.MjModel.from_xml_string(text)
     data, found = mujoco.MjData(loaded), []
@@ -214,7 +216,7 @@ def by_mujoco(model: Model, text: str) -> Array:
     return np.array(found)
 
 
-def by_pinocchio(model: Model, text: str) -> Array:
+def pinocchio_torques(model: Model, text: str) -> Array:
     """Return `rnea` of Pinocchio plus friction and damping, which it reads but does not apply."""
     loaded = pinocchio.buildModelFromXML(text)
     loaded.armature = model.robot.reflected_inertia

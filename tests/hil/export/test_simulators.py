@@ -51,7 +51,7 @@ def torques(model):
     return inverse_dynamics(robot, model.consistent.p, *motion) + motor_torque(robot, *motion)
 
 
-def by_mujoco(text, n):
+def mujoco_torques(text, n):
     model = mujoco.MjModel.from_xml_string(text)
     data, found = mujoco.MjData(model), []
     for q, qd, qdd in zip(*motions(n), strict=True):
@@ -73,7 +73,7 @@ def mass_matrix(model, data):
     return np.transpose(columns)
 
 
-def by_pinocchio(text, armature, gravity):
+def pinocchio_torques(text, armature, gravity):
     model = pinocchio.buildModelFromXML(text)
     model.armature = np.asarray(armature)
     model.gravity.linear = np.array([0.0, 0.0, -np.linalg.norm(gravity)])
@@ -93,10 +93,10 @@ def test_mujoco_and_pinocchio_find_the_torques_of_the_projected_model(path):
     model = consistent(Robot.load(path))
     expected = torques(model)
     size = AGREE * np.abs(expected).max()
-    mjcf = by_mujoco(written(model, "mjcf"), model.robot.n_joints)
+    mjcf = mujoco_torques(written(model, "mjcf"), model.robot.n_joints)
     np.testing.assert_allclose(mjcf, expected, atol=size)
     armature = [joint.armature for joint in simulated_robot(model).joints]
-    found = by_pinocchio(written(model, "urdf"), armature, model.robot.gravity)
+    found = pinocchio_torques(written(model, "urdf"), armature, model.robot.gravity)
     np.testing.assert_allclose(found, expected, atol=size)
 
 
@@ -114,7 +114,7 @@ def test_motors_that_turn_with_two_joints_are_in_mujoco_s_mass_matrix():
     model = consistent(Robot(file, "wrist", ""))
     assert added_inertias(model.robot)[-1][0, 1] == -1.5
     assert model.consistent.added["Iam2"] != 0
-    found = by_mujoco(written(model, "mjcf"), 2)
+    found = mujoco_torques(written(model, "mjcf"), 2)
     np.testing.assert_allclose(found, torques(model), atol=1e-9)
     assert "motors turn with two joints" in written(model, "urdf")
 
@@ -220,10 +220,10 @@ def test_a_given_urdf_lends_names_and_frames_and_torques_stay_the_same(arm, name
     assert 'name="joint3"' in text
     armature = [joint.armature for joint in simulated_robot(model, given.chain).joints]
     if name == "mjcf":
-        found = by_mujoco(text, 4)
+        found = mujoco_torques(text, 4)
     else:
         without_finger = text[: text.rindex('<link name="finger">')] + "</robot>"
-        found = by_pinocchio(without_finger, armature, model.robot.gravity)
+        found = pinocchio_torques(without_finger, armature, model.robot.gravity)
     expected = torques(model)
     np.testing.assert_allclose(found, expected, atol=AGREE * np.abs(expected).max())
 

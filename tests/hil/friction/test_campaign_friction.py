@@ -50,7 +50,7 @@ def scaled(share: float) -> Friction:
     return Friction(share * plain.coulomb, share * plain.viscous, share * plain.root)
 
 
-def at_speeds(robot: Robot, law: FrictionLaw) -> tuple[Array, Array, Array]:
+def evaluate_law(robot: Robot, law: FrictionLaw) -> tuple[Array, Array, Array]:
     """Return velocities of the law's data, its torques there and their variances."""
     shares = np.linspace(-1.0, 1.0, 40)[:, np.newaxis]
     slowest, fastest = np.array([axis.speeds for axis in law.axes if axis and axis.speeds]).T
@@ -62,7 +62,7 @@ def at_speeds(robot: Robot, law: FrictionLaw) -> tuple[Array, Array, Array]:
 
 def test_a_law_of_the_family_is_found_as_it_is(manutec: Robot) -> None:
     friction = Friction(offset=np.array([1, -2, 0.5, 0.3, -0.2, 0.1]))
-    qd, tau, _ = at_speeds(manutec, found(manutec, friction))
+    qd, tau, _ = evaluate_law(manutec, found(manutec, friction))
     wanted = friction.torque(qd, np.zeros(len(qd)))
     assert np.abs(tau - wanted).max() < 0.02 * np.abs(wanted).max()
 
@@ -94,7 +94,7 @@ def test_a_level_that_changes_is_met_in_its_mean_and_intervals_hold_all_of_it(
     law = found(manutec, *map(scaled, shares), noise=0.001)
     wander = np.array([axis.wander for axis in law.axes if axis])
     assert ((wander > 0.03) & (wander < 0.13)).all()
-    qd, tau, variance = at_speeds(manutec, law)
+    qd, tau, variance = evaluate_law(manutec, law)
     fast = np.abs(qd) > 0.1 * np.abs(qd).max(axis=0)
     for share in shares:
         wanted = scaled(share).torque(qd, np.zeros(len(qd)))

@@ -14,7 +14,7 @@ WARM_UP, SETTLING, STIRRING = 1200.0, 150.0, 25.0
 SPEED = 0.4
 
 
-def with_stops(sigma, seed=0, motion=2400.0, stops=(300.0, 60.0, 120.0), interval=12.0):
+def simulate_stops(sigma, seed=0, motion=2400.0, stops=(300.0, 60.0, 120.0), interval=12.0):
     """Return levels every `interval` of motion with stops, and the motion's history."""
     rng = np.random.default_rng(seed)
     ends, speeds, levels = [], [], []
@@ -42,7 +42,7 @@ def constants(found):
 
 
 def test_exact_levels_give_exact_time_constants():
-    found = drift(0, *with_stops(0.0))
+    found = drift(0, *simulate_stops(0.0))
     values = [constant.value for constant in found.constants]
     assert values == pytest.approx([WARM_UP, SETTLING, STIRRING], rel=0.01)
     assert found.rest_effect == pytest.approx(np.exp(0.15) - 1, rel=0.01)
@@ -52,26 +52,26 @@ def test_exact_levels_give_exact_time_constants():
 def test_standard_errors_cover_what_noise_does():
     misses = []
     for seed in range(12):
-        found = constants(drift(0, *with_stops(0.003, seed)))
+        found = constants(drift(0, *simulate_stops(0.003, seed)))
         for name, truth in (("settling", SETTLING), ("stirring", STIRRING)):
             misses.append((found[name].value - truth) / found[name].standard_error)
     assert 0.4 < np.sqrt(np.mean(np.square(misses))) < 2.0
 
 
 def test_without_stops_the_settling_time_is_not_identifiable():
-    levels, past = with_stops(0.003, stops=())
+    levels, past = simulate_stops(0.003, stops=())
     assert constants(drift(0, levels, past))["settling"].word
 
 
 def test_friction_that_does_not_drift_has_no_time_constants():
-    levels, past = with_stops(0.0)
+    levels, past = simulate_stops(0.0)
     rng = np.random.default_rng(2)
     still = [Level(k.time, 100.0 + rng.standard_normal(), k.group) for k in levels]
     assert all(constant.word for constant in drift(0, still, past).constants)
 
 
 def test_a_few_levels_identify_nothing():
-    levels, past = with_stops(0.001)
+    levels, past = simulate_stops(0.001)
     assert drift(0, levels[:15], past) is None
     assert drift(0, levels[:16], past) is not None
 

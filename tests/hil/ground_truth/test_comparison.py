@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_run import as_on_hardware, identified_model, write_run
+from small_run import identified_model, state_hardware, write_run
 from synthetic import TABLE_3_A
 
 from checked_files.yaml_file import FileError
@@ -173,7 +173,7 @@ class TestCommand:
     def test_a_run_on_hardware_is_refused_with_the_reason(self, run, tmp_path):
         shutil.copytree(run, tmp_path / "run")
         journal = tmp_path / "run" / "run.json"
-        as_on_hardware(journal, "socketcan can0")
+        state_hardware(journal, "socketcan can0")
         with pytest.raises(Mismatch, match=r"measured on socketcan can0; only on the virtual"):
             truth_comparison(Run.open(tmp_path / "run"), PLANT)
 

@@ -263,7 +263,7 @@ def test_without_recorded_velocities_a_run_has_no_array_of_them(tmp_path):
 # --- strokes --------------------------------------------------------------------------------------
 
 
-def with_resting_elbow():
+def resting_elbow():
     """Return columns of a recording whose second joint trembles at rest."""
     columns = table(20.0)
     columns["q2"] = 0.3 + 1e-4 * np.random.default_rng(0).standard_normal(len(columns["t"]))
@@ -271,7 +271,7 @@ def with_resting_elbow():
 
 
 def test_what_import_doubts_is_kept_and_lowers_the_first_word(tmp_path):
-    run, stated = made(tmp_path, with_resting_elbow())
+    run, stated = made(tmp_path, resting_elbow())
     (warning,) = run.journal.warnings
     assert "map.yaml:14: joints.1.position: moves by" in warning
     assert "accept: [still]" in warning
@@ -283,7 +283,7 @@ def test_what_import_doubts_is_kept_and_lowers_the_first_word(tmp_path):
 
 
 def test_a_doubt_that_the_map_accepts_is_resolved(tmp_path):
-    run, stated = made(tmp_path, with_resting_elbow(), accept=["still"])
+    run, stated = made(tmp_path, resting_elbow(), accept=["still"])
     assert run.journal.warnings == ()
     assert "joints.1.position" in stated
 

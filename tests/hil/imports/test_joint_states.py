@@ -189,7 +189,7 @@ def test_a_folder_without_its_metadata_is_its_only_file(tmp_path):
         open_table(bag, Format())
 
 
-def without(*parts):
+def empty_parts(*parts):
     """Return joint states with empty parts."""
     for message in messages(ROS2):
         if len(message.name) > 1:
@@ -199,8 +199,8 @@ def without(*parts):
 
 
 def test_messages_that_name_no_joints_have_columns_by_number(tmp_path):
-    write_mcap(tmp_path / "a.mcap", "NONE", 3000, [*without("name")])
-    write_mcap(tmp_path / "b.mcap", "NONE", 3000, [*without()])
+    write_mcap(tmp_path / "a.mcap", "NONE", 3000, [*empty_parts("name")])
+    write_mcap(tmp_path / "b.mcap", "NONE", 3000, [*empty_parts()])
     found = open_table(tmp_path / "a.mcap", Format())
     assert found.names[4:] == tuple(f"{p}/{j}" for p in ("position", "velocity", "effort")
                                     for j in (1, 2))  # fmt: skip
@@ -216,7 +216,7 @@ def test_messages_that_name_no_joints_have_columns_by_number(tmp_path):
 
 
 def test_a_part_without_values_is_named(tmp_path):
-    write_mcap(tmp_path / "a.mcap", "NONE", 3000, [*without("effort")])
+    write_mcap(tmp_path / "a.mcap", "NONE", 3000, [*empty_parts("effort")])
     found = open_table(tmp_path / "a.mcap", Format())
     with pytest.raises(
         NoColumn, match=r"effort is without values in some messages on /joint_states"

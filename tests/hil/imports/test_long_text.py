@@ -29,7 +29,7 @@ def test_arrow_rounds_decimals_as_python_does():
     assert found[:, 0].tobytes() == np.array([float(cell) for cell in cells]).tobytes()
 
 
-def in_blocks(path, monkeypatch, plain):
+def read_blocks(path, monkeypatch, plain):
     """Return numbers of a file, or the error of its refusal, and the count of plain blocks."""
     used = []
 
@@ -69,7 +69,7 @@ def in_blocks(path, monkeypatch, plain):
 def test_numbers_and_errors_are_those_without_arrow(tmp_path, monkeypatch, rows, plain):
     path = tmp_path / "a.csv"
     path.write_bytes("\n".join(rows).encode("latin-1"))
-    without, _ = in_blocks(path, monkeypatch, lambda *_: None)
-    found, used = in_blocks(path, monkeypatch, plain_rows)
+    without, _ = read_blocks(path, monkeypatch, lambda *_: None)
+    found, used = read_blocks(path, monkeypatch, plain_rows)
     assert found == without
     assert (used > 1) == plain

@@ -135,7 +135,7 @@ def test_friction_at_reversals_does_not_hide_joints_in_another_order(seen, manut
     assert words == "axes 2 and 3: recordings exchanged"
 
 
-def on_a_portal(masses):
+def move_portal(masses):
     """Free motion of three prismatic axes, whose force is mostly friction."""
     w = 2 * np.pi * np.array([0.11, 0.13, 0.17])
     q, qd = 0.2 * np.sin(np.outer(T, w)), 0.2 * w * np.cos(np.outer(T, w))
@@ -148,12 +148,12 @@ def on_a_portal(masses):
 def test_a_map_that_explains_nearly_all_is_not_refused_for_one_that_explains_more():
     in_no_order_that_links_can_have = np.array([4.0, 8.0, 12.0])
     portal = Robot.load(str(ROBOTS / "cartesian.yaml"))
-    assert said(on_a_portal(in_no_order_that_links_can_have), portal) == []
+    assert said(move_portal(in_no_order_that_links_can_have), portal) == []
 
 
 def test_a_force_of_the_wrong_sign_shows_by_friction_alone():
     seen, portal = (
-        on_a_portal(np.array([12.0, 8.0, 4.0])),
+        move_portal(np.array([12.0, 8.0, 4.0])),
         Robot.load(str(ROBOTS / "cartesian.yaml")),
     )
     assert said(seen, portal) == []

@@ -11,7 +11,7 @@ COLUMNS = table(20.0, rate=100.0)
 AT = [211, 702, 1100, 1555, 1801]
 
 
-def with_spikes(column, value, at=AT):
+def add_spikes(column, value, at=AT):
     """Return the recording with some samples of a column replaced, or increased if relative."""
     changed = COLUMNS[column].copy()
     changed[at] = value
@@ -32,7 +32,7 @@ def statement(folder, columns, **changes):
 ])  # fmt: skip
 def test_five_samples_of_no_joint_are_refused(tmp_path, column, key, value):
     with pytest.raises(FileError) as refused:
-        statement(tmp_path, with_spikes(column, value))
+        statement(tmp_path, add_spikes(column, value))
     (message,) = str(refused.value).splitlines()
     assert f"joints.{int(column[1]) - 1}.{key}: 5 samples differ from neighbouring" in message
     assert "in row 212 of its file" in message
@@ -42,17 +42,17 @@ def test_five_samples_of_no_joint_are_refused(tmp_path, column, key, value):
 def test_spikes_of_three_samples_are_spikes_too(tmp_path):
     at = [k + j for k in AT for j in range(3)]
     with pytest.raises(FileError, match="15 samples differ"):
-        statement(tmp_path, with_spikes("m1", 5e3, at))
+        statement(tmp_path, add_spikes("m1", 5e3, at))
 
 
 def test_a_few_small_ones_are_stated_and_do_no_harm(tmp_path):
-    (suspicion,) = statement(tmp_path, with_spikes("m1", 150.0, AT[:2])).suspicions
+    (suspicion,) = statement(tmp_path, add_spikes("m1", 150.0, AT[:2])).suspicions
     assert suspicion.message.startswith("2 samples differ")
     assert not suspicion.certain
 
 
 def test_spikes_that_the_map_accepts_are_stated(tmp_path):
-    suspicions = statement(tmp_path, with_spikes("m2", -3e3), accept=["spikes", "range"]).suspicions
+    suspicions = statement(tmp_path, add_spikes("m2", -3e3), accept=["spikes", "range"]).suspicions
     assert "spikes" in [each.check for each in suspicions]
 
 

@@ -15,7 +15,7 @@ BEGIN = 1_700_000_000
 PAIR = {"column": "sec", "unit": "s", "plus": {"column": "nanosec", "unit": "ns"}}
 
 
-def with_pair(duration=4.0, jitter=0):
+def stamp_pair(duration=4.0, jitter=0):
     """Return columns of a recording with stamps in two columns, with jitter up to this number of
     ns.
     """
@@ -36,7 +36,7 @@ def write(folder, columns):
 
 
 def test_a_date_is_exact_to_a_nanosecond(tmp_path):
-    stamp, columns = with_pair(jitter=999)
+    stamp, columns = stamp_pair(jitter=999)
     the_map = load_map(write_map(tmp_path, a_map(time=PAIR)))
     times = TimeColumns(the_map)
     found = times.convert(np.stack([columns["sec"], columns["nanosec"]], axis=1).astype(float), 0)
@@ -45,7 +45,7 @@ def test_a_date_is_exact_to_a_nanosecond(tmp_path):
 
 
 def test_a_recording_is_stamped_by_the_sum(tmp_path):
-    stamp, columns = with_pair()
+    stamp, columns = stamp_pair()
     write(tmp_path, columns)
     run = import_recordings([write_map(tmp_path, a_map(time=PAIR))], tmp_path / "run")
     recording = run["map-01"].recording
@@ -65,7 +65,7 @@ def test_a_recording_is_stamped_by_the_sum(tmp_path):
     (PAIR | {"plus": {"column": "nsec", "unit": "ns"}}, "has no column 'nsec'; similar names: sec"),
 ])  # fmt: skip
 def test_what_is_no_such_pair_is_refused(tmp_path, time, message):
-    write(tmp_path, with_pair()[1])
+    write(tmp_path, stamp_pair()[1])
     with pytest.raises(FileError, match=message):
         import_recordings([write_map(tmp_path, a_map(time=time))], tmp_path / "run")
     assert not (tmp_path / "run").exists()
@@ -76,7 +76,7 @@ def test_what_is_no_such_pair_is_refused(tmp_path, time, message):
     ("field.header.stamp.secs", "field.header.stamp.nsecs"), ("stamp_sec", "stamp_nsec"),
 ])  # fmt: skip
 def test_a_draft_recognises_the_pair(tmp_path, sec, nanosec):
-    write(tmp_path, with_pair()[1])
+    write(tmp_path, stamp_pair()[1])
     text = (tmp_path / "data.csv").read_text().replace("sec,nanosec", f"{sec},{nanosec}", 1)
     (tmp_path / "data.csv").write_text(text)
     drafted = draft_map(tmp_path / "data.csv", "data.csv")

@@ -74,10 +74,10 @@ def test_a_model_with_the_gain_predicts_other_recordings_of_unknown_gain(tmp_pat
     in_torque = GAIN * np.sqrt(np.mean(current.tau[:, 0] ** 2))
     assert judged.axes[0].torque == pytest.approx(in_torque, rel=0.03)
     with pytest.raises(Mismatch, match="the gain of axis 1 is unknown, and the model holds none"):
-        list(predicted_torques(_without_gain(tmp_path), pooled([other])))
+        list(predicted_torques(_gainless(tmp_path), pooled([other])))
 
 
-def _without_gain(folder: Path) -> Model:
+def _gainless(folder: Path) -> Model:
     write_columns(folder, 1.0, "plain.csv")
     plain = write_map_of(folder, a_map("plain.csv"), "plain.yaml")
     return identify(import_recordings([plain], folder / "plain"))

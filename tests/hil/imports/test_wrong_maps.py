@@ -26,7 +26,7 @@ def refusal(folder, content):
     return str(refused.value).replace(f"{folder}{os.sep}", "")
 
 
-def with_joint(number, key, **changes):
+def modify(number, key, **changes):
     """Return a map with one part of a joint changed."""
     content = a_map()
     content["joints"][number][key] = content["joints"][number][key] | changes
@@ -48,34 +48,34 @@ MAPS = {
     "too few joints": (
         a_map(joints=a_map()["joints"][:1]), "joints: 1 joints must be 2, one for each joint of"),
     "a column that is not there": (
-        with_joint(1, A, column="q3"),
+        modify(1, A, column="q3"),
         "joints.1.position.column: data.csv has no column 'q3'; similar names: q"),
     "a column beyond the last": (
-        with_joint(0, B, column=9), "joints.0.torque.column: data.csv has 7 columns, but no"),
-    "column 0": (with_joint(0, A, column=0), "columns are numbered from 1"),
-    "a column that is true": (with_joint(0, A, column=True), "True must be a column's number"),
+        modify(0, B, column=9), "joints.0.torque.column: data.csv has 7 columns, but no"),
+    "column 0": (modify(0, A, column=0), "columns are numbered from 1"),
+    "a column that is true": (modify(0, A, column=True), "True must be a column's number"),
     "an unknown unit": (
-        with_joint(0, A, unit="grad"), "joints.0.position.unit: 'grad': must be 'rad', 'deg'"),
+        modify(0, A, unit="grad"), "joints.0.position.unit: 'grad': must be 'rad', 'deg'"),
     "a unit of another kind": (
-        with_joint(1, A, unit="mm"),
+        modify(1, A, unit="mm"),
         "joints.1.position.unit: mm does not suit joint 2 of pair, which is revolute"),
-    "a force for a joint that turns": (with_joint(0, B, unit="N"), "N does not suit joint 1"),
+    "a force for a joint that turns": (modify(0, B, unit="N"), "N does not suit joint 1"),
     "amperes without a gain": (
-        with_joint(0, B, unit="A"), "joints.0.torque: A need a gain: N m (or N) for one unit"),
+        modify(0, B, unit="A"), "joints.0.torque: A need a gain: N m (or N) for one unit"),
     "a negative gain": (
-        with_joint(0, B, unit="A", gain=-2), "-2 must be positive; for a reversed direction"),
+        modify(0, B, unit="A", gain=-2), "-2 must be positive; for a reversed direction"),
     "an uncertainty of an unknown gain": (
-        with_joint(0, B, unit="A", gain="unknown", gain_uncertainty=0.1),
+        modify(0, B, unit="A", gain="unknown", gain_uncertainty=0.1),
         "gain_uncertainty 0.1 needs a stated gain; remove"),
     "a gain that is hardly known": (
-        with_joint(0, B, unit="A", gain=1, gain_uncertainty=0.6), "must be below half the gain"),
-    "counts without their worth": (with_joint(0, A, unit="counts"), "counts need per_unit"),
+        modify(0, B, unit="A", gain=1, gain_uncertainty=0.6), "must be below half the gain"),
+    "counts without their worth": (modify(0, A, unit="counts"), "counts need per_unit"),
     "counts for one rad": (
-        with_joint(0, A, unit="counts", per_unit=65536), "write its inverse"),
+        modify(0, A, unit="counts", per_unit=65536), "write its inverse"),
     "counts that exceed a turn": (
-        with_joint(0, A, unit="counts", per_unit=7), "per_unit 7 must be in (0, 2 pi] rad (or m)"),
-    "per_unit of radians": (with_joint(0, A, per_unit=0.1), "per_unit is for counts, not for rad"),
-    "a sign of 2": (with_joint(0, A, sign=2), "joints.0.position.sign: 2: "),
+        modify(0, A, unit="counts", per_unit=7), "per_unit 7 must be in (0, 2 pi] rad (or m)"),
+    "per_unit of radians": (modify(0, A, per_unit=0.1), "per_unit is for counts, not for rad"),
+    "a sign of 2": (modify(0, A, sign=2), "joints.0.position.sign: 2: "),
     "rows beyond the end": (
         a_map(rows=[1, 5000]), "rows: row 5000 must be at most 801, the last row"),
     "rows from 0": (a_map(rows=[0, 50]), "rows are numbered from 1"),
@@ -147,7 +147,7 @@ def all_missing(path):
     write_csv(path, COLUMNS | {"q1": np.full(len(COLUMNS["t"]), np.nan)})
 
 
-def in_turn(path):
+def alternate(path):
     rows = np.arange(len(COLUMNS["t"]))
     q, m = (np.where(rows % 2 == k, np.nan, COLUMNS[name]) for k, name in enumerate(("q1", "m1")))
     write_csv(path, COLUMNS | {"q1": q, "m1": m})
@@ -181,7 +181,7 @@ FILES = {
         "a.csv", all_missing, "joints.0.position.column: column q1 holds no number in any of 801"
         " rows; name another"),
     "numbers of two columns in turn": (
-        "a.csv", in_turn, "columns present; choose other columns or rows; 401 of 801 rows hold no"
+        "a.csv", alternate, "columns present; choose other columns or rows; 401 of 801 rows hold no"
         " number in q1; 400 of 801 rows hold no number in m1"),
     "bytes": ("a.csv", binary, "a.csv: holds NUL bytes: not UTF-8 text"),
     "10 GiB of nothing": ("a.csv", sparse, "a.csv: holds NUL bytes"),

@@ -156,12 +156,12 @@ def test_a_solver_weights_groups_as_it_sees_fit(rng: np.random.Generator) -> Non
     y[3] += 50.0
     plain = Regression.weighed(blocks(W, y), rounds=1)
 
-    def without_the_worst(equations: Normal) -> tuple[Normal, Array]:
+    def drop_worst(equations: Normal) -> tuple[Normal, Array]:
         error = equations.error(equations.solution())
         kept = equations.weighted((error < error.max()).astype(float))
         return kept, kept.solution()
 
-    robust = replace(plain, solver=without_the_worst)
+    robust = replace(plain, solver=drop_worst)
     error, of_plain = (np.abs(each.fit().x - TRUTH).max() for each in (robust, plain))
     assert error < 0.1 * of_plain
 

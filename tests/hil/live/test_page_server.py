@@ -325,7 +325,7 @@ def test_a_stop_is_taken_where_every_place_of_a_page_is_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(page_server, "CONNECTIONS_MAX", 1)
-    with _in_process() as (port, stops):
+    with _serve_in_process() as (port, stops):
         with watching(port) as one:
             assert b"200" in one.recv(100)
             with watching(port) as other:
@@ -343,7 +343,7 @@ def test_a_request_that_does_not_come_whole_in_time_is_left(
 ) -> None:
     monkeypatch.setattr(incoming, "DEADLINE", 0.2)
     with (
-        _in_process() as (port, _),
+        _serve_in_process() as (port, _),
         socket.create_connection(("127.0.0.1", port), timeout=30) as slow,
     ):
         slow.sendall(b"GET / HTTP/1.0\r\n")
@@ -362,7 +362,7 @@ def test_a_request_that_is_too_large_is_left(page: Served) -> None:
 
 
 @contextmanager
-def _in_process() -> Iterator[tuple[int, list[int]]]:
+def _serve_in_process() -> Iterator[tuple[int, list[int]]]:
     """Serve in a thread of this process; it ends with the tests."""
     stops: list[int] = []
     site = Site(Streams(), lambda: stops.append(1), "")

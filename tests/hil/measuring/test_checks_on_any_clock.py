@@ -139,7 +139,7 @@ def _saturated(sound: Recording) -> Recording:
     return replace(sound, flags=flags)
 
 
-def _without_telegrams(sound: Recording) -> Recording:
+def _lose_telegrams(sound: Recording) -> Recording:
     q, flags = sound.q.copy(), sound.flags.copy()
     q[100:150, 1], flags[100:150, 1] = np.nan, SampleFlag.MISSING
     return replace(sound, q=q, flags=flags)
@@ -168,7 +168,7 @@ FAULTS = [
     ("gravity", _stuck_current, "current"),
     ("gravity", _changed_friction, "half-sums"),
     ("gravity", _saturated, "saturation"),
-    ("gravity", _without_telegrams, "gaps"),
+    ("gravity", _lose_telegrams, "gaps"),
     ("gravity", _doubled, "telegrams"),
 ]
 

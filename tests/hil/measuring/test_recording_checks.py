@@ -138,7 +138,7 @@ def test_findings_of_a_sliding_axis_are_in_metres_and_newtons() -> None:
         refuse_jumps(replace(sound, q=jumped), ACCELERATION, units=["m", "m"])
 
 
-def without_syncs(count: int) -> Recording:
+def lose_syncs(count: int) -> Recording:
     """Return a recording in which every fifteenth SYNC, `count` in all, is missing."""
     whole = recording()
     there = np.ones(whole.n_samples, dtype=bool)
@@ -150,8 +150,8 @@ def without_syncs(count: int) -> Recording:
 def test_one_sample_in_a_hundred_may_be_missing_and_no_more() -> None:
     """1016 SYNCs: ten may be missing."""
     most = recording().n_samples // 100
-    assert "gaps" not in {each.check for each in check(without_syncs(most), MEASUREMENT, ROBOT)}
-    found = {each.check: each for each in check(without_syncs(most + 1), MEASUREMENT, ROBOT)}
+    assert "gaps" not in {each.check for each in check(lose_syncs(most), MEASUREMENT, ROBOT)}
+    found = {each.check: each for each in check(lose_syncs(most + 1), MEASUREMENT, ROBOT)}
     assert (found["gaps"].value, found["gaps"].bound) == (most + 1, most)
 
 

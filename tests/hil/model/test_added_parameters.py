@@ -40,7 +40,7 @@ joints: [{{type: prismatic, frame: {{alpha: 0}}, {LIMITS}, torque_limit: unknown
 """
 
 
-def of_urdf(name: str, folder: Path) -> Robot:
+def load_urdf(name: str, folder: Path) -> Robot:
     path = folder / f"{name}.urdf"
     path.write_text(urdf(name, ROBOTS[name]))
     return Robot.load(path)
@@ -57,7 +57,7 @@ def of_urdf(name: str, folder: Path) -> Robot:
 def test_inertias_that_no_link_stands_for_are_base_parameters_of_their_own(
     name: str, n_base: int, own: list[str], tmp_path: Path
 ) -> None:
-    base = base_parameters(of_urdf(name, tmp_path))
+    base = base_parameters(load_urdf(name, tmp_path))
     assert len(base) == n_base
     assert [head for head in base.heads if head.startswith("Ia")] == own
 

@@ -15,7 +15,7 @@ from hil.model.base_parameters import BaseParameters, base_parameters
 from hil.model.robot import Robot, parse_robot
 
 
-def without(text: str, *patterns: str) -> str:
+def remove_body(text: str, *patterns: str) -> str:
     for pattern in patterns:
         text, count = re.subn(pattern, "", text)
         assert count
@@ -35,14 +35,14 @@ def test_values_go_into_the_heads(manutec):
 
 
 def test_all_sixty_link_parameters_give_36_of_which_10_in_gravity(manutec_text):
-    text = without(manutec_text, r"\n    parameters:.*", r"(?s)\nties:.*")
+    text = remove_body(manutec_text, r"\n    parameters:.*", r"(?s)\nties:.*")
     base = base_parameters(parse_robot(text, "full.yaml"))
     assert len(base) == 36
     assert len(base.groups["gravity"]) == 10
 
 
 def test_without_the_tie_there_are_15_and_the_difference_stands_alone(manutec_text):
-    base = base_parameters(parse_robot(without(manutec_text, r"(?s)\nties:.*"), "untied.yaml"))
+    base = base_parameters(parse_robot(remove_body(manutec_text, r"(?s)\nties:.*"), "untied.yaml"))
     assert len(base) == 15
     assert "Ixx6 - Iyy6" in base.expressions
 

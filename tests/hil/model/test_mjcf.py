@@ -87,7 +87,7 @@ def test_springs_are_identified_and_compensated_gravity_is_named_as_left_out(tmp
 TRIANGLES = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 
 
-def of_mesh(folder, *, file="tool.obj", stated=False):
+def write_mesh_tool(folder, *, file="tool.obj", stated=False):
     """Write the arm with a mesh tool, with or without an inertial; return its path."""
     asset = f'<asset><mesh name="tool" file="{file}" scale=".1 .1 .1"/></asset><worldbody>'
     arm = ARM.replace("<worldbody>", asset).replace("autolimits", 'meshdir="meshes" autolimits')
@@ -113,8 +113,8 @@ def test_only_what_moves_joints_is_compiled(tmp_path):
 
 
 def test_a_mesh_is_needed_where_it_makes_an_inertia_and_nowhere_else(tmp_path):
-    assert read_mjcf(of_mesh(tmp_path / "stated", stated=True)).model.nmesh == 0
-    path = of_mesh(tmp_path / "made")
+    assert read_mjcf(write_mesh_tool(tmp_path / "stated", stated=True)).model.nmesh == 0
+    path = write_mesh_tool(tmp_path / "made")
     with pytest.raises(
         FileError, match=r"arm\.xml:\d+: 'tool\.obj' does not exist.*state the inertial"
     ):
@@ -126,7 +126,7 @@ def test_a_mesh_is_needed_where_it_makes_an_inertia_and_nowhere_else(tmp_path):
 
 def test_files_outside_of_the_folder_are_not_read(tmp_path):
     (tmp_path / "mine.obj").write_text(TRIANGLES)
-    path = of_mesh(tmp_path / "arm", file="../../mine.obj")
+    path = write_mesh_tool(tmp_path / "arm", file="../../mine.obj")
     (path.parent / "meshes").mkdir()
     with pytest.raises(FileError, match=r"mine\.obj is outside of .*; copy it"):
         read_mjcf(path)

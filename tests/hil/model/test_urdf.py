@@ -208,13 +208,13 @@ FINGERS = """
 </robot>"""
 
 
-def with_fingers(mimic: str = "") -> str:
+def add_fingers(mimic: str = "") -> str:
     text = urdf("x", ROBOTS["pan-tilt"])
     return text.replace("</robot>", FINGERS.format(mimic=mimic))
 
 
 def test_a_finger_that_follows_another_one_ends_no_chain(tmp_path: Path) -> None:
-    chain = chain_of(tmp_path, with_fingers('<mimic joint="finger1"/>'))
+    chain = chain_of(tmp_path, add_fingers('<mimic joint="finger1"/>'))
     assert [joint.name for joint in chain.joints] == ["joint1", "joint2", "finger1"]
 
 
@@ -224,9 +224,9 @@ def joint_of_type(kind: str) -> str:
     )
 
 
-def with_a_loop() -> str:
+def add_loop() -> str:
     closing = '<joint name="p3" type="fixed"><parent link="right"/><child link="left"/></joint>'
-    return with_fingers().replace("</robot>", closing + "</robot>")
+    return add_fingers().replace("</robot>", closing + "</robot>")
 
 
 def wrist_behind_a_mimic() -> str:
@@ -235,7 +235,7 @@ def wrist_behind_a_mimic() -> str:
     return text[:start] + '<mimic joint="joint1"/>' + text[start:]
 
 
-def with_xacro(element: str) -> str:
+def insert_xacro(element: str) -> str:
     return urdf("x", ROBOTS["pan-tilt"]).replace("</robot>", f"{element}\n</robot>")
 
 
@@ -246,18 +246,18 @@ def with_xacro(element: str) -> str:
         ("<robot><link", None, "1: invalid XML"),
         ("<sdf/>", None, "1: <sdf> must be <robot>"),
         ('<robot><link name="a"/></robot>', None, "no chain of joints that move: it has 0 joints"),
-        (with_fingers(), None, "2 chains have 3 moving joints, to left, right; choose"),
-        (with_fingers('<mimic joint="finger1"/>'), "right", r"10: joint 'finger2' mimics another"),
-        (with_fingers('<mimic joint="finger1"/>'), "right", "end the chain .* couplings"),
+        (add_fingers(), None, "2 chains have 3 moving joints, to left, right; choose"),
+        (add_fingers('<mimic joint="finger1"/>'), "right", r"10: joint 'finger2' mimics another"),
+        (add_fingers('<mimic joint="finger1"/>'), "right", "end the chain .* couplings"),
         (wrist_behind_a_mimic(), None, "6: joint 'joint2' mimics another one, 'joint1', and has"),
         (joint_of_type("floating"), "link2", "6: joint 'joint2': type 'floating' must be"),
         (joint_of_type("Revolute"), None, "6: joint 'joint2': type 'Revolute' must be one of rev"),
-        (with_a_loop(), None, "11: link 'left' is the child of joint 'finger1' already, and joint"),
-        (with_a_loop(), None, "loops are not modelled. A parallelogram .* couplings: .{motor: 3"),
-        (with_fingers(), None, "If they meet in one body: loops are not modelled"),
-        (with_xacro('<xacro:include filename="a"/>'), None, "7: <xacro:include> is not expanded"),
-        (with_xacro('<gazebo ref="${name}"/>'), None, r"7: ref '\$\{name\}' of <gazebo> is not"),
-        (with_xacro('<a><b c="$(find arm)/x"/></a>'), None, r"7: c '\$\(find arm\)/x' of <b> is"),
+        (add_loop(), None, "11: link 'left' is the child of joint 'finger1' already, and joint"),
+        (add_loop(), None, "loops are not modelled. A parallelogram .* couplings: .{motor: 3"),
+        (add_fingers(), None, "If they meet in one body: loops are not modelled"),
+        (insert_xacro('<xacro:include filename="a"/>'), None, "7: <xacro:include> is not expanded"),
+        (insert_xacro('<gazebo ref="${name}"/>'), None, r"7: ref '\$\{name\}' of <gazebo> is not"),
+        (insert_xacro('<a><b c="$(find arm)/x"/></a>'), None, r"7: c '\$\(find arm\)/x' of <b> is"),
         (urdf("x", ROBOTS["UR10e"]), "tool0", "no link 'tool0'; links are base, link1"),
         (urdf("x", ROBOTS["UR10e"]), "base", "no joint between"),
         (urdf("x", [(REVOLUTE, "0 0", "0 0 0", "0 0 1")]), None, "4: xyz '0 0' must be 3 finite"),

@@ -20,14 +20,14 @@ def plan(robot):
     return design(robot)
 
 
-def of(plan, kind):
+def select(plan, kind):
     return [m for m in plan.measurements if m.kind == kind]
 
 
 def test_it_has_its_counts_and_takes_as_long_as_the_paper_s_campaign(robot, plan):
     result = dry_run(plan, robot)
     assert COUNTS == {"gravity": 56, "inertia": 80, "coupling": 16}
-    assert {kind: len(of(plan, kind)) for kind in COUNTS} == COUNTS
+    assert {kind: len(select(plan, kind)) for kind in COUNTS} == COUNTS
     assert not result.problems
     assert 33 * 60 < result.duration < 35 * 60
 
@@ -39,22 +39,22 @@ def test_every_parameter_is_identifiable(robot, plan):
 
 
 def test_only_axes_that_show_something_are_measured(plan):
-    assert {m.axis for m in of(plan, "gravity")} == {2, 3, 4, 5}
-    assert {m.axis for m in of(plan, "inertia")} == {1, 2, 3, 4, 5, 6}
-    assert {(m.axis, m.partner.axis) for m in of(plan, "coupling")} == {(1, 2)}
+    assert {m.axis for m in select(plan, "gravity")} == {2, 3, 4, 5}
+    assert {m.axis for m in select(plan, "inertia")} == {1, 2, 3, 4, 5, 6}
+    assert {(m.axis, m.partner.axis) for m in select(plan, "coupling")} == {(1, 2)}
 
 
 def test_motor_phases_are_spread(robot, plan):
     for axis in range(1, 7):
-        starts = [m.start[axis - 1] for m in of(plan, "inertia") if m.axis == axis]
+        starts = [m.start[axis - 1] for m in select(plan, "inertia") if m.axis == axis]
         phase = np.exp(1j * robot.gear_ratio[axis - 1] * np.array(starts))
         assert abs(phase.mean()) < 0.6, f"axis {axis}"
 
 
 def test_configurations_of_an_axis_differ(robot, plan):
     for kind in ("gravity", "coupling"):
-        places = {tuple(np.round(m.q, 2)) for m in of(plan, kind)}
-        assert len(places) == len(of(plan, kind))
+        places = {tuple(np.round(m.q, 2)) for m in select(plan, kind)}
+        assert len(places) == len(select(plan, kind))
 
 
 def test_the_same_robot_gives_the_same_plan(robot, plan):

@@ -16,13 +16,13 @@ from hil.planning.strokes import Partner
 from hil.tasks.measuring import describe_problems
 
 
-def with_(plan: Plan, number: int, **changes: object) -> Plan:
+def repeat_plan(plan: Plan, number: int, **changes: object) -> Plan:
     items = list(plan.measurements)
     items[number] = items[number].model_copy(update=changes)
     return plan.model_copy(update={"measurements": tuple(items)})
 
 
-def of(plan: Plan, *measurements: object) -> Plan:
+def foresee(plan: Plan, *measurements: object) -> Plan:
     return plan.model_copy(update={"measurements": measurements})
 
 
@@ -32,7 +32,7 @@ def problems(plan: Plan, robot: Robot) -> list[str]:
 
 
 def gravity_plan(plan: Plan, axis: int, *configurations: tuple[float, ...]) -> Plan:
-    return of(
+    return foresee(
         plan,
         *(
             Gravity(id=f"g{k}", axis=axis, q=q, stroke=0.4, velocity=0.4, acceleration=8.0)
@@ -111,7 +111,7 @@ def test_a_bus_loaded_above_70_percent_is_refused(
 def test_a_problem_is_stated_with_line_value_bound_and_remedy(
     small_plan: Plan, manutec: Robot, number: int, changes: dict[str, object], message: str
 ) -> None:
-    found = problems(with_(small_plan, number, **changes), manutec)
+    found = problems(repeat_plan(small_plan, number, **changes), manutec)
     assert any(message in line for line in found), found
 
 
@@ -124,10 +124,10 @@ def test_many_problems_are_counted_rather_than_listed(small_plan: Plan, manutec:
 
 def test_the_stretch_proposed_is_long_enough(small_plan: Plan, manutec: Robot) -> None:
     for number, stroke in ((0, 0.05), (2, 0.04)):
-        short = with_(small_plan, number, stroke=stroke)
+        short = repeat_plan(small_plan, number, stroke=stroke)
         advice = problems(short, manutec)[0]
         length = float(advice.split("lengthen the stroke to ")[1].split(" rad")[0])
-        mended = with_(small_plan, number, stroke=length * 1.01)
+        mended = repeat_plan(small_plan, number, stroke=length * 1.01)
         assert problems(mended, manutec) == []
 
 
@@ -151,7 +151,7 @@ def test_inertia_rows_are_those_of_the_mass_matrix_without_gravity(
         velocity=1.0,
         acceleration=8.0,
     )
-    row = group_observations(of(small_plan, item), manutec, "diagonal")[0] * 210
+    row = group_observations(foresee(small_plan, item), manutec, "diagonal")[0] * 210
     assert sorted(np.abs(row[np.abs(row) > 1e-12])) == pytest.approx(
         sorted([1.0, math.sin(0.6) ** 2, math.cos(0.6) ** 2])
     )
@@ -162,7 +162,7 @@ def test_coupling_rows_relate_the_creeping_axis_to_its_partner(
 ) -> None:
     coupling = small_plan.measurements[2]
     assert isinstance(coupling, Coupling)
-    row = group_observations(of(small_plan, coupling), manutec, "off_diagonal")
+    row = group_observations(foresee(small_plan, coupling), manutec, "off_diagonal")
     assert row.shape == (1, 1)
     assert abs(row[0, 0]) > 1e-6
 

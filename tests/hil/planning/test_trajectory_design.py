@@ -166,11 +166,11 @@ def test_no_criterion_minds_the_units_of_parameters(
     value = Basis(robot, 10.0).judge(x, criterion)
     finer = np.geomspace(1.0, 1e4, len(TABLE_3_A))
 
-    def in_other_units(*motion: Any) -> Any:
+    def convert_units(*motion: Any) -> Any:
         return regressor(*motion) / finer
 
-    monkeypatch.setattr(trajectories, "regressor", in_other_units)
-    monkeypatch.setattr(precision, "regressor", in_other_units)
+    monkeypatch.setattr(trajectories, "regressor", convert_units)
+    monkeypatch.setattr(precision, "regressor", convert_units)
     assert Basis(robot, 10.0).judge(x, criterion) == pytest.approx(value, abs=1e-6)
 
 

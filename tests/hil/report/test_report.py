@@ -12,7 +12,7 @@ from html import unescape
 import numpy as np
 import pytest
 from inflating import inflated
-from small_run import as_on_hardware, empty_plots, identified_run
+from small_run import empty_plots, identified_run, state_hardware
 
 from drivers.drive_bus import SampleFlag
 from hil import cli
@@ -82,7 +82,7 @@ def copy(folder, tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def as_it_was(copy, folder, page, monkeypatch):
+def unchanged(copy, folder, page, monkeypatch):
     """Copy with unchanged recordings, and therefore unchanged findings."""
     del page  # with which it was kept
     found = kept(folder)
@@ -201,29 +201,29 @@ class TestModelNote:
         assert "No model.yaml yet; hil identify writes these parameters there." in page
 
     @pytest.mark.long
-    def test_the_report_is_by_the_method_that_the_model_was_made_by(self, as_it_was):
-        identify(Run.open(as_it_was), "published").save(as_it_was / "model.yaml")
-        text = report(Run.open(as_it_was)).read_text()
+    def test_the_report_is_by_the_method_that_the_model_was_made_by(self, unchanged):
+        identify(Run.open(unchanged), "published").save(unchanged / "model.yaml")
+        text = report(Run.open(unchanged)).read_text()
         assert "39 measurements, published method" in text
         assert "holds the parameters of the same method" in text
         assert "Improved and published method" not in text
 
-    def test_a_damaged_model_does_not_matter(self, as_it_was):
-        (as_it_was / "model.yaml").write_text("format: 9\n")
-        assert "model.yaml cannot be used" in report(Run.open(as_it_was)).read_text()
+    def test_a_damaged_model_does_not_matter(self, unchanged):
+        (unchanged / "model.yaml").write_text("format: 9\n")
+        assert "model.yaml cannot be used" in report(Run.open(unchanged)).read_text()
 
 
 class TestOtherRuns:
-    def test_what_a_session_noted_is_told(self, as_it_was):
-        journal = as_it_was / "run.json"
+    def test_what_a_session_noted_is_told(self, unchanged):
+        journal = unchanged / "run.json"
         note = "joint 2 <node 2>: warning 4210"
         journal.write_text(journal.read_text().replace('"notes": []', f'"notes": ["{note}"]'))
-        assert "joint 2 &lt;node 2&gt;: warning 4210" in report(Run.open(as_it_was)).read_text()
+        assert "joint 2 &lt;node 2&gt;: warning 4210" in report(Run.open(unchanged)).read_text()
 
-    def test_a_run_on_hardware_is_not_called_simulated(self, as_it_was):
-        journal = as_it_was / "run.json"
-        as_on_hardware(journal, "socketcan <can0>")
-        page = report(Run.open(as_it_was)).read_text()
+    def test_a_run_on_hardware_is_not_called_simulated(self, unchanged):
+        journal = unchanged / "run.json"
+        state_hardware(journal, "socketcan <can0>")
+        page = report(Run.open(unchanged)).read_text()
         assert "SIMULATED" not in page
         assert "socketcan &lt;can0&gt;" in page
 

@@ -47,7 +47,7 @@ def machine() -> Model:
     return stated_model(arm(), friction=("offset", "Coulomb", "viscous"))
 
 
-def with_coulomb(model: Model, axis: int, factor: float) -> Model:
+def set_coulomb(model: Model, axis: int, factor: float) -> Model:
     """Return the model with another Coulomb friction of an axis, from 1."""
     laws = list(model.friction_law.axes)
     own = laws[axis - 1]
@@ -101,10 +101,10 @@ def test_a_changed_parameter_is_named_first() -> None:
 def test_friction_is_marked_beyond_what_it_wandered_within_a_campaign(
     factor: float, marked: bool
 ) -> None:
-    before = with_coulomb(machine(), 2, 1.0)
+    before = set_coulomb(machine(), 2, 1.0)
     found = history_of([
         ("old", measured(before, 1, seed=1)),
-        ("new", measured(with_coulomb(before, 2, factor), 2, seed=2)),
+        ("new", measured(set_coulomb(before, 2, factor), 2, seed=2)),
     ])  # fmt: skip
     names = {each.quantity.name for each in found.marked}
     assert bool(names) == marked
@@ -112,7 +112,7 @@ def test_friction_is_marked_beyond_what_it_wandered_within_a_campaign(
 
 
 def test_an_offset_is_compared_whatever_law_was_chosen() -> None:
-    before = with_coulomb(machine(), 2, 1.0)
+    before = set_coulomb(machine(), 2, 1.0)
     own = before.friction_law.axes[1]
     assert own is not None
     # equal forward and backward friction at half the speed, of another law
@@ -128,7 +128,7 @@ def test_an_offset_is_compared_whatever_law_was_chosen() -> None:
     assert not found.marked
 
 
-def with_friction(
+def scale_friction(
     model: Model, factors: Sequence[float], measurements: int = 30, *, offsets: bool = False
 ) -> Model:
     """Return the model with each axis's friction scaled, optionally with its offset."""
@@ -156,7 +156,7 @@ def with_friction(
 
 def six_axes() -> Model:
     model = stated_model(Robot.load("manutec-r15"), friction=("Coulomb", "viscous"))
-    return with_friction(model, [1.0] * 6)
+    return scale_friction(model, [1.0] * 6)
 
 
 WARM = [0.82, 0.79, 0.84, 0.80, 0.78, 0.81]
@@ -165,7 +165,7 @@ WARM = [0.82, 0.79, 0.84, 0.80, 0.78, 0.81]
 def test_a_warm_machine_is_no_changed_one() -> None:
     found = history_of([
         ("cold", measured(six_axes(), 1, seed=1)),
-        ("warm", measured(with_friction(six_axes(), WARM), 2, seed=2)),
+        ("warm", measured(scale_friction(six_axes(), WARM), 2, seed=2)),
     ])  # fmt: skip
     assert not found.marked
     assert found.common["warm", "cold"] == pytest.approx(-0.2, abs=0.02)
@@ -175,14 +175,14 @@ def test_an_axis_that_changed_is_marked_though_the_machine_is_warm() -> None:
     loose = [*WARM[:3], 1.3 * WARM[3], *WARM[4:]]
     found = history_of([
         ("cold", measured(six_axes(), 1, seed=1)),
-        ("warm", measured(with_friction(six_axes(), loose), 2, seed=2)),
+        ("warm", measured(scale_friction(six_axes(), loose), 2, seed=2)),
     ])  # fmt: skip
     assert {each.quantity.axis for each in found.marked} == {4}
 
 
 def test_friction_of_two_axes_is_put_down_to_no_temperature() -> None:
-    model = with_coulomb(with_coulomb(machine(), 1, 1.0), 2, 1.0)
-    changed = with_coulomb(with_coulomb(model, 1, 1.5), 2, 1.5)
+    model = set_coulomb(set_coulomb(machine(), 1, 1.0), 2, 1.0)
+    changed = set_coulomb(set_coulomb(model, 1, 1.5), 2, 1.5)
     found = history_of([("a", measured(model, 1, 1)), ("b", measured(changed, 2, 2))])
     assert found.common["b", "a"] == 0.0
     assert {each.quantity.axis for each in found.marked} == {1, 2}
@@ -192,11 +192,11 @@ def other_torque_constant(model: Model, axis: int, share: float) -> Model:
     """Return the model identified with all torques of an axis scaled by a share."""
     assert model.torque_effect is not None
     factors = [1.0 + share * (k + 1 == axis) for k in range(model.robot.n_joints)]
-    scaled = with_friction(model, factors, offsets=True)
+    scaled = scale_friction(model, factors, offsets=True)
     return replace(scaled, values=model.values + share * model.torque_effect[:, axis - 1])
 
 
-def with_torque_effect() -> Model:
+def add_torque_effect() -> Model:
     model = six_axes()
     effect = np.zeros((len(model.values), 6))
     effect[[9, 10, 12], 4] = model.values[[9, 10, 12]] * 10  # as if of three parameters
@@ -204,7 +204,7 @@ def with_torque_effect() -> Model:
 
 
 def test_an_exchanged_drive_is_named_in_place_of_all_that_it_changed() -> None:
-    before = with_torque_effect()
+    before = add_torque_effect()
     found = history_of([
         ("old", measured(before, 1, seed=1)),
         ("new", measured(other_torque_constant(before, 5, 0.1), 2, seed=2)),
@@ -219,38 +219,38 @@ def test_an_exchanged_drive_is_named_in_place_of_all_that_it_changed() -> None:
 
 
 def test_a_parameter_beside_friction_that_do_not_change_alike_are_no_exchanged_drive() -> None:
-    before = with_torque_effect()
+    before = add_torque_effect()
     heavier = replace(before, values=before.values + 0.5 * np.eye(len(before.values))[12])
-    heavier = with_friction(heavier, [1, 1, 1, 1, 0.7, 1])
+    heavier = scale_friction(heavier, [1, 1, 1, 1, 0.7, 1])
     found = history_of([("old", measured(before, 1, 1)), ("new", measured(heavier, 2, 2))])
     assert len(found.marked) > 1
     assert not found.rescaled
 
 
 def test_a_drive_that_says_it_is_another_one_is_stated() -> None:
-    def with_drives(model: Model, *drives: str) -> Model:
+    def set_drives(model: Model, *drives: str) -> Model:
         provenance = model.provenance.model_copy(update={"drives": drives})
         return replace(model, provenance=provenance)
 
     model = machine()
     found = history_of([
-        ("a", with_drives(measured(model, 1, 1), "serial 1", "serial 2")),
-        ("b", with_drives(measured(model, 2, 2), "serial 1", "serial 7")),
+        ("a", set_drives(measured(model, 1, 1), "serial 1", "serial 2")),
+        ("b", set_drives(measured(model, 2, 2), "serial 1", "serial 7")),
     ])  # fmt: skip
     note = "b: the drive of axis 2 differs from that in a: serial 7, before serial 2"
     assert found.notes == (note,)
 
 
 def test_a_greater_wander_accounts_for_more() -> None:
-    before = with_coulomb(machine(), 2, 1.0)
+    before = set_coulomb(machine(), 2, 1.0)
     runs = [("old", measured(before, 1, seed=1)),
-            ("new", measured(with_coulomb(before, 2, 1.3), 2, seed=2))]  # fmt: skip
+            ("new", measured(set_coulomb(before, 2, 1.3), 2, seed=2))]  # fmt: skip
     assert history_of(runs).marked
     assert not history_of(runs, least_wander=0.4).marked
 
 
 def test_the_level_of_friction_is_what_changes_its_sign() -> None:
-    law = with_coulomb(machine(), 1, 1.0).friction_law
+    law = set_coulomb(machine(), 1, 1.0).friction_law
     assert law is not None
     own = law.axes[0]
     assert own is not None

@@ -166,7 +166,7 @@ def test_a_load_that_is_rigid_is_said_to_be(found):
 
 
 @pytest.fixture(scope="module")
-def beside(bare, stages, robot, tmp_path_factory):
+def eccentric(bare, stages, robot, tmp_path_factory):
     """Return the estimate of an eccentric load, with its first moments and mass."""
     machine = robot.free_links([robot.n_joints - 1])
     mass, centre = 4.0, np.array([0.06, -0.03, 0.1])
@@ -185,8 +185,8 @@ def beside(bare, stages, robot, tmp_path_factory):
     return find_load(bare, runs), runs
 
 
-def test_a_load_beside_the_axis_is_rigid_and_found_with_its_centre(bare, beside, tmp_path):
-    found, runs = beside
+def test_a_load_beside_the_axis_is_rigid_and_found_with_its_centre(bare, eccentric, tmp_path):
+    found, runs = eccentric
     figures = {q.name: q for q in found.quantities()}
     assert not found.is_loose
     assert found.unseen == ()
@@ -200,8 +200,8 @@ def test_a_load_beside_the_axis_is_rigid_and_found_with_its_centre(bare, beside,
     )
 
 
-def test_an_inertia_that_no_body_has_is_doubted(beside):
-    found, _ = beside
+def test_an_inertia_that_no_body_has_is_doubted(eccentric):
+    found, _ = eccentric
     phi = found.phi.copy()
     phi[1] += 20 * np.sqrt(found.covariance[1, 1]) + 0.1  # Ixy
     strange = replace(found, phi=phi)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from free_run import write_free_run
-from twin_recordings import TwinRecorder, brick, in_units
+from twin_recordings import TwinRecorder, brick, scale_gains
 
 from checked_files.yaml_file import load_yaml
 from hil import cli
@@ -47,9 +47,9 @@ def runs(twin: TwinRecorder, tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, data in (("bare", bare), ("loaded", loaded)):
         write_free_run(place / name, twin.robot, data)
         wrong = [(motion.model_copy(update={"unknown_gains": None}), recording)
-                 for motion, recording in in_units(data, units)]  # fmt: skip
+                 for motion, recording in scale_gains(data, units)]  # fmt: skip
         write_free_run(place / f"wrong-{name}", twin.robot, wrong)
-        write_free_run(place / f"unknown-{name}", twin.robot, in_units(data, {1: 0.1, 2: 0.2}))
+        write_free_run(place / f"unknown-{name}", twin.robot, scale_gains(data, {1: 0.1, 2: 0.2}))
     return place
 
 

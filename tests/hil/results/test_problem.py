@@ -60,7 +60,7 @@ def both_of(run: Run) -> list[tuple[RecordedMotion, Recording]]:
     return [(each.measurement, each.recording) for each in run]
 
 
-def of_axis_1(run: Run, robot: Robot) -> list[tuple[RecordedMotion, Recording]]:
+def select_axis_1(run: Run, robot: Robot) -> list[tuple[RecordedMotion, Recording]]:
     """Strokes of axis 1 and an import in which the other axes rest."""
     strokes = [each for each in both_of(run) if each[0].moved == (0,)]
     return [*strokes, free_motion(robot, moving=1)]
@@ -157,13 +157,13 @@ def test_an_error_of_a_torque_constant_does_to_a_mixture_what_is_stated(
 
 def test_a_mixture_that_leaves_parameters_open_is_refused(strokes: Run, manutec: Robot) -> None:
     with pytest.raises(NotIdentifiable, match="together with the imports do not identify p4, p5"):
-        estimate(manutec, of_axis_1(strokes, manutec), "joint")
+        estimate(manutec, select_axis_1(strokes, manutec), "joint")
 
 
 def test_a_prior_completes_a_mixture(strokes: Run, manutec: Robot) -> None:
     sphere = [0.4, 0.0, 0.0, 0.4, 0.0, 0.4, 0.0, 0.0, 1.0, 10.0]
     options = Options(prior=Prior(np.tile(sphere, (6, 1)), 0.3))
-    found = estimate(manutec, of_axis_1(strokes, manutec), "joint", options)
+    found = estimate(manutec, select_axis_1(strokes, manutec), "joint", options)
     assert (found.prior_share[[3, 4, 6]] > 0.9).all()
     assert abs(found.p[0] - TABLE_3_A[0]) < 4 * found.standard_error[0]
 

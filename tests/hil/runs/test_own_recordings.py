@@ -32,7 +32,7 @@ def run(whole: Path, tmp_path: Path) -> Run:
     return Run.open(shutil.copytree(whole, tmp_path / "run"))
 
 
-def of_another_run(run: Run, run_id: str | None) -> str:
+def exchange_recording(run: Run, run_id: str | None) -> str:
     """Replace the first recording by the same measurement of another run; return its id."""
     name = run.ids[0]
     path = run.path / "recordings" / f"{name}.h5"
@@ -44,7 +44,7 @@ def of_another_run(run: Run, run_id: str | None) -> str:
 def test_a_recording_of_another_run_of_the_same_plan_is_refused(
     run: Run, other: str | None
 ) -> None:
-    name = of_another_run(run, other)
+    name = exchange_recording(run, other)
     with pytest.raises(FileError, match=rf"{name}\.h5: was measured in another run .*--without"):
         list(run)
 

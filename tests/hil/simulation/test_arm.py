@@ -35,7 +35,7 @@ def carriage(viscous=0.0):
     )
 
 
-def along(arm, time, force, q=0.0, qd=0.0):
+def integrate(arm, time, force, q=0.0, qd=0.0):
     n, none = len(time), np.zeros(1)
     drive = Drive(time, np.reshape(force, (n, 1)), np.zeros((n, 1)), none, none)
     return arm.run(np.array([q]), np.array([qd]), time, drive, never)[:, 0]
@@ -43,7 +43,7 @@ def along(arm, time, force, q=0.0, qd=0.0):
 
 def test_an_axis_without_force_brakes_at_its_friction_and_then_rests():
     time = np.arange(0.0, 1.0, 0.0037)
-    found = along(carriage(), time, np.zeros_like(time), qd=1.0)
+    found = integrate(carriage(), time, np.zeros_like(time), qd=1.0)
     braking = COULOMB / MASS
     stop = 1.0 / braking
     t = np.minimum(time, stop)
@@ -55,7 +55,7 @@ def test_an_axis_without_force_brakes_at_its_friction_and_then_rests():
 
 def test_viscous_friction_brakes_along_an_exponential_until_coulomb_s_stops_the_axis():
     time = np.arange(0.0, 1.0, 0.001)
-    found = along(carriage(viscous=3.0), time, np.zeros_like(time), qd=1.0)
+    found = integrate(carriage(viscous=3.0), time, np.zeros_like(time), qd=1.0)
     rate, level = 3.0 / MASS, COULOMB / 3.0
     stop = np.log(1.0 + 1.0 / level) / rate
     t = np.minimum(time, stop)
@@ -66,7 +66,7 @@ def test_viscous_friction_brakes_along_an_exponential_until_coulomb_s_stops_the_
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_resting_axis_holds_until_a_growing_force_exceeds_its_friction(side):
     time, slope = np.arange(0.0, 1.0, 0.001), 10.0
-    found = side * along(carriage(), time, side * slope * time)
+    found = side * integrate(carriage(), time, side * slope * time)
     leaves = COULOMB / slope
     np.testing.assert_array_equal(found[time <= leaves], 0.0)
     np.testing.assert_allclose(
@@ -77,7 +77,7 @@ def test_a_resting_axis_holds_until_a_growing_force_exceeds_its_friction(side):
 def stick_slip(step):
     time = np.arange(0.0, 1.0 + step / 2, step)
     force = 6.0 * np.sin(7.0 * time) + 2.0 * np.sin(3.0 * time)
-    return along(carriage(viscous=0.7), time, force)[:: round(4e-3 / step)]
+    return integrate(carriage(viscous=0.7), time, force)[:: round(4e-3 / step)]
 
 
 def test_through_many_stops_and_reversals_the_error_falls_with_the_square_of_the_step(monkeypatch):

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from inflating import inflated
 from sampled_depth import sampled_depth
-from small_run import SIMULATED, as_on_hardware
+from small_run import SIMULATED, state_hardware
 from synthetic import TABLE_3_A, Friction, record
 
 from hil.errors import FileError, InvalidValue
@@ -244,7 +244,7 @@ def test_a_run_shows_what_was_measured_beside_its_set_points(run: Run) -> None:
 
 def test_a_run_of_the_virtual_plant_says_so_and_no_other_does(run: Run) -> None:
     assert '<span class="badge">SIMULATED</span>' in page.html(run_scene(run, MOST))
-    as_on_hardware(run.path / "run.json", "socketcan can0")
+    state_hardware(run.path / "run.json", "socketcan can0")
     assert ">SIMULATED<" not in page.html(run_scene(Run.open(run.path), MOST))
 
 

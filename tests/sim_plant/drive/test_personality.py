@@ -63,14 +63,14 @@ def status(desk: Desk) -> int:
     return dictionary_of(desk).get(0x6041)
 
 
-def by_name(personality: Personality) -> str:
+def describe(personality: Personality) -> str:
     return personality.name
 
 
 # The EDS
 
 
-@pytest.mark.parametrize("personality", ALL, ids=by_name)
+@pytest.mark.parametrize("personality", ALL, ids=describe)
 def test_a_drive_serves_what_its_eds_says_and_nothing_else(personality: Personality) -> None:
     dictionary = dictionary_of(desk_of(personality))
     declared = drive_entries(personality)
@@ -85,7 +85,7 @@ def test_a_drive_serves_what_its_eds_says_and_nothing_else(personality: Personal
     assert dictionary.upload(0x1021, 0) == drive_eds(personality).encode("ascii")
 
 
-@pytest.mark.parametrize("personality", ALL, ids=by_name)
+@pytest.mark.parametrize("personality", ALL, ids=describe)
 def test_the_eds_lists_and_counts_what_it_declares(
     personality: Personality, tmp_path: Path
 ) -> None:

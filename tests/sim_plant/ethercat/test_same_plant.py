@@ -28,7 +28,7 @@ def commands(cycle: int) -> tuple[int, int]:
     return (0x11F if cycle > 500 else 0x1F if cycle == 310 else 0x0F), -5_000
 
 
-def on_can() -> list[Row]:
+def run_can() -> list[Row]:
     """Return answers over CAN: each SYNC lets a cycle pass, latches, and activates set-points."""
     network = SlaveNetwork(load_machine("manutec-r15", SEED))
     network.power_on()
@@ -47,7 +47,7 @@ def on_can() -> list[Row]:
     return seen
 
 
-def on_ethercat() -> list[Row]:
+def run_ethercat() -> list[Row]:
     """Return answers over EtherCAT: each frame returns the values latched before."""
     segment = Segment(load_machine("manutec-r15", SEED))
     segment.power_on()
@@ -62,6 +62,6 @@ def on_ethercat() -> list[Row]:
 
 
 def test_every_value_is_the_same_one_frame_later() -> None:
-    can, ethercat = on_can(), on_ethercat()
+    can, ethercat = run_can(), run_ethercat()
     assert max(row[0][1] for row in can) > 5_000, "it has moved"
     assert ethercat[1:] == can

@@ -21,7 +21,7 @@ STATES = {0x27: "enabled", 0x07: "quick stop active", 0x40: "off", 0x08: "fault"
 HEARTBEAT = (0x77F, b"\5")
 
 
-def on_its_way(*lines: str) -> FaultyNetwork:
+def move_axis_1(*lines: str) -> FaultyNetwork:
     """Axis 1 in the middle of a long move at 1 rad/s, with a watchdog of 0.1 s."""
     faulty = network(*lines)
     per_rad = 105 * 4096 / math.tau
@@ -72,13 +72,13 @@ def planned(what: str, lasts: str = "") -> str:
 
 
 def test_a_drive_that_obeys_stops_and_switches_off() -> None:
-    faulty = on_its_way()
+    faulty = move_axis_1()
     command(faulty, QUICK_STOP)
     assert shown(faulty) == ("off", False)
 
 
 def test_a_quick_stop_that_is_ignored_changes_nothing_but_voltage_can_be_disabled() -> None:
-    faulty = on_its_way(planned("quick-stop-ignored"))
+    faulty = move_axis_1(planned("quick-stop-ignored"))
     command(faulty, QUICK_STOP)
     assert shown(faulty) == ("enabled", True)
     assert speed(faulty) == pytest.approx(1.0, abs=0.05)
@@ -87,7 +87,7 @@ def test_a_quick_stop_that_is_ignored_changes_nothing_but_voltage_can_be_disable
 
 
 def test_a_drive_that_ignores_disable_voltage_stops_and_stays_energised() -> None:
-    faulty = on_its_way(planned("disable-voltage-ignored"))
+    faulty = move_axis_1(planned("disable-voltage-ignored"))
     for word in (DISABLE_VOLTAGE, SHUTDOWN, 0x07):
         command(faulty, word)
         assert shown(faulty) == ("enabled", True)
@@ -98,7 +98,7 @@ def test_a_drive_that_ignores_disable_voltage_stops_and_stays_energised() -> Non
 
 
 def test_a_stop_without_effect_shows_but_leaves_the_axis_on_its_way_to_the_target() -> None:
-    faulty = on_its_way(planned("stop-without-effect"))
+    faulty = move_axis_1(planned("stop-without-effect"))
     command(faulty, QUICK_STOP)
     assert shown(faulty) == ("quick stop active", True)
     assert speed(faulty) == pytest.approx(1.0, abs=0.05)
@@ -107,7 +107,7 @@ def test_a_stop_without_effect_shows_but_leaves_the_axis_on_its_way_to_the_targe
 
 
 def test_a_stop_without_effect_ends_at_the_target() -> None:
-    faulty = on_its_way(planned("stop-without-effect"))
+    faulty = move_axis_1(planned("stop-without-effect"))
     command(faulty, QUICK_STOP)
     cycles(faulty, 500)
     assert shown(faulty) == ("off", False)
@@ -119,7 +119,7 @@ def test_a_stop_without_effect_ends_at_the_target() -> None:
     "what", ["quick-stop-ignored", "disable-voltage-ignored", "stop-without-effect"]
 )
 def test_the_watchdog_of_a_drive_that_disobeys_works(what: str, word: int | None) -> None:
-    faulty = on_its_way(planned(what))
+    faulty = move_axis_1(planned(what))
     if word is not None:
         command(faulty, word)
     cycles(faulty, 100, alive=False)
@@ -127,14 +127,14 @@ def test_the_watchdog_of_a_drive_that_disobeys_works(what: str, word: int | None
 
 
 def test_a_watchdog_without_reaction_leaves_a_drive_that_disobeys_as_it_is() -> None:
-    faulty = on_its_way(planned("quick-stop-ignored"))
+    faulty = move_axis_1(planned("quick-stop-ignored"))
     write(faulty, 1, 0x6007, 0, 2, 0)
     cycles(faulty, 50, alive=False)
     assert shown(faulty) == ("enabled", True)
 
 
 def test_a_drive_obeys_again_once_its_fault_is_over() -> None:
-    faulty = on_its_way(planned("quick-stop-ignored", ", lasts: {time: 0.4}"))
+    faulty = move_axis_1(planned("quick-stop-ignored", ", lasts: {time: 0.4}"))
     command(faulty, QUICK_STOP)
     assert shown(faulty) == ("enabled", True)
     command(faulty, 0x0F)

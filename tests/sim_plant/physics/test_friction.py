@@ -53,7 +53,7 @@ def machine(**changes: object) -> Plant:
     return Plant(load_plant_file("manutec-r15").model_copy(update=changes))
 
 
-def with_friction(file: PlantFile, **changes: object) -> PlantFile:
+def set_friction(file: PlantFile, **changes: object) -> PlantFile:
     axes = tuple(
         axis.model_copy(update={"friction": axis.friction.model_copy(update=changes)})
         for axis in file.axes
@@ -123,7 +123,7 @@ def test_symmetric_friction_is_the_same_both_ways() -> None:
 
 
 def test_friction_grows_with_the_transmitted_torque() -> None:
-    plant = Plant(with_friction(load_plant_file("manutec-r15"), load=0.1))
+    plant = Plant(set_friction(load_plant_file("manutec-r15"), load=0.1))
     plant.state[:, st.ENABLED] = 1.0
     plant.state[:, st.LOAD] = -200.0
     for i in range(6):
@@ -134,7 +134,7 @@ def test_friction_grows_with_the_transmitted_torque() -> None:
 def test_transmitted_torque_of_an_axis_at_rest_is_the_arms_weight() -> None:
     """Joint 2 carries 48.491 kg m at q2 = 0 with the forearm's -15.836 kg m at q3 = 90 deg."""
     file = load_plant_file("manutec-r15").model_copy(update={"noise": STILL})
-    plant = Plant(with_friction(file, load=0.05))
+    plant = Plant(set_friction(file, load=0.05))
     for servo in plant.axes:
         servo.enable()
     plant.advance(3.0)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def with_drive(axis: int, **changes: Any) -> PlantFile:
+def set_drive(axis: int, **changes: Any) -> PlantFile:
     """Return the manutec-r15 with another drive on an axis (from 0)."""
     file = load_plant_file("manutec-r15")
     axes = list(file.axes)
@@ -57,14 +57,14 @@ def bound_in(message: str) -> float:
 def test_a_load_inertia_that_is_far_too_large_is_refused_with_the_largest_that_holds(
     axis: int,
 ) -> None:
-    file = with_drive(axis, load_inertia=1e4)
+    file = set_drive(axis, load_inertia=1e4)
     with pytest.raises(Unstable, match="makes the velocity loop unstable") as caught:
         Plant(file)
     assert caught.value.place == ("axes", axis, "drive", "load_inertia")
     most = bound_in(str(caught.value))
-    Plant(with_drive(axis, load_inertia=most))
+    Plant(set_drive(axis, load_inertia=most))
     with pytest.raises(Unstable):
-        Plant(with_drive(axis, load_inertia=1.1 * most))
+        Plant(set_drive(axis, load_inertia=1.1 * most))
 
 
 def test_the_bound_is_where_the_simulated_axis_begins_to_oscillate(
@@ -72,17 +72,17 @@ def test_the_bound_is_where_the_simulated_axis_begins_to_oscillate(
 ) -> None:
     """Joint 6, whose inertia hardly depends on the arm's configuration."""
     with pytest.raises(Unstable) as caught:
-        Plant(with_drive(5, load_inertia=1e4))
+        Plant(set_drive(5, load_inertia=1e4))
     most = bound_in(str(caught.value))
-    assert swing(with_drive(5, load_inertia=0.9 * most), 5, monkeypatch) < 3e-4
-    assert swing(with_drive(5, load_inertia=1.6 * most), 5, monkeypatch) > 3e-3
+    assert swing(set_drive(5, load_inertia=0.9 * most), 5, monkeypatch) < 3e-4
+    assert swing(set_drive(5, load_inertia=1.6 * most), 5, monkeypatch) > 3e-3
 
 
 def test_a_load_inertia_for_which_the_position_loop_is_too_fast_is_refused() -> None:
-    heavy = with_drive(5, rotor_inertia=1e-7, load_inertia=1e-3)
+    heavy = set_drive(5, rotor_inertia=1e-7, load_inertia=1e-3)
     with pytest.raises(Unstable, match=r"0.001 makes the .* must be at least") as caught:
         Plant(heavy)
-    Plant(with_drive(5, rotor_inertia=1e-7, load_inertia=bound_in(str(caught.value))))
+    Plant(set_drive(5, rotor_inertia=1e-7, load_inertia=bound_in(str(caught.value))))
 
 
 def test_bandwidths_that_no_load_inertia_mends_are_refused_with_one_that_holds() -> None:
@@ -107,7 +107,7 @@ def test_the_file_and_the_line_are_stated(tmp_path: Path) -> None:
 
 
 def test_links_that_no_motor_lends_inertia_are_refused() -> None:
-    file = with_drive(0, rotor_inertia=0.0, load_inertia=1.0)
+    file = set_drive(0, rotor_inertia=0.0, load_inertia=1.0)
     axes = list(file.axes)
     axes[0] = axes[0].model_copy(update={"link": axes[0].link.model_copy(update={"Izz": -60.0})})
     with pytest.raises(FileError, match=r"M\(q\) of links and motors is not positive definite"):

@@ -36,7 +36,7 @@ def master(
     network.NOTIFIER_CYCLE = 0.02
     if request.param == "sim_plant":
         network.connect(interface="sim_plant", channel=ideal_channel)
-        yield from _with_nodes(network)
+        yield from _open_nodes(network)
         return
     stop = threading.Event()
     with can.Bus(interface="virtual", channel="foreign master") as plant_side:
@@ -44,13 +44,13 @@ def master(
         server = threading.Thread(target=serve, args=(plant_side, ideal_machine, "sync", stop))
         server.start()
         try:
-            yield from _with_nodes(network)
+            yield from _open_nodes(network)
         finally:
             stop.set()
             server.join()
 
 
-def _with_nodes(network: canopen.Network) -> Iterator[canopen.Network]:
+def _open_nodes(network: canopen.Network) -> Iterator[canopen.Network]:
     for node_id in NODES:
         network.add_node(node_id, str(EDS_PATH))
     yield network

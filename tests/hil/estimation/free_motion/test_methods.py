@@ -90,7 +90,7 @@ def test_intervals_hold_the_truth_though_the_law_of_friction_is_wrong(robot: Rob
 def test_noise_of_the_positions_is_found_and_instruments_are_not_shifted_by_it(
     robot: Robot,
 ) -> None:
-    data = with_cut_off(recorded(robot, TRUTH, of_position=1e-3), 25.0)
+    data = set_cut_off(recorded(robot, TRUTH, of_position=1e-3), 25.0)
     plain, crossed = (
         estimate(robot, data, name) for name in ("weighted least squares", "instrumental variables")
     )
@@ -169,7 +169,7 @@ def test_the_method_follows_from_what_was_recorded() -> None:
     assert "1 of 2" in reason
 
 
-def with_cut_off(data: FreeRecorded, cut_off: float) -> FreeRecorded:
+def set_cut_off(data: FreeRecorded, cut_off: float) -> FreeRecorded:
     return [(motion.model_copy(update={"cut_off": cut_off}), each) for motion, each in data]
 
 

@@ -63,7 +63,7 @@ def test_rows_in_reverse_are_no_motion() -> None:
     assert not are_successive(q[::-1], qd[::-1])
 
 
-def with_presliding() -> list:
+def presliding_recordings() -> list:
     """Recordings of small motions with friction that reverses over `DISTANCE`."""
     data = recorded(arm(), TRUTH, lambda qd: VISCOUS * qd, noise=0.1)
     slow = []
@@ -74,7 +74,7 @@ def with_presliding() -> list:
 
 
 def test_the_distance_is_found_and_inertia_no_longer_takes_its_place() -> None:
-    data = with_presliding()
+    data = presliding_recordings()
     found, plain = (
         estimate(arm(), data, name) for name in ("free motion", "weighted least squares")
     )
@@ -95,7 +95,7 @@ def test_friction_that_turns_round_at_once_keeps_the_sign() -> None:
 
 @pytest.mark.long
 def test_torques_follow_the_way_where_rows_are_samples_of_a_motion() -> None:
-    found = estimate(arm(), with_presliding(), "free motion").details
+    found = estimate(arm(), presliding_recordings(), "free motion").details
     assert found is not None
     law = found.law
     q, qd, _ = some_motion(PERIOD * np.arange(500))

@@ -8,7 +8,7 @@ from free_run import TRUTH, arm
 from free_run import recorded as two_axes
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from twin_recordings import TwinRecorder, in_units
+from twin_recordings import TwinRecorder, scale_gains
 
 from hil.errors import Mismatch, NotIdentifiable
 from hil.estimation.free_motion.result import FreeMotionFit
@@ -28,7 +28,7 @@ def fit_of(robot: Robot, data, method: str = "free motion"):
 @pytest.mark.parametrize("method", VARIANTS)
 def test_every_method_finds_a_gain_by_what_the_axes_share(method: str) -> None:
     robot = arm(**NO_ROTORS)
-    found, gains = fit_of(robot, in_units(two_axes(robot, TRUTH), {1: 40.0}), method)
+    found, gains = fit_of(robot, scale_gains(two_axes(robot, TRUTH), {1: 40.0}), method)
     assert gains[1].value == pytest.approx(40.0, rel=5e-3)
     assert gains[1].unit == "N m"
     assert abs(gains[1].value - 40.0) < 4 * gains[1].standard_error
@@ -38,7 +38,7 @@ def test_every_method_finds_a_gain_by_what_the_axes_share(method: str) -> None:
 
 def test_rotors_of_known_inertia_fix_the_gains_of_all_axes() -> None:
     robot = arm()
-    found, gains = fit_of(robot, in_units(two_axes(robot, TRUTH), {1: 0.02, 2: 50.0}))
+    found, gains = fit_of(robot, scale_gains(two_axes(robot, TRUTH), {1: 0.02, 2: 50.0}))
     for axis, truth in ((1, 0.02), (2, 50.0)):
         assert abs(gains[axis].value - truth) < 4 * gains[axis].standard_error
         assert gains[axis].standard_error < 0.05 * truth
@@ -50,7 +50,7 @@ def test_rotors_of_known_inertia_fix_the_gains_of_all_axes() -> None:
 ])  # fmt: skip
 def test_a_scale_that_nothing_fixes_is_refused_by_name(unknown, lost) -> None:
     robot = arm(**NO_ROTORS)
-    data = in_units(two_axes(robot, TRUTH), dict.fromkeys(unknown, 3.0))
+    data = scale_gains(two_axes(robot, TRUTH), dict.fromkeys(unknown, 3.0))
     if lost is None:
         assert fit_of(robot, data)[1][2].value == pytest.approx(3.0, rel=0.01)
         return
@@ -72,7 +72,7 @@ def test_an_axis_that_shares_nothing_with_others_is_refused_alone() -> None:
         [joint | {"frame": {"alpha": 0}}, joint | {"frame": {"alpha": "pi/2"}}],
         gravity=(0.0, 0.0, -9.81),
     )
-    data = in_units(two_axes(portal, np.array([9.0, 4.0])), {1: 3.0})
+    data = scale_gains(two_axes(portal, np.array([9.0, 4.0])), {1: 3.0})
     with pytest.raises(NotIdentifiable, match="gain of axis 1 and with it p1 are determined only"):
         estimate(portal, data, "free motion")
 
@@ -81,7 +81,7 @@ def test_noise_of_the_signal_shifts_no_gain_and_intervals_hold_the_truth() -> No
     twin, gain = TwinRecorder("scara"), 0.1
     held, shift = [], []
     for seed in range(10):
-        data = in_units(twin.recorded(seed, n=1, noise=5.0), {1: gain})
+        data = scale_gains(twin.recorded(seed, n=1, noise=5.0), {1: gain})
         found, gains = fit_of(twin.robot, data)
         shift.append((gains[1].value - gain) / gains[1].standard_error)
         held += (np.abs(found.p - twin.truth) <= found.half_width()).tolist()
@@ -95,7 +95,7 @@ def test_noise_of_the_signal_shifts_no_gain_and_intervals_hold_the_truth() -> No
 def test_parameters_do_not_depend_on_the_unit_of_an_unknown_gain(factor: float) -> None:
     robot = arm(**NO_ROTORS)
     data = two_axes(robot, TRUTH, n=1)
-    one, other = (fit_of(robot, in_units(data, {1: g}))[0] for g in (1.0, factor))
+    one, other = (fit_of(robot, scale_gains(data, {1: g}))[0] for g in (1.0, factor))
     assert other.p == pytest.approx(one.p, rel=1e-6)
     assert other.standard_error == pytest.approx(one.standard_error, rel=1e-4)
 
@@ -103,7 +103,7 @@ def test_parameters_do_not_depend_on_the_unit_of_an_unknown_gain(factor: float) 
 def test_recordings_that_disagree_on_which_gain_is_unknown_are_refused() -> None:
     robot = arm()
     data = two_axes(robot, TRUTH, n=2)
-    data[:1] = in_units(data[:1], {1: 2.0})
+    data[:1] = scale_gains(data[:1], {1: 2.0})
     with pytest.raises(Mismatch, match="state the gain of an axis in all maps"):
         estimate(robot, data, "free motion")
 
@@ -111,4 +111,4 @@ def test_recordings_that_disagree_on_which_gain_is_unknown_are_refused() -> None
 def test_methods_for_strokes_name_the_one_that_finds_gains() -> None:
     robot = arm()
     with pytest.raises(NotIdentifiable, match="--method 'free motion'"):
-        estimate(robot, in_units(two_axes(robot, TRUTH, n=1), {1: 2.0}), "improved")
+        estimate(robot, scale_gains(two_axes(robot, TRUTH, n=1), {1: 2.0}), "improved")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 CUT_OFF = 10.0
 
 
-def with_velocity(change: Callable[[Array, int], Array], of_position: float = 1e-3) -> FreeRecorded:
+def add_velocity(change: Callable[[Array, int], Array], of_position: float = 1e-3) -> FreeRecorded:
     """Recordings of coarse positions; `change` computes recorded velocities
     from time and number.
     """
@@ -51,7 +51,7 @@ def sources(data: FreeRecorded) -> list[tuple[bool, str]]:
 
 
 def test_one_with_less_noise_is_taken() -> None:
-    for taken, reason in sources(with_velocity(late(0.0))):
+    for taken, reason in sources(add_velocity(late(0.0))):
         assert taken
         assert "times the noise of the derivative" in reason
 
@@ -66,7 +66,7 @@ def test_one_with_more_noise_is_not() -> None:
 
 @pytest.mark.parametrize(("periods", "taken"), [(0.3, True), (-0.3, True), (3, False), (-3, False)])
 def test_one_that_lags_by_more_than_half_a_period_is_not_taken(periods: float, taken: bool) -> None:
-    for is_taken, reason in sources(with_velocity(late(periods * PERIOD))):
+    for is_taken, reason in sources(add_velocity(late(periods * PERIOD))):
         assert is_taken == taken
         if not taken:
             amount, unit, which = reason.removeprefix("the recorded velocity is ").split()
@@ -75,7 +75,7 @@ def test_one_that_lags_by_more_than_half_a_period_is_not_taken(periods: float, t
 
 
 def test_one_that_contradicts_the_positions_is_not_taken() -> None:
-    data = with_velocity(lambda time, seed: 1.5 * late(0.0)(time, seed))
+    data = add_velocity(lambda time, seed: 1.5 * late(0.0)(time, seed))
     assert sources(data) == [(False, "the recorded velocity differs by 50 %")] * 2
 
 
@@ -85,13 +85,13 @@ def test_joints_are_judged_one_by_one() -> None:
         qd[:, 0] = np.nan
         return qd
 
-    first, second = sources(with_velocity(second_alone))
+    first, second = sources(add_velocity(second_alone))
     assert first == (False, "none was recorded")
     assert second[0]
 
 
 def test_one_that_some_recordings_lack_is_not_taken() -> None:
-    data = with_velocity(late(0.0))
+    data = add_velocity(late(0.0))
     data[1] = (data[1][0], replace(data[1][1], qd=None))
     assert sources(data) == [(False, "none was recorded")] * 2
 
@@ -102,7 +102,7 @@ def test_a_joint_that_stands_still_has_no_velocity_to_choose() -> None:
 
 
 def test_identification_states_which_velocities_it_took_and_why() -> None:
-    data = with_velocity(
+    data = add_velocity(
         lambda time, seed: np.column_stack(
             [late(0.0)(time, seed)[:, 0], late(0.02)(time, seed)[:, 1]]
         )
@@ -121,6 +121,6 @@ def test_a_model_is_the_same_where_a_joint_without_velocity_is_recorded_beside_o
         qd[:, 0] = np.nan
         return qd
 
-    estimate = fit_free_motions(arm(), with_velocity(second_alone, of_position=1e-4))
+    estimate = fit_free_motions(arm(), add_velocity(second_alone, of_position=1e-4))
     assert np.isfinite(estimate.p).all()
     np.testing.assert_allclose(estimate.p, TRUTH, atol=0.1)
