@@ -73,9 +73,22 @@ def _archive(path: Path) -> None:
 
 
 def _wide(path: Path) -> None:
-    """Declare 10 000 columns in a file of 1400 bytes."""
+    """Declare 5000 columns in a file of 1400 bytes."""
     with h5py.File(path, "w") as file:
-        file.create_dataset("q", (10_000, 10_000), "f4", chunks=(100, 100))
+        file.create_dataset("q", (5000, 5000), "f4", chunks=(100, 100))
+
+
+def _compound(path: Path) -> None:
+    """Declare rows of 4 kB in a file of 1400 bytes, of which a block was read for a column."""
+    with h5py.File(path, "w") as file:
+        file.create_dataset("q", (1000,), np.dtype([("a", "f4", (1000,))]), chunks=(1,))
+
+
+def _variables(path: Path) -> None:
+    """Write two variables of MATLAB, and six without columns."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for k in range(8):
+            file[f"v{k}"] = np.zeros(2 if k < 2 else 1)
 
 
 TRACE = "[key]; value\n1.Variable; q\n"
@@ -84,6 +97,8 @@ LARGE: dict[str, Callable[[Path], object]] = {
     "rows.csv.gz": _gzip("1,2\n" * 20_000),
     "name.csv": _text(TRACE + f"2.Variable; {'x' * 10_000}\n"),
     "wide.h5": _wide,
+    "compound.h5": _compound,
+    "variables.mat": _variables,
     "traces.csv": _text("[key]; value\n" + "".join(f"{k}.Variable; q\n" for k in range(100))),
     "trace.dat": _text("DIAEXTENDED\n" + "#BEGINCHANNELHEADER\n" * 100),
     "kinds.xml": _text("".join(f"<a{k}/>" for k in range(1000))),
