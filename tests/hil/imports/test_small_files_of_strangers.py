@@ -224,6 +224,25 @@ def test_lists_of_parquet_are_judged_before_they_are_read(tmp_path: Path) -> Non
     assert table.left_out["a.b"] == "lists of 100000 numbers in a group of rows"
 
 
+def test_text_beside_a_number_of_parquet_is_not_read(tmp_path: Path) -> None:
+    """A text stored once is repeated in every row: 800 bytes became 4.9 GB."""
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    part = {"t": 1.5, "half": np.float16(0.5), "text": "x" * 10_000}
+    rows = pa.array([{**part, "parts": [part]}] * 1000)
+    parquet.write_table(pa.table({"a": rows, "a.b": [2.0] * 1000}), tmp_path / "a.parquet")
+    table = open_table(tmp_path / "a.parquet", Format())
+    wanted = ["a.t", "a.half", "a.parts/1.t", "a.parts/1.half", "a.b"]
+    before = pa.total_allocated_bytes()
+    blocks = table.blocks([table.names.index(name) for name in wanted])
+    block = next(blocks)
+    assert pa.total_allocated_bytes() - before < 1_000_000
+    assert block.shape == (1000, 5)
+    assert block[-1].tolist() == [1.5, 0.5, 1.5, 0.5, 2.0]
+    parquet.write_table(pa.table({"a": rows, "a.text": [2.0] * 1000}), tmp_path / "a.parquet")
+    with pytest.raises(FileError, match=r"two columns are named a\.text"):
+        list(open_table(tmp_path / "a.parquet", Format()).blocks([1]))
+
+
 def test_a_column_of_missing_lists_is_searched_for_a_while(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
