@@ -4,6 +4,7 @@ Without a format all of them take turns. Each example is named by its format and
 from --from NUMBER; --only NUMBER does one again. Those that a reader did not take as it must are
 kept in .hypothesis/found/fuzz: no traceback, nothing outside of the folder, at most 200 MB and four
 times the file of memory. One core; two calls with numbers far apart take two.
+Ctrl-C ends with what was read so far.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import shutil
 import sys
 import tempfile
 from collections import Counter
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 
@@ -44,20 +46,21 @@ def _all(asked: argparse.Namespace, scratch: Path) -> int:
     numbers = count(asked.first) if asked.only is None else iter([asked.only])
     found: dict[str, Counter[str]] = {kind: Counter() for kind in kinds}
     most: Counter[str] = Counter()
-    for number in numbers:
-        for kind in kinds:
-            if _processor_time() > 60 * asked.minutes:
-                return _conclusion(found, most)
-            path = made(kind, number, scratch / "example")
-            outcome = attempt(kind, path)
-            found[kind][outcome.how] += 1
-            most[kind] = max(most[kind], outcome.memory)
-            if outcome.wrong:
-                found[kind]["wrong"] += 1
-                sys.stdout.write(f"{kind} {number}: {outcome.wrong.strip()}\n")
-                sys.stdout.flush()
-                shutil.copytree(path.parent, KEPT / f"{kind}-{number}", dirs_exist_ok=True)
-            shutil.rmtree(scratch / "example")
+    with suppress(KeyboardInterrupt):
+        for number in numbers:
+            for kind in kinds:
+                if _processor_time() > 60 * asked.minutes:
+                    return _conclusion(found, most)
+                path = made(kind, number, scratch / "example")
+                outcome = attempt(kind, path)
+                found[kind][outcome.how] += 1
+                most[kind] = max(most[kind], outcome.memory)
+                if outcome.wrong:
+                    found[kind]["wrong"] += 1
+                    sys.stdout.write(f"{kind} {number}: {outcome.wrong.strip()}\n")
+                    sys.stdout.flush()
+                    shutil.copytree(path.parent, KEPT / f"{kind}-{number}", dirs_exist_ok=True)
+                shutil.rmtree(scratch / "example")
     return _conclusion(found, most)
 
 

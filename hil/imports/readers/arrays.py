@@ -18,7 +18,7 @@ import numpy as np
 from checked_files.budget import refuse_beyond
 from checked_files.yaml_file import FileError
 from hil.imports.readers.unpacked import refuse_elsewhere, refuse_inflated_archive
-from hil.imports.tables import ArrayTable, listed
+from hil.imports.tables import ROWS, ArrayTable, listed
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ DATASET = 24_000
 """Memory of an open dataset of HDF5 with its description [bytes]; by RSS 21 800, for 5000."""
 COLUMN = 600
 """Memory of an offered column [bytes]; by RSS 517 for 10^6 columns of a dataset of HDF5."""
+CHECKED = 100
+"""Columns between two checks of the budget."""
 
 
 def open_arrays(path: Path, _: Format) -> ArrayTable:
@@ -71,11 +73,15 @@ def table_of(
         No array is a column of numbers.
     """
     left_out = dict(left_out or {})
-    n = sum(min(array.shape) for array in arrays.values() if array.ndim == 2)
-    refuse_beyond(path, COLUMN * n, f"{n} columns")
-    columns = dict(
-        column for name, array in arrays.items() for column in _columns(name, array, left_out)
-    )
+    columns: Columns = {}
+    for name, array in arrays.items():
+        if array.dtype.names:  # of which HDF5 reads whole rows
+            size = array.dtype.itemsize * min(len(array), ROWS) if array.shape else 0
+            refuse_beyond(path, size, f"a block of {name}")
+        for column in _columns(name, array, left_out):
+            columns.update([column])
+            if len(columns) % CHECKED == 0:
+                refuse_beyond(path, COLUMN * len(columns), f"{len(columns)} columns")
     if not columns:
         raise FileError(
             f"{path}: holds no arrays of one or two dimensions with numbers{listed(left_out)}"

@@ -30,7 +30,7 @@ import numpy as np
 from checked_files.budget import allowed, exceeded, refuse_beyond
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
-from hil.imports.readers.arrays import hdf5_of, table_of
+from hil.imports.readers.arrays import DATASET, hdf5_of, table_of
 from hil.imports.readers.unpacked import refuse_elsewhere, refuse_inflated_variables
 from hil.optional_packages import remedy
 from hil.runs.atomic_file import file_errors
@@ -255,6 +255,8 @@ class _Contents:
 
     def add_hdf5(self, name: str, item: Any) -> None:
         """Add a variable, field or element of version 7.3."""
+        size = DATASET * len(self.arrays) + _ELEMENT * len(self.left_out)
+        refuse_beyond(self._path, size, f"{len(self.arrays)} variables")
         kind = item.attrs.get("MATLAB_class", b"")
         kind = kind.decode() if isinstance(kind, bytes) else str(kind)
         if item.attrs.get("MATLAB_empty", 0):

@@ -11,7 +11,7 @@ import json
 import re
 from functools import cached_property
 from io import BytesIO
-from itertools import islice
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -166,8 +166,31 @@ class _Groups:
     """Rows of Parquet in groups."""
 
     def __init__(self, file: Any) -> None:
-        self.schema_arrow, self.iter_batches = file.schema_arrow, file.iter_batches
-        self._about = file.metadata
+        self.schema_arrow, self._file, self._about = file.schema_arrow, file, file.metadata
+
+    def iter_batches(self, rows: int, columns: Sequence[str]) -> Iterator[Any]:
+        """Yield the rows of some columns in batches, without texts, which may repeat unbounded."""
+        leaves = [each for name in columns for each in self._leaves[name]]
+        yield from self._file.iter_batches(rows, columns=leaves)
+
+    @cached_property
+    def _leaves(self) -> dict[str, list[str]]:
+        """Paths of all numbers in a column."""
+        found: dict[str, list[str]] = {name: [] for name in self.schema_arrow.names}
+        texts: set[str] = set()
+        for number in range(self._about.num_columns):
+            leaf = self._about.schema.column(number)
+            path = f"{leaf.path}."
+            names = [path[: end.start()] for end in _DOT.finditer(path)]
+            if "BYTE_ARRAY" in leaf.physical_type and leaf.logical_type.type != "FLOAT16":
+                texts.update(names)
+                continue
+            for name in found.keys() & names:
+                found[name].append(leaf.path)
+        # Arrow reads all that a path leads to, also in a column whose own name has a dot
+        if both := texts.intersection(chain.from_iterable(found.values())):
+            raise ValueError(f"two columns are named {min(both)}")
+        return found
 
     def most_values(self, column: str) -> int:
         """Return the largest number of values of a column in a group, which may be read at once."""

@@ -73,9 +73,22 @@ def _archive(path: Path) -> None:
 
 
 def _wide(path: Path) -> None:
-    """Declare 10 000 columns in a file of 1400 bytes."""
+    """Declare 5000 columns in a file of 1400 bytes."""
     with h5py.File(path, "w") as file:
-        file.create_dataset("q", (10_000, 10_000), "f4", chunks=(100, 100))
+        file.create_dataset("q", (5000, 5000), "f4", chunks=(100, 100))
+
+
+def _compound(path: Path) -> None:
+    """Declare rows of 4 kB in a file of 1400 bytes, of which a block was read for a column."""
+    with h5py.File(path, "w") as file:
+        file.create_dataset("q", (1000,), np.dtype([("a", "f4", (1000,))]), chunks=(1,))
+
+
+def _variables(path: Path) -> None:
+    """Write two variables of MATLAB, and six without columns."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for k in range(8):
+            file[f"v{k}"] = np.zeros(2 if k < 2 else 1)
 
 
 TRACE = "[key]; value\n1.Variable; q\n"
@@ -84,6 +97,8 @@ LARGE: dict[str, Callable[[Path], object]] = {
     "rows.csv.gz": _gzip("1,2\n" * 20_000),
     "name.csv": _text(TRACE + f"2.Variable; {'x' * 10_000}\n"),
     "wide.h5": _wide,
+    "compound.h5": _compound,
+    "variables.mat": _variables,
     "traces.csv": _text("[key]; value\n" + "".join(f"{k}.Variable; q\n" for k in range(100))),
     "trace.dat": _text("DIAEXTENDED\n" + "#BEGINCHANNELHEADER\n" * 100),
     "kinds.xml": _text("".join(f"<a{k}/>" for k in range(1000))),
@@ -207,6 +222,25 @@ def test_lists_of_parquet_are_judged_before_they_are_read(tmp_path: Path) -> Non
         table = open_table(path, Format())
     assert table.names == ("t", "a.b")
     assert table.left_out["a.b"] == "lists of 100000 numbers in a group of rows"
+
+
+def test_text_beside_a_number_of_parquet_is_not_read(tmp_path: Path) -> None:
+    """A text stored once is repeated in every row: 800 bytes became 4.9 GB."""
+    pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    part = {"t": 1.5, "half": np.float16(0.5), "text": "x" * 10_000}
+    rows = pa.array([{**part, "parts": [part]}] * 1000)
+    parquet.write_table(pa.table({"a": rows, "a.b": [2.0] * 1000}), tmp_path / "a.parquet")
+    table = open_table(tmp_path / "a.parquet", Format())
+    wanted = ["a.t", "a.half", "a.parts/1.t", "a.parts/1.half", "a.b"]
+    before = pa.total_allocated_bytes()
+    blocks = table.blocks([table.names.index(name) for name in wanted])
+    block = next(blocks)
+    assert pa.total_allocated_bytes() - before < 1_000_000
+    assert block.shape == (1000, 5)
+    assert block[-1].tolist() == [1.5, 0.5, 1.5, 0.5, 2.0]
+    parquet.write_table(pa.table({"a": rows, "a.text": [2.0] * 1000}), tmp_path / "a.parquet")
+    with pytest.raises(FileError, match=r"two columns are named a\.text"):
+        list(open_table(tmp_path / "a.parquet", Format()).blocks([1]))
 
 
 def test_a_column_of_missing_lists_is_searched_for_a_while(
