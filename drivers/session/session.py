@@ -106,6 +106,7 @@ class Session:
         self._words: Sequence[int] = ()
         self._late = (-math.inf, 0.0)
         self._profiles: dict[int, tuple[float, float]] = {}
+        self._rested = -math.inf
         self._samples = SampleReader(axes)
         self._missing = MissingTelegrams(
             axes,
@@ -181,6 +182,7 @@ class Session:
             if not self._moving and not profiles.items() <= self._profiles.items():
                 self.connection.look_at_limits()
             self._profiles |= profiles
+            self._rested = self._rested if self._moving else self._process_data.now()
             if self._planned:
                 return self._cyclic_position.move(moves)
             if self._cyclic_position.cyclic:
@@ -254,10 +256,7 @@ class Session:
         data, limits, reached = self._process_data, self._samples.limits, not self._moving
         before = data.time
         try:
-            if limit == 1:
-                cycles, time = None, data.sync()
-            else:
-                cycles, time = data.sync_ahead(limit), data.time
+            cycles, time = data.sync_ahead(limit), data.time
             if cycles is not None:
                 before = cycles.times[-1]
                 self._profile_position.pass_by(cycles)
@@ -268,9 +267,8 @@ class Session:
         except DriveError as error:
             self.stopping.fail(error)
         last = self._samples.sample(time, data, not self._moving)
-        if cycles is None:
-            return (last,)
-        return [*self._samples.convert_several(cycles, limits, reached), last]
+        ahead = self._samples.convert_several(cycles, limits, reached) if cycles else ()
+        return [*ahead, last]
 
     def _judge(self, time: float, elapsed: float) -> None:
         """Check the SYNC at `time`, `elapsed` after the one before [s]."""
@@ -291,7 +289,8 @@ class Session:
             blind = self._missing.look(data.flags, data.misfits, busy=busy)
             if blind:
                 self._fail(blind)
-        if elapsed > self._unsupervised and profile.active:
+        # not while requests before a move took their time: the axes rested
+        if min(elapsed, time - self._rested) > self._unsupervised and profile.active:
             self.stopping.fail(
                 Tripped(
                     f"axes in motion were not supervised for {elapsed:.3g} s, at most "

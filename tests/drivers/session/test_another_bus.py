@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import drive_bus_conformance as conformance
 import pytest
-from direct_bus import DirectBus, word_of
+from direct_bus import DirectBus, DirectConnection, word_of
 
 from drivers.cia402.states import State, decode_state
 from drivers.cia402.stop import NOT_ENERGISED
@@ -81,6 +81,27 @@ def test_a_trip_latches_and_reset_powers_on_anew(bus: DirectBus) -> None:
         axes.sample()
         assert {decode_state(word_of(bus, k)) for k in range(6)} == {State.OPERATION_ENABLED}
     assert off(bus)
+
+
+def test_requests_before_a_move_are_no_lack_of_supervision(
+    bus: DirectBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def look_slowly(connection: DirectConnection) -> None:
+        data = connection.process_data
+        end, sync = data.time + 0.8, data.sync  # longer than half the watchdog's time
+
+        def sync_late() -> float:
+            data.time = max(data.time, end)
+            return sync()
+
+        monkeypatch.setattr(data, "now", lambda: max(data.time, end))
+        monkeypatch.setattr(data, "sync", sync_late)
+
+    monkeypatch.setattr(DirectConnection, "look_at_limits", look_slowly)
+    with ServoAxes(bus, DRIVES) as axes:  # type: ignore[arg-type]
+        axes.sample()
+        axes.move({0: Move(0.5, 0.2, 2.0)})
+        assert not axes.sample().reached
 
 
 def test_no_frame_is_made() -> None:
