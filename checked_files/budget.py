@@ -18,6 +18,8 @@ LIMIT = "HIL_READ_LIMIT"
 BASE, SHARE = 200_000_000, 4
 """Budget in bytes, and as a multiple of the file: text of two characters a cell becomes four times
 as large as numbers of eight bytes, and 200 MB are an hour of seven joints at 300 Hz."""
+CHECKED = 100
+"""Items between two checks of a budget: columns of 800 bytes exceed it by 80 kB at most."""
 PASSED = 5
 """Budget of what is read piece by piece and not kept, as a multiple: a bound of time, since zlib
 unpacks up to 1032 times as much. 1 GB of text takes 3 s in lines of 100 characters, 44 s in lines

@@ -13,7 +13,7 @@ from copy import copy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeAlias
 
-from drivers.drive_bus import DriveRefused, NodeSilent, Tripped
+from drivers.drive_bus import DriveError, DriveRefused, NodeSilent
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Container, Iterable, Mapping, Sequence
@@ -284,11 +284,11 @@ class RemoteDictionary:
         """Return the objects with these indices that were written and read back."""
         return [entry for entry in self.kept if entry.index in indices]
 
-    def refuse_changed(self, entries: Iterable[Entry]) -> None:
-        """Refuse objects with another value than was read back after a write (`Tripped`)."""
+    def refuse_changed(self, entries: Iterable[Entry], refusal: type[DriveError]) -> None:
+        """Refuse objects with another value than was read back after a write."""
         for entry in entries:
             if (present := self.get(entry)) != self.kept[entry]:
-                raise Tripped(
+                raise refusal(
                     f"{self.label}: {entry} is {present}, {self.kept[entry]} was written: "
                     "another master or tool changed it; stop it first"
                 )

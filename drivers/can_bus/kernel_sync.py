@@ -193,7 +193,7 @@ class KernelSync(can.BusABC):
     def _take(self, sync: can.Message) -> None:
         before, last = self._clock(), self.instant
         wall = self._wall()
-        # with an impossible age, the wall clock was set since the stamp: that has the old offset
+        # an impossible age shows a wall clock set since the stamp, which has the old offset
         possible = -AT_ONCE < wall - sync.timestamp < STALE * self._period
         if possible and self._clock() - before < AT_ONCE:
             self._offset = before - wall

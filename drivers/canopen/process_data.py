@@ -146,8 +146,7 @@ class SyncProcessData(ProcessData):
     def sync_ahead(self, times: int) -> Cycles | None:
         """Send several SYNCs if the last one was answered completely (see `ProcessData`)."""
         if times == 1 or self._blocks is None or not self._complete or self.irregular:
-            self.sync()
-            return None
+            return super().sync_ahead(times)
         try:
             blocks = self._blocks.send_repeatedly(SYNC, times)
         except Exception as error:

@@ -50,6 +50,7 @@ class EthercatConnection(Connection):
     silence = "takes no part in the exchange of process data for {} cycles in a row"
     wiring = "the cables and that no other master is on the line"
     doubling = "no SYNC0 passed between frames for {} cycles in a row: " + OUT_OF_CYCLE
+    requests_delay = False
     communications: tuple[EthercatCommunication, ...]
     process_data: EthercatProcessData
     life_sign: OutputsSent

@@ -248,7 +248,7 @@ def check_powered(
     except DriveError as error:
         # each line names its axis, if only one is concerned; all axes are off
         labels = [f"{axis.name} (node {axis.node})" for axis in drives.axes]
-        for line in str(error).splitlines():
+        for line in error.lines.splitlines():
             place = next((label for label in labels if line.startswith(f"{label}: ")), "all axes")
             yield Verdict(Grade.REFUSED, place, step, line.removeprefix(f"{place}: "))
 

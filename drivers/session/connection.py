@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from drivers.cia402.power import Power
 from drivers.cia402.supervision import Supervision
+from drivers.drive_bus import DriveRefused, Tripped
 from drivers.found_settings.settings_file import WRITTEN_ONCE
 from drivers.in_node import ALONE, InNode
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from drivers.commissioning.communication import Communication
     from drivers.cycle_data import ProcessData
     from drivers.dictionary.review import BusRules, Scan
-    from drivers.drive_bus import DriveRefused
     from drivers.drives_file import AxisDrive, DrivesFile
     from drivers.fieldbus import LifeSign
     from drivers.found_settings.settings_file import FoundDrive
@@ -48,6 +48,8 @@ class Connection(ABC):
         Message about doubled telegrams, with the remedy.
     guards : collection of int
         Index of the objects by which drives supervise us.
+    requests_delay : bool
+        True if requests to drives delay SYNC, and are not made between equal strokes.
     supervision : Supervision
         Supervision of statuswords and emergencies.
     power : Power
@@ -60,6 +62,7 @@ class Connection(ABC):
     wiring: str
     doubling: str
     guards: Collection[int] = ()
+    requests_delay = True
 
     def __init__(
         self,
@@ -102,14 +105,14 @@ class Connection(ABC):
 
         Raises
         ------
-        DriveRefused, Tripped
+        DriveRefused
             Another master may be at work.
         """
         for server in self.servers:
-            server.refuse_changed(server.held(self.guards))
+            server.refuse_changed(server.held(self.guards), DriveRefused)
 
     def look_at_limits(self) -> None:
-        """Read back the guards of each drive, and one limit, the next at each call.
+        """Read back the guards of the drives, and a limit of every drive in turn.
 
         Raises
         ------
@@ -120,7 +123,7 @@ class Connection(ABC):
         for server in self.servers:
             limits = server.held(WRITTEN_ONCE)
             turn = self._looked % max(1, len(limits))
-            server.refuse_changed([*server.held(self.guards), *limits[turn : turn + 1]])
+            server.refuse_changed([*server.held(self.guards), *limits[turn : turn + 1]], Tripped)
 
     @abstractmethod
     def collect_late(self) -> None:

@@ -326,11 +326,11 @@ class ServoAxes:
             )
         return self._session
 
-    def _note(self, notes: Iterable[str]) -> None:
+    def _note(self, notes: Iterable[str], *, noted: bool = False) -> None:
         new = tuple(notes)
         self.notes += new
         for note in new:
-            log.warning("%s", note)
+            log.warning("%s", note, extra={"noted": noted})
 
     def _leave_safely(self, error: BaseException | None) -> None:
         """Leave, even if an interrupt arrives before interrupts are postponed."""
@@ -361,19 +361,18 @@ class ServoAxes:
             outcome.problems += self._close()
             if self._bus.recorded:
                 outcome.problems.clear()
-            if not isinstance(error, Exception):
-                self._note(outcome.notes)
-                if outcome.message and error is None:
-                    raise DriveFault(outcome.message)
-                if outcome.message:
-                    log.error("%s", outcome.message)
-                return
-            # without the answer of the bus in parentheses, if the error contains it
-            answer = re.escape(str(error).rsplit(": ", 1)[-1]) or "$."
-            message = re.sub(rf" \([^()]*{answer}\)", "", outcome.message)
-            self.notes += tuple(outcome.notes)
-            for note in filter(None, (*outcome.notes, message)):  # shown below the reason
-                error.add_note(note)
+            noted = isinstance(error, Exception)  # a command shows notes of an error below it
+            self._note(outcome.notes, noted=noted)
+            if outcome.message and error is None:
+                raise DriveFault(outcome.message)
+            if outcome.message:
+                log.error("%s", outcome.message, extra={"noted": noted})
+            if error is not None:
+                # without the answer of the bus in parentheses, if the error contains it
+                answer = re.escape(str(error).rsplit(": ", 1)[-1]) or "(?!)"
+                message = re.sub(rf" \([^()]*{answer}\)", "", outcome.message)
+                for note in filter(None, (*outcome.notes, message)):
+                    error.add_note(note)
 
     def _close(self) -> list[str]:
         """Close our part of the bus; return failures."""

@@ -104,9 +104,8 @@ class Session:
         self._supervision = connection.supervision
         self._unsupervised = max(UNSUPERVISED * connection.life_sign.timeout, 3 * period)
         self._words: Sequence[int] = ()
-        self._late = (-math.inf, 0.0)
+        self._late, self._rested = (-math.inf, 0.0), -math.inf
         self._profiles: dict[int, tuple[float, float]] = {}
-        self._rested = -math.inf
         self._samples = SampleReader(axes)
         self._missing = MissingTelegrams(
             axes,
@@ -178,8 +177,8 @@ class Session:
             check_move(move, self.axes[axis])
         try:
             profiles = {axis: (move.velocity, move.acceleration) for axis, move in moves.items()}
-            # not between equal strokes of a measurement: requests delay SYNC
-            if not self._moving and not profiles.items() <= self._profiles.items():
+            equal = profiles.items() <= self._profiles.items()
+            if not self._moving and not (equal and self.connection.requests_delay):
                 self.connection.look_at_limits()
             self._profiles |= profiles
             self._rested = self._rested if self._moving else self._process_data.now()

@@ -8,6 +8,7 @@ command is called, so that help and completion load quickly.
 
 from __future__ import annotations
 
+import logging
 import sys
 from importlib import import_module
 from itertools import pairwise
@@ -154,6 +155,8 @@ def main(
 ) -> None:
     """Run `hil` or `program`; exit status 1 after a message, 2 for wrong usage."""
     out.begin()
+    if logging.lastResort is not None:
+        logging.lastResort.addFilter(_is_unnoted)
     try:
         program(None if arguments is None else list(arguments), prog_name=name)
     except OSError as error:
@@ -167,3 +170,8 @@ def main(
             raise
         sys.stderr.write(f"{shown(error.lines)}\n")
         sys.exit(1)
+
+
+def _is_unnoted(record: logging.LogRecord) -> bool:
+    """Return False for a note of an error: notes are shown below the error's message."""
+    return not getattr(record, "noted", False)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
-from checked_files.budget import refuse_beyond
+from checked_files.budget import CHECKED, refuse_beyond
 from checked_files.yaml_file import FileError
 from hil.imports.readers.unpacked import refuse_elsewhere, refuse_inflated_archive
 from hil.imports.tables import ROWS, ArrayTable, listed
@@ -34,8 +34,6 @@ DATASET = 24_000
 """Memory of an open dataset of HDF5 with its description [bytes]; by RSS 21 800, for 5000."""
 COLUMN = 600
 """Memory of an offered column [bytes]; by RSS 517 for 10^6 columns of a dataset of HDF5."""
-CHECKED = 100
-"""Columns between two checks of the budget."""
 
 
 def open_arrays(path: Path, _: Format) -> ArrayTable:

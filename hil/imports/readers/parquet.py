@@ -267,7 +267,7 @@ def _lines(path: Path, text: str) -> BytesIO | None:
 
 
 def _object_at(decoder: json.JSONDecoder, text: str, begin: int) -> tuple[object, int]:
-    """Return the object at a place and the place of its end, without what is far beyond it."""
+    """Return an object and the place of its end; text far beyond is not parsed."""
     length = 1 << 12
     while True:
         try:

@@ -15,7 +15,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from checked_files.budget import refuse_beyond
+from checked_files.budget import CHECKED, refuse_beyond
 from checked_files.xml_file import DEEPEST
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrays import table_of
@@ -39,8 +39,6 @@ missing cell, 34 with its text of 11 bytes, held twice."""
 COLUMN = 800
 """Maximum memory of a name: of a column, of an element, or of a text in the place of a number; by
 RSS 580 for 20 000 kinds of elements, and 916 with 20 rows and their text of 316 bytes."""
-CHECKED = 100
-"""Rows or names between two checks of the budget."""
 
 
 def open_xml(path: Path, _: Format) -> ArrayTable:

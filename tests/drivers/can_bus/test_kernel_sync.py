@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import TYPE_CHECKING
 
 import can
 import pytest
@@ -13,6 +14,9 @@ from drivers.can_bus.kernel_sync import SILENCE, KernelSync
 from drivers.canopen.sync_clock import KernelClock, kernel_sync
 from drivers.drive_bus import BusUnavailable
 from drivers.sync_clock import PAUSE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 PERIOD = 0.01
 START = 1000.0
@@ -76,8 +80,9 @@ def kernel() -> KernelBus:
     bus.shutdown()
 
 
-def synced(kernel: KernelBus) -> KernelSync:
-    return KernelSync(kernel, PERIOD, ANSWERS, pause=PAUSE, clock=kernel.clock, wall=kernel.clock)
+def synced(kernel: KernelBus, wall: Callable[[], float] | None = None) -> KernelSync:
+    wall = wall or kernel.clock
+    return KernelSync(kernel, PERIOD, ANSWERS, pause=PAUSE, clock=kernel.clock, wall=wall)
 
 
 def received(bus: KernelSync) -> list[int]:
@@ -248,15 +253,7 @@ def test_a_clock_that_is_set_in_the_middle_does_not_move_the_samples(
     kernel: KernelBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     set_forward = [0.0]
-    bus = KernelSync(
-        kernel,
-        PERIOD,
-        ANSWERS,
-        pause=PAUSE,
-        clock=kernel.clock,
-        wall=lambda: kernel.now + set_forward[0],
-    )
-    with bus:
+    with synced(kernel, wall=lambda: kernel.now + set_forward[0]) as bus:
         kernel.arrive(0.01, 0x80)
         bus.send(SYNC)
         set_forward[0] = 3600.0
@@ -277,15 +274,7 @@ def test_a_clock_that_is_set_between_stamp_and_reading_does_not_move_the_samples
 ) -> None:
     """Two SYNCs are stamped, then the wall clock is set, then they are read `late` seconds on."""
     shift = [0.0]
-    bus = KernelSync(
-        kernel,
-        PERIOD,
-        ANSWERS,
-        pause=PAUSE,
-        clock=kernel.clock,
-        wall=lambda: kernel.now + shift[0],
-    )
-    with bus:
+    with synced(kernel, wall=lambda: kernel.now + shift[0]) as bus:
         kernel.arrive(PERIOD, 0x80)
         bus.send(SYNC)
         kernel.arrive(2 * PERIOD, 0x80)

@@ -38,7 +38,7 @@ def ends(open_bus: Opening, event: Callable[[], None], moves: int) -> DriveError
         here = bus.sample().q[0]
         event()
         for number in range(moves):
-            bus.move({0: Move(here + 0.01 * (number % 2), 0.5 + 0.1 * (number % 2), 2.0)})
+            bus.move({0: Move(here + 0.01 * (number % 2), 0.5, 2.0)})
             while not bus.sample().reached:
                 pass
     return caught.value

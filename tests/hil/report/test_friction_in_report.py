@@ -20,20 +20,20 @@ BOUND = 0.31
 
 
 @pytest.fixture(scope="module")
-def friction_report(tmp_path_factory):
+def runs_folder(tmp_path_factory):
     return tmp_path_factory.mktemp("runs")
 
 
 @pytest.fixture(scope="module")
-def model_folder(friction_report):
-    return identified_run(friction_report / "identified")
+def model_folder(runs_folder):
+    return identified_run(runs_folder / "identified")
 
 
 @pytest.fixture
-def run(manutec, friction_report, tmp_path):
+def run(manutec, runs_folder, tmp_path):
     """Sweep of one axis with different friction in either direction."""
     plan = sweep(manutec, [LOADED], speeds=6, slowest=0.02)
-    folder = RunFolder.create(friction_report / tmp_path.name, plan, manutec)
+    folder = RunFolder.create(runs_folder / tmp_path.name, plan, manutec)
     uneven, begin = Friction(offset=np.array([1.0, -2.0, 0.5, 0.3, -0.2, 0.1])), 0.0
     with folder.session(SIMULATED) as session:
         for m in plan.measurements:
