@@ -83,7 +83,7 @@ CASES = (
     Case(
         "SDO silent in a campaign", _STOPS,
         (fault(What.SDO_SILENT, When(set_point=1, after=0.2)),), NodeSilent,
-        "no answer when trying to write", signs.request,
+        "no answer when trying to read", signs.request,
     ),
     Case(
         "SDO aborted in a campaign", _STOPS,
