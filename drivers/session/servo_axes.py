@@ -371,7 +371,7 @@ class ServoAxes:
                 # without the answer of the bus in parentheses, if the error contains it
                 answer = re.escape(str(error).rsplit(": ", 1)[-1]) or "(?!)"
                 message = re.sub(rf" \([^()]*{answer}\)", "", outcome.message)
-                for note in filter(None, (*outcome.notes, message)):
+                for note in filter(None, (message, *outcome.notes)):
                     error.add_note(note)
 
     def _close(self) -> list[str]:
