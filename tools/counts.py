@@ -40,14 +40,14 @@ import time
 import tracemalloc
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import yaml
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
 
 def processor() -> str:
@@ -63,17 +63,22 @@ HERE = Path(__file__).resolve().parents[1]
 KEPT = Path(__file__).with_suffix(".json")
 OWN = ("hil", "drivers", "sim_plant", "checked_files")
 COMMANDS = {
-    "plan": ("plan", "manutec-r15", "-o", "plan.yaml", "--gravity", "12", "--inertia", "16",
-             "--coupling", "5"),
+    "plan": ("plan", "manutec-r15", "-o", "plan.yaml", "--gravity", "4", "--inertia", "14",
+             "--coupling", "3"),
     "dry-run": ("dry-run", "plan.yaml"),
     "run": ("run", "plan.yaml", "-o", "run"),
+    "short run": ("run", "short.yaml", "-o", "short"),
     "identify": ("identify", "run"),
     "report": ("report", "run"),
     "import": ("import", "map.yaml", "-o", "imported"),
     "identify import": ("identify", "imported"),
 }  # fmt: skip
-CHAINS = ("run", "identify", "report"), ("dry-run", "import", "identify import")
-"""Commands that follow from each other, once there is a plan."""
+SHORT = 3
+"""Number of measurements of the short run. The memory of runs is traced in this one alone, since
+tracing takes 2.5 times as long."""
+INDEPENDENT = ("run", "dry-run", "import", "short run")
+FOLLOWING = {"identify import": "import", "identify": "run", "report": "identify"}
+"""Commands that wait for another one's files."""
 KERNELS = "kernels"
 BEGIN = "counted: "
 """Behind what a command prints, before its counts."""
@@ -167,14 +172,15 @@ class Work:
                 self.counts["bytes read"] += path.stat().st_size
 
 
-def count(arguments: list[str]) -> dict[str, Any]:
+def count(command: str) -> dict[str, Any]:
     """Run one command of `hil` in this process and in the current folder; return its counts."""
     work = Work(Path.cwd())
-    work.watch_memory()
+    if command != "run":
+        work.watch_memory()
     work.watch_calls()
     from hil.__main__ import main  # noqa: PLC0415 - after the functions are wrapped
 
-    sys.argv = ["hil", *arguments]
+    sys.argv = ["hil", *COMMANDS[command]]
     profile = cProfile.Profile(builtins=False)
     try:
         profile.enable()
@@ -184,7 +190,8 @@ def count(arguments: list[str]) -> dict[str, Any]:
             raise
     finally:
         profile.disable()
-    work.highest()
+    if tracemalloc.is_tracing():
+        work.highest()
     calls: Counter[str] = Counter()
     for (file, _, name), (_, n, *_) in pstats.Stats(profile).stats.items():
         path = Path(file)
@@ -199,26 +206,36 @@ def count(arguments: list[str]) -> dict[str, Any]:
 
 
 def count_all() -> dict[str, Any]:
-    """Count every command in a process of its own, in two chains side by side."""
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor() as pool:
-        write_recording(Path(folder))
-        found = _counted(folder, ["plan"])
-        for chain in pool.map(partial(_counted, folder), CHAINS):
-            found |= chain
-    return {name: found[name] for name in COMMANDS}
+    """Count every command in a process of its own, two at a time."""
+    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as pool:
+        folder = Path(name)
+        write_recording(folder)
+        found = {"plan": _counted(folder, "plan")}
+        write_short_plan(folder)
+        begun = {each: pool.submit(_counted, folder, each) for each in INDEPENDENT}
+        for each, needed in FOLLOWING.items():
+            begun[needed].result()
+            begun[each] = pool.submit(_counted, folder, each)
+        found |= {each: counted.result() for each, counted in begun.items()}
+    return {each: found[each] for each in COMMANDS}
 
 
-def _counted(folder: str, names: Sequence[str]) -> dict[str, Any]:
-    """Count commands one after the other."""
-    found = {}
-    for name in names:
-        found[name], arguments = _count_in_process(folder, name), COMMANDS[name]
-        if found[name]["counts"].pop("compiled anew", 0):  # now on disk: counted again
-            if "-o" in arguments:
-                made = Path(folder) / arguments[arguments.index("-o") + 1]
-                shutil.rmtree(made) if made.is_dir() else made.unlink()
-            found[name] = _count_in_process(folder, name)
+def _counted(folder: Path, name: str) -> dict[str, Any]:
+    """Count a command; once more where functions were compiled, which are now on disk."""
+    found, arguments = _count_in_process(folder, name), COMMANDS[name]
+    if found["counts"].pop("compiled anew", 0):
+        if "-o" in arguments:
+            made = folder / arguments[arguments.index("-o") + 1]
+            shutil.rmtree(made) if made.is_dir() else made.unlink()
+        found = _count_in_process(folder, name)
     return found
+
+
+def write_short_plan(folder: Path) -> None:
+    """Write the plan's first measurements as a plan of their own."""
+    plan = yaml.safe_load((folder / "plan.yaml").read_text())
+    plan["measurements"] = plan["measurements"][:SHORT]
+    (folder / "short.yaml").write_text(yaml.safe_dump(plan, sort_keys=False))
 
 
 def write_recording(folder: Path) -> None:
@@ -230,7 +247,7 @@ def write_recording(folder: Path) -> None:
     small_recording.write_map(folder, small_recording.a_map())
 
 
-def _count_in_process(folder: str, name: str) -> dict[str, Any]:
+def _count_in_process(folder: Path, name: str) -> dict[str, Any]:
     done = subprocess.run(
         [sys.executable, __file__, "--command", name],
         cwd=folder, env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(HERE)},
@@ -320,7 +337,7 @@ def too_slow() -> list[str]:
         sys.stdout.write(f"kernels were timed on another processor, {stated['processor']}\n")
         return []
     for _ in range(ATTEMPTS):
-        found = _count_in_process(".", KERNELS)
+        found = _count_in_process(HERE, KERNELS)
         least = {name: min(ratio, least.get(name, ratio)) for name, ratio in found.items()}
         if all(least[name] <= SLOWER * kept[name] for name in kept):
             return []
@@ -338,7 +355,7 @@ def main() -> None:
     asked = parser.parse_args()
     if asked.command:
         kernels = asked.command == KERNELS
-        found = timed() if kernels else count(list(COMMANDS[asked.command]))
+        found = timed() if kernels else count(asked.command)
         sys.stdout.write(BEGIN + json.dumps(found))
         return
     found = count_all()
@@ -347,7 +364,7 @@ def main() -> None:
             total = counted["counts"]["own calls"]
             calls = sorted(counted["calls"].items())
             counted["calls"] = {key: n for key, n in calls if n > LISTED * total}
-        kernels = _count_in_process(".", KERNELS)
+        kernels = _count_in_process(HERE, KERNELS)
         kept = {"python": PYTHON, "processor": PROCESSOR, "commands": found, "kernels": kernels}
         KEPT.write_text(json.dumps(kept, indent=1) + "\n")
         return
