@@ -59,12 +59,13 @@ if TYPE_CHECKING:
 HONEST = 3.0
 """Bound of the ratio of true to stated error of a good model."""
 FLAWS = (
-    ("", "zero", 2), ("", "zero", 3), ("", "position scale", 3), ("", "gear ratio", 2),
-    ("", "gear ratio", 4), ("", "torque constant", 2), ("", "torque constant", 5),
-    ("", "drift of torque constant", 2), ("", "rotor inertia", 3), ("", "late position", 2),
-    ("", "slip", 3), ("", "gravity", 0), ("", "load", 0), ("", "spring", 5), ("", "repeats", 4),
-    ("", "play", 2), ("", "friction of the load", 3),
-    ("ur10e", "zero", 3), ("ur10e", "torque constant", 2), ("ur10e", "spring", 4),
+    ("", "joint offset", 2), ("", "joint offset", 3), ("", "position scale", 3),
+    ("", "gear ratio", 2), ("", "gear ratio", 4), ("", "torque constant", 2),
+    ("", "torque constant", 5), ("", "drift of torque constant", 2), ("", "rotor inertia", 3),
+    ("", "position delay", 2), ("", "slip", 3), ("", "gravity", 0), ("", "load", 0),
+    ("", "spring", 5), ("", "torque ripple", 4), ("", "backlash", 2),
+    ("", "friction of the load", 3), ("ur10e", "joint offset", 3),
+    ("ur10e", "torque constant", 2), ("ur10e", "spring", 4),
 )  # fmt: skip
 """Twin (without a name the robot of the campaign), cause and axis, from 1."""
 
@@ -110,7 +111,7 @@ class Said:
     def alone(self) -> bool:
         """True if neither a load nor a zero is equivalent to the first cause."""
         others = self.found[0].others if self.found else ()
-        return not any(CAUSES[x].words in each for x in ("load", "zero") for each in others)
+        return not any(CAUSES[x].words in each for x in ("load", "joint offset") for each in others)
 
     def named(self, case: Case) -> str:
         """Class of the named causes: first, same, accounted for, other or nothing."""
@@ -254,7 +255,7 @@ def smallest_parts(folder: Path, seed: int) -> dict[tuple[str, int], float]:
     every = columns(run.robot, found.p, evidence)
     battery = Battery(evidence, every, every.fitted)
     n_tests = sum(battery.visible[at].any() for at in every.tests.values())
-    of = {"slip": "slip", "repeats": f"repeats {MESH}"}
+    of = {"slip": "slip", "torque ripple": f"torque ripple {MESH}"}
     sizes = {}
     for cause, axis in ((cause, axis) for _, cause, axis in FLAWS if cause in of):
         at = every.tests[of[cause], axis - 1]
@@ -277,14 +278,16 @@ def shares(folder: Path, seed: int, most: int = 60) -> tuple[int, float, float]:
     run, found, evidence = rows_of(folder, seed)
     every, rng = columns(run.robot, found.p, evidence), np.random.default_rng(seed)
     clean = excluded(run.robot, found.p, evidence)
-    visible = [each for each in clean.limits if each.size is not None and each.cause != "repeats"]
+    visible = [
+        each for each in clean.limits if each.size is not None and each.cause != "torque ripple"
+    ]
     some = rng.permutation(len(visible))[:most]
     any_found, named = [], []
     for limit in (visible[k] for k in some):
         at = [k for k, name in enumerate(every.names)
               if (name_of((name.cause, 0)), name.axis + 1) == (limit.cause, limit.axis)
               and limit.part in ("", name.part)]  # fmt: skip
-        if limit.cause == "play":  # column of the gap nearest to the size
+        if limit.cause == "backlash":  # column of the gap nearest to the size
             gaps = [half_gap(run.robot, every.names[k][:2]) for k in at]
             at = [at[int(np.argmin(np.abs(np.log(gaps) - np.log(limit.size))))]]
         column = every.values[:, rng.choice(at)] * limit.size * rng.choice([-1.0, 1.0])

@@ -55,7 +55,7 @@ PLACES = {
     "two positions exchanged": ("position", "column"),
     "two torques exchanged": ("torque", "column"),
     "position scale": ("position", "unit"),
-    "zero": ("position", "offset"),
+    "joint offset": ("position", "offset"),
 }
 """Keys of a joint in the map, by cause; for other causes the place is the whole joint."""
 
@@ -245,7 +245,7 @@ def _late(
             "shape",
             ("joints", 0, "torque"),
             f"torques of all joints have a {'delay' if lag > 0 else 'lead'} of some "
-            f"{1e3 * abs(lag):.0f} ms; {CAUSES['late torque'].remedy}",
+            f"{1e3 * abs(lag):.0f} ms; {CAUSES['torque delay'].remedy}",
             certain=False,
         )
 
@@ -268,9 +268,14 @@ def _readings(robot: Robot, thin: Evidence) -> Iterator[tuple[str, tuple[int, ..
             every = replace(stated, scale=np.where(wrong, factor, 1.0))
             yield "position scale", (), f"positions of all joints that turn are {words}", every
     for axis in turning:
-        for size in (size for size in STARTS["zero"] if size and size % 90.0 == 0.0):
-            reading = sized(robot, "zero", axis)(size)
-            yield "zero", (axis,), f"{CAUSES['zero'].words} of some {size:g} degrees", reading
+        for size in (size for size in STARTS["joint offset"] if size and size % 90.0 == 0.0):
+            reading = sized(robot, "joint offset", axis)(size)
+            yield (
+                "joint offset",
+                (axis,),
+                f"{CAUSES['joint offset'].words} of some {size:g} degrees",
+                reading,
+            )
     for cause in ("gravity x", "gravity y") if np.any(robot.gravity) else ():
         for size in STARTS[cause]:
             reading = sized(robot, cause, -1)(size)

@@ -304,7 +304,7 @@ def range_suspicions(
 
 def _usual_zero(robot: Robot, joint: int) -> float:
     """Return the usual error of joint offsets [rad or m]."""
-    return CAUSES["zero"].usual * (pi / 180 if robot.revolute[joint] else 1e-3)
+    return CAUSES["joint offset"].usual * (pi / 180 if robot.revolute[joint] else 1e-3)
 
 
 def _other_unit(q: Array, joint: int, robot: Robot) -> str:

@@ -69,7 +69,7 @@ def _found(model: Model) -> Iterator[Reservation]:
         moved, harmless = _moved(model, cause)
         unknown = cause.change is None and cause.left < HALF
         # torque ripple is not an error in a file: base parameters describe the remaining torque
-        stated = cause.cause != "repeats"
+        stated = cause.cause != "torque ripple"
         spoilt = CAUSES[cause.cause].whole or (stated and (unknown or moved > TOLERANCE))
         if spoilt or not harmless:
             yield (failed if spoilt else doubtful)(str(cause), cause.remedy)

@@ -44,7 +44,7 @@ ROUGHLY = 3
 CONFIGURATIONS = 60
 """Number of configurations at which the mass matrix is evaluated."""
 STARTS = {
-    "zero": tuple(np.arange(-135.0, 181.0, 45.0)),
+    "joint offset": tuple(np.arange(-135.0, 181.0, 45.0)),
     "gear ratio": (-50.0, -20.0, 25.0, 100.0),
     "position scale": (-98.25, -50.0, -10.0, 10.0, 100.0),
     "torque constant": (-50.0, -29.3, 30.0, 41.4, 100.0),
@@ -322,7 +322,7 @@ def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable
 
     def read(size: float) -> Reading:
         share = 1.0 + size / 100.0
-        if cause == "zero":
+        if cause == "joint offset":
             return stated.alter(axis, zero=unit * size)
         if cause == "slip":
             return replace(stated, slip=(axis, instant, unit * size))

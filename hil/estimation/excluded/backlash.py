@@ -62,7 +62,7 @@ a column hardly depends on the half gap of the column.
 def half_gap(robot: Robot, key: Key) -> float | None:
     """Return the half gap of a column, in the unit of the cause; None for another cause."""
     cause, *microns = key[0].split()
-    if cause != "play" or not microns:
+    if cause != "backlash" or not microns:
         return None
     return float(microns[0]) * (1e-6 * 180.0 / np.pi if robot.revolute[key[1]] else 1e-3)
 
@@ -70,10 +70,10 @@ def half_gap(robot: Robot, key: Key) -> float | None:
 def nearest(key: Key) -> Key:
     """Return the key with the half gap of `HALF_GAPS` closest to that of `key`."""
     cause, *microns = key[0].split()
-    if cause != "play" or not microns:
+    if cause != "backlash" or not microns:
         return key
     gap = min(HALF_GAPS, key=lambda each: abs(np.log(1e6 * each / float(microns[0]))))
-    return f"play {1e6 * gap:.0f}", key[1]
+    return f"backlash {1e6 * gap:.0f}", key[1]
 
 
 class Driven(NamedTuple):

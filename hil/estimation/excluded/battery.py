@@ -247,7 +247,7 @@ class Battery:
         rate = -1e-3 * self.evidence.rate[self._order] * root
         for k, name in enumerate(self.columns.names):
             square = float(left[:, k] @ left[:, k])
-            if name.cause == "late torque" and square > 0.0 and self.evidence.rate.any():
+            if name.cause == "torque delay" and square > 0.0 and self.evidence.rate.any():
                 moved = np.where(self._D[:, k] != 0.0, rate, 0.0)
                 moved -= self._Q @ (self._Q.T @ moved)
                 response = max(float(left[:, k] @ moved) / square, 0.0)
@@ -440,7 +440,7 @@ class Battery:
     def _same(self, at: Indices) -> Indices:
         """Return the columns of a cause; for backlash, the columns of all gaps."""
         names = [self.columns.names[k] for k in at]
-        gaps = names[0].cause.startswith("play ")
+        gaps = names[0].cause.startswith("backlash ")
         return np.array(self.columns.gaps(names[0].axis)) if gaps else at
 
     def _white(self, rest: Array, U: Array) -> float:

@@ -123,7 +123,7 @@ CAUSES = {
         "SI", "SI", 0.0, LEFT_OUT,
     ),
     # homing by eye or against a stop
-    "zero": Cause(
+    "joint offset": Cause(
         "joint offset error", "degrees", "mm", 0.5,
         "correct zero in the drives file (hil drives home), offset in the map, or theta in the "
         "robot file",
@@ -173,7 +173,7 @@ CAUSES = {
         "or state couplings, where its motor turns with another joint as well (a parallelogram "
         "drive)",
     ),
-    "repeats": Cause(
+    "torque ripple": Cause(
         "torque ripple with an amplitude of", "{torque}", "{torque}", 0.0,
         "look for a part that rubs or meshes at this order (gear, bearing, cable); no base "
         "parameter describes torque ripple",
@@ -188,16 +188,16 @@ CAUSES = {
         least=0.0,
     ),
     # one cycle of a current controller
-    "late torque": Cause(
+    "torque delay": Cause(
         "torque delay", "ms", "ms", 1.0,
         "record torque and position at the same instant, or shift the torque column by the delay",
     ),
-    "late position": Cause(
+    "position delay": Cause(
         "position delay", "ms", "ms", 1.0,
         "record positions of all axes at the same instant",
     ),
     # one arc minute, as data sheets of precision gears state
-    "play": Cause(
+    "backlash": Cause(
         "gear backlash, half of the width", "degrees", "mm", 1 / 120,
         "no action: link and motor positions differ by at most this",
         least=0.0,
@@ -242,11 +242,11 @@ CAUSES = {
 """All causes by name, in the order of likely harm: of several causes that data do not distinguish,
 the first is named first. A load precedes a zero: homing an axis that only carries a load would
 spoil a correct zero."""
-FITTED = ("late torque", "soft gears")
+FITTED = ("torque delay", "soft gears")
 """Causes fitted and accounted for by every estimate; they remain free while others are tested."""
 SHOWN_BY = {
     "load": "two runs would show it, without and with it (hil payload)",
-    "zero": "base parameters absorb it, without any change of predicted torques",
+    "joint offset": "base parameters absorb it, without any change of predicted torques",
     "torque constant": "a known mass on the flange would show it (hil payload --mass)",
     "torques of all axes": "a known mass on the flange would show it (hil payload --mass)",
     "rotor inertia": "a load of known inertia would show it, or the motor's data sheet",

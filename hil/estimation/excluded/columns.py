@@ -95,7 +95,7 @@ class Columns:
         """Return the indices of the columns of an axis's backlash, for all gaps."""
         return [
             k for k, name in enumerate(self.names)
-            if name.axis == axis and name.cause.startswith("play ")
+            if name.axis == axis and name.cause.startswith("backlash ")
         ]  # fmt: skip
 
     @property
@@ -321,14 +321,14 @@ def columns_of(rows: EvidenceRows, axis: int) -> Iterator[tuple[Column, Array]]:
     by_motion = rows.partials(axis)
     by_position = unit * (by_motion[0] + rows.motors_by_position(axis))
     scale = (by_motion * (q, qd, qdd)).sum(axis=0)
-    yield at["zero"], by_position
+    yield at["joint offset"], by_position
     yield at["position scale"], 0.01 * (scale + mine * rows.motor)
     yield at["gear ratio"], -0.01 * (scale + mine * rows.rigid)
     yield at["torque constant"], -0.01 * mine * rows.total
     yield at["drift of torque constant"], -0.01 * mine * rows.total * hours
     yield at["rotor inertia"], 0.01 * mine * rows.motor
-    yield at["late torque"], -1e-3 * mine * rows.time_derivative
-    yield at["late position"], 1e-3 * rows.axis_time_derivative(axis)
+    yield at["torque delay"], -1e-3 * mine * rows.time_derivative
+    yield at["position delay"], 1e-3 * rows.axis_time_derivative(axis)
     for instant in instants(rows.whole_evidence):
         part = f"{instant:.0f}"
         yield Column("slip", axis, part), by_position * (evidence.time >= instant)
@@ -336,7 +336,7 @@ def columns_of(rows: EvidenceRows, axis: int) -> Iterator[tuple[Column, Array]]:
     yield at["friction of the load"], 0.01 * mine * np.abs(rows.rigid) * np.sign(qd)
     if turns:
         for order in ORDERS:
-            cause = f"repeats {order}"
+            cause = f"torque ripple {order}"
             yield Column(cause, axis, "sine"), mine * np.sin(order * q)
             yield Column(cause, axis, "cosine"), mine * np.cos(order * q)
 
@@ -364,7 +364,7 @@ def _gap_columns(
 ) -> Iterator[tuple[Column, Array]]:
     unit = np.pi / 180 if rows.robot.revolute[axis] else 1e-3
     for half_gap, column in zip(half_gaps, rows.backlash_torque(axis, half_gaps), strict=True):
-        yield Column(f"play {1e6 * half_gap:.0f}", axis), unit / half_gap * column
+        yield Column(f"backlash {1e6 * half_gap:.0f}", axis), unit / half_gap * column
 
 
 def _load(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:

@@ -213,7 +213,7 @@ class Step:
             (key, may_be[key], describe_size(self.robot, self.battery.columns, key, may_be[key]))
             for key in sorted(may_be, key=lambda k: rank_of(*k))
             # a slip before the first visible motion of an axis is a joint offset
-            if key[0] != "slip" or ("zero", key[1]) not in may_be
+            if key[0] != "slip" or ("joint offset", key[1]) not in may_be
             # for several gaps of an axis, the best one
             if half_gap(self.robot, key) is None
             or explains[key] == max(explains[k] for k in may_be if _is_gap(self.robot, k, key[1]))
@@ -408,7 +408,7 @@ class _Instead:
         if rival and not alike(best, self._gain(given, 0)):
             return None
         same = [each for gain, each in every if alike(gain, best)]
-        zeros = [each.axes for each in same if each.cause == "zero"]
+        zeros = [each.axes for each in same if each.cause == "joint offset"]
         # a slip before the first measurement
         same = [each for each in same if each.cause != "slip" or each.axes not in zeros]
         same.sort(key=lambda each: rank_of(each.cause, *each.axes))

@@ -64,7 +64,7 @@ def limits(
     for each in sorted(found, key=lambda each: rank_of(each.cause, each.axis)):
         at = each.cause, each.axis, each.part
         # one visible gap suffices, whatever is found for larger ones
-        rank = -1.0 if each.cause == "play" else 1.0
+        rank = -1.0 if each.cause == "backlash" else 1.0
         if at not in hardest or rank * _hard(each) > rank * _hard(hardest[at]):
             hardest[at] = each
     return tuple(hardest.values())

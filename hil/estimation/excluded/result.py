@@ -5,9 +5,10 @@ Error terms state the part of each cause in the known error of an estimate.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from pydantic import BeforeValidator
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.excluded.causes import CAUSES
@@ -16,6 +17,26 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hil.arrays import Array
+
+RENAMED = {
+    "zero": "joint offset",
+    "repeats": "torque ripple",
+    "late torque": "torque delay",
+    "late position": "position delay",
+    "play": "backlash",
+}
+"""Names of causes in model files of versions before 0.2."""
+
+
+def _cause_name(name: object) -> object:
+    """Return the present name of a cause; raise ValueError for an unknown cause."""
+    name = RENAMED.get(str(name), name)
+    if name not in CAUSES:
+        raise ValueError(f"unknown cause {name!r}; identify the run again (hil identify RUN)")
+    return name
+
+
+CauseName = Annotated[str, BeforeValidator(_cause_name)]
 
 
 class Found(FileModel):
@@ -48,7 +69,7 @@ class Found(FileModel):
     []
     """
 
-    cause: str
+    cause: CauseName
     axes: tuple[int, ...]
     detail: str
     left: float = 1.0
@@ -89,10 +110,10 @@ class Limit(FileModel):
     --------
     >>> limit = hil.Model.load("runs/head").excluded.limits[1]
     >>> limit.cause, limit.axis, limit.unit, limit.visible
-    ('zero', 2, 'degrees', False)
+    ('joint offset', 2, 'degrees', False)
     """
 
-    cause: str
+    cause: CauseName
     axis: int
     part: str
     unit: str
@@ -137,7 +158,7 @@ class Excluded(FileModel):
     --------
     >>> excluded = hil.Model.load("runs/head").excluded
     >>> excluded.found, excluded.limits[0].cause
-    ((), 'zero')
+    ((), 'joint offset')
     """
 
     found: tuple[Found, ...]
@@ -197,7 +218,7 @@ class ErrorTerm(FileModel):
         True if the estimate accounts for the cause.
     """
 
-    cause: str
+    cause: CauseName
     axes: tuple[int, ...]
     found: str
     torque: float

@@ -53,14 +53,14 @@ def describe_size(robot: Robot, every: Columns, key: Key, test: Test) -> str:
     cause, unit = CAUSES[name_of(key)], CAUSES[name_of(key)].unit_of(robot, key[1])
     if key[0] == "load":
         return cause.words
-    if name_of(key) in ("repeats", "gravity"):
+    if name_of(key) in ("torque ripple", "gravity"):
         size, error = float(np.hypot.reduce(test.size)), float(test.error.max())
         times = key[0].rsplit(maxsplit=1)[-1]
         often = "" if key[0] == "gravity" else " once" if times == "1" else f" {times} times"
         turn = f",{often} a turn" if often else ""
         return cause.sized(size, error, unit) + turn
     at = int(np.argmax(np.abs(test.size / test.error)))
-    if name_of(key) == "play":  # the column neglects rebound and twist of the gear
+    if name_of(key) == "backlash":  # the column neglects rebound and twist of the gear
         least, most = float(test.size[at]) / WITHIN, float(test.size[at]) * WITHIN
         return f"{cause.words} {least:.2g} to {most:.2g} {unit}"
     after = ""

@@ -70,7 +70,7 @@ def test_backlash_is_named_with_its_axis_and_its_size(
     proof = proved(arm(), add_gap(good, axis, gap))
     assert proof is not None
     first, *_ = proof.found
-    assert (first.cause, first.axes) == ("play", (axis + 1,))
+    assert (first.cause, first.axes) == ("backlash", (axis + 1,))
     assert first.size == pytest.approx(np.degrees(gap), rel=0.25)
 
 
@@ -117,13 +117,13 @@ def test_a_gear_without_a_gap_is_not_accused(good: FreeRecorded) -> None:
 def test_the_smallest_backlash_is_stated_of_each_axis_once(good: FreeRecorded) -> None:
     proof = proved(arm(), good)
     assert proof is not None
-    own = [limit for limit in proof.limits if limit.cause == "play"]
+    own = [limit for limit in proof.limits if limit.cause == "backlash"]
     assert [limit.axis for limit in own] == [1, 2]
     assert all(limit.size is not None and 0.0 < limit.size < 0.2 for limit in own)
 
 
 def test_a_gap_is_stated_in_the_unit_of_its_joint() -> None:
-    assert half_gap(arm(), ("play 400", 0)) == pytest.approx(np.degrees(4e-4))
-    assert half_gap(arm(), ("zero", 0)) is None
-    assert nearest(("play 420", 1)) == ("play 400", 1)
-    assert nearest(("repeats 3", 1)) == ("repeats 3", 1)
+    assert half_gap(arm(), ("backlash 400", 0)) == pytest.approx(np.degrees(4e-4))
+    assert half_gap(arm(), ("joint offset", 0)) is None
+    assert nearest(("backlash 420", 1)) == ("backlash 400", 1)
+    assert nearest(("torque ripple 3", 1)) == ("torque ripple 3", 1)

@@ -22,7 +22,7 @@ def plan(manutec):
 @pytest.fixture(scope="module")
 def reached(plan, manutec):
     """Joint offset of axis 5, which resembles a load in the plan as it is."""
-    return reached_of(plan, manutec, "load, zero of axis 5")
+    return reached_of(plan, manutec, "load, joint offset of axis 5")
 
 
 def reached_of(plan, robot, causes):
@@ -31,11 +31,11 @@ def reached_of(plan, robot, causes):
 
 
 def test_a_usual_size_is_found_and_told_from_the_other_causes(reached):
-    zero = next(each for each in reached.before if each.name == "zero of axis 5")
+    zero = next(each for each in reached.before if each.name == "joint offset of axis 5")
     assert zero.shown > zero.usual
     assert zero.distinct == np.inf
     assert zero.like == "load"
-    zero = next(each for each in reached.after if each.name == "zero of axis 5")
+    zero = next(each for each in reached.after if each.name == "joint offset of axis 5")
     assert max(zero.shown, zero.distinct) <= zero.usual == 0.5
 
 
@@ -59,8 +59,8 @@ def test_what_is_added_keeps_inside_the_limits(reached, manutec):
 def test_sizes_are_those_that_a_dry_run_states_of_the_plan(reached, manutec):
     noise, p = stated_noise(manutec), sized_bodies(manutec)
     limits = foreseen(reached.plan, manutec, noise, p).limits
-    stated = next(each.size for each in limits if (each.cause, each.axis) == ("zero", 5))
-    shown = next(each.shown for each in reached.after if each.name == "zero of axis 5")
+    stated = next(each.size for each in limits if (each.cause, each.axis) == ("joint offset", 5))
+    shown = next(each.shown for each in reached.after if each.name == "joint offset of axis 5")
     assert shown == pytest.approx(stated)
 
 
@@ -74,16 +74,16 @@ def test_what_no_motion_shows_is_stated_with_what_would_show_it(plan, manutec):
 
 
 def test_a_plan_that_shows_what_is_usual_stays_as_it_is(plan, manutec):
-    assert reached_of(plan, manutec, "zero of axis 2").plan == plan
+    assert reached_of(plan, manutec, "joint offset of axis 2").plan == plan
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("lode", "must be one of: load, zero"),
-        ("zero of axis 7", "axis must be 1 to 6"),
-        ("zero of axis two", "axis must be 1 to 6"),
-        ("zero:4", "with an axis it is 'zero of axis 4'"),
+        ("lode", "must be one of: load, joint offset"),
+        ("joint offset of axis 7", "axis must be 1 to 6"),
+        ("joint offset of axis two", "axis must be 1 to 6"),
+        ("zero:4", "with an axis it is 'joint offset of axis 4'"),
         ("load,", "must be one of"),
         ("slip", "depends on the time of a measurement"),
         ("drift of torque constant of axis 2", "depends on the time of a measurement"),

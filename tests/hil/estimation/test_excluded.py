@@ -170,7 +170,7 @@ def test_noise_of_an_axis_at_rest_does_not_show_that_a_position_is_late() -> Non
     prepared = [(motion, signals(recording)) for motion, recording in loud]
     solver = SimultaneousFit(arm(), prepared)
     limits = excluded(arm(), solver.solve(), measured(arm(), solver, prepared)).limits
-    late = [each for each in limits if each.cause == "late position"]
+    late = [each for each in limits if each.cause == "position delay"]
     assert [each.size for each in late] == [None, None]
 
 
@@ -223,7 +223,7 @@ def test_friction_of_the_load_that_is_fitted_is_not_called_invisible(
         (slip, "slip", (2,), r"slipped by -?(9|1\d)\.?\d* ± "),
         (drifting, "drift of torque constant", (2,), "torque constant drifts by"),
         (spring, "spring", (2,), r"grows with position by (9|10)\.?\d* ± 0\.\d+ N m/rad"),
-        (meshing, "repeats", (2,), r"of (2\.9|3)\.?\d* ± 0\.\d+ N m, 12 times a turn"),
+        (meshing, "torque ripple", (2,), r"of (2\.9|3)\.?\d* ± 0\.\d+ N m, 12 times a turn"),
         (limit, "torque at its limit", (1,), "the same maximum torque, 60 N m"),
     ],
 )

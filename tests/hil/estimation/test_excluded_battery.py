@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 N_AXES, EACH = 2, 12
-CAUSES = ("zero", "spring", "torque constant", "play")
+CAUSES = ("joint offset", "spring", "torque constant", "backlash")
 TIMES = 80
 
 
@@ -69,7 +69,7 @@ def share_found(n_groups: int, slow: tuple[float, ...], times: float) -> float:
         size = times * smallest(clean, [0], len(tests))[0]
         battery = Battery(*evidence(np.random.default_rng(seed), n_groups, slow, size))
         step = likeliest(battery, tests, LEVEL / len(tests))
-        found += step is not None and (step[0] == ("zero", 0) or not times)
+        found += step is not None and (step[0] == ("joint offset", 0) or not times)
     return found / TIMES
 
 
@@ -103,7 +103,7 @@ def test_a_delay_is_sized_by_what_it_does_to_the_recorded_torque(response: float
     # the model explains a part of the torque's derivative, and the rest is as large
     rng = np.random.default_rng(5)
     rows, columns = evidence(rng, 20, (0.0, 0.0))
-    columns = replace(columns, names=(Column("late torque", 0), *columns.names[1:]))
+    columns = replace(columns, names=(Column("torque delay", 0), *columns.names[1:]))
     moved = response * (columns.values[:, 0] + rng.standard_normal(len(rows.axis)))
     moved[rows.axis != 0] = 0.0
     late = 7.0 / response
@@ -119,7 +119,7 @@ def test_a_delay_that_moves_torques_elsewhere_hides_itself(
 ) -> None:
     rng = np.random.default_rng(5)
     rows, columns = evidence(rng, 20, (0.0, 0.0))
-    columns = replace(columns, names=(Column("late torque", 0), *columns.names[1:]))
+    columns = replace(columns, names=(Column("torque delay", 0), *columns.names[1:]))
     moved = columns.values[:, 0] + elsewhere * rng.standard_normal(len(rows.axis))
     moved[rows.axis != 0] = 0.0
     size = smallest(Battery(replace(rows, rate=-1e3 * moved), columns), [0], 8)[0]
@@ -134,7 +134,7 @@ def test_a_slip_is_named_where_the_zero_that_explains_as_much_is_too_large(manut
     values = columns.values.copy()
     values[:, 1] = 1.5 * values[:, 0]
     slips = (Column("slip", 0, "60"), Column("slip", 0, "120"))
-    names = (Column("zero", 0), *slips, *columns.names[3:])
+    names = (Column("joint offset", 0), *slips, *columns.names[3:])
     columns = replace(columns, names=names, values=values)
     degrees = 35.0  # second-order effect; as a slip it is two thirds of that
     battery = Battery(replace(rows, torque=rows.torque + degrees * values[:, 0]), columns)

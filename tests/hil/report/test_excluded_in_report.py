@@ -17,23 +17,23 @@ def drawn(*limits: Limit) -> list[Points]:
 
 
 def test_a_dot_stands_at_the_torque_beyond_which_the_cause_would_be_found() -> None:
-    (dot,) = drawn(limit("zero", 1, 0.3))
+    (dot,) = drawn(limit("joint offset", 1, 0.3))
     assert (list(dot.x), dot.mark) == ([0.3], "o")  # .3 degrees, each 1 % of the torque
     assert dot.label == "axis 1"
 
 
 def test_a_ring_stands_for_what_never_shows_in_the_size_that_is_usual() -> None:
-    (ring,) = drawn(limit("zero", 2, None))
+    (ring,) = drawn(limit("joint offset", 2, None))
     assert (list(ring.x), ring.mark) == ([0.5], "ring")  # half a degree
     assert ring.label == "invisible"
 
 
 def test_what_makes_no_torque_is_not_drawn() -> None:
-    assert not drawn(limit("zero", 1, None, torque=1e-15), limit("load", 0, None))
+    assert not drawn(limit("joint offset", 1, None, torque=1e-15), limit("load", 0, None))
 
 
 def test_each_cause_has_a_row_in_the_order_of_the_table() -> None:
-    limits = limit("zero", 1, 0.3), limit("spring", 1, 0.3), limit("zero", 2, 0.1)
+    limits = limit("joint offset", 1, 0.3), limit("spring", 1, 0.3), limit("joint offset", 2, 0.1)
     (panel,) = dots(Excluded(found=(), limits=limits, tests=1), 2).panels
-    assert panel.rows == {2.0: "zero", 1.0: "spring"}
+    assert panel.rows == {2.0: "joint offset", 1.0: "spring"}
     assert [item.label for item in drawn(*limits)] == ["axis 1", "axis 1", "axis 2"]

@@ -105,6 +105,20 @@ def test_without_model_the_remedy_is_named(copy):
         Model.load(copy)
 
 
+def test_causes_of_former_versions_have_their_present_names(copy, found):
+    found.save(copy / NAME)
+    text = (copy / NAME).read_text()
+    stated = [each.cause for each in found.excluded.limits]
+    assert {"joint offset", "backlash"} <= set(stated)
+    (copy / NAME).write_text(
+        text.replace(": joint offset", ": zero").replace(": backlash", ": play")
+    )
+    assert [each.cause for each in Model.load(copy).excluded.limits] == stated
+    (copy / NAME).write_text(text.replace(": joint offset", ": joint"))
+    with pytest.raises(FileError, match=r"unknown cause 'joint'; identify the run again"):
+        Model.load(copy)
+
+
 def test_a_damaged_model_is_refused_with_its_line(copy, found):
     found.save(copy / NAME)
     (copy / NAME).write_text((copy / NAME).read_text().replace("format: 1", "format: 7"))

@@ -127,10 +127,10 @@ def test_heads_take_several_lines_before_anything_folds() -> None:
 
 def test_no_limit_is_stated_beside_a_cause_that_was_found() -> None:
     limits = tuple(
-        Limit(cause="zero", axis=axis, part="", unit="degrees", size=2.9, torque=0.01)
+        Limit(cause="joint offset", axis=axis, part="", unit="degrees", size=2.9, torque=0.01)
         for axis in (1, 2)
     )
-    found = Found(cause="zero", axes=(2,), detail="joint offset error -1.99 degrees")
+    found = Found(cause="joint offset", axes=(2,), detail="joint offset error -1.99 degrees")
     proof = Excluded(found=(found,), limits=limits, tests=1)
     (row,) = excluded(proof, 2).parts[0].rows
     assert row[2:4] == ("(2.9)", FOUND)

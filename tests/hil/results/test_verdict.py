@@ -43,7 +43,7 @@ def proof(*found: Found) -> Excluded:
 
 def test_a_cause_that_was_found_comes_before_everything_else(model: Model) -> None:
     zero = Found(
-        cause="zero", axes=(3,), detail="joint offset error 20.1 ± 0.2 degrees", left=0.1
+        cause="joint offset", axes=(3,), detail="joint offset error 20.1 ± 0.2 degrees", left=0.1
     )  # fmt: skip
     loose = replace(model, scatter_covariance=1e6 * model.scatter_covariance)
     found = verdict(replace(loose, excluded=proof(zero)))
@@ -55,7 +55,9 @@ def test_a_cause_that_was_found_comes_before_everything_else(model: Model) -> No
 def test_a_cause_counts_by_how_far_it_moves_the_torques(model: Model) -> None:
     def judged(share: float) -> str:
         change = tuple((share * model.values).tolist())
-        zero = Found(cause="zero", axes=(5,), detail="joint offset error", left=0.9, change=change)
+        zero = Found(
+            cause="joint offset", axes=(5,), detail="joint offset error", left=0.9, change=change
+        )
         return verdict(replace(model, excluded=proof(zero))).word
 
     assert judged(0.2) == "failed"
@@ -120,14 +122,17 @@ def test_a_note_states_what_must_be_right_since_it_does_not_show(model: Model) -
         model,
         limit("torque constant", 4, None),
         limit("torque constant", 6, 30.0),
-        limit("zero", 5, 2.0, torque=0.02),
+        limit("joint offset", 5, 2.0, torque=0.02),
     )
     assert usual > stated
     assert (
         "provided that effects invisible in the recordings are as stated; not shown by recordings"
         in reason
     )
-    assert "torque constant (axes 4, 6) ±10 %, zero (axis 5) ±0.5 %; with these usual" in reason
+    assert (
+        "torque constant (axes 4, 6) ±10 %, joint offset (axis 5) ±0.5 %; with these usual"
+        in reason
+    )
 
 
 def test_what_shows_in_its_usual_size_is_no_condition(model: Model) -> None:
@@ -150,7 +155,7 @@ def test_a_tolerance_counts_as_far_as_it_would_not_be_found(model: Model) -> Non
 
 def test_what_parameters_span_and_what_makes_little_torque_is_no_condition(model: Model) -> None:
     reason, stated = within(
-        model, limit("zero", 6, None, torque=0.1), limit("play", 2, 1.0, torque=1e-4)
+        model, limit("joint offset", 6, None, torque=0.1), limit("backlash", 2, 1.0, torque=1e-4)
     )
     assert len(stated) == 1
     assert "if" not in reason

@@ -128,7 +128,7 @@ def test_refining_states_the_deviations_now_and_then(hil, run, tmp_path):
         (("--refine", "runs/x", "--with-trajectories"), "--with-trajectories cannot be used with"),
         (("manutec-r15", "--with-trajectories"), "--with-trajectories needs --minutes"),
         (
-            ("manutec-r15", "--minutes", 9, "--distinguish", "load,zero"),
+            ("manutec-r15", "--minutes", 9, "--distinguish", "load,joint offset"),
             "--distinguish extends a plan by counts",
         ),
         (("--refine", "runs/x", "--warm-up", "60"), "--refine takes workspace and noise from the"),
