@@ -21,7 +21,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import contextmanager
+from collections import defaultdict
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -47,6 +48,7 @@ INTERFACE, CHANNEL = "local", f"live-jitter-{os.getpid()}"
 PAGES, HOSTILE = 50, 200
 PERIOD = 0.004
 HEARTBEAT = "heartbeat_timeout: 0.5"
+BY_PAGE, BESIDE, CTRL_C = "stop-from-page", "stop-beside-200-hostile", "stop-by-ctrl-c"
 MOTION = 2.0
 """Duration of the motion before a stop [s]."""
 KEPT = {
@@ -200,41 +202,48 @@ def show(jitter: Mapping[str, Sequence[Array]]) -> dict[str, Figure]:
     return kept
 
 
-def stopped(plan: Path, folder: Path, options: Sequence[str], *, by_page: bool) -> float:
-    """Return the time from a stop in motion to the report of axes without power [s]."""
-    with run(plan, folder, *LIVE, *options) as (process, url):
+def stopped(plan: Path, folder: Path, options: Sequence[str], how: str) -> dict[str, float]:
+    """Return the times from a stop in motion to the page's answer and to axes without power [s]."""
+    took = dict[str, float]()
+    with ExitStack() as open_until_off:
+        process, url = open_until_off.enter_context(run(plan, folder, *LIVE, *options))
         parts = urlsplit(url)
         assert process.stderr is not None
         said(process, "measurements to do")
+        if how == BESIDE:
+            hostile = multiprocessing.get_context("spawn").Process(target=drip, args=(url, HOSTILE))
+            hostile.start()
+            open_until_off.callback(hostile.join)
         time.sleep(MOTION)
         begun = time.perf_counter()
-        if by_page:
+        if how == CTRL_C:
+            process.send_signal(signal.SIGINT)
+        else:
             asked = http.client.HTTPConnection(parts.netloc)
             asked.request("POST", "/stop", headers={"X-Hil-Stop": "1"})
-        else:
-            process.send_signal(signal.SIGINT)
+            assert asked.getresponse().status == http.client.ACCEPTED
+            took[f"answer-to-{how}"] = time.perf_counter() - begun
         report = process.stderr.readline()
         assert "the axes are off" in report, report
-        return time.perf_counter() - begun
+        return {how: time.perf_counter() - begun, **took}
 
 
 def main(turns: int = 4, *options: str) -> None:
     """Measure in turns, then print and keep the figures."""
     jitter: dict[str, list[Array]] = {name: [] for name in CASES}
-    stops: dict[bool, list[float]] = {True: [], False: []}
+    stops = defaultdict[str, list[float]](list)
     with prepared(*options) as (scratch, plan, given):
         for turn in range(turns):
             for name, case in CASES.items():
                 jitter[name].append(measured(plan, scratch / f"{turn}-{name}", case, given))
-            for by_page in (True, False):
-                folder = scratch / f"{turn}-stop-{by_page}"
-                stops[by_page].append(stopped(plan, folder, given, by_page=by_page))
+            for how in (BY_PAGE, BESIDE, CTRL_C):
+                for name, took in stopped(plan, scratch / f"{turn}-{how}", given, how).items():
+                    stops[name].append(took)
     kept = show(jitter)
-    for by_page, name in ((True, "a stop from the page"), (False, "Ctrl-C")):
-        median, longest = np.median(stops[by_page]), max(stops[by_page])
-        print(f"axes off after {name}: {median:.2f} s (median of {turns}), {longest:.2f} s at most")
-        key = "stop-from-page" if by_page else "stop-by-ctrl-c"
-        kept[key] = Figure.median(stops[by_page], "s")
+    for name, took in stops.items():
+        each = Figure.median(took, "s")
+        print(f"{name}: {each.value:.3f} s (median of {turns}), {max(took):.3f} s at most")
+        kept[name] = each
     keep(
         "live-jitter", kept, depends=("hil/live", "hil/measuring", "drivers/sync_clock.py"),
         command=" ".join(["python benchmarks/live_jitter.py", str(turns), *options]),
