@@ -342,7 +342,7 @@ def _profile(dictionary: Dictionary) -> int | None:
 
 
 def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
-    """Yield a data sheet with a drive's objects whose default of 1000 is another profile."""
+    """Yield a finding for drive objects with another profile as the default of 1000."""
     declared = dictionary.entry(objects.DEVICE_TYPE)
     by_default = declared is not None and declared.value is None
     if profile in {None, DRIVE_PROFILE} or not by_default:

@@ -53,9 +53,8 @@ QUANTUM_MAX = 0.005
 LEAST_CHANGES = 10
 """Smallest number of changes of a value for a refresh period."""
 RENEWED = 0.05
-"""Share of repeated readings beyond those explained by quantisation: a drive that refreshes as
-often
-as SYNC comes, but by its own clock, has some read twice."""
+"""Tolerated share of repeated readings beyond quantisation: if a drive refreshes at the rate of
+SYNC by its own clock, some values are read twice."""
 WINDOW_SHARE = 0.5
 """Largest following error of a slow move, as a share of the window."""
 

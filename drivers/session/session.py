@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from drivers.session.connection import Connection
 
 LEFT_OUT = 0.5
-"""Delay of a SYNC [periods] from which another one was left out, by its deadline's tolerance."""
+"""Smallest delay of a SYNC [periods] with another SYNC left out, by the tolerance of deadlines."""
 UNSUPERVISED = 0.5
 """Longest time without supervision during motion, as a share of the heartbeat timeout."""
 
