@@ -348,7 +348,7 @@ def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
     if profile in {None, DRIVE_PROFILE} or not by_default:
         return
     if all(dictionary.entry(entry) is not None for entry in _OF_DRIVES):
-        problem = f"is by default that of profile {profile}, and the objects are those of a drive"
+        problem = f"defaults to profile {profile}, but the objects are those of a drive"
         so = "assumed to be a CiA 402 drive; verified with the drive itself"
         yield Finding(str(objects.DEVICE_TYPE), problem, so, fatal=False)
 

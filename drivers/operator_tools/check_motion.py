@@ -319,14 +319,14 @@ def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
     bound = f"model: {right:+.3g} {unit}, reversed {wrong:+.3g} {unit}"
     apart = abs(right - wrong)
     if apart < SEPARATION * error + LEFT_OVER * abs(seen.friction[0]):
-        remedy = "both are too similar here: move the arm to a position that is not upright"
+        remedy = "gravity of both signs is too similar: move the arm out of the upright position"
         return undecided(place, DIRECTION, found, remedy, bound)
     if abs(measured - right) < CLOSE * apart:
         return Verdict(Grade.OK, place, DIRECTION, f"confirmed, {found}", bound)
     if abs(measured - wrong) < CLOSE * apart:
         remedy = f"set sign: {-drive.sign} in the drives file, and zero anew"
         return Verdict(Grade.REFUSED, place, DIRECTION, f"contradicts, {found}", bound, remedy)
-    remedy = "neither: compare gear_ratio, zero, the unit of the current, and the payload"
+    remedy = "fits neither sign: compare gear_ratio, zero, the unit of the current, and the payload"
     return undecided(place, DIRECTION, found, remedy, bound)
 
 

@@ -52,10 +52,10 @@ ROUNDED = 0.01
 class SessionState(enum.Enum):
     """Progress of a session."""
 
-    CHECKED = "every drive has passed, and none exchanges process data"
+    CHECKED = "all drives are checked; no drive exchanges process data"
     READY = "all drives exchange process data"
-    STOPPED = "all axes were stopped, for a reason that latches"
-    LEFT = "all that could be was stopped, switched off and put back"
+    STOPPED = "all axes are stopped, until a deliberate reset"
+    LEFT = "axes stopped, drives off and restored, as far as possible"
 
 
 class Session:

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 
 SPAN = 0.1
-"""Duration of a parabola [s]: motion up to 3 Hz, hand-guided or planned, departs from it by 2 %."""
+"""Duration of a parabola [s]: motion up to 3 Hz, guided or planned, deviates from it by 2 %.
+"""
 FEWEST = 5
 """Minimum samples of a span: two more than the parabola's coefficients."""
 CARRIED = 1e-4

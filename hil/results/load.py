@@ -477,5 +477,5 @@ def _refuse_unfit(without: Sequence[Run], loaded: Run) -> None:
         if same_recordings(bare, loaded):
             raise Mismatch(
                 f"{loaded.path}: has the same recordings as {bare.path}; name the run without the"
-                " load, then the one with it, measured into a folder of its own"
+                " load, then the run with the load, measured into a folder of its own"
             )

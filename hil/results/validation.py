@@ -348,7 +348,7 @@ def _uncovered(
     if abs(off) > law.wander:
         said.append(
             f"rigid bodies are confirmed, the model's friction is not: friction {abs(off):.0%} "
-            f"{'above' if off > 0 else 'below'} the law, at most {law.wander:.0%} in these "
+            f"{'above' if off > 0 else 'below'} the law, but at most {law.wander:.0%} in the model's "
             "recordings"
         )
     return "; ".join(said)

@@ -346,7 +346,7 @@ class _Instead:
 
     @cached_property
     def departs(self) -> bool:
-        """True if later recordings depart from the earlier ones despite the given causes."""
+        """True if later recordings deviate from the earlier ones despite the given causes."""
         residual = self._explain(self.battery.given).residual
         return bool(self._departure and self._departure.significant(self._thin[0], residual))
 
