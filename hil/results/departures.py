@@ -54,9 +54,11 @@ if TYPE_CHECKING:
     from hil.results.quantities import Quantity
 
 NEWEST, FIRST = 3, 12
-"""Numbers of runs in the newest and in the first mean: with monthly runs a quarter and a year."""
+"""Numbers of runs in the newest and in the first mean: a quarter and a year of monthly runs."""
 ENOUGH = 20
-"""Number of differences, or machines, for a median accurate to a quarter (1.25 / sqrt(20))."""
+"""Minimum number of differences, or of machines, for a median accurate to a quarter (1.25 /
+sqrt(20)).
+"""
 NORMAL = 1.0 / float(special.ndtri(0.75))
 """Ratio of standard deviation to median absolute deviation of a normal distribution."""
 MEDIAN_SQUARE = float(special.chdtri(1, 0.5))

@@ -298,7 +298,7 @@ def require_load(found: Load, absent: float = 0.01) -> None:
     if error and mass < -SURE * error:
         raise NoLoad(
             f"the mass of the load would be {mass:.4g} ± {error:.2g} kg: these runs are swapped, or"
-            " the one without the load carried one; name the run without the load first"
+            " the run without the load carried a load; name the run without the load first"
         )
     if found.present.p_value > absent:
         figure = f"its mass would be {mass:.3g} ± {error:.2g} kg" if error else "nothing changed"

@@ -30,11 +30,13 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 PARTS = 4
-"""Number of parts of the earlier recordings: each is long enough for model error to repeat (some
-seconds), and each axis has three degrees of freedom."""
+"""Number of parts of the earlier recordings: parts of some seconds contain the recurring model
+error, and each axis has three degrees of freedom.
+"""
 FEWEST = 10
-"""Minimum number of rows of an axis in a part; with fewer, the mean square says nothing (half of
-its logarithm)."""
+"""Minimum number of rows of an axis in a part; with fewer, the mean square is too uncertain (half
+of its logarithm).
+"""
 
 
 class Departure(NamedTuple):
