@@ -38,7 +38,7 @@ LAG = 0.004
 
 
 def every_axis(file: PlantFile, change: Callable[[int, Axis], Axis]) -> PlantFile:
-    """Change all axes of a plant."""
+    """Apply a change to every axis of a plant file."""
     axes = tuple(change(k, axis) for k, axis in enumerate(file.axes))
     return file.model_copy(update={"axes": axes})
 

@@ -6,7 +6,7 @@ run has errors from the stated covariances. Friction of all axes follows the sea
 day by 2 %, that of one axis by up to a quarter more or less; and each axis's level wanders so that
 two runs differ by the law's `wander` at most. On sixty further machines friction of one axis grows
 evenly by 20 % in the second year. Wear counts as found in the first month in which its axis is
-named against the machine's past; a false alarm is a run of an unchanged machine with a departure
+named against the machine's past; a false alarm is a run of an unchanged machine with a deviation
 after one without::
 
     python benchmarks/fleet.py --machines 10 100 1000 --seed 41

@@ -1,4 +1,4 @@
-"""What is said of plants that nobody has seen, each with one property that real machines have.
+"""Judgements on unseen plants, each with one property of real machines.
 
 Every seed is a plant of its own (`torque_intervals.write_plant`): bodies, friction, noise. The
 properties, on all axes or on one that the seed chooses: encoders of 256 to 1024 increments, gears
@@ -42,13 +42,13 @@ if TYPE_CHECKING:
     from excluded_cases import Said
 
 EXACT = 0.01
-"""Error of torques within which *failed* is wrong, on every axis."""
+"""Largest torque error on every axis for which the verdict *failed* is wrong."""
 DEGREES = math.degrees(1e-3)
-"""Of a milliradian."""
+"""Milliradian [rad]."""
 
 
 class Property(NamedTuple):
-    """A property of plants: cause that may be named, sizes in that cause's units."""
+    """Property of plants: permitted cause in the result, and sizes in the units of the cause."""
 
     cause: str
     sizes: tuple[float, ...]
@@ -64,7 +64,7 @@ PROPERTIES = {
 
 
 class Trial(NamedTuple):
-    """A plant of a seed with a property of a size."""
+    """Plant with a seed and a property of some size."""
 
     what: str
     size: float
@@ -72,7 +72,7 @@ class Trial(NamedTuple):
 
     @property
     def case(self) -> Case:
-        """The case as `excluded_cases` judges it."""
+        """Case for the judgement by `excluded_cases`."""
         cause = PROPERTIES[self.what].cause
         axis = 1 + self.seed % 6 if cause in ("play", "torque constant") else 0
         size = self.size / 2 * DEGREES if cause == "play" else self.size
@@ -80,7 +80,7 @@ class Trial(NamedTuple):
 
 
 def measure(folder: Path, trial: Trial) -> Path | None:
-    """Measure the plan on the trial's plant, unless it was before; return the run's folder.
+    """Measure the plan on the trial's plant, unless the run exists; return the run's folder.
 
     None if a drive faults.
     """
@@ -114,7 +114,7 @@ def measure(folder: Path, trial: Trial) -> Path | None:
 
 
 def outcome(folder: Path, trial: Trial) -> Said | None:
-    """Identify a trial, and judge what is said by its truth; None if a drive faults."""
+    """Identify a trial, and judge the result by the truth; return None after a fault of a drive."""
     case, at = trial.case, measure(folder, trial)
     if at is None:
         return None
@@ -126,7 +126,7 @@ def outcome(folder: Path, trial: Trial) -> Said | None:
 
 
 def trials(names: list[str], first: int, seeds: int) -> Iterator[Trial]:
-    """Every property and size, each with seeds that no other has."""
+    """Yield every property and size, each with seeds of its own."""
     for what, each in PROPERTIES.items():
         for number, size in enumerate(each.sizes):
             if what in names:
@@ -136,7 +136,7 @@ def trials(names: list[str], first: int, seeds: int) -> Iterator[Trial]:
 
 
 def main() -> None:
-    """Measure, identify, print, keep."""
+    """Measure, identify, print and keep."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("properties", nargs="*", default=list(PROPERTIES), metavar="PROPERTY")
     parser.add_argument("--first", type=int, default=3101)

@@ -147,7 +147,7 @@ def measured(interface: str, channel: str, jumps: int) -> Found:
 
 
 def run_beside_plant(interface: str, jumps: int) -> Found:
-    """Return the results of `measured` with the plant started beside."""
+    """Return the results of `measured` with the plant in another process."""
     with tempfile.NamedTemporaryFile("w", suffix=".yaml") as plan:
         yaml.safe_dump(fault_plan(jumps), plan)
         plan.flush()

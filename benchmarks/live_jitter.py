@@ -79,7 +79,7 @@ def make_plan() -> Plan:
 
 
 def patient_drives(path: Path) -> Path:
-    """Write the robot's drives file with a heartbeat that a busy computer keeps, too."""
+    """Write the robot's drives file with a heartbeat slow enough for a busy computer."""
     text = (ROBOTS / "manutec-r15.drives.yaml").read_text(encoding="utf-8")
     assert HEARTBEAT in text
     path.write_text(text.replace(HEARTBEAT, "heartbeat_timeout: 2.0\nsdo_timeout: 5.0"))

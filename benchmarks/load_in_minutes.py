@@ -41,7 +41,7 @@ def bare_run(folder: Path, seed: int) -> Path:
 
 
 def measured(folder: Path, bare: Path, seed: int) -> Path:
-    """Measure the load beside `bare`, unless the run exists."""
+    """Measure the load after the run `bare` without load, unless the run exists."""
     run = folder / f"load-{seed}"
     if not (run / NAME).exists():
         plant = make_plant("payload", seed, run.with_suffix(".yaml"))

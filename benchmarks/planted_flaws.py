@@ -133,7 +133,7 @@ def _rub(plant: Plant, axis: int, size: float) -> None:
 
 
 def _soften(plant: Plant, _axis: int, size: float) -> None:
-    plant["step"] = 0.0005  # a single link between two gears has a several times higher frequency
+    plant["step"] = 0.0005  # a single link between two gears has a frequency several times as high
     for each in plant["axes"]:
         own = each["drive"]
         own["stiffness"] = own["load_inertia"] * (math.tau * size) ** 2

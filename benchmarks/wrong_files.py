@@ -210,7 +210,7 @@ MISTAKES = (
     *(Mistake(f"torques jump by {1e3 * s:g} ms", "clock", jumping("m", s)) for s in (0.1, -0.3)),
     Mistake("velocities by a clock 1 % fast", "clock", drifting("v", 0.01)),
     Mistake("velocities jump by 100 ms", "clock", jumping("v", 0.1)),
-    # turned about axis 1, gravity is as wrong as the axis's zero
+    # a rotation of gravity about axis 1 equals an offset of that axis
     Mistake("gravity sideways", "gravity|axis 1: joint offset", robot=gravity(2)),
     Mistake("from another link: tilted by 90 degrees", "gravity|axis 1: joint offset", robot=gravity(1)),
     Mistake("gravity points up", "gravity|sign|axis 1: joint offset", robot=gravity(0, -1.0)),

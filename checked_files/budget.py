@@ -21,9 +21,10 @@ as large as numbers of eight bytes, and 200 MB are an hour of seven joints at 30
 CHECKED = 100
 """Items between two checks of a budget: columns of 800 bytes exceed it by 80 kB at most."""
 PASSED = 5
-"""Budget of what is read piece by piece and not kept, as a multiple: a bound of time, since zlib
-unpacks up to 1032 times as much. 1 GB of text takes 3 s in lines of 100 characters, 44 s in lines
-of two (measured, processor time)."""
+"""Budget of data read piece by piece and not kept, as a multiple of the file: a bound on time,
+since zlib unpacks up to 1032 times as much. 1 GB of text takes 3 s in lines of 100 characters, 44 s
+in lines of two (measured, processor time).
+"""
 
 
 def allowed(path: Path, base: int | None = None) -> int:

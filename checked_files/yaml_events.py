@@ -1,4 +1,4 @@
-"""YAML text read, event by event, and written by libyaml, which takes a fraction of the time.
+"""Reading of YAML text by events, and writing, with libyaml: a fraction of the time of Python.
 
 PyYAML has libyaml compiled in wherever it is installed as a wheel. Elsewhere its own parser in
 Python gives the same events, and the same content in lines that may be folded elsewhere.

@@ -37,7 +37,7 @@ PdoNumber = Annotated[int, Field(ge=1, le=512)]
 FREE_IDENTIFIERS = range(0x680, 0x6E0)
 """Identifiers not assigned to a service by CiA 301."""
 PDO_USES = ("TPDO 1", "TPDO 2", "RPDO 1", "RPDO 2", "RPDO 3")
-"""PDOs of an axis, at most, in the order of their identifiers from `AxisDrive.cob_id` on."""
+"""All possible PDOs of an axis, in the order of their identifiers from `AxisDrive.cob_id` on."""
 STATUS_WORD, POSITION_WORD = 0x60410010, 0x60640020
 
 

@@ -30,8 +30,8 @@ FIXED_CODES = RANGE_CODES | {READ_ONLY}
 
 
 Judge: TypeAlias = "Callable[[Entry, int, int], tuple[bool, str]]"
-"""Judges the value kept by a drive after a value was written (entry, written, kept): True if
-acceptable, and " (... instead of ...)" in SI, empty where the numbers suffice."""
+"""Judge of a kept value (entry, written, kept): True if acceptable, and " (... instead of ...)" in
+SI, empty where the numbers suffice."""
 
 
 class AccessRefused(Exception):

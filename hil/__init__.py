@@ -122,7 +122,7 @@ too.
 
 
 def _refuse_strangers() -> None:
-    """Refuse packages of other origin with the same names, earlier on the path."""
+    """Refuse foreign packages with the names of these modules, earlier on the path."""
     ours = Path(__file__).parent.parent
     for name in ("checked_files", "drivers"):
         spec = find_spec(name)

@@ -60,7 +60,7 @@ class _Patient(io.FileIO):
 
 
 def _keep_streams() -> None:
-    """Make every text writable: to closed streams, without a reader, and in ASCII."""
+    """Make output streams accept any text, even if closed, unread, or limited to ASCII."""
     for number, name in STREAMS.items():
         stream = getattr(sys, name)
         if stream is None:  # closed by the caller; the next opened file would get its number

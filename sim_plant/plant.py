@@ -206,7 +206,7 @@ class Plant:
         """
         h, rests, steps = self._step, [self._rest], []
         left = PERIOD - 1 - self._number % PERIOD
-        # a load that gives is settled by `advance` alone
+        # only `advance` settles a load that yields
         drawn = 0 if self._giving else STOCK - 1 - self._noise_row
         for duration in durations[:drawn]:
             rest = rests[-1] + duration
@@ -237,7 +237,7 @@ class Plant:
 
     def read(self) -> NDArray[np.int64]:
         """Latch encoders and current sensors of all axes at the present instant."""
-        # by the wall clock a SYNC comes between two steps: the axes have moved on since the last
+        # on the wall clock a SYNC comes between two steps: the axes have moved since the last step
         ahead = self._rest if self._rest > WHOLE * self._step else 0.0
         if ahead or not self._latched:
             noise, at_step = self._noise[self._noise_row], self.state[:, st.Q].copy()

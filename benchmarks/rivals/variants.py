@@ -110,8 +110,9 @@ VARIANTS: dict[str, Variant] = {
     "friction by period without load": Variant("rich", by_period=True),
     "friction by period": Variant("rich", by_period=True, load=True),
 }
-"""Friction estimated jointly; a warm-up is a matter of the plan. Friction by period is no method of
-the literature: it takes from the two-step method that friction is fitted anew again and again."""
+"""Friction estimated jointly; the plan determines the warm-up. Friction by period is not a method
+of the literature: like the two-step method it fits friction anew in every period.
+"""
 COMPENSATED: dict[str, Variant] = {
     "": Variant("none"),
     "corrected": Variant("model 1", offset=True, load=True),

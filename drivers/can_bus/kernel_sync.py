@@ -193,7 +193,7 @@ class KernelSync(can.BusABC):
     def _take(self, sync: can.Message) -> None:
         before, last = self._clock(), self.instant
         wall = self._wall()
-        # an impossible age shows a wall clock set since the stamp, which has the old offset
+        # an impossible age: the wall clock was set after the stamp, so the old offset applies
         possible = -AT_ONCE < wall - sync.timestamp < STALE * self._period
         if possible and self._clock() - before < AT_ONCE:
             self._offset = before - wall

@@ -291,7 +291,7 @@ def _own_folder(channel: str) -> Path:
         )
     stated = os.environ.get("XDG_RUNTIME_DIR")
     folder = Path(stated or tempfile.gettempdir()).resolve()
-    if not os.access(folder, os.W_OK | os.X_OK) or not folder.is_dir():  # as after su
+    if not os.access(folder, os.W_OK | os.X_OK) or not folder.is_dir():  # for example after su
         raise can.CanInitializationError(
             f"{folder}: {'XDG_RUNTIME_DIR' if stated else 'TMPDIR'} names a folder that cannot be"
             f" used: unset it, or name a folder of your own with mode 0700"

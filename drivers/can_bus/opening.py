@@ -63,7 +63,7 @@ def _remedy(interface: str, channel: str, options: Mapping[str, object], error: 
             return f"; this kernel has no SocketCAN: load can_raw, or use a host that has it{up}"
         return up
     if interface == "local":
-        return ""  # because each of its errors ends with one
+        return ""  # its errors already end with a remedy
     if interface in WITHOUT_ADAPTER:
         return "; check channel and options"
     return "; check channel and options, that the adapter is plugged in and its driver installed"

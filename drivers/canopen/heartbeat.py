@@ -78,7 +78,7 @@ class ForeignFrames:
             network.subscribe(identifier, self._take_frame)
 
     def wire(self, rpdos: Mapping[int, int], tpdos: Sequence[int]) -> None:
-        """Watch the RPDOs of our drives: ours (identifier to node) and predefined, less `tpdos`."""
+        """Watch our drives' RPDOs, set up (identifier to node) or predefined, except `tpdos`."""
         for identifier in self._rpdos:
             self._network.unsubscribe(identifier, self._take_frame)
         usual = {base + node: node for node in self._labels for base in RPDOS}

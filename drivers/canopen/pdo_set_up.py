@@ -102,7 +102,7 @@ def set_up_pdos(
 
 
 def _set_up_sending(server: RemoteDictionary, axis: AxisDrive) -> tuple[Pdo, ...]:
-    """Set up the first possible arrangement of TPDOs; a refusal is that of the first."""
+    """Set up the first possible arrangement of TPDOs, or raise the refusal of the first."""
     first, *rest = arrangements(axis)
     try:
         return tuple(_set_up(server, pdo) for pdo in first)

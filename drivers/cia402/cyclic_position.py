@@ -48,7 +48,7 @@ interpolation."""
 GRACE = 2.0
 """Longest time of the axes to come to rest after the last set-point [s]."""
 LEAST, LOOKED_AT = 0.02, 60.0
-"""Smallest pace of a path, and the time over which it is taken [s]: half a minute of motion may
+"""Smallest pace of a path, and its averaging time [s]: half a minute of motion may
 take 25 minutes; a slower computer will not recover by itself."""
 
 

@@ -102,15 +102,15 @@ SHARE = 0.9
 """Used share of the acceleration limits; the rest is a margin for the steps of the pace."""
 
 RECOVERY = 0.3
-"""Minimum time of the pace from rest to full pace where late set-points do harm [s]."""
+"""Minimum time from rest to full pace where late set-points are harmful [s]."""
 
 GENTLE = 0.25
-"""Harmless share of the pace at which an axis overruns by its window. Of 0.15 to 1, this value
-passes an exciting trajectory soonest with torques beyond 95 % of their limit for less than a sixth
-of the time, at 5 to 42 % of SYNCs late by 10 ms on average; a share of 1 ends in trips."""
+"""Harmless share of the pace at which an axis overruns by its window. Of 0.15 to 1, with 5 to 42 %
+of SYNCs late by 10 ms on average, this share is the fastest with torques above 95 % of the limit
+for less than a sixth of an exciting trajectory; 1 ends in trips."""
 
 OUT, LATELY = 0.04, 1.0
-"""Largest share of time without set-points at full pace, and the time over which it is taken [s].
+"""Largest share of time without set-points at full pace, and its averaging time [s].
 A computer in real time stays far below (0.16 ms of each 4). At 0.1 and full pace an axis of the
 virtual plant that needed most of its torque fell behind by its window and tripped."""
 
@@ -201,7 +201,7 @@ class Path:
         return self._exact[k : k + 3]
 
     def go_on(self, before: Path, at: float) -> None:
-        """Continue at a place of this path with the pace of a path before."""
+        """Continue at a place of this path with the pace of the previous path."""
         self.at, self.pace = at, before.pace
         self.out, self.caution = before.out, before.caution
 

@@ -45,7 +45,7 @@ _ON_TARGET = (
     "the axis is on its target, but its drive does not show target reached (6041 bit 10): check "
     "its position window and time (6067, 6068)"
 )
-_STUCK = "check encoder and cable, whether the drive still updates its position (6064)"
+_STUCK = "check encoder and cable, and that the drive still updates its position (6064)"
 _REMEDIES = {
     Phase.OFFERED: f"{_NOT_REACHED}, or state a longer acknowledge_timeout in the drives file",
     Phase.TAKEN: f"{_NOT_REACHED}; where the drive holds its acknowledge until the target is "

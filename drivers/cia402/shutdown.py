@@ -43,7 +43,7 @@ ASK_TIME = 2.0
 """Longest time to read the state of silent drives by objects [s]."""
 
 LONGEST = 15.0
-"""Real time after which a stop is given up whose SYNCs hardly pass, as with a dead plant [s]."""
+"""Maximum real time of a stop [s], for a bus on which SYNCs hardly pass, as with a dead plant."""
 
 REACTION_TIME = 2.0
 """Longest reaction of a drive to the loss of our heartbeat after the time-out [s]."""

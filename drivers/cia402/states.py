@@ -175,7 +175,7 @@ def route(state: State, goal: State, *, reset_fault: bool = False) -> tuple[Comm
             if there not in seen and not energises and not refused:
                 seen.add(there)
                 waiting.append((there, (*commands, command)))
-    raise NoRoute(f"no permitted way from {state.value} to {goal.value}")
+    raise NoRoute(f"no permitted transitions from {state.value} to {goal.value}")
 
 
 def next_command(state: State, goal: State, *, reset_fault: bool = False) -> Command | None:

@@ -44,7 +44,7 @@ UNSENT_TIME = 2.0
 """Longest time to repeat a command refused by the bus [s]; the drives' watchdogs are faster."""
 
 RETURNS = 2
-"""Number of times that a drive with power again after power-off gets a new time to switch off."""
+"""Maximum number of new time-outs for a drive whose power returns after power-off."""
 
 SHOWN_OFF = frozenset({State.SWITCH_ON_DISABLED, State.FAULT, State.NOT_READY})
 """States without motion until a command."""
@@ -116,7 +116,7 @@ _SHOWN = dict.fromkeys(SHOWN_OFF, (Shown.OFF, Shown.OFF_AT_REST)) | {
     State.QUICK_STOP_ACTIVE: (Shown.OBEYING, Shown.AT_REST),
     State.FAULT_REACTION_ACTIVE: (Shown.OBEYING, Shown.AT_REST),
 }
-"""Observation by state: of a moving axis, and of one at standstill."""
+"""Observation of a moving axis, and of an axis at standstill, by state."""
 
 _ENDS = {Shown.OFF: StopPhase.OFF, Shown.OFF_AT_REST: StopPhase.OFF}
 _UNUSED = {Shown.READY: StopPhase.DISABLING, Shown.ON: StopPhase.DISABLING}

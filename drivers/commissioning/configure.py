@@ -72,8 +72,8 @@ def commission(
         server.measure(axis.current.entry)
     except Aborted as error:
         raise DriveRefused(
-            f"{error}; torques cannot be measured without it: name the object that shows the "
-            "drive's current or torque as current in the drives file"
+            f"{error}; torques cannot be measured without it: state the object of the "
+            "drive's current or torque under the key current in the drives file"
         ) from error
     planned = mode is Mode.CYCLIC_POSITION
     write_values(server, axis, drives, limits, without=OF_PROFILES if planned else frozenset())

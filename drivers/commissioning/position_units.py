@@ -39,7 +39,7 @@ RATIOS = {
 }
 """Numerator and divisor of the fields of `PositionFactors`."""
 ROUNDED = Fraction(1, 10**9)
-"""Largest relative difference of equal readings: a radian is no ratio."""
+"""Largest relative difference of equal readings, since radians have no exact ratio."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from drivers.remote_dictionary import RemoteDictionary
 
     Check = Callable[[RemoteDictionary, AxisDrive], Iterator["Verdict"]]
-    """Compares the object dictionary of a drive, by reading only, with the drives file.
+    """Comparison of a drive's object dictionary with the drives file, by reading only.
 
     Raises `DriveRefused` and `NodeSilent` if an object cannot be read.
     """

@@ -342,13 +342,13 @@ def _profile(dictionary: Dictionary) -> int | None:
 
 
 def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
-    """Yield a data sheet with a drive's objects whose default of 1000 is another profile."""
+    """Yield a finding for drive objects with another profile as the default of 1000."""
     declared = dictionary.entry(objects.DEVICE_TYPE)
     by_default = declared is not None and declared.value is None
     if profile in {None, DRIVE_PROFILE} or not by_default:
         return
     if all(dictionary.entry(entry) is not None for entry in _OF_DRIVES):
-        problem = f"is by default that of profile {profile}, and the objects are those of a drive"
+        problem = f"defaults to profile {profile}, but the objects are those of a drive"
         so = "assumed to be a CiA 402 drive; verified with the drive itself"
         yield Finding(str(objects.DEVICE_TYPE), problem, so, fatal=False)
 

@@ -138,7 +138,7 @@ HOP = 1e-6
 _ETHERNET = 24
 """Preamble, check sum and gap of a frame [bytes]."""
 ANSWERED = 0.99
-"""Share of frames for the slowest answer."""
+"""Share of frames within the time of the slowest answer."""
 RESERVE = 2.0
 """Period as a multiple of the slowest answer: the computer itself takes as long."""
 _COMMAND = 16

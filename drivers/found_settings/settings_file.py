@@ -109,7 +109,7 @@ class FoundObject(FileModel):
         return Entry(self.index, self.subindex, self.type, self.name)
 
     def was_changed(self, present: int | None) -> bool:
-        """Return True if a drive got the value `present` from somebody else since."""
+        """Return True if another tool has written the value `present` since."""
         return self.written is not None and present not in {None, self.value, self.written}
 
     def comparison(self, present: int) -> str:
@@ -182,7 +182,7 @@ class FoundDrive(FileModel):
         return self.model_copy(update={"restored": True, "objects": objects})
 
     def hold(self, held: Callable[[FoundObject], int | None]) -> FoundDrive:
-        """Return this drive with the present or planned values of objects written once."""
+        """Return this drive with present or planned values of objects written at start-up only."""
         objects = tuple(
             each.model_copy(update={"written": held(each)}) if each.index in WRITTEN_ONCE else each
             for each in self.objects

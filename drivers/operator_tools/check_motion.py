@@ -53,9 +53,8 @@ QUANTUM_MAX = 0.005
 LEAST_CHANGES = 10
 """Smallest number of changes of a value for a refresh period."""
 RENEWED = 0.05
-"""Share of repeated readings beyond those explained by quantisation: a drive that refreshes as
-often
-as SYNC comes, but by its own clock, has some read twice."""
+"""Tolerated share of repeated readings beyond quantisation: if a drive refreshes at the rate of
+SYNC by its own clock, some values are read twice."""
 WINDOW_SHARE = 0.5
 """Largest following error of a slow move, as a share of the window."""
 
@@ -320,14 +319,14 @@ def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
     bound = f"model: {right:+.3g} {unit}, reversed {wrong:+.3g} {unit}"
     apart = abs(right - wrong)
     if apart < SEPARATION * error + LEFT_OVER * abs(seen.friction[0]):
-        remedy = "both are too similar here: move the arm to a position that is not upright"
+        remedy = "gravity of both signs is too similar: move the arm out of the upright position"
         return undecided(place, DIRECTION, found, remedy, bound)
     if abs(measured - right) < CLOSE * apart:
         return Verdict(Grade.OK, place, DIRECTION, f"confirmed, {found}", bound)
     if abs(measured - wrong) < CLOSE * apart:
         remedy = f"set sign: {-drive.sign} in the drives file, and zero anew"
         return Verdict(Grade.REFUSED, place, DIRECTION, f"contradicts, {found}", bound, remedy)
-    remedy = "neither: compare gear_ratio, zero, the unit of the current, and the payload"
+    remedy = "fits neither sign: compare gear_ratio, zero, the unit of the current, and the payload"
     return undecided(place, DIRECTION, found, remedy, bound)
 
 

@@ -64,7 +64,7 @@ FRICTION = (0.003, 0.6)
 """Range of friction at slow speed as a share of the rated torque."""
 POLLED = 0.05
 """Time between two readings [s]."""
-_REMEDY = "move farther, or an axis that carries a load; else take it from the drive's manual"
+_REMEDY = "move farther, or check a loaded axis; otherwise take the unit from the drive's manual"
 
 
 class CurrentReadings:
@@ -137,7 +137,7 @@ def _judge_by_ratio(place: str, drive: AxisDrive, ratio: float) -> Verdict:
     if apart >= NEAR:
         confused = _apart(apart, math.sqrt(2)) < ALIKE
         times = drive.current.per_count * expected[stated] / ratio
-        remedy = f"see the drive's manual: one count would be per_count: {times:.2g}"
+        remedy = f"the ratio suggests per_count: {times:.2g}; see the drive's manual"
         if confused:
             remedy = "a factor of 1.41: rms and peak are confused"
         return Verdict(Grade.WARNING, place, CHECK, f"contradicts, {found}", bound, remedy)
@@ -168,7 +168,7 @@ def _judge_by_magnitude(seen: Moved) -> Verdict:
     bound = f"held at most {HELD_MAX:.0%}, friction {FRICTION[0]:.1%} to {FRICTION[1]:.0%}"
     if drive.current.basis not in possible:
         names = " or ".join(basis.value for basis in possible)
-        remedy = f"it would be possible as {names}" if names else "check rated_torque and current"
+        remedy = f"plausible as {names}" if names else "check rated_torque and current"
         return Verdict(Grade.WARNING, place, CHECK, f"contradicts, {found}", bound, remedy)
     if all(_apart(factors[basis], 1) < ALIKE for basis in possible) and not math.isnan(moved):
         return Verdict(Grade.OK, place, CHECK, f"confirmed, {found}", bound)

@@ -117,7 +117,7 @@ def increments(dictionary: Dictionary) -> Drafted:
     if factors.unit and factors.unit_in_words != "inc":
         hint += f"; 60A8 = {factors.unit:08X}h says that positions are no increments"
     if by_default:
-        hint += f"; by its defaults {' or '.join(map(str, by_default))}"
+        hint += f"; defaults suggest {' or '.join(map(str, by_default))}"
     return Drafted(None, "", hint + also_named(dictionary, "increments"))
 
 
@@ -218,9 +218,7 @@ def _rated_torque(
             for unit, newton_metre in NEWTON_METRE.items()
         )
         hint += f"; 6076 is {present}: {readings}{also_named(dictionary, 'torque_constant')}"
-        choice = (
-            "unit of 6076 in the drive, mN m or uN m: rated current times torque constant decides"
-        )
+        choice = "unit of 6076, mN m or uN m: the one nearer to rated current times torque constant"
         return Drafted(None, "", hint), Drafted(None, "", choice)
     value = f"{present * NEWTON_METRE[unit]:.10g}"
     if unit is TorqueUnit.MILLI:
@@ -243,9 +241,9 @@ _HINTS = {
     "acceleration": "highest acceleration [rad/s^2 or m/s^2]",
     "torque": "highest torque [N m, or N if prismatic]",
     "following_error_window": "largest following error [rad or m], such as 0.05",
-    "following_error_time": "how long it may be exceeded [s], such as 0.05",
-    "position_window": ("how near to its target an axis counts as there [rad or m], such as 0.002"),
-    "position_window_time": "and for how long [s], such as 0.02",
+    "following_error_time": "maximum duration of a larger following error [s], such as 0.05",
+    "position_window": "largest distance to a reached target [rad or m], such as 0.002",
+    "position_window_time": "minimum time inside position_window [s], such as 0.02",
 }
 """Hints by key of the drives file."""
 

@@ -82,7 +82,7 @@ def reset_faults(bus: Fieldbus, drives: DrivesFile, operator: Operator) -> Itera
     if not faulty:
         return
     labels = ", ".join(server.label for server in faulty)
-    require_consent(operator, f"Reset the fault of {labels}, its cause being removed?")
+    require_consent(operator, f"Cause removed: reset the fault of {labels}?")
     for server in faulty:
         try:
             power.make_safe(server, reset_fault=True)

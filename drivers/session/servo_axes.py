@@ -101,7 +101,7 @@ def leave(
         _switch_off_unpowered(connection, outcome)
     trouble = connection.life_sign.trouble
     if session is not None and isinstance(trouble, Tripped) and trouble != session.stopping.trip:
-        outcome.notes.append(str(trouble))  # a foreign command with an interrupt, or after it
+        outcome.notes.append(str(trouble))  # by a foreign command, at or after an interrupt
     outcome.complete = set(connection.written) <= outcome.off
     over = Deadline(RESTORING)
     # axes of one node share its supervision of the master
@@ -361,7 +361,7 @@ class ServoAxes:
             outcome.problems += self._close()
             if self._bus.recorded:
                 outcome.problems.clear()
-            noted = isinstance(error, Exception)  # a command shows notes of an error below it
+            noted = isinstance(error, Exception)  # commands print the notes of an error
             self._note(outcome.notes, noted=noted)
             if outcome.message and error is None:
                 raise DriveFault(outcome.message)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from drivers.session.connection import Connection
 
 LEFT_OUT = 0.5
-"""Delay of a SYNC [periods] from which another one was left out, by its deadline's tolerance."""
+"""Smallest delay of a SYNC [periods] with another SYNC left out, by the tolerance of deadlines."""
 UNSUPERVISED = 0.5
 """Longest time without supervision during motion, as a share of the heartbeat timeout."""
 
@@ -52,10 +52,10 @@ ROUNDED = 0.01
 class SessionState(enum.Enum):
     """Progress of a session."""
 
-    CHECKED = "every drive has passed, and none exchanges process data"
+    CHECKED = "all drives are checked; no drive exchanges process data"
     READY = "all drives exchange process data"
-    STOPPED = "all axes were stopped, for a reason that latches"
-    LEFT = "all that could be was stopped, switched off and put back"
+    STOPPED = "all axes are stopped, until a deliberate reset"
+    LEFT = "axes stopped, drives off and restored, as far as possible"
 
 
 class Session:

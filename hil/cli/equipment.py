@@ -26,7 +26,7 @@ STATUSES = {
 """Exit statuses of the commands."""
 HELP = {
     "quiet": "Show results and warnings only.",
-    "verbose": "Show log records and tracebacks; twice: those of the bus, too.",
+    "verbose": "Show log records and tracebacks; given twice, also those of the bus.",
     "json": "Write results as one JSON object; messages go to standard error.",
 }
 

@@ -140,7 +140,7 @@ def export(
     to: Annotated[
         str,
         typer.Option(
-            help="Format, such as c, python, st, urdf, csv; an unknown one lists all.",
+            help="Format, such as c, python, st, urdf, csv; an unknown name lists all.",
             autocompletion=formats,
         ),
     ],

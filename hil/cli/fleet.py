@@ -1,4 +1,4 @@
-"""`hil fleet`: many machines over years: index their models, ask which machines departed."""
+"""`hil fleet`: index of the models of many machines, and search for deviating machines."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def index(
 
 @fleet_commands.command()
 def query(path: Index, rate: Rate = 0.5) -> None:
-    """List machines that departed from their own past or from the fleet."""
+    """List machines that deviate from their own past or from the fleet."""
     with working("testing all machines"):
         from hil.commands.fleet import ask, read_fleets
 
@@ -83,7 +83,7 @@ def page(
     ] = Path("fleet.html"),
     rate: Rate = 0.5,
 ) -> None:
-    """Write a page of the machines that departed, with their quantities over time."""
+    """Write a page of the deviating machines, with their quantities over time."""
     with working("testing all machines"):
         from hil.commands.fleet import ask, read_fleets
 

@@ -113,7 +113,7 @@ def plan(
         str | None,
         typer.Argument(
             metavar="ROBOT",
-            help="Built-in robot or robot file; a run states it for --refine and --kind load.",
+            help="Built-in robot or robot file; taken from the run with --refine and --kind load.",
             autocompletion=robots,
         ),
     ] = None,
@@ -178,7 +178,7 @@ def plan(
     noise_from: Annotated[
         Path | None,
         _strokes(
-            help="Run from which noise is estimated; by default the robot file states it.",
+            help="Run for the estimate of noise; by default the noise of the robot file.",
             autocompletion=runs,
         ),
     ] = None,

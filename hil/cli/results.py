@@ -31,7 +31,7 @@ commands = typer.Typer()
 Method = Annotated[
     str | None,
     typer.Option(
-        help="Method of estimation; an unknown one lists all.",
+        help="Method of estimation; an unknown name lists all.",
         show_default="by the kind of recordings",
         autocompletion=methods,
     ),

@@ -1,4 +1,4 @@
-"""`hil fleet`: an index of many machines' models as Parquet, and tests for departed machines.
+"""`hil fleet`: an index of many machines' models as Parquet, and tests for deviating machines.
 
 The index is a folder, ``robot=DIGEST/*.parquet``: one row for each run and quantity, a file for
 each call of `index` and robot. A model with known address and state is not read again. DuckDB reads
@@ -62,7 +62,7 @@ ROW, MOST = 1000, 2_000_000_000
 """Maximum memory of a row while an index is read, and of all rows: a fleet of 1000 machines with
 monthly runs of three years has 1.4 million rows (`benchmarks/fleet.py`) [bytes]."""
 DRAWN = 12
-"""Departures with a panel on the page."""
+"""Maximum number of deviations with a panel on the page."""
 
 
 class ModelAddress(NamedTuple):
@@ -328,7 +328,7 @@ def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
     )
     word = "changed" if changes else "unchanged"
     return Outcome(
-        (_fleets_table(fleets, tested, rate), changed_table(changes, "Departures", "machine")),
+        (_fleets_table(fleets, tested, rate), changed_table(changes, "Deviations", "machine")),
         verdicts=(Verdict("doubtful" if changes else "good", word, text),),
         plots=tuple(_plots(fleets, tested)),
         title="Fleet",
@@ -341,7 +341,7 @@ def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Departures], rate:
         "Fleets",
         (
             Column("robot", folds=True),
-            *figures("machines", "runs", "compared", "departed"),
+            *figures("machines", "runs", "compared", "deviating"),
             "first run",
             "newest run",
         ),
@@ -353,8 +353,8 @@ def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Departures], rate:
             )
             for name, fleet in fleets.items()
         ),
-        f"The mean of a machine's newest {NEWEST} runs is compared with that of its first "
-        f"{FIRST}, less the change of the other machines, and with the level of the other "
+        f"The mean of a machine's newest {NEWEST} runs is compared with the mean of its "
+        f"first {FIRST}, less the change of the other machines, and with the level of the other "
         f"machines. An unchanged machine has at most {rate:g} false alarms in ten years.",
     )  # fmt: skip
 
@@ -375,7 +375,7 @@ def _plots(fleets: dict[str, Fleet], tested: dict[str, Departures]) -> Iterator[
 
 
 def month_chart(fleet: Fleet, changes: Sequence[Change]) -> Chart:
-    """Draw departed quantities of machines beside the median of the fleet."""
+    """Draw deviating quantities of machines beside the median of the fleet."""
     return chart(
         Panel(
             tuple(_history(fleet, each)),

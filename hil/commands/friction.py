@@ -246,12 +246,12 @@ def load_friction(run: Run) -> FrictionFile:
 
 
 def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:
-    """Refuse a robot with asymmetric friction, a gate before a campaign.
+    """Refuse a robot with asymmetric friction before a campaign.
 
     Returns
     -------
     list of str
-        Sentence on the axes without a test result, if any.
+        A sentence that names axes without a test result; empty without such axes.
 
     Raises
     ------

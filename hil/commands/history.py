@@ -301,7 +301,7 @@ def outcome(found: History) -> Outcome:
         plots=tuple(_plots(found)),
         title=f"{found.robot.name}: condition over time",
         simulated=any(run.model.provenance.any_simulated for run in found.runs),
-        note="A run of an unchanged machine has a marked quantity with a probability of at most "
+        note="A run of an unchanged machine is marked with a probability of at most "
         f"{SIGNIFICANT:.0%}.",
     )
 
@@ -384,8 +384,8 @@ def runs_table(found: History) -> Table:
             Column("named first", folds=True),
         ),
         (_run(found, run) for run in found.runs),
-        f"Each run is compared with {found.reference} and with the previous run. At most "
-        f"{SIGNIFICANT:.0%} of the runs of an unchanged machine have a marked quantity. "
+        f"Each run is compared with {found.reference} and with the previous run. A run of "
+        f"an unchanged machine is marked with a probability of at most {SIGNIFICANT:.0%}. "
         f"Friction: common change of all axes since {found.reference}, attributed to the "
         "machine's temperature.",
         found.notes,

@@ -117,7 +117,7 @@ def scores(found: Validation, notes: tuple[str, ...] = ()) -> Table:
         heads += ["friction fitted, %", "inside, %"]
         explained = (
             " The last two columns repeat ratio and share inside with friction fitted to this "
-            "recording; the gain too is found so."
+            "recording, as for the gain."
         )
     return table(
         "Predicted torques of this recording",

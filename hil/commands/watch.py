@@ -95,8 +95,8 @@ def watched(found: Watched) -> Table:
         "Smallest external torques detected 20 ms and 0.1 s after their start, medians over the "
         "time in motion; a dash: too little motion. Still: share of time at rest, where only "
         "torques above friction are detected. Blind: share of time, around reversals and at "
-        "rest, in which a tenth of the torque limit is not detected within 20 ms; dim: a "
-        "twentieth within 0.1 s.",
+        "rest, in which a tenth of the torque limit is not detected within 20 ms; dim: the "
+        "same for a twentieth of the limit within 0.1 s.",
         (f"thresholds learned from {clock(found.learned)} of motion", *hardly_watched(found)),
     )
 

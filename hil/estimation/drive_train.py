@@ -68,14 +68,15 @@ if TYPE_CHECKING:
 EARLIEST, LATEST = -0.002, 0.012
 """Search range of lags [s]: drives queue a current for a few samples of the bus."""
 RANK = 1e-6
-"""Smallest relevant share of information: in measurements of inertia some combinations of
-parameters are so weakly excited that they would follow the corners of the motion, as the lag
-does."""
+"""Smallest relevant share of information: measurements of inertia excite some combinations of
+parameters so weakly that these would fit the corners of the motion in place of the lag.
+"""
 CERTAIN = 5.0
 """Smallest significant ratio of compliance or load friction to its standard error."""
 MOST_TWIST = 0.05
-"""Largest twist of a gear at the torque limit [rad]: more is an artefact of noise in few
-measurements."""
+"""Largest twist of a gear at the torque limit [rad]; a larger one is an artefact of noise in few
+measurements.
+"""
 LAG_OF_TORQUE = "lag of the torque"
 MOST_ROUNDS = 5
 """Maximum number of rounds of compliances and link positions: gears of 20 Hz need three."""
@@ -249,7 +250,7 @@ def _found(
     if before is not None:
         every = replace(every, compliance=every.compliance + before.soft_compliance)
     judged = _judged(robot, every, accelerated, period)
-    # superfluous columns make lags uncertain: rigid gears have no column
+    # rigid gears have no column, since superfluous columns make lags uncertain
     last_one = found(blocks, judged.soft)
     return replace(
         judged, lag=last_one.lag, lag_error=last_one.lag_error,

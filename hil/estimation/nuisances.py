@@ -57,10 +57,12 @@ rounding and far below the nonlinearity of K."""
 AROUND = 3
 """Additional shifts for interpolation beyond any lag."""
 WORST = 0.2
-"""Largest growth of the residual (rms) of one axis accepted for gains on others: the accepted
-excess of the default over weighted least squares on any axis (`benchmarks/real_machines.py`)."""
+"""Largest accepted growth of the residual (rms) of an axis if other axes improve: equal to the
+bound of the default method's residual over that of weighted least squares
+(`benchmarks/real_machines.py`).
+"""
 KEPT = 4
-"""Number of cached states per axis: the compared ones, and as many earlier ones."""
+"""Number of cached states per axis: the compared states, and as many earlier states."""
 LAG = "lag"
 _SHIFT, _OVER, _SOFT = "shift", "over", "compliance {}"
 

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 ORDERS = range(RIPPLE_ORDERS[-1] + 1, 25)
-"""Tested orders: higher ones pass the window only for creeping axes."""
+"""Tested orders; the window suppresses higher orders except on creeping axes."""
 
 
 class UnmodelledRipple(NamedTuple):

@@ -98,7 +98,7 @@ TAKEN = {
 }
 """Rules for evaluating the formulas."""
 WARMTH = {
-    "level": "the directed terms, all that change their sign with v, times 1 + slope (clip(w, "
+    "level": "the directed terms (those that change their sign with v) times 1 + slope (clip(w, "
     "seen) - reference); w is the warmth, from 0 cold to 1 warm, reference the warmth "
     "at which the terms hold",
     "state": f"dw/dt = (1 - w) x / ({REFERENCE} warming) - w / cooling, with x = |v| over the"

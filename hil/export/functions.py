@@ -143,8 +143,7 @@ class _Equations:
         robot, n = model.robot, model.robot.n_joints
         standard = base_parameters(robot).placement @ model.values
         self._graph, self._model, self._robot = graph, model, robot
-        # parameters of each link that act as the base parameters do, then those of the added
-        # parameters
+        # parameters of each link equivalent to the base parameters, then the added parameters
         self._bodies: list[list[float]] = standard[: 10 * n].reshape(n, 10).tolist()
         self._added: list[float] = standard[10 * n :].tolist()
         self._constant = np.tensordot(standard[10 * n :], added_inertias(robot), 1).tolist()
@@ -246,7 +245,7 @@ class _Equations:
         return found
 
     def dynamics(self, q: Vector, qd: Vector, qdd: Vector, *memory: Vector) -> list[Scalar]:
-        """Return all `PARTS`, then the directions after the step from the previous positions."""
+        """Return the sum of all `PARTS`, then the friction directions after the step."""
         load = [self._graph.lift(each) for each in self.rigid_bodies(q, qd, qdd)]
         directions = self._turned(q, *memory)
         rub = [self._graph.number(0.0)] * len(q)

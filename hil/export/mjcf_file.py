@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 STEP = 0.001
 """Time step in the file [s], that of controllers at 1 kHz."""
 IMPEDANCE = 0.999
-"""Share of the reference acceleration reached by dry friction before slipping. MuJoCo allows
-0.9999. With the default of 0.9, a tenth remains: a joint held by friction would creep.
+"""Impedance of dry friction: share of the reference acceleration before slipping, at most 0.9999 in
+MuJoCo. With the default of 0.9, a joint held by friction would creep.
 """
 FULL = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 NOTABLE = 1e-6
-"""Offset, as a share of the friction, from which on it is more than rounding."""
+"""Smallest offset, as a share of friction, that is not rounding."""
 
 
 class Stribeck(NamedTuple):

@@ -54,7 +54,7 @@ _FAMILIES: dict[Law, tuple[tuple[str, ...], tuple[float, ...]]] = {
 units; the simplest model first."""
 LAWS: tuple[Law, ...] = tuple(_FAMILIES)
 GRID = 60
-"""Grid points of a4: a tenth apart over the 2.5 decades of speed of a sweep."""
+"""Number of grid points of a4: steps of a tenth over the 2.5 decades of a sweep's speeds."""
 
 
 class FrictionModel(FileModel):

@@ -38,15 +38,17 @@ if TYPE_CHECKING:
 
 
 AT_REST = 0.01
-"""Mean speed, as a share of the limit, below which the lubricant settles: the mean speed of a move
-between two recordings."""
+"""Mean speed below which the lubricant settles, as a share of the limit: that of a travel between
+two recordings.
+"""
 BOUNDS = {"warm-up": (120.0, 14400.0), "settling": (10.0, 3600.0), "stirring": (1.0, 600.0)}
 """Bounds of the time constants, from the duration of a measurement to that of a shift [s]."""
 GRID = (6, 5, 5)
 """Grid points of each time constant, about a factor of two apart."""
 FEWEST = 10
-"""Levels beyond the number of unknowns below which the scatter is uncertain by a quarter and more,
-1 / sqrt(2 * 10)."""
+"""Minimum number of levels beyond the number of unknowns: with fewer, the scatter is uncertain by a
+quarter or more, 1 / sqrt(2 * 10).
+"""
 
 
 class Level(NamedTuple):

@@ -79,9 +79,10 @@ class OneWay(FileModel):
 
 
 SLOWEST = 0.02
-"""Share of an axis's reference speed below which the level at this share bounds presliding: the
-least dead zone (docs, free-motions.md). From 0.005 to 0.2 the TX40's residual up to 100 Hz is 7.8
-%; with the level at rest as the bound 8.2 %."""
+"""Lowest speed of the level that bounds presliding, as a share of an axis's reference speed: the
+least dead zone (docs, free-motions.md). The TX40's residual up to 100 Hz is 7.8 % for shares from
+0.005 to 0.2, and 8.2 % with the level at rest as the bound.
+"""
 
 
 class AxisLaw(FileModel):

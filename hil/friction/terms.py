@@ -28,8 +28,9 @@ if TYPE_CHECKING:
 
 
 BEND = 0.08
-"""Share of the reference speed at the knee of the arc tangent: between rest, the knee of the cube
-root, and full speed, that of the quadratic term."""
+"""Share of the reference speed at the knee of the arc tangent, between the bends of the cube root
+(at rest) and of the quadratic term (at full speed).
+"""
 
 
 class _Samples(NamedTuple):

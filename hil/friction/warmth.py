@@ -73,16 +73,16 @@ TIMES = (
     (60.0, 180.0, 540.0, 1620.0, 4860.0),
 )
 """Grid of time constants of warming and cooling, from the duration of a stroke to that of a
-campaign, a factor of three apart: half a factor hardly changes the levels [s]."""
+campaign, a factor of three apart: half a grid step hardly changes the levels [s]."""
 COURSES = tuple(product((10.0, 90.0, 810.0), (60.0, 540.0, 4860.0)))
 """Time constants of the states of an exposure: every other value of `TIMES`."""
 COLD_TO_WARM = 0.4
 """Relative change of the level from cold to warm, a standard deviation. Virtual plants, which
-follow published measurements of gears, have 0.2 to 0.6 (`sim_plant.physics.friction`). With 0.3
-intervals held 72 to 100 % of the levels of other motions, axis by axis, with 0.4 83 to 100 % (three
-plants, strokes and trajectories)."""
+follow published measurements of gears, have 0.2 to 0.6 (`sim_plant.physics.friction`). Intervals
+contained 72 to 100 % of the levels of other motions with 0.3, and 83 to 100 % with 0.4 (by axis,
+three plants, strokes and trajectories)."""
 STEPS = 4
-"""Number of Gauss-Newton steps; each squares the error of the slope, a share of the level."""
+"""Number of Gauss-Newton steps; each squares the relative error of the slope."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -60,7 +60,7 @@ _NANOSECONDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nse
 _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
 _SET_POINTS |= {"action", "actions", "setpoint", "setpoints", "sp", "soll", "input", "d"}
 _OTHER = "other"
-"""Kind of columns without a measurement of a joint."""
+"""Kind of columns that are not measurements of a joint."""
 _FILLERS = {"actual", "measured", "meas", "act"}
 _UNITS = {
     "position": "rad, deg, m, mm, turns or counts",

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 EVEN = 0.01
 """Maximum deviation of even samples from the period, as a share."""
 SAME_STAMP = 1e-6
-"""Maximum time between rows with equal stamps, in periods."""
+"""Maximum number of periods between rows with equal stamps."""
 WINDOW = 50
 """Samples over which periods are averaged and the least delayed sample is found."""
 
@@ -82,7 +82,7 @@ def lost(time: Array, at: Integers, period: float) -> Array:
 
 
 def instants_of(samples: Samples, parts: list[Integers], period: float) -> Instants:
-    """Return the kind of instants: even already, or the smoother of counted and stamped."""
+    """Return the kind of instants: even, or else the smoother choice of counted and stamped."""
     steps = [np.diff(samples.time[rows]) for rows in parts]
     if all(np.all(np.abs(s - period) < EVEN * period) for s in steps):
         return "even"

@@ -28,12 +28,13 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 TOUCHES = math.ceil(-math.log2(CHANCE))
-"""Minimum number of samples close to zero on one side beyond chance.
+"""Minimum number of samples on one side close to zero that is not chance.
 
 Each is on either side with equal probability.
 """
 OFTEN, CLOSE = 0.95, 0.05
-"""Quantile of ordinary steps from sample to sample, and distance close to zero in such steps.
+"""Quantile that defines an ordinary step between samples, and distance from zero that counts as
+zero, in such steps.
 
 At this distance both signs are equally likely.
 """
@@ -50,7 +51,7 @@ A sinusoid delayed by a drive's filter has the cosine of the phase lag: 36 ms at
 oscillation of robots.
 """
 _NOISE = 1.0 - FITS
-"""Share of noise in the power of both velocities that reduces their correlation to `FITS`.
+"""Noise, as a share of the power of both velocities, that reduces their correlation to `FITS`.
 
 It reduces their ratio equally.
 """
@@ -173,7 +174,7 @@ def _why_scaled(scale: float, robot: Robot, joint: int) -> str:
 def misread_torques(
     excerpts: Sequence[Excerpt], evidence: Evidence, robot: Robot
 ) -> Iterator[Suspicion]:
-    """Yield suspicions of torques without sign, velocities as torques, and repeated columns."""
+    """Yield suspicions of unsigned torques, velocities in place of torques, repeated columns."""
     yield from _twice(excerpts, evidence)
     yield from _unsigned_torques(excerpts)
     for joint in np.flatnonzero(evidence.moves).tolist():

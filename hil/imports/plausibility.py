@@ -64,7 +64,8 @@ def suspicions(
         found += low
     if not any(suspicion.certain for suspicion in found):  # otherwise no equations are needed
         clock = list(clock_suspicions(excerpts, evidence, robot))
-        # a factor common to all velocities is stated once, not for speeds and positions as well
+        # a common factor of all velocities gives a single suspicion, not further ones of speeds and
+        # positions
         found = clock + found
         misread = [] if clock else list(misread_velocities(evidence, robot))
         if not clock and (clock := list(clock_of_velocities(excerpts, compared(evidence)))):

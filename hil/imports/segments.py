@@ -116,7 +116,7 @@ def _split_files(samples: Samples, rows: Integers, *, stamped: bool) -> list[Int
 
 
 def pieces_of(stretch: Stretch) -> list[Piece]:
-    """Cut a stretch into motions of about equal length; return none for a short stretch."""
+    """Cut a stretch into motions of about equal length; return no motion for a short stretch."""
     n = math.floor(stretch.duration / stretch.period + 1e-6) + 1
     if (n - 1) * stretch.period < SHORTEST * (1 - 1e-6):
         return []

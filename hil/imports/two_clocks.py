@@ -126,7 +126,7 @@ def _suspicion(
     one = _lags([each._replace(part=0 * each.part) for each in rows], shown)
     many = _lags(rows, shown)
     tiny = np.finfo(float).tiny
-    # geometric mean, since a clock affects all joints and a model error only some
+    # geometric mean, since a clock affects all joints, but a model error only some of them
     left = np.log(np.maximum(many.left, tiny)) - np.log(np.maximum(one.left, tiny))
     # the instant of a row is known within a period
     if left.mean() <= np.log(LEAVES) and np.ptp(many.lags) > excerpts[0].period:

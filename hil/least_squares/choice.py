@@ -36,7 +36,7 @@ exact Coulomb and viscous friction (two axes, white noise)."""
 
 
 def simplest(errors: Mapping[str, Array], n_channels: int = 1) -> str:
-    """Return the simplest alternative with predictions as good as the significantly better models.
+    """Return the simplest alternative that no other alternative predicts significantly better than.
 
     Parameters
     ----------

@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 
 
 SPAN = 0.1
-"""Duration of a parabola [s]: motion up to 3 Hz, hand-guided or planned, departs from it by 2 %."""
+"""Duration of a parabola [s]: motion up to 3 Hz, guided or planned, deviates from it by 2 %.
+"""
 FEWEST = 5
-"""Minimum samples of a span: two more than the parabola's coefficients."""
+"""Minimum number of samples of a span: two more than the parabola's coefficients."""
 CARRIED = 1e-4
 """Largest deflection of a standing axis, relative to the widest range of the axes: servos hold arms
 to some 0.1 mrad during motions of some rad (the twins of `tests/robots`)."""

@@ -20,7 +20,7 @@ DROPPABLE = frozenset({"sample", "torque"})
 _STATES = frozenset(
     {"start", "event", "sample", "stopping", "headline", "estimate", "report", "end"}
 )
-"""Kinds with the last line sent to a late page."""
+"""Kinds of lines whose latest line is sent to a late page."""
 PATIENCE = 10.0
 """Maximum time without progress of a page [s]."""
 
@@ -38,7 +38,7 @@ class Client:
         self.left = Event()
         connection.setsockopt(
             socket.SOL_SOCKET, socket.SO_SNDBUF, 16_384
-        )  # data in this buffer becomes old
+        )  # data in a larger buffer would be outdated
         connection.setblocking(False)
         self._connection = connection
         self._waiting = bytearray(first)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from drivers.drive_bus import DriveBus, Sample
 
 REAL_TIME = 4.0
-"""Time of motion in real time before the acceleration begins [s]: as long as a glance takes."""
+"""Duration of real-time motion before time is accelerated [s], enough for a look at the page."""
 DOUBLED = 1.5
 """Time between doublings of the speed [s]."""
 

@@ -65,7 +65,7 @@ class Dependencies:
         }
 
     def sought(self) -> dict[str, tuple[int, ...]]:
-        """Return the indices of the parameters sought in every group's own kind of element.
+        """Return the indices of the parameters that each group's own elements must identify.
 
         These are the parameters of the group, and those hidden from g(q) but shown by M(q).
         """

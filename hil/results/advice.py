@@ -84,9 +84,9 @@ def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
     rest = float(np.sqrt(max(0.0, scatter(estimate.covariance) ** 2 - square)))
     if rest > NOTABLE and rest**2 > square:
         n, none = len(estimate.p), np.zeros_like(estimate.p)
-        # share of white noise in the scatter, in torques, below which the motion excites too
-        # little: torques that wander with friction scatter up to four times as much as white noise
-        # of equal size
+        # share of white noise in the scatter of torques below which the motion excites too little;
+        # torques that vary with friction scatter up to four times as much as white noise of equal
+        # size
         weak = scatter(estimate.joint.solver.noise_covariance[:n, :n]) > 0.25 * rest
         cause = "weak excitation" if weak else "measurements that disagree"
         detail = f"torques are uncertain by {100 * rest:.2g} %"

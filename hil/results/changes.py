@@ -53,7 +53,7 @@ FEWEST = 3
 GREATEST = 0.5
 """Largest common change attributed to temperature."""
 UNLIKE = 0.5
-"""Difference between axes in their response to temperature, as a share of the common change."""
+"""Difference between the axes' responses to temperature, as a share of the common change."""
 MEANINGS: dict[Kind, str] = {
     "gravity parameter": "a load, counterweight, spring or cable, or the torque constant",
     "inertia parameter": "something mounted, shifted or loose, or the torque constant",

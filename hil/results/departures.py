@@ -1,11 +1,11 @@
-"""Departures of a machine from its past and from its fleet, at a stated rate of false alarms.
+"""Deviations of a machine from its past and from its fleet, at a stated rate of false alarms.
 
 A fleet is many machines of one robot, each identified repeatedly. For a quantity y
 (`hil.results.quantities`) of machine k, let
 
     T_k = mean of the newest `NEWEST` runs - mean of the first `FIRST` runs.
 
-An unchanged machine departs like its peers: the null hypothesis is T_k = median of T over the
+An unchanged machine deviates like its peers: the null hypothesis is T_k = median of T over the
 machines, with the standard error
 
     s = max(1.4826 median |T - median T|, r sqrt(1/NEWEST + 1/FIRST)),
@@ -54,9 +54,11 @@ if TYPE_CHECKING:
     from hil.results.quantities import Quantity
 
 NEWEST, FIRST = 3, 12
-"""Numbers of runs in the newest and in the first mean: with monthly runs a quarter and a year."""
+"""Numbers of runs in the newest and in the first mean: a quarter and a year of monthly runs."""
 ENOUGH = 20
-"""Number of differences, or machines, for a median accurate to a quarter (1.25 / sqrt(20))."""
+"""Minimum number of differences, or of machines, for a median accurate to a quarter (1.25 /
+sqrt(20)).
+"""
 NORMAL = 1.0 / float(special.ndtri(0.75))
 """Ratio of standard deviation to median absolute deviation of a normal distribution."""
 MEDIAN_SQUARE = float(special.chdtri(1, 0.5))
@@ -100,7 +102,7 @@ class Fleet:
 
 
 class Departures(NamedTuple):
-    """Significant departures of the newest run of each machine.
+    """Significant deviations of the newest run of each machine.
 
     Attributes
     ----------
@@ -252,7 +254,7 @@ def _smallest(x: Array, machine: Indices) -> Array:
 def _test(
     T: Array, of_runs: Array, n_runs: Array, stated: Array, degrees: Array, allowance: Array
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Return size, standard error, degrees of freedom, allowance and p-value of departures T."""
+    """Return size, standard error, degrees of freedom, allowance and p-value of deviations T."""
     machines = np.isfinite(T).sum(axis=0)
     many, repeated = machines >= ENOUGH, n_runs >= ENOUGH
     known = many | repeated

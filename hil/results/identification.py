@@ -247,7 +247,7 @@ def identified(
 
 
 def _add_cause(error: HilError, proof: Excluded | None) -> HilError:
-    """Put the found cause before an error; more measurements would not remove the cause."""
+    """Name the found cause before an error, since more measurements would not remove the cause."""
     if proof is None or not proof.found:
         return error
     cause = proof.found[0]

@@ -52,7 +52,7 @@ The uncertainty of a torque constant alone is as large, so that data sheets prom
 NOTABLE = LOOSE
 """Share of an axis's torque, or of its limit, above which a finding gets a remark."""
 HALF = 0.5
-"""Share of a sum of squares: a cause below half of the sum explains next to nothing."""
+"""Share of a sum of squares: a cause with less than half of the sum explains little."""
 INSIDE = float(special.ndtr(TWICE * (2.0**0.5 - 1.0)))
 """Share of samples inside predicted 95 % intervals below which these are too narrow: 0.79.
 
@@ -64,7 +64,7 @@ give the same share.
 WORSE = float(TWICE / special.ndtri((1.0 + INSIDE) / 2.0))
 """Ratio of the residual to that of the identification above which a model fails: 1.56."""
 LARGE = 0.02
-"""Error of the torques on a free motion above which a cause not accounted for is a doubt.
+"""Torque error on a free motion above which an uncompensated cause is a doubt.
 
 Gears too soft to be accounted for have an effect of this size (20 Hz, docs, causes-of-error.md).
 """

@@ -298,7 +298,7 @@ def require_load(found: Load, absent: float = 0.01) -> None:
     if error and mass < -SURE * error:
         raise NoLoad(
             f"the mass of the load would be {mass:.4g} ± {error:.2g} kg: these runs are swapped, or"
-            " the one without the load carried one; name the run without the load first"
+            " the run without the load carried a load; name the run without the load first"
         )
     if found.present.p_value > absent:
         figure = f"its mass would be {mass:.3g} ± {error:.2g} kg" if error else "nothing changed"
@@ -477,5 +477,5 @@ def _refuse_unfit(without: Sequence[Run], loaded: Run) -> None:
         if same_recordings(bare, loaded):
             raise Mismatch(
                 f"{loaded.path}: has the same recordings as {bare.path}; name the run without the"
-                " load, then the one with it, measured into a folder of its own"
+                " load, then the run with the load, measured into a folder of its own"
             )

@@ -147,7 +147,7 @@ def _certain(model: IdentifiedRobot, row: Array, value: float) -> bool:
     V, D = model.scatter_covariance, model.drive_covariance
     scatter, stated = (np.array([max(float(row @ each @ row), 0.0)]) for each in (V, D))
     degrees = combined_degrees(row[np.newaxis], np.diag(V), model.degrees_of_freedom)
-    level = 1.0 - 2.0 * SIGNIFICANT / len(row)  # one side of it
+    level = 1.0 - 2.0 * SIGNIFICANT / len(row)  # one-sided
     return bool(value < -half_width(scatter, stated, degrees, level)[0])
 
 

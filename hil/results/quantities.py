@@ -33,7 +33,7 @@ SHARES = (0.1, 0.7)
 """Positions of the reference speeds in the range of speeds known to all models, as shares."""
 OF_LIMIT = (0.1, 0.3, 0.7)
 """Speeds of levels for comparisons of many machines, as shares of the joint's velocity limit.
-Three, since a law of a campaign may leave out the slowest or the fastest."""
+Three speeds, since the law of a campaign may not cover the slowest or the fastest one."""
 ASSUMED = (0.1, 0.8)
 """Assumed range of speeds for a law without a stated range, as shares of its speed."""
 

@@ -57,8 +57,7 @@ if TYPE_CHECKING:
     Scores = Sequence["AxisScore"]
 
 OUTSIDE = 2.0 * special.ndtr(-TWICE)
-"""Share of samples outside correct 95 % intervals; an axis needs samples for at least one
-outside."""
+"""Share of samples outside correct 95 % intervals; an axis needs enough samples for one outside."""
 SURE = special.ndtri(1.0 - SIGNIFICANT / 2.0)
 """Standard errors for a gain to differ significantly."""
 
@@ -348,8 +347,8 @@ def _uncovered(
     if abs(off) > law.wander:
         said.append(
             f"rigid bodies are confirmed, the model's friction is not: friction {abs(off):.0%} "
-            f"{'above' if off > 0 else 'below'} the law, at most {law.wander:.0%} in these "
-            "recordings"
+            f"{'above' if off > 0 else 'below'} the law, but at most {law.wander:.0%} in the "
+            "model's recordings"
         )
     return "; ".join(said)
 

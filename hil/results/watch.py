@@ -144,6 +144,6 @@ def hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:
         return ()
     axes = f"{'axis' if len(blind) == 1 else 'axes'} {', '.join(str(axis.axis) for axis in blind)}"
     return (
-        f"{axes}: hardly watched: at rest most of the time, or too little motion before; use a "
-        "plan that moves every axis all the time, such as a trajectory",
+        f"{axes}: hardly watched: at rest most of the time, or too little motion to learn from; "
+        "use a plan that moves every axis all the time, such as a trajectory",
     )

@@ -1,4 +1,4 @@
-"""Set-points of a recording, reconstructed from the plan: none are recorded.
+"""Set-points of a recording, reconstructed from the plan since none are recorded.
 
 Set-points of strokes are the profiles of the drives, from the first sample of a stroke's number on;
 set-points of a trajectory are the streamed ones.

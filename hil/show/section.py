@@ -46,7 +46,7 @@ class Plot:
 
     @property
     def panels(self) -> list[tuple[float, Markup, Markup | None]]:
-        """Width and picture of the panels, and the picture for telephones of those too wide."""
+        """Width and picture of the panels, and narrow pictures of wide panels for telephones."""
         return [
             (panel.width, picture, svg.narrow(panel) if panel.width > 1.2 * svg.NARROW else None)
             for panel, picture in zip(self.chart.panels, svg.panels(self.chart), strict=True)

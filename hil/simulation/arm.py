@@ -59,7 +59,9 @@ FASTEST = 0.3
 MOST_STEPS = 64
 """Maximum number of steps in a period of the samples."""
 MOST_EVENTS = 50
-"""Maximum number of events in a step; then elements that change direction stop at its end."""
+"""Maximum number of events in a step; beyond it, elements that change direction stop at the step's
+end.
+"""
 SHORTEST = 1e-3
 """Shortest part of a step ended by an event: a lower bound that guarantees progress."""
 ROUNDS = 200
@@ -398,7 +400,7 @@ def _least_constraint(across: Array, left: Array, bound: Array) -> Array:
 
 
 def _first_root(speed: float, slope: float, curve: float) -> float:
-    """Return the least root x > 0 of speed + slope x + curve x^2, and 1 if there is none below."""
+    """Return the least root x > 0 of speed + slope x + curve x^2, at most 1."""
     roots = np.roots([curve, slope, speed])
     real = roots[np.isreal(roots)].real
     return float(min((x for x in real if 0 < x < 1), default=0.0 if speed == 0 else 1.0))

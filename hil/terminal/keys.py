@@ -171,7 +171,7 @@ class KeyboardStop:
     def pause(self) -> bool:
         """Return True while the operator wants a pause, after a short sleep."""
         if self._paused:
-            time.sleep(0.001)  # in lock-step the samples of a pause would occupy a processor
+            time.sleep(0.001)  # else lock-step would occupy a processor with samples
         return self._paused
 
     def take(self, key: str) -> None:
@@ -184,7 +184,7 @@ class KeyboardStop:
 
     def _listen(self) -> None:
         while self._wanted and self._keys.listening:
-            # then the caller asks whether keys are still wanted
+            # the caller then decides about further waiting
             for key in self._keys.awaited(0.1):
                 self.take(key)
 

@@ -143,7 +143,7 @@ class _Passage:
         self.knots[joint] += zip((begin + corners).tolist(), q.tolist(), qd.tolist(), strict=True)
 
     def _exercise(self, measurement: Strokes, begin: float) -> None:
-        """Add the pairs of strokes that end before the recording."""
+        """Add the strokes of a measurement's exercise, which precedes the recording."""
         pair = [measurement.profile(number) for number in (0, 1)]
         took = sum(profile.duration for profile in pair)
         at = begin + measurement.preparation - measurement.exercised

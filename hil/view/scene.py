@@ -204,8 +204,8 @@ def run_scene(
         predicted=found.predicted,
         distances=near,
         notes=(
-            "As measured. Pauses are left out; travel between recordings is not recorded and "
-            "drawn straight.",
+            "As measured. Pauses are left out; travel between recordings was not recorded "
+            "and is drawn straight.",
             *_describe_distance(near, workspace),
             *_describe_capsules(run.robot),
         ),

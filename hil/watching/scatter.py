@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 SURE = 3.0
-"""Standard deviations of the chance error in a mean of few squares."""
+"""Allowance for the chance error in a mean of few squares, in standard deviations."""
 
 
 def window_lengths(period: float, seconds: float = 0.1, shortest: int = 2) -> tuple[int, ...]:

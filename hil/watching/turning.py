@@ -113,7 +113,7 @@ class Turning:
         still = self._still(step)
         rows, unknown = self._directions(step, still)
         slip = qd[:, np.newaxis] - np.abs(qd)[:, np.newaxis] * rows
-        turning = np.abs(rows[:, -1] - rows[:, 0]) > 0.05  # directions of neighbours differ
+        turning = np.abs(rows[:, -1] - rows[:, 0]) > 0.05  # directions depend on distance
         self._learn(turning & ~still & (level > 0), rows, slip, friction, level)
         slower, faster = self._neighbours
         apart = np.abs(rows[:, slower, self._axes] - rows[:, faster, self._axes])

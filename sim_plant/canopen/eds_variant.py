@@ -116,7 +116,7 @@ def _change(eds: configparser.RawConfigParser, change: ObjectChange, name: str) 
         value = getattr(change, key)
         if value is not None:
             eds[section][option] = str(value)
-    if change.high is not None and change.default is None:  # a default stands within its limits
+    if change.high is not None and change.default is None:  # a default must be within its limits
         present = eds[section].get("DefaultValue", "0")
         if present.isdecimal() and int(present) > change.high:
             eds[section]["DefaultValue"] = str(change.high)

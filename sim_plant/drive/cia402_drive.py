@@ -174,7 +174,7 @@ class Cia402Drive:
         self._refresh()
 
     def connect(self, connected: bool) -> None:
-        """Connect the drive to the bus, or disconnect it; the firmware works on."""
+        """Connect the drive to the bus, or disconnect it; the firmware keeps running."""
         raise NotImplementedError
 
     def restart(self) -> None:

@@ -116,7 +116,7 @@ class FrameBlock:
 
     @property
     def frames(self) -> bytes:
-        """Frames packed last."""
+        """Most recently packed frames."""
         return self._frames.tobytes()
 
 
@@ -143,7 +143,7 @@ class AxisImage:
 
     @property
     def reading(self) -> Reading:
-        """Reading latched last."""
+        """Most recently latched reading."""
         return Reading(*self.values[self._first : self._first + WIDTH].tolist())
 
     @property

@@ -37,7 +37,7 @@ _VARIABLE, _ARRAY, _RECORD = 7, 8, 9
 _SYNC_TYPES = 0x0002 | 0x0004
 """1C32h:4: synchronous to the sync manager, and to SYNC0."""
 BY_SYNC0 = 2
-"""1C32h:1 of a drive that acts at SYNC0; 0 of one that runs freely, 1 as frames come. The behaviour
+"""1C32h:1 of a drive that acts at SYNC0; 0 means free run, 1 synchronous to frames. The behaviour
 is set by the clock's own registers.
 """
 MIN_CYCLE = 100_000

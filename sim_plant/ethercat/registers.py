@@ -52,8 +52,9 @@ CLEARED = frozenset({*range(0x0300, 0x0314), WATCHDOG_COUNTER, WATCHDOG_COUNTER 
 """Counters, set to zero by any write."""
 
 _FEATURES = 0x0002 | 0x0004 | 0x0008 | 0x0040
-"""Bit operation of FMMUs is there (bit 0 is clear); distributed clock, of 64 bits, and its
-enhanced activation."""
+"""Features: bit operation of FMMUs (bit 0 is clear); distributed clock of 64 bits with enhanced
+activation.
+"""
 
 
 def power_on() -> bytearray:

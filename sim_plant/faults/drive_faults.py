@@ -16,7 +16,7 @@ _NODE = 0x7F
 
 
 class Warned(NodeInjection):
-    """Emergency of a drive that works on."""
+    """Emergency of a drive that continues to work."""
 
     def begin(self) -> None:
         """Send the emergency."""
@@ -40,7 +40,7 @@ class Reset(NodeInjection):
 
 
 class NodeBusOff(NodeInjection):
-    """Bus-off of a node that works on."""
+    """Bus-off of a node that continues to work."""
 
     def begin(self) -> None:
         """Leave the bus."""
@@ -57,7 +57,7 @@ class NodeBusOff(NodeInjection):
 
 
 class VoltageLost(NodeInjection):
-    """Loss of the DC link; the drive's controller works on."""
+    """Loss of the DC link; the drive's controller continues to work."""
 
     def begin(self) -> None:
         """Remove the voltage."""
@@ -216,7 +216,7 @@ class _Disobedient(NodeInjection):
 
 
 class QuickStopIgnored(_Disobedient):
-    """Quick stop without effect: the drive goes on with its move."""
+    """Quick stop without effect: the drive continues its move."""
 
     disobedience = Disobedience(ignored=frozenset({Command.QUICK_STOP}))
 
@@ -231,6 +231,6 @@ class DisableVoltageIgnored(_Disobedient):
 
 
 class StopWithoutEffect(_Disobedient):
-    """Stop without effect: the drive shows a stop and goes on with its move."""
+    """Stop without effect: the drive shows a stop and continues its move."""
 
     disobedience = Disobedience(runs_on=True)

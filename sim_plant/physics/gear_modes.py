@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 FOLLOWED = 0.8
-"""Largest accepted eigenvalue: configurations between those tried may be faster."""
+"""Largest accepted eigenvalue, with a margin for configurations between the tested ones."""
 CONFIGURATIONS = 300
 
 

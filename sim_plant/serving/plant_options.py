@@ -34,9 +34,9 @@ class PlantOptions:
     faults : str, optional
         Path of a fault plan.
     hand : str, optional
-        Path of a socket at which the plant takes pushes (`sim_plant.serving.hand`).
+        Path of a socket that receives external pushes (`sim_plant.serving.hand`).
     bitrate : int
-        Spaces the time stamps of frames [bit/s].
+        Bit rate for the distances between the time stamps of frames [bit/s].
     """
 
     seed: int | None = None

@@ -96,7 +96,7 @@ def _poll(wire: socket.socket) -> bytes | None:
     while time.perf_counter() < ends:
         if (frame := _received(wire)) is not None:
             return frame
-        os.sched_yield()  # who is to send may need this core
+        os.sched_yield()  # the sender may need this core
     return None
 
 

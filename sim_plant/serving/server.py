@@ -72,7 +72,7 @@ def serve(
     wall = WallClock()
     _send(bus, network.power_on())
     while not stop_event.is_set():
-        known = time.time()  # until then no frame is on its way that has not been answered
+        known = time.time()  # all frames sent before this instant have been answered
         message = bus.recv(wall.pause if clock == "wall" else IDLE)
         if hand is not None:
             hand.act(network.time)

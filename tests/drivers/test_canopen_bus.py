@@ -224,7 +224,7 @@ def test_a_mapping_that_reads_back_differently_is_refused() -> None:
 
 def test_a_limit_that_the_drive_does_not_take_is_refused() -> None:
     can_bus, drive_bus = build()
-    can_bus.drives[1].insists[0x6072, 0] = 0  # neither a limit of the drive nor one of ours
+    can_bus.drives[1].insists[0x6072, 0] = 0  # neither the drive's own limit nor ours
     with can_bus, pytest.raises(DriveRefused, match=r"6072.* reads back 0 after 3000 was"):
         drive_bus.__enter__()
 
@@ -547,7 +547,7 @@ def test_the_plant_in_another_thread_is_driven_in_lock_step_over_a_stock_bus() -
 
 
 def trouble(can_bus: Any, drive_bus: CanopenDriveBus, cause: Callable[[], None]) -> DriveError:
-    """Cause trouble in mid motion; return the error after checking the stop."""
+    """Cause a fault during motion; return the error after checking the stop."""
     with pytest.raises(DriveError) as caught, drive_bus:
         drive_bus.move({0: Move(1.0, 0.5, 5.0), 1: Move(1.0, 0.5, 5.0)})
         for _ in range(20):

@@ -326,7 +326,7 @@ def test_emergencies_are_heard_where_the_drive_sends_them() -> None:
         can_bus.network.emit(0x6A2, b"\x10\x42" + bytes(6))
         for _ in range(4):
             drive_bus.sample()
-        can_bus.network.emit(0x82, b"\x10\x43" + bytes(6))  # nobody's
+        can_bus.network.emit(0x82, b"\x10\x43" + bytes(6))  # identifier of no drive
         for _ in range(4):
             drive_bus.sample()
     warnings = [note for note in drive_bus.notes if "warning" in note]

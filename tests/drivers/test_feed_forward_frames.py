@@ -211,7 +211,7 @@ def test_the_drive_s_own_feed_forward_rests_as_long_as_ours_counts() -> None:
         wire.samples(50)
         wire.stream(velocity=np.zeros((COUNT, 6)).tolist())
         wire.samples(10)
-        wire.bus.__exit__(None, None, None)  # in the midst of it
+        wire.bus.__exit__(None, None, None)  # during the motion
         assert drive.get(OWN) == 1000
 
 

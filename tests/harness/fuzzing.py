@@ -189,7 +189,7 @@ def _report_child(kind: str, path: Path, writing: int) -> None:
             place = arguments[0]
             if isinstance(place, (str, bytes)):
                 full = os.path.realpath(os.fsdecode(place))
-                nameless = event == "open" and Path(full).is_dir()  # goes with its process
+                nameless = event == "open" and Path(full).is_dir()  # gone with its process
                 if not nameless and not full.startswith((inside, os.devnull)):
                     outside.append(f"{event} {full}")
 

@@ -93,14 +93,14 @@ class _Conversation:
             yield self._ended(self._value())
 
     def begun(self, what: str, frame: bytes) -> Iterator[str]:
-        """Begin a transfer; a pending one has ended without an answer."""
+        """Begin a transfer; a pending transfer counts as unanswered."""
         yield from self.given_up()
         self.what, self.place = what, struct.unpack_from("<HB", frame, 1)
         self.last = what == "write" and _is_expedited(frame)
         self.data = _expedited(frame) if self.last else b""
 
     def given_up(self) -> Iterator[str]:
-        """End a transfer without an answer."""
+        """End a pending transfer as unanswered."""
         if self.what:
             yield self._ended("no answer")
 

@@ -1,4 +1,4 @@
-"""Documents walked word by word: what their code blocks say is done, and what they show compared.
+"""Execution of the code blocks of documents, and comparison with the printed output.
 
 In order, in one folder: files that a page asks for ("Write `axis.yaml`", "Save as `move.py`") are
 written, commands carried out, questions answered with y, and the lines that a page shows of a
@@ -30,14 +30,14 @@ ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"(?ms)^```(\w*)\n(.*?)^```$")
 NAMED = re.compile(r"(?:Write|Save as) `([\w.]+)`")
 PROGRAMS = ("hil", "python", "ip", "sed", "pip", "pipx", "export")
-"""First words of commands; a block without a language that begins with another is an output."""
+"""First words of commands; a block without a language and without such a word is an output."""
 NARROW, WIDE = 80, 200
-"""Columns of the terminals whose tables the pages show."""
+"""Widths of the terminals for the printed tables."""
 
 
 @dataclass
 class Step:
-    """A command as it is printed, and what the page shows of its output."""
+    """Command of a page, with the printed part of its output."""
 
     command: str
     shown: list[str] = field(default_factory=list)
@@ -45,14 +45,14 @@ class Step:
 
 @dataclass
 class File:
-    """A file that the reader writes."""
+    """File written by the reader of a page."""
 
     name: str
     content: str
 
 
 def steps(document: str) -> list[Step | File]:
-    """Return what a document asks its reader to do, in order."""
+    """Return the commands and files of a document, in order."""
     text = (ROOT / document).read_text(encoding="utf-8")
     found: list[Step | File] = []
     for block in BLOCK.finditer(text):
@@ -64,7 +64,7 @@ def steps(document: str) -> list[Step | File]:
             continue
         lines = content.splitlines()
         if found and isinstance(found[-1], Step) and found[-1].shown:
-            found[-1].shown.append("...")  # what another block shows may come later
+            found[-1].shown.append("...")  # the output in another block may come later
         prompted = any(line.startswith("$ ") for line in lines)
         for line in lines:
             if line.startswith("$ ") if prompted else lines[0].split()[0] in PROGRAMS:
@@ -77,12 +77,12 @@ def steps(document: str) -> list[Step | File]:
 
 
 def environment() -> dict[str, str]:
-    """Return an environment whose `hil` and `python` are the ones that run the tests."""
+    """Return an environment with the `hil` and `python` of the tests."""
     return {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
 
 
 def lacking(shown: list[str], printed: str) -> list[str]:
-    """Return the first lines that a page shows together and a command did not print so, in order.
+    """Return the first successive lines of a page that are missing in the output of the command.
 
     Spaces, empty lines and the length of rules do not count; `...` stands for any lines, or within
     a line for anything.
@@ -113,7 +113,7 @@ def _plain(line: str) -> str:
 
 
 class Walk:
-    """Carries a document out in the present folder.
+    """Execution of a document in the present folder.
 
     `instead` states what is done in place of a text of a command, nothing where it is empty, and
     `ends` the exit status of commands that do not succeed; a key that nothing needs is refused.
@@ -131,7 +131,7 @@ class Walk:
         instead: Mapping[str, str] | None = None,
         ends: Mapping[str, int] | None = None,
     ) -> dict[str, str]:
-        """Return what each command printed."""
+        """Return the output of each command."""
         printed: dict[str, str] = {}
         instead, ends = instead or {}, ends or {}
         unused = {*instead, *ends}

@@ -40,8 +40,9 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 CLASSES = 12
-"""Number of classes of speed, equal in width: three classes for two of the 8 levels between which
-the friction of a recording is interpolated."""
+"""Number of speed classes of equal width: three per two of the 8 levels that interpolate the
+friction of a recording.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,7 +159,7 @@ def residuals(whole: Blocks, recordings: Sequence[Halves], solution: Solution) -
         around = solution.eliminate_levels(each) @ solution.residual_row(each.axis)
         left[each.axis] += max(float(around @ each.samples @ around), 0.0)
     counts = np.maximum(whole.total.counts[0], 1.0)
-    # recorded torque, including that of known rotors
+    # recorded torque, with the torque of known rotors
     recorded = np.eye(1, whole.products.shape[-1])
     recorded[0, whole.place(ROTOR)] = 1.0
     torque = np.sqrt(whole.recast(recorded).squares / counts)

@@ -35,9 +35,10 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Indices
 
 LARGEST = 10.0
-"""Largest coefficient of another parameter in the sum represented by a kept parameter. Coefficients
-of parameters that could be kept are 1 or less, since longer columns come first; UR10e has 1e5 or
-zero at right angles of its axes, and up to 2 elsewhere."""
+"""Largest coefficient of another parameter in the sum that a kept parameter represents. Longer
+columns come first, so useful sums have coefficients up to about 1. On the UR10e the coefficients
+are up to 2, but 1e5 or zero where axes are at right angles.
+"""
 NOTICEABLE = 1e-3
 """Smallest share of a parameter in a combination, below the displayed precision."""
 

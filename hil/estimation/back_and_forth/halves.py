@@ -204,10 +204,10 @@ def _levels(u: Array, pairs: Pairs) -> Array:
     The columns may be linearly dependent.
     """
     knots: list[float] = []
-    # at most as many interpolation speeds of the friction curve as the fewest bins of position
-    # (`hil.estimation.back_and_forth.pairs.BINS`)
+    # the friction curve has at most as many interpolation speeds as a recording has bins of
+    # position (`hil.estimation.back_and_forth.pairs.BINS`)
     for speed in np.quantile(np.abs(u[pairs.used]), np.linspace(0.0, 1.0, 8)).tolist():
-        # closer speeds would resolve less than half of the bend of friction
+        # with closer speeds, less than half of the bend of friction would be resolved
         if not knots or speed >= knots[-1] + BEND / 2:
             knots.append(speed)
     curve = np.column_stack([np.interp(np.abs(u), knots, unit) for unit in np.eye(len(knots))])

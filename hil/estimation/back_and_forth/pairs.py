@@ -26,12 +26,13 @@ FEWEST = 4
 """Fewest bins passed by both strokes of a pair: two for each unknown of the pair, a level and a
 slope of friction."""
 BINS = 2 * FEWEST, 60
-"""Fewest and most bins over the whole distance. For half a turn, the most are one in 3 degrees,
-over which link columns, of degree two in sines and cosines, change by a tenth.
+"""Minimum and maximum number of bins over the whole distance. The maximum gives bins of 3 degrees
+for half a turn; within a bin, link columns (of degree two in sines and cosines) change by a tenth.
 """
 UNLIKE = 1.5
-"""Largest ratio of the speeds forth and back at equal positions. At 1.2 torques were wrong by 0.34
-% where they were by 0.08 % at 1 (benchmarks/back_and_forth.py)."""
+"""Largest ratio of the speeds forth and back at equal positions. The torque error was 0.34 % at a
+ratio of 1.2, and 0.08 % at 1 (benchmarks/back_and_forth.py).
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

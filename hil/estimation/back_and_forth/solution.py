@@ -36,8 +36,9 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 BLOCKS = 200
-"""Largest number of blocks of successive pairs: friction changes last longer than a pair, and from
-200 blocks a variance is known within 5 %, 1 / sqrt(2 * 200)."""
+"""Largest number of blocks of successive pairs: friction drifts over more than one pair, and 200
+blocks determine a variance within 5 %, 1 / sqrt(2 * 200).
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""Nearest bodies to likely bodies, among the bodies with given base parameters.
+"""Bodies with given base parameters nearest to likely bodies.
 
 The distance is the entropic divergence of normal distributions with pseudo-inertias J and J_0,
 

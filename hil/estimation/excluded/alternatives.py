@@ -52,8 +52,9 @@ STARTS = {
     "gravity x": (-90.0, 90.0, 180.0),
     "gravity y": (-90.0, 90.0),
 }
-"""Start values of the searches: torques are sinusoids of angles; degrees for radians are 57 times
-too many, peak values 41 % above rms ones."""
+"""Start values of the searches. Torques are sinusoids of angles; degrees in place of radians are
+too large by a factor of 57, peak values in place of rms values by 41 %.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,7 +200,7 @@ class Explained:
             if evidence.later is not None:
                 rows &= evidence.later
             if not rows.any():
-                continue  # an axis that rested later on shows nothing
+                continue  # an axis at rest after the slip carries no evidence
             turned = reading.sign_q[joint] * reading.sign_tau[joint]
             direction = np.sign(evidence.motion[1, 1, rows, reading.order[joint]])
             rest = self.residual[rows] - self.residual[rows].mean()
@@ -300,7 +301,7 @@ def _columns(
     known: dict[tuple[int, int], Array] | None = None,
 ) -> _Columns:
     torque, X = reading.rows(robot, evidence, known)
-    if evidence.later is not None:  # the earlier recordings are as stated
+    if evidence.later is not None:  # the earlier recordings have the stated reading
         stated_torque, stated_X = Reading.stated(robot).rows(robot, evidence)
         torque = np.where(evidence.later, torque, stated_torque)
         X = np.where(evidence.later[:, None], X, stated_X)

@@ -45,8 +45,7 @@ if TYPE_CHECKING:
 HALF_GAPS = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3)
 """Tested half gaps, each twice the previous one [rad or m]: 0.3 to 5.5 arc minutes."""
 WITHIN = 2.0
-"""Largest ratio between a size and the half gap of its column, either way: beyond, the next column
-is nearer."""
+"""Largest factor between a size and the half gap of its column; beyond, others are nearer."""
 PIECE, LEAD = 768, 256
 """Samples of a piece of a recording, and of the lead before it: pieces are simulated in parallel,
 and the first change of sign makes a piece independent of its start."""
@@ -54,8 +53,8 @@ SPARSE = 8
 """Samples between two mass matrices, which change as slowly as the arm turns."""
 
 FINER = 2.0 ** np.array([-0.5, -0.25, 0.0, 0.25, 0.5])
-"""Factors on the best of `HALF_GAPS`, for further tests close to that half gap. The size found with
-a column hardly depends on the half gap of the column.
+"""Ratios of further tested half gaps to the best of `HALF_GAPS`. The estimated backlash hardly
+depends on the half gap of the column.
 """
 
 

@@ -89,7 +89,7 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.evidence import Evidence
 
 LEVEL = 0.05
-"""Probability of any finding if nothing is wrong."""
+"""Probability of any false finding."""
 FAMILIES = 3
 """Number of families of tests for a change, which share `LEVEL` (Bonferroni): columns, finite
 readings, and friction."""
@@ -169,7 +169,7 @@ class Battery:
         self._y, self._X, self._own = (
             e.project_out_friction(x)[order] for x in (e.torque[:, None], e.X, e.own)
         )
-        # few of many columns are read repeatedly
+        # only a few of the many columns are used repeatedly
         self._D = np.asfortranarray(e.project_out_friction(columns.values)[order])
         self._channel, group = e.axis[order], e.group[order]
         self._starts = np.flatnonzero(np.diff(group, prepend=-1))
@@ -186,7 +186,7 @@ class Battery:
 
     @property
     def level(self) -> float:
-        """Probability of any found column if nothing is wrong."""
+        """Probability of any false finding among the columns."""
         return LEVEL if self.evidence.later is None else LEVEL / FAMILIES
 
     def _fit(self) -> None:

@@ -138,7 +138,7 @@ CAUSES = {
         "weigh a known mass (hil payload --mass); correct the unit or the gain of all torques",
         least=-100.0,
     ),
-    # numbers of teeth are exact; 1 in 100 is an error by one tooth
+    # numbers of teeth are exact; an error by one tooth is 1 in 100
     "gear ratio": Cause(
         "gear ratio greater than stated by", "%", "%", 1.0,
         "correct its gear_ratio in robot file and drives file", least=-100.0,
@@ -239,9 +239,10 @@ CAUSES = {
         "machine",
     ),
 }  # fmt: skip
-"""All causes by name, in the order of likely harm: of several causes that data do not distinguish,
-the first is named first. A load precedes a zero: homing an axis that only carries a load would
-spoil a correct zero."""
+"""All causes by name, most harmful first: of causes that data do not distinguish, the first is
+named first. A load precedes a joint offset: homing an axis that only carries a load would spoil a
+correct offset.
+"""
 FITTED = ("torque delay", "soft gears")
 """Causes fitted and accounted for by every estimate; they remain free while others are tested."""
 SHOWN_BY = {

@@ -1,4 +1,4 @@
-"""Departure of later recordings from earlier recordings, relative to differences among the latter.
+"""Deviation of later recordings from earlier ones, relative to differences among the earlier ones.
 
 A model of a real machine is never exact. Its residuals in two parts of the recordings differ by
 model error as well as by noise, though nothing changed. So the earlier recordings are cut into
@@ -8,9 +8,9 @@ in part k. With n_a axes and their pooled variance of log s_ak^2,
     t_a = (log s_a^2 - mean_k log s_ak^2) / (sigma sqrt(1 + 1 / PARTS))
 
 of the mean square s_a^2 of later recordings has Student's distribution of n_a (PARTS - 1) degrees
-of freedom if nothing changed. Later recordings *depart* if one t_a is significant (Bonferroni over
-axes). Finite changes, such as an exchanged axis, are tested only if later recordings depart. A
-finite change is the reason only if the recordings, read with this change, do not depart any more.
+of freedom if nothing changed. Later recordings *deviate* if one t_a is significant (Bonferroni over
+axes). Finite changes, such as an exchanged axis, are tested only if later recordings deviate. A
+finite change is the reason only if the recordings, read with this change, do not deviate any more.
 """
 
 from __future__ import annotations
@@ -30,11 +30,13 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 PARTS = 4
-"""Number of parts of the earlier recordings: each is long enough for model error to repeat (some
-seconds), and each axis has three degrees of freedom."""
+"""Number of parts of the earlier recordings: parts of some seconds contain the recurring model
+error, and each axis has three degrees of freedom.
+"""
 FEWEST = 10
-"""Minimum number of rows of an axis in a part; with fewer, the mean square says nothing (half of
-its logarithm)."""
+"""Minimum number of rows of an axis in a part; with fewer, the mean square is too uncertain (half
+of its logarithm).
+"""
 
 
 class Departure(NamedTuple):
@@ -74,7 +76,7 @@ class Departure(NamedTuple):
         return cls(level, scatter, int(known.sum()) * (PARTS - 1))
 
     def significant(self, evidence: Evidence, residual: Array) -> bool:
-        """Return True if the later rows depart on any axis; `residual` is of all rows."""
+        """Return True if the later rows deviate on any axis; `residual` is of all rows."""
         axis = np.where(evidence.is_later, evidence.axis, -1)
         logs = _log_mean_squares(evidence.project_out_friction(residual), axis, len(self.level))
         t = (logs - self.level) / self.scatter if self.degrees else np.zeros_like(logs)

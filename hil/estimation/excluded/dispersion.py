@@ -80,7 +80,7 @@ def orthonormal(products: Array) -> Array:
 
 
 def freedom(products: Array) -> float:
-    """Return degrees of freedom of a mean square of normals, correlated as some columns."""
+    """Return degrees of freedom of a mean square of normal variables with correlated columns."""
     length = np.sqrt(np.diag(products))
     return float(len(products) ** 2 / np.sum((products / np.outer(length, length)) ** 2))
 

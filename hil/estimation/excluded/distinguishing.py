@@ -53,8 +53,9 @@ if TYPE_CHECKING:
     from hil.planning.prediction.noise import Noise
 
 EACH = 12
-"""Candidates of an element: judging one takes some 50 ms, and of more candidates the first ones,
-which spread over all ranges, are still chosen."""
+"""Number of candidates per element: judging one takes some 50 ms, and with more candidates the
+choice remains among the first ones, which cover all ranges.
+"""
 QUANTILE = float(special.ndtri(POWER))
 LEAD = QUANTILE + float(np.sqrt(QUANTILE**2 + TOGETHER))
 """Factor a of the module's docstring."""
@@ -63,10 +64,10 @@ APART = 2.0 * (1.0 - SAME**2)
 ROUNDS = 6
 """Number of rounds: each adds an equal part of the time available and tests the whole plan."""
 FEW = 20
-"""Assumed degrees of freedom of the test of a cause, before the cause shows at all."""
+"""Assumed degrees of freedom of the test of a cause that is not visible yet."""
 ALL_AXES = Column("torques of all axes", -1)
 RIDGE, TINY = 1e-9, 1e-12
-"""Ridge on unit diagonals, which takes singular products for rounding, and minimum share."""
+"""Ridge on unit diagonals, which treats singular products as rounding errors, and minimum share."""
 NEVER = "base parameters, friction or other columns explain it in any measurement"
 BY_TIME = ("drift of torque constant", "slip")
 """Causes that depend on the time of a measurement, not on its configuration."""
@@ -106,7 +107,7 @@ class Reached(NamedTuple):
 
     @property
     def enough(self) -> bool:
-        """True if a usual size, or else any size found, is found and distinguished."""
+        """True if the cause is found and distinguished at its usual size, or at any without one."""
         return max(self.shown, self.distinct) <= (self.usual or self.shown) < np.inf
 
 
@@ -346,7 +347,7 @@ class _Search:
         information, shown, phi = self._sizes()
         now, seen = np.diag(self._project(self.there)), np.isfinite(shown)
         known = (self.usual > 0) & self.visible
-        # the battery thins rows out, so its information is smaller by about one factor
+        # the battery uses thinned rows, so its information is smaller by a nearly common factor
         ratio = now[seen] / information[seen]
         unit = np.full(len(now), np.median(ratio) if len(ratio) else 1.0)
         unit[seen] = ratio

@@ -1,4 +1,4 @@
-"""Effects on an estimate of causes outside the tests: fitted causes, and sources of scatter.
+"""Effects of untested causes on an estimate: fitted causes, and sources of scatter.
 
 The effect of a fitted cause is the change of the base parameters if it is ignored: soft gears,
 friction of the load, friction that differs by direction. Torque ripple of orders outside the
@@ -34,13 +34,13 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 ORDINARY = 0.01
-"""Difference of friction by direction, as a share of friction, that any gear may have."""
+"""Usual difference of a gear's friction between the directions, as a share of friction."""
 COARSE = 0.9
 """Minimum share of encoder noise in an axis's residual, for a coarse encoder: on the virtual plant
 with nothing wrong it is 0.58 at most (clean runs 1000, 1005 and 1011 of `benchmarks/excluded.py`),
 with 1024 increments a turn more than this (docs, causes-of-error.md)."""
 FEWEST_IN_WINDOW = 4.0
-"""Minimum number of samples on either side of the window's middle; with fewer, SYNC is slow."""
+"""Minimum number of samples on either side of the window's middle; fewer mean a slow SYNC."""
 _EVERY = 100
 """Samples between two evaluations of inertia."""
 _ORDER = 8

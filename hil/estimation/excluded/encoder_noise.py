@@ -30,8 +30,10 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 MOST = 200
-"""Approximate number of rows of a channel for the expected products, which differ by a tenth from
-those of all rows (seed 3106 of `benchmarks/fresh_plants.py`); the share is less certain."""
+"""Approximate number of rows of a channel for the expected products. They differ by a tenth from
+the products over all rows (seed 3106 of `benchmarks/fresh_plants.py`), less than the share's
+uncertainty.
+"""
 
 
 class _Accelerated(NamedTuple):

@@ -36,18 +36,19 @@ if TYPE_CHECKING:
     from hil.planning.measurement import ParameterMotion
 
 MOST = 2400
-"""Approximate number of rows of a channel: twice as many take twice the time and show sizes 5 %
-smaller."""
+"""Approximate number of rows of a channel: twice as many take twice the time, and detectable sizes
+are 5 % smaller.
+"""
 LONGEST = 10.0
 """Maximum duration of a group [s]: the error of a friction law in a period of a trajectory differs
 from one part of it to the next."""
 FEWEST_GROUPS = 12
-"""Minimum number of groups, if parts are long enough: a test of fewer finds next to nothing."""
+"""Minimum number of groups, if parts are long enough: a test with fewer groups has no power."""
 FINEST = 1e-4
 """Share of the torque limit below which no model is true: differences of positions and means over
 the window leave such an error even in torques without noise."""
 _SAME = 1e-6
-"""Threshold on singular values: friction columns coincide at a single speed."""
+"""Threshold on singular values, since friction columns are equal at a single speed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -51,7 +51,7 @@ LEAVES = 0.5
 error. Eliminated friction contradicts every model a little where samples are slow or motion turns
 often (public recordings of five machines: 0.75 and more)."""
 MOST = 5
-"""Maximum number of found causes: beyond, the model is wrong as a whole."""
+"""Maximum number of found causes; with more, the model is wrong as a whole."""
 LARGE = 0.95
 """Share of the sum of squares left beside a cause, below which the cause may be too large for a
 first-order column, and other readings are tried. 0.5 and 0.99 have the same outcome: clean runs
@@ -69,9 +69,11 @@ friction; up to 3.5 beside a cause that a column explains; and 13 to 18 where on
 other way, two are exchanged or a zero is off by 90 degrees. 2.5 and 9 have the same outcome on the
 runs of `LARGE`."""
 TOGETHER = float(special.chdtri(1, 0.05))
-"""Difference of chi squares below which two causes explain equally much. Let the true cause explain
-z^2; another of correlation r explains (r z + sqrt(1 - r^2) e)^2, e standard normal. However similar
-the two are, that is more by less than e^2, so the wrong cause leads by more in less than 5 %."""
+"""Difference of chi squares below which two causes explain the data equally well. If the true cause
+explains z^2, another cause with correlation r explains (r z + sqrt(1 - r^2) e)^2, e standard
+normal. For any r this exceeds z^2 by less than e^2, so the wrong cause leads by more than this
+bound in less than 5 %.
+"""
 SAME = 0.98
 """Correlation beyond which data do not distinguish two causes: a first-order column is not exact to
 2 % for a cause of any size. On the runs of `LARGE` 0.99 has the same outcome; at 0.95 a load is
@@ -128,7 +130,7 @@ def excluded(
         beside = battery.extend([k for k in given if battery.visible[k]])
         step = Step(robot, key, test, battery, beside, tests)
         if found and step.taken < found[0].unexplained * found[0].taken:
-            break  # remainder of the first cause, left by its column
+            break  # remainder of the first cause, outside its column
         found.append(step)
         battery = step.beside
     instead = _Instead(robot, evidence, first, battery, tests, tuple(step.found for step in found))
@@ -346,7 +348,7 @@ class _Instead:
 
     @cached_property
     def departs(self) -> bool:
-        """True if later recordings depart from the earlier ones despite the given causes."""
+        """True if later recordings deviate from the earlier ones despite the given causes."""
         residual = self._explain(self.battery.given).residual
         return bool(self._departure and self._departure.significant(self._thin[0], residual))
 

@@ -38,7 +38,7 @@ FRICTION = "friction"
 SEVERAL = 3
 """Minimum number of axes for which the median change of the others is subtracted."""
 FEWEST = 30
-"""Minimum number of rows for level and offset of a part: noise leaves a fifth of its own size."""
+"""Minimum number of rows for level and offset of a part: their error is a fifth of the noise."""
 
 
 def friction_changes(
@@ -72,7 +72,7 @@ def friction_changes(
         precision = [np.sum(square[each] ** -0.5) for each in others]
         square = square + np.pi / 2.0 * (len(axes) - 1) / np.square(precision)
     error = np.sqrt(square)
-    # the earlier level is 1: recordings without a visible level show no change of the level
+    # the earlier level is 1; without a visible level no change of the level is visible
     known = special.stdtr(degrees, -1.0 / error) < LEVEL
     p_value = 2.0 * special.stdtr(degrees, -np.abs(change) / error)
     level = LEVEL / FAMILIES / len(axes)

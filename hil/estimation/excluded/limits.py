@@ -63,7 +63,7 @@ def limits(
     hardest: dict[tuple[str, int, str], Limit] = {}  # size of torque ripple over all orders
     for each in sorted(found, key=lambda each: rank_of(each.cause, each.axis)):
         at = each.cause, each.axis, each.part
-        # one visible gap suffices, whatever is found for larger ones
+        # one visible gap suffices, regardless of larger gaps
         rank = -1.0 if each.cause == "backlash" else 1.0
         if at not in hardest or rank * _hard(each) > rank * _hard(hardest[at]):
             hardest[at] = each

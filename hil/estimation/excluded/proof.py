@@ -29,8 +29,9 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recorded, Recording
 
 ENOUGH = 600.0
-"""Maximum total duration of several free motions [s]: longer recordings give no more rows, and
-`evidence.MOST` rows of an axis are then four a second."""
+"""Maximum total duration of several free motions [s]: longer recordings give no further rows, since
+`evidence.MOST` rows of an axis are four rows a second by then.
+"""
 APART = 60.0
 """Assumed time between the earlier and the later recordings [s]; no cause depends on this value."""
 

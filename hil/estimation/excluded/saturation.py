@@ -1,4 +1,4 @@
-"""Torques at a limit: many samples at exactly the greatest value."""
+"""Torques at a limit, detected by many samples with exactly the greatest value."""
 
 from __future__ import annotations
 

@@ -54,8 +54,9 @@ MATERIAL = 0.05
 """Largest growth of a residual (rms), over weighted least squares, accepted for a dead zone or a
 positive mass matrix."""
 SHARE = 0.6
-"""Share of the spread of alternatives in the covariance: over twins of seven robots, twelve seeds
-each, errors are then 0.6 (seven axes) to 1.2 times (portal) the stated ones."""
+"""Weight of the spread of alternatives in the covariance. With this weight the errors on twins of
+seven robots, twelve seeds each, are 0.6 (seven axes) to 1.2 times (portal) the stated errors.
+"""
 OTHER_LAWS = ("cube root", "arc tangent", "all speeds and load", "all")
 """Laws with most of the speed dependence of friction."""
 

@@ -139,7 +139,7 @@ class Residuals:
         """Compute the residuals of a fit."""
         whole, recorded = products.pieces[0].total, gathered.recorded.pieces[0].squares
         counts = np.maximum(whole.counts[0], 1.0)
-        # from the offset column, which is 1 throughout
+        # the offset column is 1 throughout
         mean = whole.products[0, :, 0, whole.place("offset")[0]] / counts
         rms, torque = whole.mean_squares(fit.x), gathered.scaling.gains**2 * recorded / counts
         return cls(np.sqrt(rms), np.sqrt(torque), mean)

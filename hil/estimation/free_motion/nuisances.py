@@ -60,8 +60,9 @@ compliance are similar."""
 DISTANCES = 2.0 ** np.arange(-15.0, -9.75, 0.5)
 """Candidate presliding distances, as distances at the axis's speed [s]: the friction of gears and
 bearings reverses within 1e-5 to 1e-3 rad (twins of seven robots: 5e-5 to 3e-4 s). Over shorter
-distances friction reverses between two samples, and an apparent effect is a better sign of a slow
-velocity."""
+distances friction reverses between two samples; an apparent effect then only shows that the sign of
+slow velocities is inaccurate.
+"""
 GROUPS = 4 * FOLDS
 """Largest number of pieces of time, with several pieces in every held-out part."""
 

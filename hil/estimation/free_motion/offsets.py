@@ -31,8 +31,9 @@ if TYPE_CHECKING:
     from hil.least_squares.layout import Layout
 
 ASYMMETRY = 0.15
-"""Usual offset as a share of friction at half the speed: 5, 17, 5, 4 and 1 % on five joints of the
-TX40, 16 % on EMPS."""
+"""Usual offset as a share of friction at half the speed. Measured: 5, 17, 5, 4 and 1 % on five
+joints of the TX40, 16 % on EMPS.
+"""
 
 
 def enlarge_covariance(

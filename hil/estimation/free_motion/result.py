@@ -18,7 +18,7 @@ POOR = 1000.0
 LOOSE = 0.01
 """Largest standard error of a parameter, as a share of an axis's torque, without a remark."""
 NOTICEABLE = 0.5
-"""Smallest relevant difference, in standard errors."""
+"""Smallest relevant shift of a parameter, in standard errors."""
 
 
 class GainValue(FileModel):

@@ -71,7 +71,7 @@ CONVERGED = 1e-10
 STRIDE = 0.7
 """Largest change of a gain's logarithm in a round."""
 FARTHEST = 1e3
-"""Largest factor between a gain with torques of usual size and the gain of the linear problem."""
+"""Largest factor between the gain of the linear problem and a gain for torques of usual size."""
 LOOSE = 0.2
 """Largest relative standard error of a determined gain."""
 REMEDY = (
@@ -171,7 +171,7 @@ def first_scaling(
     usual_gains = _usual_gains(recorded, unknown)
     starts = usual_gains, _solve_linear_problem(recorded, unknown, usual_gains)
     found = [_converged(recorded, unknown, gains) for gains in starts]
-    # smaller differences are rounding; then the first start is taken
+    # smaller differences are rounding errors, and the first start is used
     return min(found, key=lambda each: round(each[1], 6))[0]
 
 

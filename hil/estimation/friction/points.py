@@ -199,7 +199,7 @@ def _steady(m: Friction, s: Signals, stroke: int) -> Mask:
 
 
 def _mean_at(away: Array, torque: Array) -> float:
-    """Return the mean torque at `away` = 0; windows cut by samples differ slightly in angle."""
+    """Return the mean torque at `away` = 0; windows of whole samples differ in mean angle."""
     mean = float(away.mean())
     slope = float((away - mean) @ torque / ((away - mean) @ (away - mean)))
     return float(torque.mean()) - slope * mean

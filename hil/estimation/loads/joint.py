@@ -168,7 +168,7 @@ class JointRuns:
             kept, blocks = self._kept, self._joined(self._totals)
 
     def _shares(self) -> tuple[Shares, list[int], list[Array]]:
-        """Return shares of the kinds of run in common unknowns, kinds of the runs, and doubts."""
+        """Return shares of the kinds of run, each run's kind, and each kind's extra covariance."""
         kinds = list(dict.fromkeys(run.kind for run in self._every))
         of = [kinds.index(run.kind) for run in self._every]
         found, doubts = [], []

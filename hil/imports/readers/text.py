@@ -41,8 +41,9 @@ if TYPE_CHECKING:
 BLOCK = 1 << 23
 """Bytes read at a time."""
 PIECE, AS_TEXT = 1 << 20, 1 << 26
-"""Bytes of a block read at a time as other than plain numbers, and maximum memory of its cells as
-an array of text, whose cells are all as large as the longest."""
+"""Size of a block with more than plain numbers, and maximum memory of its cells as an array of
+text, in which the longest cell determines the size of all cells [bytes].
+"""
 _HEAD = 1 << 16
 
 
@@ -271,7 +272,7 @@ def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:
 
 
 def _count(text: bytes, mark: bytes) -> int:
-    """Count a character, in a third of the time of `bytes.count` for frequent ones."""
+    """Count a character; for frequent ones three times as fast as `bytes.count`."""
     return int(np.count_nonzero(np.frombuffer(text, np.uint8) == mark[0]))
 
 
@@ -284,7 +285,7 @@ def _refuse_binary(path: Path, block: bytes) -> None:
 
 
 class _Counted(io.RawIOBase):
-    """Unpacked content of a file, of which a block at a time is held."""
+    """Unpacked content of a file, held block by block."""
 
     def __init__(self, path: Path, stored: io.BufferedIOBase) -> None:
         self._path, self._stored, self._size = path, stored, 0

@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 
 _DECLARATION = re.compile(r"<\?xml[^>]*\?>")
 ROWS = 20
-"""Minimum count of equal elements in one place that are rows: more than a file lists signals."""
+"""Minimum number of equal elements in one place that count as rows: more than the signals of a
+file.
+"""
 CELL = 24
 """Maximum memory of a cell while the columns are joined, beside its text [bytes]; by RSS 17 for a
 missing cell, 34 with its text of 11 bytes, held twice."""

@@ -40,7 +40,7 @@ In a short motion a jump, and the response of the loop within a few samples, are
 in a hundred.
 """
 AROUND = 3
-"""Number of samples, and of intervals, whose median gives the path beside a bend.
+"""Number of samples, and of intervals, for the median path on either side of a bend.
 
 A single wrong time stamp among them has no effect.
 """

@@ -30,8 +30,8 @@ to the step explained by acceleration.
 LEAST = 10
 """Minimum number of changes of a current for a judgement of the intervals."""
 OFTEN_TIMES = 2.0
-"""Minimum ratio like `TIMES`, for `FEW` occurrences: from rest,
-acceleration explains half a step.
+"""Minimum ratio as `TIMES`, but for `FEW` occurrences: from rest, acceleration explains half a
+step.
 """
 FEW = 3
 """Minimum number of stale positions that cannot be transmission errors."""

@@ -44,7 +44,7 @@ UNTIMED = 0.1
 LEAST_ANSWERS = 10
 """Minimum number of answers for a judgement of the SYNCs in between."""
 RARE, OFTEN = 0.05, 0.9
-"""Bounds of the share of equal neighbours, or equal intervals."""
+"""Bounds of the share of equal neighbours, and of equal intervals."""
 
 
 def check(recording: Recording, measurement: Measurement, robot: Robot) -> list[Finding]:

@@ -28,8 +28,9 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 GRAVITY_SPEED, GRAVITY_TIME, GRAVITY_STROKE = 0.10, (1.0, 2.0), 0.3
-"""Share of the speed limit, shortest and longest window [s], and distance that a window must cover
-[rad]."""
+"""Share of the speed limit; shortest and longest window [s]; minimum distance covered in a window
+[rad].
+"""
 INERTIA_SPEED, INERTIA_ACCELERATION, INERTIA_RAMP, INERTIA_CYCLES = 0.9, 0.6, 0.15, 6
 """Shares of the limits, shortest ramp [s], and cycles."""
 RAMPS = 3

@@ -164,7 +164,7 @@ class Basis:
         )
         self._middle = (robot.q_max + robot.q_min) / 2
         self._reach = SHARE * (robot.q_max - robot.q_min) / 2
-        # 0.98: between these instants acceleration is up to 1.2 % larger, 1 - cos(pi / SAMPLES),
+        # 0.98: acceleration between these instants is up to 1.2 % larger, 1 - cos(pi / SAMPLES),
         # and drives round their limits
         acceleration = 0.98 * ACCELERATION_SHARE * robot.acceleration_limit
         fastest = np.minimum(SHARE * robot.velocity_limit, np.inf if speed is None else speed)

@@ -206,7 +206,7 @@ def _increments(robot: Robot) -> Array | None:
 
 
 def _or(stated: Sequence[float | None], expected: Array) -> Array:
-    """Return the stated value per axis, or else the expectation."""
+    """Return the stated value of each axis, or the expected value if none is stated."""
     return np.array([e if s is None else s for s, e in zip(stated, expected, strict=True)])
 
 

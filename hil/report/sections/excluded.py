@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hil.show.charts.chart import Item
 
 LEAST = 1e-3
-"""Lower end of the axis [%]: a tenth of the smallest detectable torque in any campaign so far."""
+"""Lower end of the axis [%]: a tenth of the smallest detectable torque of measured campaigns."""
 
 
 def excluded(run: ReportedRun) -> Section | None:

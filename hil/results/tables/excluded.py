@@ -30,10 +30,10 @@ def excluded(
     axes = (f"axis {axis}" for axis in range(1, n_joints + 1))
     return table(
         title,
-        ("cause larger than", "unit", *figures(*axes, "worth, %")),
+        ("cause larger than", "unit", *figures(*axes, "effect, %")),
         _rows(proof, n_joints),
         "Sizes found with a probability of 80 %, at a probability of 5 % for a false alarm in "
-        f"{proof.tests} tests together; worth: largest torque of a cause of such a size.",
+        f"{proof.tests} tests together; effect: largest torque of a cause of this size.",
         (note,),
     )
 

@@ -156,7 +156,7 @@ def test_the_axes_stop_by_themselves_when_our_guarding_requests_stay_away(
         for _ in range(50):
             drive_bus.sample()
         frames(bus)
-        for _ in range(300):  # our process is dead: SYNC alone continues
+        for _ in range(300):  # simulate a dead process: only SYNC continues
             bus.send(SYNC)
         heard = frames(bus)
         for node in range(1, 7):

@@ -372,7 +372,7 @@ def test_samples_after_a_trip_keep_the_axes_stopped(
     with pytest.raises(DriveFault, match=r"joint 3 .*OPERATION ENABLED"), drive_bus:
         trip(can_bus, drive_bus)
         assert can_bus.drives[3].state == "stopping"
-        can_bus.drives[3].go("enabled")  # another master's doing
+        can_bus.drives[3].go("enabled")  # commanded by another master
         for _ in range(10):
             with pytest.raises(Tripped):
                 drive_bus.sample()

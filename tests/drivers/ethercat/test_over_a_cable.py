@@ -41,7 +41,7 @@ def test_hil_run_measures(tmp_path: Path) -> None:
 @needs("pysoem")
 @pytest.mark.long
 def test_the_tutorial_is_walked_word_by_word(tmp_path: Path) -> None:
-    """Its cable, its plant, `move.py` and our own master, in a network namespace."""
+    """Cable, plant, `move.py` and our own master of the tutorial, in a network namespace."""
     link, *links, plant, file, scan, plan, run, identify = steps("docs/tutorials/ethercat.md")
     assert isinstance(file, File)
     (tmp_path / file.name).write_text(file.content, encoding="utf-8")

@@ -103,7 +103,7 @@ def test_without_the_torque_beside_it_the_load_that_no_motor_holds_tells(
     assert "undecided" in light.found
     assert "contradicts" in heavy.found
     assert heavy.grade is Grade.WARNING
-    assert "it would be possible as mA" in heavy.remedy
+    assert "plausible as mA" in heavy.remedy
 
 
 def one_axis(**changes: Any) -> AxisDrive:

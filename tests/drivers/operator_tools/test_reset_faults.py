@@ -43,7 +43,7 @@ def test_a_fault_is_stated_with_its_cause_and_reset_once_somebody_agrees(can_bus
         "joint 3 (node 3): state (6041): SWITCH ON DISABLED",
         "joint 2 (node 2): reset: no fault any more, switched off",
     ]
-    assert operator.shown == ["Reset the fault of joint 2 (node 2), its cause being removed?"]
+    assert operator.shown == ["Cause removed: reset the fault of joint 2 (node 2)?"]
     assert can_bus.drives[2].words == [0, 0x80, 0]
     assert can_bus.drives[1].words == can_bus.drives[3].words == []
     assert never_energised(can_bus)

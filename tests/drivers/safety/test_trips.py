@@ -243,7 +243,7 @@ def test_where_torque_cannot_be_limited_the_current_is() -> None:
         assert bus.drives[2].value(0x6073) == 3000
 
 
-# The dead man
+# Heartbeat watchdog
 
 
 REASON = "the cell's light curtain cuts the power"

@@ -55,7 +55,9 @@ def jump(log: Sequence[Seen], began: int) -> int:
 
 
 def jump_latched(log: Sequence[Seen], began: int) -> int:
-    """Return the frame number of the axis's second answer: the first one was latched before."""
+    """Return the frame number of the axis's second answer, since the first was latched before the
+    fault.
+    """
     return jump(log, jump(log, began) + 1)
 
 

@@ -42,7 +42,7 @@ TABLES = {
     ),
     "causes": table(
         "What these recordings exclude",
-        ("cause larger than", "unit", *figures(*(f"axis {k}" for k in range(1, 13)), "worth, %")),
+        ("cause larger than", "unit", *figures(*(f"axis {k}" for k in range(1, 13)), "effect, %")),
         [("drift of torque constant", "N m/rad", *(f"({k}.0094)" for k in range(12)), "5.01")],
     ),
     "drives": table(

@@ -1,4 +1,4 @@
-"""README, the doors that it opens and the tutorials: their commands do what the pages show.
+"""Commands of the README, of its linked pages and of the tutorials have the printed results.
 
 Not carried out anywhere: `pipx install .`, because it asks the package index; the program of the
 wheel is started in tests/system/test_wheel.py. `hil try` of these pages is carried out in
@@ -36,7 +36,7 @@ WALKED = {
     "docs/tutorials/virtual-robot.md",
 }
 REFERENCE = {"docs/reference/plant.md", "docs/explanation/excluded.md", "docs/explanation/paper.md"}
-"""Doors to what is looked up, not followed."""
+"""Linked reference pages, without steps to follow."""
 
 
 @pytest.fixture
@@ -72,7 +72,7 @@ def test_what_a_page_shows_and_a_command_does_not_print_is_found() -> None:
 
 
 def test_readme_s_campaign_and_the_pages_that_go_on_with_it(walk: Walk) -> None:
-    """The next robot of the series is the same one, and passes the limits drafted from it."""
+    """The same robot takes the place of the next one of the series, and passes its own limits."""
     walk("README.md", {"pipx install .": "", "hil try": ""})
     walk("docs/how-to/results.md")
     walk("docs/how-to/view.md")
@@ -102,7 +102,7 @@ def test_the_virtual_robot_is_identified_and_validated(walk: Walk) -> None:
 
 
 def test_one_axis_is_identified_on_its_twin_and_then_as_on_the_desk(walk: Walk) -> None:
-    """The twin serves as the drive on the desk, whose file its own one fills in."""
+    """The twin serves as the drive on the desk; its drives file supplies the missing values."""
     shutil.copy(EDS, "drive.eds")
     printed = walk(
         "docs/tutorials/one-axis.md",

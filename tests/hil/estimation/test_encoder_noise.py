@@ -1,4 +1,4 @@
-"""The bias of tests of causes by encoder steps is the one that recordings with such steps have."""
+"""Predicted bias by encoder steps in tests of causes equals that of such recordings."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 TRUTH = {"Izz1": 6.0, "sx1": 8.0, "Izz2": 1.2, "sx2": 2.0}
 STEP = 1e-3
-"""Quantisation step [rad], which moves sizes by more than their errors."""
+"""Quantisation step [rad], large enough to change sizes by more than their errors."""
 OFFSETS = 6
 
 

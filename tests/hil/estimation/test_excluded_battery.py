@@ -136,7 +136,7 @@ def test_a_slip_is_named_where_the_zero_that_explains_as_much_is_too_large(manut
     slips = (Column("slip", 0, "60"), Column("slip", 0, "120"))
     names = (Column("joint offset", 0), *slips, *columns.names[3:])
     columns = replace(columns, names=names, values=values)
-    degrees = 35.0  # second-order effect; as a slip it is two thirds of that
+    degrees = 35.0  # second-order effect, of which a slip of the coupling explains two thirds
     battery = Battery(replace(rows, torque=rows.torque + degrees * values[:, 0]), columns)
     tests = columns.tests
     found = likeliest(battery, tests, LEVEL / len(tests), partial(possible, manutec, rows))

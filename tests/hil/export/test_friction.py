@@ -95,7 +95,7 @@ def test_the_file_holds_the_law_its_curve_and_both_simplifications() -> None:
     qd[:, 1] = v
     wanted = model.predict(0.0, qd, 0.0, parts=["friction"])[:, 1]
     assert axis["curve"]["forward"] == pytest.approx(wanted)
-    # three terms of 0.1 each, and a level that wandered by 5 %
+    # three terms with an error of 0.1 each, and a level with a scatter of 5 %
     assert (np.array(axis["curve"]["standard_error"]) >= 0.05 * wanted).all()
     assert axis["coulomb_and_viscous"]["misfit_rms"] > axis["stribeck"]["misfit_rms"]
     assert "axis 2: Coulomb" in exported.remarks[1]

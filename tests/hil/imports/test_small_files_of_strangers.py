@@ -79,7 +79,9 @@ def _wide(path: Path) -> None:
 
 
 def _compound(path: Path) -> None:
-    """Declare rows of 4 kB in a file of 1400 bytes, of which a block was read for a column."""
+    """Declare rows of 4 kB in a file of 1400 bytes: reading a column once read a whole block of
+    rows.
+    """
     with h5py.File(path, "w") as file:
         file.create_dataset("q", (1000,), np.dtype([("a", "f4", (1000,))]), chunks=(1,))
 

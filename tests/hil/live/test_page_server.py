@@ -192,7 +192,7 @@ def test_a_stop_is_asked_for_once_the_last_page_is_closed(
     thread = Thread(target=page_server._pass_on, args=(passed_on, lambda: closed.append(1)))
     thread.start()
     time.sleep(2.0)
-    assert closed == []  # nobody has looked yet
+    assert closed == []  # no client has connected yet
     ours, theirs = socket.socketpair()
     passed_on.add(ours, b"")
     time.sleep(2.5)
@@ -423,7 +423,7 @@ def test_a_connection_of_our_own_is_ours(family: socket.AddressFamily) -> None:
 
 
 def test_a_connection_that_was_closed_at_once_is_nobody_s() -> None:
-    """The kernel reports root as the owner of a socket without a program, whoever closed it."""
+    """The kernel reports root as the owner of any closed socket, also of another user."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         client = socket.create_connection(server.getsockname())
         connection, _ = server.accept()

@@ -21,7 +21,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 def test_the_distance_of_a_segment_from_a_box_is_that_of_its_nearest_point(seed: int) -> None:
     rng = np.random.default_rng(seed)
     first, last = rng.normal(size=(2, 20, 3)) * 2
-    last[:5] = np.where(rng.random((5, 3)) < 0.5, first[:5], last[:5])  # along the faces, points
+    last[:5] = np.where(rng.random((5, 3)) < 0.5, first[:5], last[:5])  # along faces, or points
     low = rng.normal(size=3)
     high = low + rng.exponential(size=3)
     points = first + np.linspace(0, 1, 2001)[:, None, None] * (last - first)
@@ -78,7 +78,7 @@ def test_what_counts_as_clear_is_clear_wherever_one_looks(manutec: Robot, seed: 
     hits = find_hits(manutec, workspace, sweep)
     if hits:
         skewed = (capsules(manutec).reach @ velocity).max() * SKEW
-        assert depth > -(skewed + RESOLUTION)  # the slack in time, and no more
+        assert depth > -(skewed + RESOLUTION)  # no more than the tolerance in time
         assert hits[0].depth >= depth - RESOLUTION
     else:
         assert depth <= 0

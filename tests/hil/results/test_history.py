@@ -199,7 +199,7 @@ def other_torque_constant(model: Model, axis: int, share: float) -> Model:
 def add_torque_effect() -> Model:
     model = six_axes()
     effect = np.zeros((len(model.values), 6))
-    effect[[9, 10, 12], 4] = model.values[[9, 10, 12]] * 10  # as if of three parameters
+    effect[[9, 10, 12], 4] = model.values[[9, 10, 12]] * 10  # an effect on three parameters
     return replace(model, torque_effect=effect)
 
 

@@ -59,7 +59,8 @@ def together(run, again):
 
 @pytest.mark.long
 def test_the_same_recordings_twice_give_the_same_model_surer(together):
-    """The root of two at least: with few measurements the jackknife is conservative.
+    """Errors decrease at least by the root of two: with few measurements the jackknife is
+    conservative.
 
     Only p14 shows the gear of axis 6, which counts as elastic here; its uncertainty by sampling
     does not average out.

@@ -118,7 +118,7 @@ def test_what_strokes_do_not_show_is_kept_out_and_the_rest_stands_for_sums() -> 
 def test_uncertain_drives_make_parameters_uncertain() -> None:
     robot = arm(torque_constant_uncertainty=0.02)
     found = estimate(robot, campaign(robot, TRUTH), NAME)
-    # all torques of both axes by 2 %: gravity of the outer axis scales like that of this axis
+    # all torques of both axes grow by 2 %, because gravity of the outer axis also loads this axis
     assert np.sqrt(found.drive_covariance[4, 4]) == pytest.approx(0.02 * TRUTH[4], rel=0.3)
 
 
