@@ -224,7 +224,7 @@ def stopped(plan: Path, folder: Path, options: Sequence[str], how: str) -> dict[
             assert asked.getresponse().status == http.client.ACCEPTED
             took[f"answer-to-{how}"] = time.perf_counter() - begun
         report = process.stderr.readline()
-        assert "the axes are off" in report, report
+        assert "the axes are off" in report, (how, report, *process.communicate())
         return {how: time.perf_counter() - begun, **took}
 
 
