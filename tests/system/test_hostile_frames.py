@@ -48,7 +48,7 @@ def test_a_storm_at_the_plant_moves_nothing_without_a_command(
 ) -> None:
     figures = storm(N, seed, session)
     assert figures.frames == N
-    assert min(figures.controlwords, figures.enabled, figures.moved) > 0  # there was much to judge
+    assert min(figures.controlwords, figures.enabled, figures.moved) > 0  # enough cases were judged
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -126,7 +126,7 @@ class PlantAudit:
     def _justify(self, call: Call, frame: can.Message, released: set[int]) -> None:
         axis, before = call.axis, self._before[call.axis]
         words = [word for taker, word in self._taken if taker == axis]
-        twice = len(words) > 1  # an RPDO that maps 6040h twice leads through two states
+        twice = len(words) > 1  # an RPDO with 6040h mapped twice causes two transitions
         if call.what == "enable":
             self.enabled += 1
             ready = before in (State.READY_TO_SWITCH_ON, State.SWITCHED_ON)

@@ -262,7 +262,7 @@ def test_an_object_of_json_is_read_as_far_as_a_sample_goes(tmp_path: Path) -> No
     reader = pytest.importorskip("hil.imports.readers.parquet")
     pytest.importorskip("pyarrow.json")
     path = tmp_path / "a.json"
-    samples = [{"t": k, "words": "x" * 5000} for k in range(20)]  # longer than what is tried first
+    samples = [{"t": k, "words": "x" * 5000} for k in range(20)]  # longer than the first block
     path.write_text(json.dumps(samples))
     assert len(next(iter(open_table(path, Format()).blocks([0])))) == 20
     with pytest.MonkeyPatch.context() as patch:
