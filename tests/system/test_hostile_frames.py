@@ -1,6 +1,6 @@
 """Malicious frames cause no crash, no hang, no motion without command, and no false data.
 
-The storms are those of ``benchmarks/hostile_frames.py``, which sends a hundred times as many.
+The storms are those of ``benchmarks/hostile_frames.py``, with a hundredth of its frames.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Small files that would take gigabytes or minutes are refused, or read in bounded memory.
 
-Harmless input: the budget is lowered, so that some kilobytes exceed it; what took a time that grows
-with the square of a size is counted.
+Harmless input: the budget is lowered, so that some kilobytes exceed it; operations with a formerly
+quadratic time are counted.
 """
 
 from __future__ import annotations
