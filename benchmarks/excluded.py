@@ -60,8 +60,8 @@ TWINS = ("ur10e", "panda", "scara", "pan-tilt")
 SIZES = (1 / 3, 1.0, 3.0)
 """Multiples of the smallest stated size."""
 NAMED = ("first", "same", "accounted for", "other", "nothing")
-"""Words for a named cause: alone or first, equal to another cause in these data, fitted by the
-estimate, another cause.
+"""Outcomes of naming a planted cause: named alone or first; named with an indistinguishable cause;
+fitted by the estimate; another cause named; none named.
 """
 GEARS = (80.0, 45.0, 20.0)
 """Natural frequencies of all gears with blocked motor [Hz]."""

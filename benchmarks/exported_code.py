@@ -1,10 +1,10 @@
 """Exported C against Pinocchio's RNEA: time a call, and operations, for arms of six axes.
 
 The exported functions are compiled by cc with -O2 and timed in C, over a thousand states, as a
-controller calls them. Times are the processor's, the best of five rounds, so that other processes
-count less. Pinocchio is called from Python, which costs its calls; its C++ is timed too where
-Eigen's headers are found (pip install --no-deps cmeel-eigen), for six axes in any frames and all
-ten parameters of every link, because its time depends on these.
+controller calls them. Times are processor times, the best of five rounds, so that other processes
+have less influence. Pinocchio is called from Python, which costs its calls; its C++ is timed too
+where Eigen's headers are found (pip install --no-deps cmeel-eigen), for six axes in any frames and
+all ten parameters of every link, because its time depends on these.
 """
 
 from __future__ import annotations

@@ -2,14 +2,14 @@
 
 Runs are recorded into a folder, unless they are there: campaigns, trajectories and friction on the
 virtual plant, sound and flawed, imports of its twins, back and forth, loads, unknown gains; and,
-where a folder of public recordings is named, those. Each result is a file that a command writes:
-its figures and words stand in ``benchmarks/golden/``, one file a result. ``check`` compares them
+where a folder of public recordings is named, those. Each result is a file written by a command: its
+figures and words are kept in ``benchmarks/golden/``, one file per result. ``check`` compares them
 with the present output of the commands and lists differences, ``keep`` replaces them::
 
     python benchmarks/golden.py [check|keep] [RESULT ...] [--runs FOLDER] [--public FOLDER]
 
-Of a square matrix the diagonal and the norm are kept. Figures are the same within `SAME` of the
-greatest of their list, so that another library of linear algebra is no change.
+Of a square matrix the diagonal and the norm are kept. Figures are equal within `SAME` times the
+greatest of their list, so that another library of linear algebra causes no difference.
 """
 
 from __future__ import annotations

@@ -97,8 +97,8 @@ def fault_plan(jumps: int) -> dict[str, object]:
 def strokes(bus: ServoAxes, count: int) -> Iterator[str]:
     """Yield the reason of the end of each stroke; empty for a good recording.
 
-    Ends early where the drives cannot go on since this computer was late: whether the plant has
-    counted the last set-point is then unknown, and with it which of the next strokes jump.
+    Ends early if the drives stop because this computer was late: the plant may not have counted the
+    last set-point, so it is unknown which of the next strokes jump.
     """
     home = bus.sample().q[AXIS]
     for number in range(count):
@@ -134,7 +134,7 @@ def measured(interface: str, channel: str, jumps: int) -> Found:
     with load(BUSY), suppress(DriveError), bus:  # drives switched off by themselves do not answer
         for number, reason in enumerate(strokes(bus, 2 * jumps)):
             of_encoder = any(word in reason for word in ENCODER)
-            if reason and not of_encoder:  # whether the plant took its set-point is unknown as well
+            if reason and not of_encoder:  # unknown: has the plant taken the set-point?
                 found.late.append(reason)
                 break
             if number % 2:

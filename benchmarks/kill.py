@@ -11,7 +11,7 @@ before their folder is made. When a campaign is whole at last,
 - no file that was once complete may have changed or gone in between;
 - the estimate must equal, bit by bit, that of a folder into which the same recordings were
   written without disturbance, and so must every figure that `hil accept` states;
-- what the journal counts of each session must be what its recordings hold.
+- the counts of each session in the journal must equal those of its recordings.
 
 A resumed run of the virtual plant finds friction and noise in another state than an undisturbed
 one would, as any robot does; so it is the same data that is compared, not two campaigns::

@@ -1,7 +1,7 @@
 """Models from recordings of two kinds together, against models from each kind alone.
 
 Every seed is a plant with noise and friction of its own. Trajectories of three minutes are written
-as tables and imported, as those of another controller would be::
+as tables and imported, like recordings of another controller::
 
     python benchmarks/mixtures.py [KIND ...] [--drift 1] [--first 1101] [--seeds 20] [--runs FOLDER]
 

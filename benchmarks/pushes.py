@@ -4,10 +4,9 @@
 hours in all. Each seed is another plant, whose friction drifts otherwise, and another trajectory;
 the model of each comes from 20 s of a third one. Pushes of 10, 5 and 2 % of the torque limit come
 at random instants on every axis, forward and back, and last 0.2 s. Delays count from the beginning
-of a push to the sample that shows it; a sample that shows a push where there is none is a false
-alarm. A lost telegram at a stated time finds the plant's clock in the recording. Recordings are
-watched after they were measured, which gives the same as watching them live
-(`tests/hil/watching`).
+of a push to the sample that shows it; a sample with an alarm but without a push is a false alarm. A
+lost telegram at a stated time finds the plant's clock in the recording. Recordings are watched
+after they were measured, which gives the same as watching them live (`tests/hil/watching`).
 """
 
 from __future__ import annotations

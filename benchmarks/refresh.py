@@ -2,8 +2,8 @@
 
 `check` then refuses the drives file and names the period to use. Each run is a `hil run` of one
 plan on the same plant, whose six drives all renew both values every 2, 3, 5 or 8 times 4 ms, with
-the period that was named; its torques are compared with those of drives that renew them at once, at
-the same period and at 4 ms::
+the stated period; its torques are compared with those of drives that renew them at once, at the
+same period and at 4 ms::
 
     python benchmarks/refresh.py [--every 2 3 5 8] [--keep FOLDER]
 """

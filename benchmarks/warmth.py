@@ -5,8 +5,8 @@
 Makes four campaigns of 39 measurements of the manutec-r15, each begun cold with a seed of its own,
 identifies them together, and predicts the friction of two more, of other seeds. The table has for
 each axis the residual friction torque in their first three minutes and in all of them, as a share:
-by the law alone, at the mean level of the campaigns, and by the law at the warmth that the motion
-so far leads to. Campaigns that are there already are not made again; they are those of
+by the law alone, at the mean level of the campaigns, and by the law at the warmth after the
+preceding motion. Campaigns that are there already are not made again; they are those of
 benchmarks/history.py.
 """
 

@@ -1,9 +1,9 @@
 """Treatment of recordings with a wrong map: 30 maps with known truth, a table for the docs.
 
-A minute of free motion of a robot's twin, whose physics the model does not share, is handed over as
-a CSV with one thing wrong that maps and recorders have wrong. Each map is imported and, unless that
-refuses it, identified; the row states expectation and result. The right map is judged first, and
-nothing may be said against it::
+A minute of free motion of a robot's twin, whose physics the model does not share, is written as a
+CSV with one typical error of maps or recorders. Each map is imported and, unless that refuses it,
+identified; the row states expectation and result. The right map is judged first, and nothing may be
+said against it::
 
     python benchmarks/wrong_maps.py [--robot ur10e] [--seed 11] [--only WORDS] [--keep FOLDER]
 

@@ -1,6 +1,6 @@
 """Known keys of a model at a place of a file, for messages about mistyped keys.
 
-pydantic says where an unknown key stands, not which ones would be known there; that follows from
+pydantic states the place of an unknown key, but not the known keys at this place; that follows from
 the annotations of the fields on the way.
 """
 

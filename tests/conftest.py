@@ -148,7 +148,7 @@ def pytest_collection_finish() -> None:
     """
     gc.collect()
     gc.freeze()
-    gc.set_threshold(50_000)  # Python's default is 700; tests create and delete many objects
+    gc.set_threshold(50_000)  # in place of 700, since tests create and delete many objects
     gc.freeze = gc.unfreeze = lambda: None  # type: ignore[assignment]
 
 

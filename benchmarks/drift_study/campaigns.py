@@ -13,9 +13,9 @@ compensated
 warmed
     the same after half an hour of motion, which does not count as measuring time.
 
-All but the warmed ones begin cold. The trajectory is one throughout: with several of them, measured
-one after the other, what friction does meanwhile shows as a difference between them, which harms
-the methods that know one friction for all.
+All but the warmed ones begin cold. A single trajectory is repeated: with several successive
+trajectories, the drift of friction would appear as a difference between them, and harm methods with
+one friction for all.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 """Friction of the plants in a study: plant files with changed keys.
 
-Two things may spoil an identification, that friction changes while one measures and that it is no
-function of the form assumed. The scenarios distinguish them: "off" has the misfit alone, "on" and
+Two effects may spoil an identification: friction drifts during the measurement, and friction does
+not have the assumed form. The scenarios distinguish them: "off" has the misfit alone, "on" and
 "strong" have drift besides, "asymmetric" also breaks the assumption of the two-step method, and
-under "load" friction grows with the torque that the gear transmits, which no model of speed holds.
+under "load" friction grows with the torque that the gear transmits, which no function of speed
+describes.
 """
 
 from __future__ import annotations

@@ -88,8 +88,8 @@ def judge(folder: Path, robot: Robot, name: str, seed: int) -> None:
 def gather(folder: Path) -> dict[str, Any]:
     """Return the figures of all cases, and separately the data of pictures of the first seed.
 
-    Seed after seed up to the first that is missing, so that a campaign without the load and one
-    with it are of one plant where they have one place.
+    Seeds are read in order up to the first missing one, so that campaigns without and with the load
+    at the same place of the lists belong to the same plant.
     """
     cases: dict[str, Any] = {}
     for name, (plan, _) in CASES.items():

@@ -2,9 +2,9 @@
 
 All joints move at once, and the base parameters come from Q = A(q, qd, qdd) p + friction in one
 linear fit, eq. (11). Variants differ in how friction is treated (`friction_terms`), how rows are
-weighted and how the overdetermined system is solved (`solution`). Here are those by name that the
-literature proposes, and the strongest that we can build. None of them assumes that friction changes
-in the course of the measurement, but those by period.
+weighted and how the overdetermined system is solved (`solution`). These are the variants named in
+the literature, and the strongest that we can build. Only the variants by period permit friction to
+change during the measurement.
 
 Friction of the load needs the base parameters that it is to be found with. So a method that has it
 solves without it, computes the transmitted torques from that solution and solves again, until the

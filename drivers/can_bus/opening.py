@@ -66,4 +66,4 @@ def _remedy(interface: str, channel: str, options: Mapping[str, object], error: 
         return ""  # its errors already end with a remedy
     if interface in WITHOUT_ADAPTER:
         return "; check channel and options"
-    return "; check channel and options, that the adapter is plugged in and its driver installed"
+    return "; check channel and options, and that the adapter is plugged in and has its driver"

@@ -61,7 +61,7 @@ def _accept_share(words: str, less: float, more: float) -> Kept:
 
 def _accept_inwards(direction: int) -> Kept:
     """Accept any change inwards (direction +1 or -1), and one increment outwards."""
-    words = "any value further inside, or one increment further outside; any range, if it is fixed"
+    words = "any tighter limit, or a limit wider by one increment; any fixed range"
     return Kept(words, lambda written, kept, _: (kept - written) * direction >= -1)
 
 

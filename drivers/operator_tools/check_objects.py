@@ -219,8 +219,9 @@ def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
     stated = f"file: [{limits.q_min:.4g}, {limits.q_max:.4g}]"
     low, high = ends
     if wrap_of(range_of(server.find), axis, server.label) is not None:
-        kept = "only the driver enforces the axis's range: the drive's positions wrap around"
-        return Verdict(Grade.WARNING, server.label, check, "no use (607B)", stated, kept)
+        kept = "only the driver enforces the axis's range"
+        found = "unusable: positions wrap around (607B)"
+        return Verdict(Grade.WARNING, server.label, check, found, stated, kept)
     if low is None or high is None:
         return Verdict(
             Grade.REFUSED, server.label, check, "missing", stated, "use a drive that has them"

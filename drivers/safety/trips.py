@@ -229,7 +229,7 @@ class Trips:
     ) -> Tripped | None:
         self._turn = turn = (self._turn + 1) % _TURNS
         if turn & 1:
-            if irregular:  # compare with the SYNC before instead, over a longer time
+            if irregular:  # the next check has a longer time base
                 return None
             last, then = self._last, self._last_time
             self._last, self._last_time = positions, time

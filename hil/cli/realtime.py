@@ -1,10 +1,10 @@
 """Real-time execution as far as granted: scheduling class, memory, core, idle states.
 
 SYNC on the wall clock is as regular as this process is woken up. A normal process shares its core
-with all others, may be moved between cores, has its memory paged out and its core sent to sleep,
-each of which costs some milliseconds now and then. Inside `real_time` the calling thread gets the
-granted ones of four measures, and a hint for each refused one. On leaving, everything is restored.
-Threads started meanwhile, such as the one that writes files, keep the normal scheduling class.
+with all others, may be moved between cores, may have its memory paged out, and its core may sleep;
+each of these sometimes costs milliseconds. Inside `real_time` the calling thread gets the granted
+ones of four measures, and a hint for each refused one. On leaving, everything is restored. Threads
+started meanwhile, such as the one that writes files, keep the normal scheduling class.
 
 The priority is below that of the kernel's own threads, among them those of interrupts: frames are
 received and sent before the thread that waits for them runs.

@@ -88,7 +88,7 @@ def _json_parameters(model: Model) -> list[dict[str, object]]:
 FORMULAS = {name: term.formula for name, term in OF_SPEED.items()}
 """Factor of the coefficient of each term, as a formula; u is the velocity divided by `speed`."""
 TAKEN = {
-    "u": "v over the axis's speed, with |v| clipped to its speeds where these are not null",
+    "u": "v over the axis's speed, with |v| clipped to the range of `speeds`, if not null",
     "sgn(v)": f"0 where |v| is below {STILL} of the axis's speed",
     "beyond its speeds": "slope_beyond (|v| - clipped |v|) sgn(v) is added",
     "presliding": "after a reversal z replaces sgn(v), with dz/dq = (1 - z sgn(v)) / x over the "

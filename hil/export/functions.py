@@ -66,8 +66,8 @@ ARGUMENTS = {
     "tau": "torques of the drives",
     "before": "positions of the previous call",
     "turned": "directions of friction",
-    "later": "directions of friction over a longer distance",
-    "sooner": "directions of friction over a shorter distance",
+    "later": "directions of friction by a longer presliding distance",
+    "sooner": "directions of friction by a shorter presliding distance",
 }
 MEMORY = ("before", "turned", "later", "sooner")
 """Arguments of `stateful_dynamics` with values kept between calls; 0 before the first motion."""

@@ -144,7 +144,7 @@ def speed_scale(robot: Robot, motion: Motion, axis: int) -> float:
 
 
 def limit_or_reached(limit: float, x: Array) -> float:
-    """Return the limit of a quantity; the largest absolute value if the limit is NaN, above 0."""
+    """Return the limit of a quantity, or the largest absolute value (above 0) if it is NaN."""
     reached = max(float(np.abs(x).max(initial=0.0)), float(np.finfo(float).tiny))
     return reached if np.isnan(limit) else float(limit)
 

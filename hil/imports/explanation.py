@@ -53,12 +53,12 @@ def _checks(robot: Robot, excerpts: Sequence[Excerpt], evidence: Evidence) -> It
         np.abs(evidence.tau).max(axis=0) / robot.torque_limit,
     )
     ways = np.ptp(evidence.q, axis=0) / (robot.q_max - robot.q_min)
-    yield f"check range: moves through {_each(100 * ways)} % of the ranges"
+    yield f"check range: motion over {_each(100 * ways)} % of the ranges"
     if np.isfinite(limited).any():
-        yield f"check range: reaches {_each(100 * limited)} % of limits of speed or torque"
+        yield f"check range: up to {_each(100 * limited)} % of the limits of speed or torque"
     noise = np.max([each.extent.noise for each in excerpts], axis=0)
     over = np.ptp(evidence.q, axis=0) / noise.clip(1e-300)
-    yield f"check still: distance moved over position noise {_each(over)}"
+    yield f"check still: motion over position noise {_each(over)}"
     shown = compared(evidence)
     if not shown.any():
         yield "check velocity: no recorded velocity above the noise of velocity and position"

@@ -149,7 +149,7 @@ def _words(name: str, found: _Lags) -> str:
     else:
         change = (
             f"goes from {1e3 * lags[0]:.0f} ms at {at[0]:.0f} s to {1e3 * lags[-1]:.0f} ms at"
-            f" {at[-1]:.0f} s, as of clocks that differ by {100 * abs(slope):.2g} %"
+            f" {at[-1]:.0f} s, like clocks that differ by {100 * abs(slope):.2g} %"
         )
     plural = {"torque": "torques", "velocity": "velocities"}[name]
     return (

@@ -1,9 +1,9 @@
 """Process for identification during a run: `python -m hil.live.estimator FOLDER`.
 
-It reads the run's lines from its standard input (`hil.live.lines`), and each recording from the
-run's folder once a line announces it: never from the process that moves the robot, which does not
-wait. Lines ``torque`` and ``estimate`` go back by its standard output. If it is behind, several
-recordings make one estimate. It has the lowest priority, and ends with its input.
+The process reads the run's lines from standard input (`hil.live.lines`), and each announced
+recording from the run's folder, so that the process that moves the robot never waits. It writes
+lines ``torque`` and ``estimate`` to standard output. If it is too slow, several recordings are
+combined to one estimate. It has the lowest priority, and ends with its input.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Feed of a run's events and samples to listening processes.
 
-A `Feed` joins a run at two existing places: `wrap_bus` puts a bus in front of that of the drives,
-which sees samples, power and faults; `display` wraps the display of the terminal, which sees the
-sequencer's events and the end of the run. Writing never waits, and an ended process is left out
-from then on.
+A `Feed` is connected to a run at two existing places: `wrap_bus` puts a bus in front of the drives'
+bus, for samples, power and faults; `display` wraps the display of the terminal, for the sequencer's
+events and the end of the run. Writing never waits, and lines to an ended process are dropped.
 """
 
 from __future__ import annotations

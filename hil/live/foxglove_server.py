@@ -1,17 +1,16 @@
 """Process for streaming a run to Foxglove: `python -m hil.live.foxglove_server ADDRESS PORT`.
 
-It reads the run's lines from its standard input (`hil.live.lines`) and passes them on as messages
-of ROS 2 over Foxglove's own WebSocket server, which keeps some messages a client and leaves the
-oldest out for one that does not read. Clients may only look: the server offers them no way to send
-anything. It has a lower priority than the run, and ends with its input.
+The process reads the run's lines from standard input (`hil.live.lines`) and publishes them as
+messages of ROS 2 by Foxglove's own WebSocket server, which buffers some messages per client and
+drops the oldest ones for slow clients. Clients can send nothing. The process has a lower priority
+than the run, and ends with its input.
 
 /joint_states
     `sensor_msgs/JointState` of each line ``sample``: positions and torques, no velocities.
 /diagnostics
-    `diagnostic_msgs/DiagnosticArray` with each sample: of each axis its torque beside its limit and
-    what the sample's flags say, and of the run what is being done. Levels: a warning where a drive
-    reports that it limits its torque, or no sample came; an error after a fault; stale without
-    power.
+    `diagnostic_msgs/DiagnosticArray` with each sample: for each axis the torque, its limit and the
+    flags of the sample; for the run the present activity. Levels: warning for a drive at its torque
+    limit or a missing sample, error after a fault, stale without power.
 /events
     `rcl_interfaces/Log` of events, notes, faults and the end.
 

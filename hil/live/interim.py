@@ -1,11 +1,11 @@
 """Interim estimate during a run: parameters, and predicted torques of new recordings.
 
-Each recording is condensed once; summation and solution take as long for the last one as for the
-first. Lags, joint elasticity and friction of the load are left to identification proper: this
-estimate is for display only.
+Each recording is condensed once; the duration of summation and solution does not depend on the
+number of recordings. Lags, joint elasticity and friction of the load are left to identification
+proper: this estimate is for display only.
 
-A recording's torque is predicted before the recording is used. Friction of each motion is fitted in
-it, as in identification, so the prediction is of the rigid bodies; within the span P = B B' of
+A recording's torque is predicted before the recording is used. As in identification, friction is
+fitted in each motion, so only the rigid bodies are predicted; within the span P = B B' of
 friction's columns nothing is predicted, and the error of the rest is that of the parameters and of
 the torque itself,
 

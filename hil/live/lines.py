@@ -1,55 +1,55 @@
 """Lines for reporting a run to listening processes: a JSON object per line.
 
-Every line has ``kind`` and ``at``, the clock's time [s since 1970]. All else is SI on the joint
-side; what is not known is null.
+Every line has ``kind`` and ``at``, the clock's time [s since 1970]. All other values are SI on the
+joint side; unknown values are null.
 
 start
-    The first line. ``robot`` as `hil.view.visuals.robot_data` has it (name, joints with limits
-    and units), ``workspace`` likewise or null, ``measurements``: how many the plan has,
-    ``rehearsal``: share of the speed limits, or null, ``simulated``: whether it is the virtual
-    plant that moves, ``hand``: whether its arm can be pushed from the page, ``watched``: whether
-    torques are compared with a model's.
+    First line. ``robot``: as from `hil.view.visuals.robot_data` (name, joints with limits and
+    units); ``workspace``: likewise, or null; ``measurements``: number of measurements in the plan;
+    ``rehearsal``: share of the speed limits, or null; ``simulated``: true for the virtual plant;
+    ``hand``: true if the arm can be pushed from the page; ``watched``: true if torques are compared
+    with a model.
 headline
-    ``text``: what is going on, in one sentence, and ``more``: what it is for; of several the last
-    holds.
+    ``text``: present activity in a sentence; ``more``: its purpose. The latest line is valid.
 report
-    ``folder`` of the run and the ``next`` command; ``there``: whether this server has the report.
+    ``folder`` of the run; ``next``: suggested command; ``there``: true if this server has the
+    report.
 armed
-    The axes are under power: ``axes``, of each ``name``, ``identity``, ``lower`` and ``upper``
-    limit of its position and the ``velocity`` limit that hold on the drive.
+    The axes are under power. ``axes``: a list with ``name``, ``identity``, position limits
+    ``lower`` and ``upper``, and ``velocity`` limit in force on the drive.
 off
     The axes are stopped and without power.
 sample
-    ``t``: the bus's time [s]; ``q``, ``tau``, ``flags`` (`drivers.drive_bus.SampleFlag`), a number
-    an axis each. At most 25 a second (`hil.live.feed`), and none while a reader is behind.
+    ``t``: time of the bus [s]; ``q``, ``tau`` and ``flags`` (`drivers.drive_bus.SampleFlag`): a
+    number for each axis. At most 25 lines a second (`hil.live.feed`), none for a slow reader.
 event
-    The sequencer's: ``name`` of its class in `hil.measuring.events`, ``doing`` in words, ``notice``
-    that the operator must see or "", ``t`` and ``total``: the bus's time and what it will be at the
-    end [s], ``left`` by the wall's clock [s]; of those about a measurement its ``measurement``, its
-    ``number`` in the plan from 1, the ``axes`` that move, from 0, what is ``seen`` of the robot and
-    what that motion ``shows``.
+    Event of the sequencer. ``name``: its class in `hil.measuring.events`; ``doing``: activity in
+    words; ``notice``: message for the operator, or ""; ``t`` and ``total``: present and final time
+    of the bus [s]; ``left``: remaining wall-clock time [s]. Events about a measurement also have
+    ``measurement``, its ``number`` in the plan from 1, the moving ``axes`` from 0, ``seen``: the
+    visible motion, and ``shows``: the content of the torque.
 level
-    What a recording shows of the friction of one ``axis`` (`level_of`): ``level``, ``speed``,
-    ``measurement``, and of all so far ``count``, ``least`` and ``most``.
+    Friction of one ``axis`` in a recording (`level_of`): ``level``, ``speed`` and ``measurement``;
+    over all recordings so far ``count``, ``least`` and ``most``.
 torque
-    Measured torque beside the predicted one: ``axes``, from 0, and ``torque``, ``predicted`` and
-    ``band``, of each axis the track that continues its own (`hil.view.packed`), on the bus's time.
-    The band about the predicted torque holds 95 % of what is normal. ``measurement``: that of the
-    recording, or "" of a run that is watched.
+    Measured and predicted torque. ``axes``: from 0; ``torque``, ``predicted`` and ``band``: for
+    each axis a track that continues the previous one (`hil.view.packed`), in time of the bus. The
+    band around the predicted torque contains 95 % of normal torques. ``measurement``: id of the
+    recording, or "" for a watched run.
 estimate
-    State of the base parameters by the recordings so far: ``recordings``, their number, and
-    ``parameters``, of each ``name``, ``meaning``, ``unit``, ``expression``, ``value``, ``half``:
-    half-width of its 95 % interval, null while recordings leave it open, and ``share``: the torque
-    that this amounts to on a free motion, of the axis where it is largest, as a share of its limit.
+    Base parameters from the recordings so far. ``recordings``: number of recordings;
+    ``parameters``: a list with ``name``, ``meaning``, ``unit``, ``expression``, ``value``, ``half``
+    (half-width of the 95 % interval, null if undetermined), and ``share`` (torque of ``half`` on a
+    free motion, as a share of the limit of the most affected axis).
 alarm
-    A push begins to be seen on one ``axis``, from 0: ``torque`` from outside and its ``threshold``,
-    with their ``unit``, at ``t``; ``push``: its number, which alarms of several axes share.
+    Start of an alarm of one ``axis``, from 0: external ``torque`` and its ``threshold`` with their
+    ``unit``, at ``t``; ``push``: number of the push, common to the alarms of several axes.
 note
-    ``text`` of what the operator should know though it stops nothing.
+    ``text``: remark for the operator; the run continues.
 fault
-    ``text`` of what stops the run, with the remedy, as soon as it is known; the axes stop.
+    ``text``: reason of a stop, with the remedy, as soon as it is known.
 end
-    The last line: ``how``, one of finished, stopped (by the operator) and failed; ``text``.
+    Last line. ``how``: finished, stopped (by the operator) or failed; ``text``: message.
 """
 
 from __future__ import annotations

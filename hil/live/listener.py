@@ -1,11 +1,11 @@
 """Listener: a process informed of a run without blocking the run; both ends.
 
-Its standard input is a pipe that the run writes lines to (`hil.live.lines`) as far as there is
-room: if the reader is behind, samples are left out, and other lines wait in a small buffer. Its
-messages come back by its standard output, as JSON lines with ``kind`` too: ``ready`` or ``failed``
-with a ``text`` first, ``stop`` to request a stop of the axes, and lines for the other processes. It
-is in a session of its own, so that Ctrl-C at the terminal ends the run and not the listener; the
-end of its input is its end.
+The run writes lines (`hil.live.lines`) to the listener's standard input, a pipe, as far as there is
+room: for a slow reader samples are left out, and other lines wait in a small buffer. The listener
+answers on standard output by JSON lines with ``kind``: first ``ready`` or ``failed`` with a
+``text``, then ``stop`` to request a stop of the axes, and lines for other listeners. It has a
+process session of its own, so that Ctrl-C at the terminal ends only the run. The listener ends with
+its input.
 """
 
 from __future__ import annotations

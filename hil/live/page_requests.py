@@ -1,14 +1,14 @@
 """Requests from a browser to the live page: page, assets, events, stop and push.
 
-A page of another site may try to reach this one through the browser of its visitor. So a request is
-refused that comes from another origin, or, for a stop or a push, that lacks a header which only our
-own page may set. Served on another address than the loopback, every path begins with a secret. On
-the loopback, accessible to every user of this computer, the connection must be one of this user's
-programs, and the host one of ours: no name that was made to point here. The host's port may be
-another, that of a tunnel.
+A page of another site may send requests through its visitor's browser. Therefore a request from
+another origin is refused, and so is a stop or a push without a header that only our own page can
+set. On addresses other than the loopback, every path begins with a secret. The loopback is
+accessible to every user of this computer, so the connection must be from a program of this user,
+and the requested host must be an address or localhost, since any other name may have been pointed
+here. The port of the host may differ, as with a tunnel.
 
-A push acts on the virtual plant's arm alone, and goes to the plant itself, never to the bus or to
-the process that runs it: a datagram to the socket at which the plant takes pushes.
+A push acts on the virtual plant's arm alone. It is sent directly to the plant, as a datagram to the
+plant's socket for pushes, never to the bus or to the process that runs the bus.
 """
 
 from __future__ import annotations

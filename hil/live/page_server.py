@@ -1,13 +1,13 @@
 """Process for serving the live page of a run: `python -m hil.live.page_server`.
 
-It reads the run's lines from its standard input (`hil.live.lines`) and serves them over HTTP with
-nothing but Python's own library, at a lower priority than the run. It ends with its input. To the
-run's lines it adds ``alive``, now and then; ``stopping``, where a page has asked for a stop; and an
-``end`` of its own, ``lost``, where the run has ended without one.
+The process reads the run's lines from standard input (`hil.live.lines`) and serves them over HTTP
+with Python's standard library alone, at a lower priority than the run, until the input ends. It
+adds three kinds of line: ``alive`` at intervals, ``stopping`` after a page has requested a stop,
+and ``end`` with ``lost`` if the run ended without a line ``end``.
 
-After ADDRESS and PORT may come ``--hand PATH``, the socket at which the virtual plant takes pushes,
-``--report PATH``, the report that is served once it is there, and ``--while-open``: a stop is asked
-for once the last page has been closed, or with the line ``report`` if none has ever been open.
+Options after ADDRESS and PORT: ``--hand PATH``, socket for pushes of the virtual plant; ``--report
+PATH``, report to be served once it exists; ``--while-open``, request a stop after the last page is
+closed, or at the line ``report`` if no page was ever open.
 """
 
 from __future__ import annotations

@@ -171,6 +171,6 @@ def _always_inside(workspace: Workspace, robot: Robot) -> Iterator[tuple[Place, 
                 ("boxes", number),
                 f"{box.name} contains {which} of {robot.name} at every "
                 f"configuration{' (with an assumed capsule)' if assumed else ''}, so nothing "
-                "could be measured; correct its corners, or where the arm is fixed to it state "
+                "could be measured; correct its corners, or, if the arm is fixed to it, state "
                 f"ignore_links: {[*box.ignore_links, *links]}",
             )

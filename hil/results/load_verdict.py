@@ -107,7 +107,7 @@ def _rigidity_lines(found: Load) -> list[str]:
     chance, least = found.rigid_chance, found.least_inertia()
     doubt, remedy = (
         "load not rigid, not fixed, or friction changed: ",
-        ("; fasten the load and its cables, empty what can flow, and measure again"),
+        ("; fasten the load and its cables, drain liquids, and measure again"),
     )
     if least is not None and found.is_no_body:
         return [

@@ -122,4 +122,4 @@ def warmth_along(model: IdentifiedRobot, time: ArrayLike, qd: ArrayLike, start: 
 def _refuse_outside(warmth: Array) -> None:
     if not ((warmth >= 0) & (warmth <= 1)).all():
         worst = warmth.ravel()[np.argmax(~((warmth >= 0) & (warmth <= 1)).ravel())]
-        raise InvalidArray(f"warmth {worst:g} must be from 0, cold, to 1, as warm as motion makes")
+        raise InvalidArray(f"warmth {worst:g} must be in [0, 1]: 0 cold, 1 warmed up by motion")

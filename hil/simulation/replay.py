@@ -1,9 +1,9 @@
 """Replay of a recorded motion: simulation of a model's arm with the recorded drive.
 
 Drives repeat their recorded torques, or hold the recorded positions with a stated PD controller. A
-stretch of a recording begins with `INITIAL` samples, whose parabola of least squares is the state
-that the simulation starts from, in their middle; the samples after them are scored. So EMPS is
-scored by its benchmark: the whole record from the command and its first 20 samples, root mean
+stretch of a recording begins with `INITIAL` samples; a parabola fitted to these samples gives the
+initial state of the simulation, in their middle; the samples after them are scored. The benchmark
+of EMPS is scored in this way: the whole record from the command and its first 20 samples, root mean
 square of the position. Errors of a free simulation add up, and an arm that gravity turns over
 falls: a recording may be simulated in several stretches, each of which starts from a recorded
 state.

@@ -350,6 +350,6 @@ _REASONS = {
     ("load", "robot"): "the robot is that of the run without the load (--model)",
     ("load", "workspace"): "the workspace is that of the run without the load",
     ("trajectory", "workspace"): "trajectories keep to joint limits only",
-    ("friction", "minutes"): "its speeds and their durations follow from the experiment",
+    ("friction", "minutes"): "the experiment determines speeds and durations",
 }
 """Reasons for refusing an option of another kind, if more specific than the kind's name."""

@@ -9,7 +9,7 @@ clipped, and halt (bit 8) stops as configured in 605Dh. Statusword bit 12 report
 follows set-points.
 
 The velocity offset (60B1h) and the torque offset (60B2h) are added to the commands of the loops as
-long as the mode is followed, under halt too: each counts from when it is written until the next.
+long as the mode is followed, under halt too: each value is valid until the next one is written.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ A fault plan is a list of faults, in YAML or built in Python::
       - {what: fault, axis: 1, code: 0x2310, at: {time: 12.5}}
 
 The plant sees frames, so "at a measurement" means at one of its strokes: `When.set_point` counts
-the set-points that an axis is given.
+the set-points of an axis.
 """
 
 from __future__ import annotations

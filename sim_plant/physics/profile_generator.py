@@ -58,7 +58,8 @@ def follow(profile: Array, now: float, target: float, period: float) -> None:
     Between regular set-points the demand is their quadratic B-spline: half a period late, velocity
     continuous, acceleration constant within a period. It passes half-way between two set-points
     with their mean velocity; two accelerations lead there also from where an irregular set-point
-    finds it. If no further set-point comes it goes to rest at the last one as if that came again.
+    finds it. Without a further set-point the demand comes to rest at the last one, as if it were
+    repeated.
     """
     last, p, v = profile[st.TARGET], profile[st.DEMAND], profile[st.DEMAND_V]
     half, speed = period / 2, (target - last) / period

@@ -9,8 +9,8 @@ Rz(theta) Tz(r)`` takes link i-1 to link i, and each link's vectors are expresse
 q adds to theta of a revolute joint, to r of a prismatic one. If all joints are revolute with theta
 = 0, `kinds` is None and the compiler omits the code for it.
 
-Joint indices are passed as a tuple because the length of a tuple is part of its type: the
-compiler then unrolls all loops for this very arm, and the dynamics take two thirds of the time.
+Joint indices are passed as a tuple because the length of a tuple is part of its type: the compiler
+then unrolls all loops for this arm, which saves a third of the time.
 
 Nothing is shared with the model that the identification uses: two derivations, two programs.
 """

@@ -4,11 +4,11 @@ All are absent unless the plant file states them, and then another step is compi
 is None the compiler omits this code.
 
 A soft gear has the motor on one side and the link on the other. Encoder, friction and servo belong
-to the motor; the arm moves with the link. Between them acts a spring with a damper, which a
-backlash lets go: within it there is no torque. Motor and link are then bodies of their own, so the
-motor's inertia leaves the arm's mass matrix.
+to the motor; the arm moves with the link. A spring with a damper acts between them, without torque
+within the backlash. Motor and link are then bodies of their own, so the motor's inertia leaves the
+arm's mass matrix.
 
-A lagging current is read as it was some time ago, as drives do that average or queue it.
+A lagging current reading is an earlier value, as from drives that average or queue readings.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ def test_many_small_parts_are_refused_with_the_remedy(
 
 def test_values_of_yaml_are_counted_while_they_are_read(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(yaml_file, "VALUES_MAX", 100)
-    # the text after the hundredth value is invalid YAML, but parsing stops before
+    # parsing stops before the invalid YAML after the hundredth value
     with pytest.raises(FileError, match=r"a.yaml:\d+: holds more than \d+ values"):
         parse_yaml("- a\n" * 200 + "]", FileModel, "a.yaml")
 

@@ -626,7 +626,7 @@ def test_a_node_that_loses_power_is_noticed_by_its_heartbeat(
     error = trouble(can_bus, drive_bus, cut)
     assert isinstance(error, NodeSilent)
     assert any("powering off is incomplete" in note for note in error.__notes__)
-    assert "powering off is incomplete" in caplog.text  # callers may show no notes
+    assert "powering off is incomplete" in caplog.text  # callers may not show notes
 
 
 def test_a_node_that_restarts_is_noticed_at_once(can_bus: Any, drive_bus: CanopenDriveBus) -> None:

@@ -1,6 +1,6 @@
 """Plant and driver in real time, in separate processes, on a local channel and on vcan.
 
-One plant, whose drives live by the wall clock as real ones do, serves all tests of a bus. An
+A single plant on the wall clock serves all tests of a bus. An
 emulated guest takes half a minute to start a process: the driver that is killed here is forked.
 """
 

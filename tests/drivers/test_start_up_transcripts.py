@@ -32,9 +32,9 @@ def test_what_is_said_to_a_drive_is_what_its_transcript_holds(name: str) -> None
 @pytest.mark.parametrize("name", NAMES)
 def test_a_scan_asks_for_all_that_start_up_reads(name: str) -> None:
     started, _, scanned = text_of(name).split("# ")[1:]
-    # only for a streamed path; as a maker's object
+    # read for streamed paths only; also as a maker's object
     streamed, measured = {0x60B1, 0x60B2, 0x60C2}, {0x30D1}
-    pdos, watched = range(0x1400, 0x1C00), 0x1016  # by our own PDOs alone; all its entries
+    pdos, watched = range(0x1400, 0x1C00), 0x1016  # PDOs other than ours; all entries of 1016
     missed = {
         place
         for place in _read(started) - _read(scanned)
@@ -57,8 +57,8 @@ def test_the_drives_of_one_robot_are_asked_and_written_alike() -> None:
         run(bus, "plain", drives_for("plain"))
     steps = [[*_steps(transcript(frames, [node]))] for node in range(1, 7)]
     assert len(steps[0]) > 300
-    assert steps[0] == steps[1] == steps[2]  # three keep their range, so have two objects less
-    assert steps[3] == steps[4] == steps[5]  # to be read back in turn before a move
+    assert steps[0] == steps[1] == steps[2]  # three have a fixed range, so two objects less
+    assert steps[3] == steps[4] == steps[5]  # limits read back in turn before a move
     until_start, other = (each[: each.index(("nmt", "start"))] for each in (steps[0], steps[3]))
     assert len(until_start) > 250
     assert until_start == other
@@ -91,7 +91,7 @@ def test_expedited_transfers_are_decoded_in_the_length_that_is_stated() -> None:
 
 
 def test_segments_are_put_together_in_both_directions() -> None:
-    name, toggled = b"ServoOne", (0x00, 0x1D)  # seven bytes, then a last one
+    name, toggled = b"ServoOne", (0x00, 0x1D)  # a segment of seven bytes, then the last byte
     segments = [(toggled[0], *name[:7]), (toggled[1], *name[7:].ljust(7, b"\0"))]
     begun = (0x08, 0x10, 0, 8, 0, 0, 0)
     assert transcript(

@@ -79,4 +79,4 @@ def test_a_plant_that_hangs_ends_the_session_and_nobody_waits_for_ever(place: Pl
             with pytest.raises(NodeSilent, match="joint 1"):
                 wait_for_trouble(axes)
             plant.send_signal(signal.SIGCONT)
-            wake(place)  # the bus is back with its first answer
+            wake(place)  # wait for the first answer of the bus

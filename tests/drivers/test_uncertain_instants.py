@@ -78,7 +78,7 @@ def test_a_plant_passes_time_to_the_stamp_of_a_frame_and_never_back(
     wall = wall_clock.WallClock()
     elapse: Callable[..., float] = wall.elapsed
     host.time += 0.010
-    assert elapse(1e3 + 100.004) == pytest.approx(0.004)  # it waited for 6 ms
+    assert elapse(1e3 + 100.004) == pytest.approx(0.004)  # the frame waited for 6 ms
     assert elapse() == pytest.approx(0.006)
     assert elapse(1e3 + 100.003) == 0.0  # the plant has already passed this instant
     host.time += 0.005

@@ -1,8 +1,8 @@
 """Fuzzing of all readers with modified valid files.
 
-An example is named by its format and a number, from which it is made anew. `attempt` reads one in a
-process of its own and tells whether the reader returned or refused it, as it must, in how much
-memory, and whether anything was written outside the folder that it was given.
+The format and a number define an example and reproduce it. `attempt` reads an example in a separate
+process and reports whether the reader returned or refused it, the memory used, and any file written
+outside of the given folder.
 """
 
 from __future__ import annotations

@@ -123,9 +123,9 @@ class LocalDrive:
 
     `state` is a key of STATES; `history` holds all states it was in. `stuck` states are not left by
     command; objects in `insists` keep their values after a write. A drive that `stays_stopped` does
-    not switch off by itself after a stop; one that `sags` goes on by so many increments when it is
-    off. `forbids(index, sub-index, value)` returns the code with which a write is aborted,
-    `hides(index, sub-index)` that of a read.
+    not switch off by itself after a stop; a drive that `sags` moves by this number of increments
+    after power-off. `forbids(index, sub-index, value)` returns the code with which a write is
+    aborted, `hides(index, sub-index)` that of a read.
     """
 
     def __init__(

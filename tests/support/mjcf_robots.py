@@ -1,4 +1,4 @@
-"""MJCF arms: defaults, classes, includes, degrees, joints off the body's origin, two in a body."""
+"""MJCF arms with defaults, classes, includes, degrees, offset joints, two joints in a body."""
 
 import re
 

@@ -83,7 +83,7 @@ def here(function: Callable[[Cell], object], jobs: Iterable[Cell]) -> Iterator[t
     for job in jobs:
         try:
             yield job, function(job)
-        except Exception as error:  # as a pool does
+        except Exception as error:  # like a pool of processes
             yield job, error
 
 

@@ -4,7 +4,8 @@
 `tests/drivers/transcripts` anew, all of them or those of the personalities that are named; changes
 are shown by `git diff` and judged by a reader. The transcript of the plain drive is complete; the
 others contain the differences from it, so that common transfers are stored once. Joint 5, whose
-sign is negative, stands for all: that the drives of a robot are treated alike is a test of its own.
+sign is negative, represents all joints; a separate test shows that all drives of a robot are
+treated alike.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Execution of the code blocks of documents, and comparison with the printed output.
 
-In order, in one folder: files that a page asks for ("Write `axis.yaml`", "Save as `move.py`") are
-written, commands carried out, questions answered with y, and the lines that a page shows of a
-command are looked for among those that it prints. `hil` is called in this process; everything
-else by a shell.
+In order, in one folder: files of the page ("Write `axis.yaml`", "Save as `move.py`") are written,
+commands executed, questions answered with y, and the printed lines of the page are searched in the
+output of the command. `hil` is called in this process; everything else by a shell.
 """
 
 from __future__ import annotations
@@ -115,9 +114,9 @@ def _plain(line: str) -> str:
 class Walk:
     """Execution of a document in the present folder.
 
-    `instead` states what is done in place of a text of a command, nothing where it is empty, and
-    `ends` the exit status of commands that do not succeed; a key that nothing needs is refused.
-    A command that was carried out before in the folder as it stands is not carried out again.
+    `instead` maps texts in commands to replacements (an emptied command is skipped), and `ends`
+    commands to exit statuses other than 0; unused keys are refused. A repeated command is not
+    executed again.
     """
 
     def __init__(self, hil: Hil, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,6 +1,6 @@
 """Malicious frames cause no crash, no hang, no motion without command, and no false data.
 
-The storms are those of ``benchmarks/hostile_frames.py``, which sends a hundred times as many.
+The storms are those of ``benchmarks/hostile_frames.py``, with a hundredth of its frames.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def test_a_storm_at_the_plant_moves_nothing_without_a_command(
 ) -> None:
     figures = storm(N, seed, session)
     assert figures.frames == N
-    assert min(figures.controlwords, figures.enabled, figures.moved) > 0  # there was much to judge
+    assert min(figures.controlwords, figures.enabled, figures.moved) > 0  # enough cases were judged
 
 
 @pytest.mark.parametrize("seed", [1, 2])

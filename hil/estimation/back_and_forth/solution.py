@@ -1,7 +1,7 @@
 """Fit base parameters to the half-sums and half-differences of all pairs (step 2).
 
 Half-sums and half-differences of an axis are two channels of one regression with common unknowns:
-friction not represented by a function of the speed, such as load-dependent friction, spoils the
+friction not represented by a function of the speed, such as load-dependent friction, affects the
 half-differences alone. Rows are weighted by the number of samples, channels by the residual
 variance. Levels of friction of each recording are eliminated with these weights.
 

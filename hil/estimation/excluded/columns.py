@@ -52,8 +52,9 @@ STEP = 1e-7
 """Step of differences, in units of the column: rounding and second derivatives cost some 1e-8 each.
 """
 ORDERS = range(1, 13)
-"""Orders of torque ripple per turn: teeth of a bearing or a belt, and the spring of a
-counterweight, once."""
+"""Orders of torque ripple per turn: 1 for the spring of a counterweight, more for teeth of a
+bearing or a belt.
+"""
 INSTANTS = 8
 """Number of intervals of time; an axis may slip between two of them."""
 

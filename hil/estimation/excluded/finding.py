@@ -164,7 +164,7 @@ def explained_by(battery: Battery, tests: Tests, dispersion: float) -> dict[Key,
 
 @cache
 def chance(rank: int, n_tests: int) -> float:
-    """Return the chi square of the best of several tests of a rank, by chance."""
+    """Return the greatest chi square expected by chance in several tests of a rank."""
     return float(special.chdtri(rank, LEVEL / max(n_tests, 1)))
 
 

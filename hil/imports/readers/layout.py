@@ -130,7 +130,7 @@ def _split(line: str, delimiter: str) -> list[str]:
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    """Return the character in most lines, for a comma in equal number; blanks if there is none."""
+    """Return the delimiter in most lines (commas: in equal number), or a blank without one."""
     for candidate in _CANDIDATES:
         counts = Counter(len(_split(line, candidate)) - 1 for line in lines)
         equal = max((n for number, n in counts.items() if number), default=0)

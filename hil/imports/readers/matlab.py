@@ -369,7 +369,7 @@ def _are_samples(elements: Sequence[Any]) -> bool:
 
 
 def _structures(name: str, field: str, n: int) -> Callable[[int], str]:
-    """Return a function that names a field of `n` structures."""
+    """Return a function from the number of a structure, of `n`, to the name of its field."""
     return lambda number: f"{name}({number}).{field}" if n > 1 else f"{name}.{field}"
 
 

@@ -98,7 +98,7 @@ class _Search:
         return Pose(axis + 1, float(places[np.argmin(sizes)]), float(sizes.min() / now))
 
     def _curve(self, k: int, measurement: ParameterMeasurement, axis: int) -> tuple[Array, Array]:
-        """Return positions of an axis, and the standard deviation with `measurement` at these."""
+        """Return positions of an axis, and the standard deviation after `measurement` at each."""
         low, high = self.bare.robot.q_min[axis], self.bare.robot.q_max[axis]
         places: Array = STEP * np.arange(math.ceil(low / STEP), math.floor(high / STEP) + 1)
         if not self.bare.robot.revolute[axis]:

@@ -268,7 +268,7 @@ def test_without_directions_in_the_log_the_connection_set_tells_who_sent_what(
         ("none.log", None),
         ("empty.log", b""),
         ("other.txt", b"hello\n"),
-        ("damaged.blf", b"LOGG and more of what is no log"),  # python-can does not close the file
+        ("damaged.blf", b"LOGG and more of what is no log"),  # python-can leaves this file open
     ],
 )
 def test_what_is_no_log_cannot_be_replayed(

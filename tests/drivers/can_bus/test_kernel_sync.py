@@ -203,7 +203,7 @@ def test_a_caller_slower_than_sync_judges_the_present_and_knows_what_was_passed_
 
 def test_a_queue_that_was_full_is_left_behind_for_the_next_sync(kernel: KernelBus) -> None:
     with synced(kernel) as bus:
-        for number in (1, 2, 3, 30):  # the kernel had no room for the frames in between
+        for number in (1, 2, 3, 30):  # frames in between were lost in a full queue
             for identifier in (0x80, *ANSWERS):
                 kernel.arrive(number * PERIOD, identifier)
         bus.send(SYNC)

@@ -79,7 +79,7 @@ def test_a_frame_bears_the_instant_at_which_it_was_sent_however_late_it_is_recei
 ) -> None:
     sender, receiver = join(), join()
     sender.send(frame())
-    assert receiver.recv(1.0) is not None  # they know each other
+    assert receiver.recv(1.0) is not None  # both buses have found each other
     before = time.time()
     sender.send(frame())
     after = time.time()
@@ -314,7 +314,7 @@ def test_a_program_that_joins_a_moment_later_is_waited_for(
     with open_can_bus("local", "bench", {}) as bus:
         later.join()
         bus.send(frame())
-    with open_can_bus("local", "bench", {}):  # peers that are there already are found at once
+    with open_can_bus("local", "bench", {}):  # existing peers are found at once
         pass
 
 

@@ -94,7 +94,7 @@ def test_a_drive_that_was_operational_may_not_leave_that(bench: Bench) -> None:
 
 def test_another_master_that_sends_ours_is_trouble(bench: Bench) -> None:
     bench.hear(OPERATIONAL, MASTER)
-    assert bench.beats.trouble is None  # no node is expected yet
+    assert bench.beats.trouble is None  # no node is supervised yet
     bench.beats.watch()
     bench.hear(OPERATIONAL, MASTER)
     assert "another master on the bus sends our heartbeat" in str(bench.beats.trouble)

@@ -51,7 +51,7 @@ def test_a_stroke_is_the_trapezoid_that_a_drive_would_make(bus: CanopenDriveBus)
     assert q[-1] == pytest.approx(begin + np.array([0, 0, 1.0, 0, 0, 0]), abs=2e-3)
     speed = np.diff(q[:, 2]) / PERIOD
     assert np.median(speed[60:240]) == pytest.approx(1.0, rel=1e-2)
-    assert 1.2 < len(q) * PERIOD < 1.35  # 1.2 s, delay and standstill
+    assert 1.2 < len(q) * PERIOD < 1.35  # motion of 1.2 s, then delay and standstill
 
 
 def test_an_axis_goes_back_and_forth_while_another_creeps(bus: CanopenDriveBus) -> None:

@@ -109,7 +109,7 @@ def test_set_points_that_are_all_a_little_late_slow_a_path_down_by_the_time_they
     for number in range(1200):
         path.note_late(0.2 * PERIOD * (number % 2))
         path.step()
-        path.at = min(path.at, 600.0)  # fast section of the swing
+        path.at = min(path.at, 600.0)  # stay in the fast section of the swing
     assert path.pace == pytest.approx(OUT / 0.1, rel=0.02)
 
 

@@ -163,7 +163,7 @@ def test_an_axis_is_not_taken_for_off_by_one_of_two_telegrams_that_may_be_an_old
     bus = Echo()
     shutdown = shut_down(bus, tuple(drives_file(brake_delay=0.0).axes))
     assert shutdown.off == (True, False, True)
-    assert not bus.alive  # before any other attempt
+    assert not bus.alive  # off before any further attempt
 
 
 def test_our_heartbeat_ceases_for_a_drive_that_does_not_obey_while_others_await_their_brakes() -> (

@@ -1,8 +1,8 @@
 """Set-points that reach the drives with jitter of the host, or with gaps.
 
-Where a kernel sends SYNC it is exactly periodic. The host sends the set-points of each cycle some
-time after it, so a drive that acts when they arrive is led by the host's jitter. Where the host
-sends SYNC, too, a host that stalls leaves drives without both.
+Where a kernel sends SYNC it is exactly periodic. The host sends the set-points of each cycle with a
+varying delay, which disturbs drives that act on arrival. Where the host sends SYNC, too, a host
+that stalls leaves drives without both.
 """
 
 from __future__ import annotations

@@ -227,7 +227,7 @@ def test_an_axis_may_be_six_periods_and_its_window_behind_what_was_sent(
         silent.time += PERIOD
         streams.advance()
     brought: Any = SimpleNamespace(positions=counts, irregular=False, currents=[0] * 3)
-    looks = [corridor.look(number * PERIOD, brought) for number in range(2)]  # by turns
+    looks = [corridor.look(number * PERIOD, brought) for number in range(2)]  # axes take turns
     assert any(looks) is trips
 
 

@@ -72,7 +72,7 @@ def test_swapped_drives_that_state_who_they_are_show_by_their_identity() -> None
 
 def test_a_rating_that_is_stated_wrongly_is_not_taken_for_a_mix_up() -> None:
     with bench(n1=2000, n2=2000, n3=2000) as bus:
-        (found,) = refused(bus, drives(2.0, 3.0, 2.0))  # the other nodes have their own numbers
+        (found,) = refused(bus, drives(2.0, 3.0, 2.0))  # the other node numbers are right
     assert "correct rated_current" in found.remedy
 
 

@@ -93,7 +93,7 @@ def readings(says: Says) -> list[str]:
         # the drive's objects contradict each other
         (encoder(2000) | gear(1) | feed(3600) | unit(INCREMENTS), ["3600", "2000"]),
         (encoder(2000) | gear(1) | feed(2000) | unit(TENTH_DEGREE), ["2000", "3600"]),
-        # nothing follows
+        # no conclusion is possible
         ({}, []),
         (encoder(1) | FACTORY, []),
         (encoder(2000) | FACTORY | unit(0x00AC0000), []),

@@ -38,7 +38,7 @@ SET_IF_PRESENT = [
 def test_start_up_notes_of_a_missing_object_what_its_row_states(row: Requirement) -> None:
     missing = (row.entry, *row.instead)
     lacks = {(each.index, each.subindex): None for each in missing}
-    can_bus, drive_bus = build({2: {(0x6502, 0): ("u32", 0xA5), **lacks}})  # it follows streams
+    can_bus, drive_bus = build({2: {(0x6502, 0): ("u32", 0xA5), **lacks}})  # cyclic position too
     with can_bus, drive_bus:
         noted = [note for note in drive_bus.notes if note.startswith("joint 2 (node 2): no object")]
     (note,) = (each for each in noted if str(row.entry) in each)

@@ -244,7 +244,7 @@ def test_a_reference_that_is_lost_is_not_followed(bus: ServoAxes, wire: Cable) -
 def test_delays_of_a_line_and_of_a_tree() -> None:
     line = [Passage((0, 1500), 1), Passage((7000, 7900), 1), Passage((50,), 0)]
     assert compute_delays(line) == [0, 300, 750]
-    # A junction with two branches of one slave each, of 100 and 300 ns of cable.
+    # A junction with two branches: a slave after 100 ns of cable, and a slave after 300 ns.
     tree = [Passage((0, 200, 800), 2), Passage((5,), 0), Passage((6,), 0)]
     assert compute_delays(tree) == [0, 100, 500]
     without = [Passage((0, 1000), 1), Passage((), 1), Passage((9,), 0)]

@@ -1,6 +1,6 @@
 """Outages during fast moves: no axis has power without a watchdog, distances are bounded.
 
-`benchmarks/ethercat_outages.py` draws as many as one likes.
+`benchmarks/ethercat_outages.py` draws any number of outages.
 """
 
 from __future__ import annotations

@@ -275,7 +275,7 @@ def test_slow_answers_bound_the_rate_of_sync() -> None:
 def test_sync_is_off_by_when_it_was_sent_and_by_how_much_answers_vary() -> None:
     with bench() as inner, StopwatchBus(inner, drives_of(1)) as bus:
         sent = 0.004 * np.arange(1001) + np.tile([0.0, 2e-4], 501)[:1001]
-        bus.sent = [*sent, 5.0, 5.3]  # a pause, and SYNCs without answers yet
+        bus.sent = [*sent, 5.0, 5.3]  # a pause, then SYNCs without answers so far
         bus.answers = [*np.linspace(1e-3, 1.5e-3, 1001), 0.0, 0.0]
         assert bus.jitter(0.004) == pytest.approx(2e-4 + 0.99 * 5e-4, rel=1e-3)
 

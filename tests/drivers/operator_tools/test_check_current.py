@@ -155,7 +155,7 @@ def test_two_units_that_differ_by_more_than_a_factor_are_never_taken_for_one_ano
     elif apart > 1.02 * NEAR:
         assert found.grade is Grade.REFUSED
         assert shown in found.remedy
-    elif 1.1 < apart < 0.98 * NEAR:  # a motor for slightly more or less than 1 A
+    elif 1.1 < apart < 0.98 * NEAR:  # a motor with a rated current of about 1 A
         assert "undecided" in found.found
 
 
@@ -171,9 +171,9 @@ def test_a_ratio_of_the_root_of_two_is_a_confusion_of_rms_and_peak() -> None:
 @pytest.mark.parametrize(
     ("counts", "found"),
     [
-        (np.zeros((0, 2)), "undecided"),  # no such object
-        (np.tile([2.0, 2.0], (50, 1)), "undecided"),  # rounding, no load
-        (np.random.default_rng(1).normal(0, 100, (50, 2)), "undecided"),  # two quantities
+        (np.zeros((0, 2)), "undecided"),  # the drive has no 6077
+        (np.tile([2.0, 2.0], (50, 1)), "undecided"),  # only rounding, since no load
+        (np.random.default_rng(1).normal(0, 100, (50, 2)), "undecided"),  # unrelated quantities
     ],
 )
 def test_a_ratio_that_means_nothing_is_not_used(counts: np.ndarray, found: str) -> None:

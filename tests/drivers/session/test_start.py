@@ -60,7 +60,7 @@ def test_a_drive_that_never_becomes_operational_is_named_and_nothing_is_energise
 def test_a_drive_that_becomes_pre_operational_once_it_was_not_stops_all_axes() -> None:
     can_bus, drive_bus = build()
     with can_bus, drive_bus:
-        for _ in range(30):  # by then each node has reported that it is operational
+        for _ in range(30):  # each node reports the operational state in this time
             drive_bus.sample()
         can_bus.network.emit(0x700 + NODE, PRE_OPERATIONAL)
         with pytest.raises(NodeSilent, match="is pre-operational during operation"):

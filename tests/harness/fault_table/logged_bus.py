@@ -1,9 +1,9 @@
 """Faulty plant as a bus in lock-step with a log of all frames and a witness.
 
-A fault begins as its plan says, or with a frame of ours that fulfils a condition; Ctrl-C may be
-pressed at the same moment. A frame that our adapter refuses takes time from the plant as well: a
-SYNC its cycle, another one as long as the driver waits before it sends again. So the drives move on
-and an outage ends as they would by the wall clock, independently of the driver's attempts to send.
+A fault begins by its plan, or at a frame of ours that fulfils a condition; Ctrl-C may be
+pressed at the same moment. A frame refused by our adapter also advances the plant's time: a SYNC by
+its cycle, another frame by the driver's wait before the next attempt. So drives and outages
+continue as on the wall clock, independently of the driver's attempts to send.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Faulty EtherCAT slaves of the plant as a wire in lock-step with a log of all frames and a
 witness.
 
-The log speaks of frames as that of CAN does (`fault_table.logged_bus`): a frame with process data
+The log has the format of the CAN log (`fault_table.logged_bus`): a frame with process data
 is a SYNC, its outputs are commands to an axis, and the inputs of a participating axis are answers.
-So readers of one log can read both.
+So the same readers evaluate both logs.
 """
 
 from __future__ import annotations

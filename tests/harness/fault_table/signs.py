@@ -1,7 +1,7 @@
 """First frame with a sign of a fault.
 
-A fault that makes something stay away is shown by the frame at which the driver's tolerance for it
-runs out: ten SYNCs without a TPDO, a heartbeat's time-out, a request without an answer.
+The sign of missing frames is the frame at which the driver's tolerance ends: ten SYNCs without a
+TPDO, a heartbeat's time-out, a request without an answer.
 """
 
 from __future__ import annotations

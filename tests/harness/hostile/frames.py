@@ -1,6 +1,6 @@
 """Frames that no honest peer would send, drawn in batches with a seed.
 
-Pure noise hardly gets past the first check of a receiver, so most frames are near misses: the right
+A receiver's first check rejects nearly all pure noise, so most frames are almost valid: the right
 identifier with wrong data, each command specifier of SDO (expedited, segmented, block) on objects
 that exist, and frames of a real session with bits flipped, cut, lengthened or sent again. Some are
 turned into remote, extended or error frames at last.

@@ -3,11 +3,12 @@
 An axis is *moved by a frame* when, while that frame is handled, its drive asks the servo to
 `enable` or to `move`; nothing else in the plant turns a motor. That is legal only where
 
-- the drive took a controlword (6040h) from this frame, or from a PDO that waited for this SYNC, or
-  takes up a set-point that it had accepted into its buffer;
-- the frame is one that may carry a controlword: a plain 11-bit data frame which is a download to
-  6040h that the drive confirmed, or an RPDO that is switched on, long enough and maps 6040h;
-- controlword and state before allow it: to enable, bits 0 to 3 (bit 7 counts in FAULT only) in
+- the drive received a controlword (6040h) by this frame or by a PDO applied at this SYNC, or starts
+a set-point from its buffer;
+- the frame may carry a controlword: a plain 11-bit data frame, either a download to 6040h confirmed
+by the drive, or an enabled and sufficiently long RPDO with 6040h mapped;
+- controlword and previous state permit the call: to enable, bits 0 to 3 (bit 7 counts in FAULT
+only) in
   READY or SWITCHED ON; to move, OPERATION ENABLED and a new set-point or the release of halt;
 - target, velocity, acceleration and deceleration are within the drive's limits.
 
@@ -126,7 +127,7 @@ class PlantAudit:
     def _justify(self, call: Call, frame: can.Message, released: set[int]) -> None:
         axis, before = call.axis, self._before[call.axis]
         words = [word for taker, word in self._taken if taker == axis]
-        twice = len(words) > 1  # an RPDO that maps 6040h twice leads through two states
+        twice = len(words) > 1  # an RPDO with 6040h mapped twice causes two transitions
         if call.what == "enable":
             self.enabled += 1
             ready = before in (State.READY_TO_SWITCH_ON, State.SWITCHED_ON)

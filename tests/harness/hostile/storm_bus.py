@@ -145,6 +145,6 @@ def _commands(frame: can.Message) -> bool:
         return len(data) > 1 and data[1] in {0, *NODES} and data[0] != 1
     if node not in NODES:
         return False
-    if service == 0x600:  # SDO: begins to write
+    if service == 0x600:  # SDO request that starts a download
         return len(frame.data) > 3 and frame.data[0] >> 5 in {1, 6}
     return service in {0x200, 0x300, 0x400, 0x500}  # RPDOs

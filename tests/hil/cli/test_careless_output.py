@@ -167,7 +167,7 @@ def test_a_taken_run_folder_is_refused_before_the_plan_is_gone_through(
     write_run(tmp_path / "run", manutec)
     plan = tmp_path / "plan.yaml"
     plan.write_text(dump_plan(small_plan))
-    # before other modules import the function
+    # patched before other modules import it
     monkeypatch.setattr("hil.tasks.measuring.checked", None)
     monkeypatch.setattr("hil.planning.dry_run.dry_run", None)
     status, _, err = hil("run", plan, "-o", tmp_path / "run")
@@ -180,7 +180,7 @@ def test_names_are_looked_at_before_anything_is_estimated(
     hil: Hil, tmp_path: Path, manutec: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = write_run(tmp_path / "run", manutec).path
-    # before other modules import the function
+    # patched before other modules import it
     monkeypatch.setattr("hil.results.problem.identified", None)
     monkeypatch.setattr("hil.results.identification.identified", None)
     for wrong, message in (

@@ -36,7 +36,7 @@ def test_it_is_written_out(make: Callable[[str], object], terminal: bool) -> Non
     console.width = 200
     console.print(make(FOREIGN), style="red", markup=False)
     printed = console.file.getvalue()
-    assert r"q\x1b[" in printed  # a narrow column truncates the text
+    assert r"q\x1b[" in printed  # cut off by the narrow column
     assert not {"\x9b", "\u202e", "\u2028"} & set(printed)
     assert "\x1b[2J" not in printed
 

@@ -22,7 +22,7 @@ ROBOT = "manutec-r15"
 @pytest.mark.parametrize(
     ("line", "why"),
     [
-        ("--kind friction --minutes 5", "its speeds and their durations follow from the experim"),
+        ("--kind friction --minutes 5", "the experiment determines speeds and durations"),
         ("--kind friction --gravity 5", "--gravity does not apply to kind friction: it is for str"),
         ("--kind strokes --axis 2", "it is for friction"),
         ("--kind strokes --period 20", "it is for trajectory"),

@@ -146,7 +146,7 @@ def test_a_short_slice_is_given_back_and_missed_by_nobody() -> None:
     with short_slices(machine):
         assert machine.log == [f"slice {SLICE}"]
     assert machine.log[1:] == [f"undo slice {SLICE}"]
-    with short_slices(Machine()):  # a system that refuses
+    with short_slices(Machine()):  # a system that refuses all requests
         pass
 
 

@@ -45,7 +45,7 @@ def unknown(text: str) -> list[str]:
         names = words.split()
         name = next((n for k in (2, 1) if (n := " ".join(names[:k])) in EVERY), None)
         if name is None:
-            continue  # a sentence about the program
+            continue  # "hil" in a sentence, not a command
         known = {o for parameter in EVERY[name].params for o in parameter.opts}
         nested = [c for n, c in EVERY.items() if n.startswith(f"{name} ")]
         known |= {o for each in nested for parameter in each.params for o in parameter.opts}

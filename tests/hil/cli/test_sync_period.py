@@ -81,7 +81,7 @@ def test_what_counts_as_missed_is_what_the_driver_leaves_out() -> None:
 )
 def test_the_highest_usual_rate_that_is_kept_is_recommended(late: float, rate: float) -> None:
     rare = np.zeros(10_000)
-    rare[:5] = 1.0  # one in two thousand
+    rare[:5] = 1.0  # a share of one in two thousand
     often = rare.copy()
     often[5:50] = late
     assert WakeUps(0.004, rare).recommended == 1000

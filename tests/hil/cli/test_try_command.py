@@ -54,7 +54,7 @@ class Visitor(Thread):
                 self.lines.append(line)
                 if line["kind"] == "report":
                     self.report = self.page.ask("GET", "/report")
-                    return  # which closes the page
+                    return  # the end of the process closes the page
                 if line.get("text") == "Push the arm: drag a link":
                     Thread(target=self._push, daemon=True).start()
 
@@ -78,7 +78,7 @@ def test_it_measures_identifies_predicts_and_is_pushed(
 ) -> None:
     monkeypatch.setattr(try_plans, "SHARE", 0.26)
     monkeypatch.setattr(trying, "LEARNING", 8.0)
-    monkeypatch.setattr(trying, "LONGEST", 0.0)  # the second of two motions is not begun
+    monkeypatch.setattr(trying, "LONGEST", 0.0)  # no second motion
     folder, visitor = tmp_path / "all", Visitor(free_port())
     visitor.start()
     call = ("try", "--no-browser", "--port", visitor.page.port, "-o", folder)

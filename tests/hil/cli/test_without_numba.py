@@ -1,8 +1,8 @@
 """Import and identification without Numba and without the compiled recursion.
 
-The absence of Numba is that of a Python for which it has no wheel yet: nothing of it can be
-imported, and no package of that name is installed. The absence of the compiled recursion is that of
-a machine without C compiler.
+Numba is absent as in a Python without a wheel of Numba: the module cannot be imported, and no
+package of this name is installed. The absence of the compiled recursion is that of a machine
+without C compiler.
 """
 
 from __future__ import annotations

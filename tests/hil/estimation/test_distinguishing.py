@@ -21,7 +21,7 @@ def plan(manutec):
 
 @pytest.fixture(scope="module")
 def reached(plan, manutec):
-    """Joint offset of axis 5, which resembles a load in the plan as it is."""
+    """Visibility of the joint offset of axis 5, which resembles a load in the original plan."""
     return reached_of(plan, manutec, "load, joint offset of axis 5")
 
 

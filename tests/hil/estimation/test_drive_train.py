@@ -92,7 +92,7 @@ class TestSoftGears:
     def test_links_are_where_they_let_them_be(
         self, manutec: Robot, prepared: Prepared, soft: Prepared
     ) -> None:
-        """Moving axes only: at rest friction may hold any torque."""
+        """Only moving axes are compared, since friction at rest may balance any torque."""
         train = replace(
             directly_driven(manutec), p=TABLE_3_A, compliance=COMPLIANCE, soft=COMPLIANCE > 0
         )

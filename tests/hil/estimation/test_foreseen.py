@@ -46,7 +46,7 @@ def test_twice_the_noise_hides_twice_as_large_a_cause(plan, manutec, sizes):
 
 
 def test_what_no_motion_shows_is_never_found(sizes):
-    assert sizes["rotor inertia", 1, ""] is None  # of one piece with Izz1
+    assert sizes["rotor inertia", 1, ""] is None  # inseparable from Izz1
     assert sizes["joint offset", 1, ""] is None  # gravity is parallel to the axis
 
 

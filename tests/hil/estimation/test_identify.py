@@ -118,7 +118,7 @@ class TestLocalFits:
         ]
         scatter = np.std([local.value for local in found])
         stated = np.sqrt(np.mean([local.standard_error**2 for local in found]))
-        assert stated == pytest.approx(scatter, rel=0.2)  # both are of 100: 10 % each
+        assert stated == pytest.approx(scatter, rel=0.2)  # errors of 10 % from 100 draws
 
     def test_a_gravity_measurement_without_a_window_is_refused(self, robot):
         short = GRAVITY.model_copy(update={"stroke": 0.05})
@@ -138,7 +138,7 @@ class TestTwoStep:
             replace(each, sides=each.sides * [1.2, *[1.0] * 15]) if each.axis == 1 else each
             for each in local
         ]
-        of_others = [7, 12]  # p8 and p13, which gravity of axis 3 shows as well
+        of_others = [7, 12]  # p8 and p13 also occur in gravity of axis 3
         sound, found = (TwoStep(strong, each).solve()[of_others] for each in (local, wrong))
         assert found == pytest.approx(sound, rel=1e-6)
         assert TwoStep(robot, wrong).solve()[of_others] != pytest.approx(sound, rel=1e-3)

@@ -96,7 +96,7 @@ def test_a_known_mass_is_held_and_makes_the_rest_surer(robot, runs):
     assert held.rigid.directions == free.rigid.directions + 1
     for name in ("sz", "centre z", "Ixx"):
         found, alone = quantities[name], next(q for q in free.quantities() if q.name == name)
-        assert found.standard_error <= 1.1 * alone.standard_error  # which are estimates
+        assert found.standard_error <= 1.1 * alone.standard_error  # both are estimates
     assert quantities["centre z"].value == pytest.approx(0.14, abs=5e-4)
 
 
@@ -113,7 +113,7 @@ def test_what_is_uncertain_of_drives_widens_a_load(robot, runs):
     plain, widened = found_between(robot, runs), found_between(stated, runs)
     assert widened.phi == pytest.approx(plain.phi)
     share = widened.mass.standard_error / widened.mass.value
-    assert 0.003 < share < 0.012  # several torque constants, each by 1 %
+    assert 0.003 < share < 0.012  # several torque constants, each wrong by 1 %
     assert plain.mass.standard_error < 0.2 * widened.mass.standard_error
 
 
@@ -132,7 +132,7 @@ def test_nothing_is_found_where_nothing_is_left_out(robot, runs):
     found = examine(robot, prepared(runs[0]))
     assert found.found == ()
     of_link_1 = {name for name in robot.standard_parameters if name.endswith("1")}
-    assert of_link_1 - set(found.absorbed) == {"Izz1"}  # moves alone, about a vertical axis
+    assert of_link_1 - set(found.absorbed) == {"Izz1"}  # seen only as inertia about a vertical axis
 
 
 @pytest.fixture(scope="module")

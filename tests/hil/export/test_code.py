@@ -201,7 +201,7 @@ def test_the_cube_root_of_the_header_is_exact_for_every_size(tmp_path: Path) -> 
     x = np.concatenate([sizes, -sizes])[:, np.newaxis]
     np.testing.assert_allclose(called(root, (x,), x.shape, np.float64), np.cbrt(x), rtol=1e-14)
     beyond = called(root, (np.array([[np.inf], [np.nan]]),), (2, 1), np.float64)
-    assert not np.isfinite(beyond).any()  # and it ends
+    assert not np.isfinite(beyond).any()  # the loop ends even for these
 
 
 @pytest.mark.skipif(CPPCHECK is None, reason="there is no cppcheck")

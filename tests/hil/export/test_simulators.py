@@ -298,7 +298,7 @@ def test_dry_friction_keeps_its_sign_where_joints_brake_hard_through_zero() -> N
     loaded = mujoco.MjModel.from_xml_string(export(model, "mjcf", ()).files["manutec-r15.xml"])
     data, braking = mujoco.MjData(loaded), 15.0
     for axis, unit in enumerate(np.eye(robot.n_joints)):
-        # the last step before the reversal remains
+        # except for the last step before the reversal
         for v in (0.5, 0.05, 1.01 * braking * loaded.opt.timestep, -0.01, -0.5):
             q, qd, qdd = 0.1 * unit, v * unit, -braking * unit
             data.qpos[:], data.qvel[:], data.qacc[:] = q, qd, qdd

@@ -158,7 +158,7 @@ def test_along_a_motion_the_block_remembers_the_direction_of_friction(kind: str)
     assert close(rigid, model.predict(q, qd, qdd, parts=["rigid bodies"]))
     assert close(gravity, model.gravity(q))
     at_once = interpreted(model, "torque", (q, qd, qdd), "out")
-    assert not close(at_once, torque)  # the memory makes the difference
+    assert not close(at_once, torque)  # torques differ by the kept directions
 
 
 def test_what_is_not_structured_text_is_refused() -> None:

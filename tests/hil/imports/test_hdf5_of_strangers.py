@@ -1,4 +1,4 @@
-"""Foreign HDF5: size after unpacking, and data referenced by cells, are bounded.
+"""Foreign HDF5 files: bounds of the unpacked size and of data referenced by cells.
 
 Harmless input: the budget is lowered, so that some hundred kilobytes exceed it.
 """

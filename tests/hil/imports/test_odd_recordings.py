@@ -94,6 +94,6 @@ def test_odd_recordings_are_identified_or_refused(tmp_path: Path, kind: str, unk
     except HilError as error:
         assert "nan" not in str(error)  # noqa: PT017 - what is refused is as good
         return
-    model.save(tmp_path / "model.yaml")  # which takes no NaN
+    model.save(tmp_path / "model.yaml")  # fails for NaN
     assert Model.load(tmp_path / "model.yaml").verdict == model.verdict
     assert model.verdict is not None

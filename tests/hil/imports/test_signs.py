@@ -49,8 +49,8 @@ def test_noise_and_friction_about_zero_hide_no_code(words):
 
 
 @pytest.mark.parametrize("right", [
-    np.round(600 + 500 * np.sin(np.arange(3000) / 40)),  # always positive, through 512 and 1024
-    np.round(np.abs(700 * np.sin(np.arange(3000) / 40))),  # values without signs to be restored
+    np.round(600 + 500 * np.sin(np.arange(3000) / 40)),  # positive signal that crosses 512 and 1024
+    np.round(np.abs(700 * np.sin(np.arange(3000) / 40))),  # absolute values, whose signs are lost
     np.round(700 * np.sin(np.arange(3000) / 40)),
     np.random.default_rng(1).integers(0, 2000, 3000).astype(float),
     np.where(np.arange(3000) % 500 < 250, 0.0, 1500.0),

@@ -1,7 +1,7 @@
 """Small files that would take gigabytes or minutes are refused, or read in bounded memory.
 
-Harmless input: the budget is lowered, so that some kilobytes exceed it; what took a time that grows
-with the square of a size is counted.
+Harmless input: the budget is lowered, so that some kilobytes exceed it; operations with a formerly
+quadratic time are counted.
 """
 
 from __future__ import annotations
@@ -262,7 +262,7 @@ def test_an_object_of_json_is_read_as_far_as_a_sample_goes(tmp_path: Path) -> No
     reader = pytest.importorskip("hil.imports.readers.parquet")
     pytest.importorskip("pyarrow.json")
     path = tmp_path / "a.json"
-    samples = [{"t": k, "words": "x" * 5000} for k in range(20)]  # longer than what is tried first
+    samples = [{"t": k, "words": "x" * 5000} for k in range(20)]  # longer than the first block
     path.write_text(json.dumps(samples))
     assert len(next(iter(open_table(path, Format()).blocks([0])))) == 20
     with pytest.MonkeyPatch.context() as patch:

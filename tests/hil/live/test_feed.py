@@ -191,7 +191,7 @@ def test_a_listener_that_ends_is_missed_once_and_the_run_goes_on(
 def test_a_listener_that_never_reads_is_never_waited_for(
     small_plan: Plan, manutec: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hil.live.feed._EVERY", 0.0)  # every sample, far more than a pipe holds
+    monkeypatch.setattr("hil.live.feed._EVERY", 0.0)  # every sample: more than pipes hold
     (deaf,) = run(small_plan, manutec, tmp_path / "run", "deaf")
     assert deaf.dropped > 100
     assert recorded(tmp_path / "run") == ["g1", "i1", "c1"]

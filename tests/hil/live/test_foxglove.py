@@ -136,7 +136,7 @@ def test_events_go_on_to_the_end(shown: tuple[FoxgloveClient, RunFolder]) -> Non
 def test_clients_that_never_read_or_die_disturb_nobody(
     small_plan: Plan, manutec: Robot, tmp_path: Path, port: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hil.live.feed._EVERY", 0.0)  # every sample, far more than sockets hold
+    monkeypatch.setattr("hil.live.feed._EVERY", 0.0)  # every sample: more than sockets hold
     many = tuple(
         each.model_copy(update={"id": f"{each.id}-{k}"})
         for k in range(3)
@@ -159,7 +159,7 @@ def _never_read(port: int) -> None:
     with ExitStack() as deaf:
         for _ in range(5):
             subscribe(deaf.enter_context(connected(port, max_queue=1)), range(1, 4))
-        until(lambda: _refused(port))  # the run is over
+        until(lambda: _refused(port))  # the server ends with the run
 
 
 def _die(port: int) -> None:

@@ -292,7 +292,7 @@ def test_recordings_that_have_passed_can_be_looked_back_at(browser: Chrome, page
         browser,
         lambda: browser.execute_script("return window.live.scene.q[0]") == pytest.approx(0.1),
     )
-    assert "back and forth" in text(browser, "doing")  # the run goes on
+    assert "back and forth" in text(browser, "doing")  # the run continues
 
 
 def spans(browser: Chrome, axis: int) -> list[float]:
@@ -374,7 +374,7 @@ def test_a_near_miss_takes_the_link_and_does_not_turn_the_camera(
         "return held;"
     )
     assert held
-    assert not any(json.loads(plant.recv(4096))["torque"])  # it is let go
+    assert not any(json.loads(plant.recv(4096))["torque"])  # released: no more push
 
 
 def test_marks_wait_for_data(
@@ -525,5 +525,5 @@ def test_everybody_can_use_it(browser: Chrome, page: Served, width: int, scheme:
     stop = browser.find_element(By.ID, "stop")
     browser.execute_script("window.scrollTo(0, document.body.scrollHeight)")
     top = browser.execute_script("return arguments[0].getBoundingClientRect().top", stop)
-    assert 0 <= top < 200  # always within reach
+    assert 0 <= top < 200  # always visible
     assert complaints(browser) == []

@@ -104,7 +104,7 @@ def test_a_refused_name_comes_with_the_one_to_open(page: Served) -> None:
 def test_a_page_of_another_site_can_stop_nothing(page: Served) -> None:
     for origin in ("http://evil.example", "null", f"https://127.0.0.1:{page.port}"):
         assert page.ask("POST", "/stop", {**STOP, "Origin": origin})[0] == 403
-    assert page.ask("POST", "/stop")[0] == 403  # as a form of another site would
+    assert page.ask("POST", "/stop")[0] == 403  # like a form of another site
     assert page.ask("GET", "/stop", STOP)[0] == 404
     assert page.stops == []
 
@@ -133,7 +133,7 @@ def test_a_push_goes_to_the_plant_and_nowhere_else(tmp_path: Path) -> None:
         given = {**PUSH, "Origin": f"http://127.0.0.1:{page.port}"}
         assert page.ask("POST", "/push", given, PUSHED)[0] == 202
         assert plant.recv(4096).decode() == PUSHED
-        assert page.ask("POST", "/push", None, PUSHED)[0] == 403  # as a form of another site would
+        assert page.ask("POST", "/push", None, PUSHED)[0] == 403  # like a form of another site
         foreign = {**PUSH, "Origin": "http://evil.example"}
         assert page.ask("POST", "/push", foreign, PUSHED)[0] == 403
         for wrong in ("", "{", "[]", '{"torque": 3, "lasts": 1}', '{"torque": ["x"], "lasts": 1}',
@@ -160,7 +160,7 @@ def test_the_report_is_served_once_it_is_there_under_its_own_policy(tmp_path: Pa
         status, headers, text = page.ask("GET", "/report")
         assert (status, text) == (200, "<p>the report</p>")
         assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
-        assert "default-src" not in headers["Content-Security-Policy"]  # the report states its own
+        assert "default-src" not in headers["Content-Security-Policy"]  # the report has its own
         assert page.ask("GET", "/report", {"Origin": "http://evil.example"})[0] == 403
     with served() as page:
         assert page.ask("GET", "/report")[0] == 404
@@ -256,7 +256,7 @@ def test_a_late_page_is_told_what_has_passed(
         page.sample(Sample(t, (0.0,) * 6, (1.0,) * 6, (0,) * 6, False))
     page.publish("end", how="finished", text="")
     with watching(page.port) as early:
-        assert any(line["kind"] == "end" for line in events(early))  # all has been read
+        assert any(line["kind"] == "end" for line in events(early))  # all lines received
     assert page.ask("POST", "/stop", STOP)[0] == 409
     with watching(page.port) as late:
         got = [*takewhile(lambda line: line["kind"] != "end", events(late))]
@@ -311,7 +311,7 @@ def test_a_stop_takes_a_tenth_of_a_second_beside_200_connections_that_send_byte_
     for _ in range(5):
         byte = bytes([next(request)])
         for each in slow:
-            with suppress(OSError):  # left for a newer one
+            with suppress(OSError):  # closed in favour of a newer one
                 each.send(byte)
         begun = time.monotonic()
         assert page.ask("POST", "/stop", STOP)[0] == 202

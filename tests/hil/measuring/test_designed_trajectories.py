@@ -1,7 +1,7 @@
 """Designed trajectories that pass the dry run are measured on the virtual plant without findings.
 
-All axes accelerate at once and load each other, so drives whose limits of acceleration hold for an
-axis by itself run out of torque long before.
+All axes accelerate at once and load each other, so drives reach their torque limits long before the
+acceleration limits, which are stated for a single moving axis.
 """
 
 from __future__ import annotations

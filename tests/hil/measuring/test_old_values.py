@@ -44,7 +44,7 @@ def test_nothing_is_old_in_a_sound_recording(clock: Any, kind: str) -> None:
     for seed in range(10):
         sound = stepped(clock(SOUND[kind][1], np.random.default_rng(seed)))
         flags = mark_old_values(sound, ACCELERATION, AXES).flags & SampleFlag.OLD
-        assert np.mean(flags != 0) < 2e-3  # a doubled telegram repeats its values
+        assert np.mean(flags != 0) < 2e-3  # doubled telegrams repeat values
 
 
 @pytest.mark.parametrize("every", RENEWALS)

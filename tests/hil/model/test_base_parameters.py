@@ -120,7 +120,7 @@ def test_gravity_direction_counts(chains):
 @given(seed=st.integers(0, 2**32 - 1))
 def test_any_chain_is_regrouped_without_contradiction_to_its_numeric_rank(chains, seed):
     robot = chains.random(seed)
-    base = base_parameters(robot)  # raises where regrouping and rank disagree
+    base = base_parameters(robot)  # raises if regrouping and rank disagree
     assert sorted(k for group in base.groups.values() for k in group) == list(range(len(base)))
     assert base.matrix.shape == (len(base), 10 * robot.n_joints)
     assert len(base) == (np.linalg.matrix_rank(base.matrix) if len(base) else 0)

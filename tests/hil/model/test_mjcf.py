@@ -61,7 +61,7 @@ def test_the_robot_has_the_file_s_ranges_limits_and_gravity(tmp_path):
 def test_what_cannot_be_taken_is_named_with_its_line_and_what_to_do(tmp_path, change, why):
     assert change[0] in ARM
     path = write_arm(tmp_path / "arm", ARM.replace(*change, 1))
-    if why is None:  # a loose object is no part of the arm
+    if why is None:  # loose objects do not belong to the arm
         assert hil.Robot.load(path).n_joints == 4
         return
     with pytest.raises(FileError, match=why):

@@ -84,7 +84,7 @@ def copy(folder, tmp_path, monkeypatch):
 @pytest.fixture
 def unchanged(copy, folder, page, monkeypatch):
     """Copy with unchanged recordings, and therefore unchanged findings."""
-    del page  # with which it was kept
+    del page  # the page needs the run itself
     found = kept(folder)
     monkeypatch.setattr("hil.results.findings.kept", lambda *_: found)
     return copy

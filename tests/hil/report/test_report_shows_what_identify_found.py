@@ -89,7 +89,7 @@ def test_a_report_shows_what_identify_found(
     make, method = RUNS[kind]
     make(tmp_path / "run", manutec)
     chosen = () if method is None else ("--method", method)
-    # 3: identified, and failed
+    # status 3: identified, but judged failed
     assert hil("identify", tmp_path / "run", *chosen) in {0, 3}
     model = Model.load(tmp_path / "run")
     assert model.verdict is not None

@@ -136,9 +136,9 @@ def test_a_stranger_s_file_restores_records_of_findings_and_calls_nothing_else(
     monkeypatch.syspath_prepend(copy)
     whole = json.loads((copy / NAME).read_bytes())
     content = json.loads(whole["content"])
-    content[4] = [foreign]  # the advice, of any length
+    content[4] = [foreign]  # advice may have any length
     text = json.dumps(content)
-    digest = _digest(text)  # as if a stranger had the key
+    digest = _digest(text)  # simulate a stranger with the key
     (copy / NAME).write_text(json.dumps(whole | {"content": text, "digest": digest}))
     assert kept(Run.open(copy)) is None
     assert not (copy / "ran").exists()

@@ -115,7 +115,7 @@ def test_an_offset_is_compared_whatever_law_was_chosen() -> None:
     before = set_coulomb(machine(), 2, 1.0)
     own = before.friction_law.axes[1]
     assert own is not None
-    # equal forward and backward friction at half the speed, of another law
+    # another law with the same friction in both directions at half the speed
     offset = own.terms["offset"]
     terms = own.terms | {
         "offset": offset.model_copy(update={"value": offset.value - 1.0}),

@@ -121,7 +121,7 @@ def test_a_drive_that_feeds_forward_by_itself_besides_is_named(tracked: Path) ->
 def test_all_passes_are_runs_that_lose_nothing(tracked: Path) -> None:
     page = (tracked / "tracking.html").read_text()
     assert page.count("<svg viewBox") > 6
-    assert 'data-r="' in page  # and is played
+    assert 'data-r="' in page  # with playback
     for name in PASSES:
         run = Run.open(tracked / name)
         assert run.ids == ("t",)

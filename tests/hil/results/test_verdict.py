@@ -191,7 +191,7 @@ def test_too_few_measurements_are_a_doubt_in_identification_and_validation(model
         "doubtful",
         "15 measurements",
     )
-    assert judged((), 6, [found]).word == "failed"  # there are no scores either
+    assert judged((), 6, [found]).word == "failed"  # also without scores
     assert scored(few, ()).word == "failed"
 
 

@@ -37,7 +37,7 @@ def test_a_cold_gear_has_more_friction_and_a_warm_one_less(model: Model) -> None
     cold, mean, warm = friction(model, 0.0), friction(model), friction(model, 1.0)
     assert (cold[:5] > mean[:5]).all()
     assert (mean[:5] > warm[:5]).all()
-    assert cold[5] == mean[5] == warm[5]  # its warmth is not identified
+    assert cold[5] == mean[5] == warm[5]  # no warmth identified on this axis
 
 
 def test_warmth_scales_the_level_and_not_the_offset(model: Model) -> None:

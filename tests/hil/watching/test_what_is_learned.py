@@ -131,7 +131,7 @@ def test_friction_of_another_shape_than_the_law_is_followed_at_every_speed() -> 
     columns = columns_of(np.ones_like(speed), np.full_like(speed, 0.2), speed)
     missing = 0.01 * np.sin(4 * np.log(speed))
     used = np.ones((62, 1), dtype=bool)
-    for number in range(240):  # three passes of the speeds, in a minute
+    for number in range(240):  # one minute: three passes of all speeds
         rows = slice(62 * (number % 20), 62 * (number % 20) + 62)
         level.follow(columns[rows], (missing - level.evaluate(columns)[0])[rows], used, 0.25)
     left = missing - level.evaluate(columns)[0]

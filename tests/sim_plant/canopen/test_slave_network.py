@@ -42,7 +42,7 @@ def test_random_frames_neither_upset_the_drives_nor_move_what_is_not_enabled(
     for _ in range(5_000):
         identifier, data = random_frame(rng)
         if identifier == 0x80 and rng.random() < 0.9:
-            continue  # time is costly
+            continue  # simulated time takes long
         frames = network.receive(identifier, data)
         assert all(0 <= number < 0x800 and len(payload) <= 8 for _, number, payload in frames)
         if identifier == 0x80:

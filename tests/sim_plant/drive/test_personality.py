@@ -104,7 +104,7 @@ def test_the_eds_lists_and_counts_what_it_declares(
         assert int(eds[name].get("SubNumber", "0")) == len(subs)
     path = tmp_path / "drive.eds"
     path.write_text(drive_eds(personality))
-    assert len(list(canopen.import_od(str(path)))) == len(objects) + 6  # and the dummies
+    assert len(list(canopen.import_od(str(path)))) == len(objects) + 6  # plus six dummy objects
 
 
 def test_mappings_may_be_arrays_of_few_entries(tmp_path: Path) -> None:

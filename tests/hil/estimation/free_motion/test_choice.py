@@ -59,7 +59,7 @@ def test_the_best_of_many_that_are_worth_nothing_is_seldom_chosen(n_blocks: int)
         plain = rng.uniform(0.9, 1.1, n_blocks)
         rich = {str(k): plain + rng.normal(0.0, 0.5, n_blocks) for k in range(12)}
         times += simplest({"plain": plain, **rich}) != "plain"
-    assert times <= 6  # 2.5 of 100 are expected: 7 or more have a chance of 2 %
+    assert times <= 6  # 2.5 of 100 expected: 7 or more with a probability of 2 %
 
 
 def test_a_few_blocks_call_for_nothing_richer_than_the_usual() -> None:
@@ -69,7 +69,7 @@ def test_a_few_blocks_call_for_nothing_richer_than_the_usual() -> None:
 
 def test_an_alternative_that_is_not_certainly_better_itself_is_not_chosen() -> None:
     usual = np.full(8, 1.0)
-    # gains by chance, with no certain advantage of the best one, and gains in every block
+    # random gains without a significant best one, and a gain in every block
     poor = usual - np.array([0.9, -0.5, 0.6, -0.7, 0.9, -0.8, 0.8, -0.6])
     rich = usual - np.array([0.30, 0.35, 0.25, 0.30, 0.40, 0.30, 0.20, 0.35])
     assert simplest({"usual": usual, "poor": poor, "rich": rich}) == "rich"
@@ -192,7 +192,7 @@ def test_a_presliding_that_no_law_holds_gets_a_dead_zone_and_counts_as_residual(
     with_zone = estimate(arm(), recorded(arm(), TRUTH, presliding), "free motion")
     without = estimate(arm(), recorded(arm(), TRUTH, presliding), "weighted least squares")
     assert with_zone.details.dead_zone > 0
-    # the score includes speeds omitted from the fit
+    # the score also covers speeds omitted from the fit
     assert (with_zone.residual > 0.9 * without.residual).all()
     error, of_all = (np.linalg.norm(found.p - TRUTH) for found in (with_zone, without))
     assert error < of_all
