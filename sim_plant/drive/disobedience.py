@@ -24,7 +24,7 @@ class Disobedience:
     ignored : frozenset of Command
         Commands without effect.
     keeps_voltage : bool
-        A quick stop ends in QUICK STOP ACTIVE, whatever 605Ah says.
+        A quick stop ends in QUICK STOP ACTIVE, regardless of 605Ah.
     runs_on : bool
         A quick stop changes the state alone: the axis goes on to its target.
     """

@@ -85,7 +85,7 @@ class ParquetTable:
                 found[each] = None
                 if len(found) % 1000 == 0:
                     refuse_beyond(path, PLACE * len(found), f"{len(found)} columns")
-        # only the file's own columns are numbered, whatever they contain
+        # numbers count the file's own columns only, not parts of these
         self._places = [*map(_Place, schema.names), *(each for each in found if each not in plain)]
         self._read = found.keys()
         self.names: tuple[str, ...] = tuple(place.name for place in self._places)
