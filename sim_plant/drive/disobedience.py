@@ -26,7 +26,7 @@ class Disobedience:
     keeps_voltage : bool
         A quick stop ends in QUICK STOP ACTIVE, regardless of 605Ah.
     runs_on : bool
-        A quick stop changes the state alone: the axis goes on to its target.
+        A quick stop changes only the state: the axis continues to its target.
     """
 
     ignored: frozenset[Command] = frozenset()

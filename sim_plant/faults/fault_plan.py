@@ -102,7 +102,7 @@ class What(StrEnum):
     """By controlword, as are shutdown and disable operation; after a quick stop the drive stays in
     QUICK STOP ACTIVE, regardless of 605A."""
     STOP_WITHOUT_EFFECT = "stop-without-effect"
-    """The drive shows QUICK STOP ACTIVE, and the axis goes on to its target."""
+    """The drive shows QUICK STOP ACTIVE, but the axis continues to its target."""
 
 
 _WITHOUT_AXIS = {
