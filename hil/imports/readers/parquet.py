@@ -274,7 +274,7 @@ def _object_at(decoder: json.JSONDecoder, text: str, begin: int) -> tuple[object
             found, end = decoder.raw_decode(text[begin : begin + length])
         except json.JSONDecodeError as error:
             if length >= OBJECT or begin + length >= len(text):
-                what = f"{error.msg}, of at most {OBJECT} characters an object"
+                what = f"{error.msg}, of at most {OBJECT} characters per object"
                 raise json.JSONDecodeError(what, text, begin + error.pos) from None
             length *= 4
         else:
