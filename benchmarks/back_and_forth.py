@@ -1,8 +1,8 @@
 """Identification from foreign strokes of one axis at a time, against the truth.
 
 Each seed is a virtual twin whose friction drifts. Its strokes are measured over CAN frames, written
-as CSV files of positions and torques alone, imported with a map each, and identified by the method
-for them, by that for strokes of our own and by that for free motions::
+as CSV files of positions and torques alone, imported with a map each, and identified by three
+methods: for imported strokes, for strokes measured by hil, and for free motions::
 
     python benchmarks/back_and_forth.py [tests/robots/pan-tilt.yaml] [--strokes smooth]
         [--seeds 10]

@@ -171,8 +171,8 @@ def main() -> None:
             late = Counter(n.split("-")[1] for n, each in found.items() if each >= GROWTH / 2)
             print(
                 f"{number} machines, {n_rows} rows written in {writing:.0f} s, asked in"
-                f" {asking:.1f} s: {false:.2f} false alarms a machine and decade; wear found before"
-                f" half on {len(early)} of {WORN}, median growth"
+                f" {asking:.1f} s: {false:.2f} false alarms per machine and decade; wear found"
+                f" before half on {len(early)} of {WORN}, median growth"
                 f" {100 * np.median(list(found.values())):.1f} %; later by axis: {dict(late)}"
             )
             kept |= {

@@ -8,7 +8,7 @@ as tables and imported, like recordings of another controller::
 strokes
     Strokes that were measured here, and an imported trajectory.
 rates
-    Two imported trajectories, of 250 and of 125 samples a second.
+    Two imported trajectories, of 250 and of 125 samples per second.
 loads
     Strokes of the bare arm, and an imported trajectory of the arm with a load of 4 kg.
 
@@ -87,7 +87,7 @@ def strokes(folder: Path, seed: int) -> Iterator[Part]:
 
 
 def rates(folder: Path, seed: int) -> Iterator[Part]:
-    """Return the results of imports of 250 and of 125 samples a second, and of both."""
+    """Return the results of imports of 250 and of 125 samples per second, and of both."""
     first, plant = measured(folder, "trajectories", seed)
     second, _ = measured(folder, "trajectories", seed + OTHER)
     fast = exported(first, folder / f"csv-{seed}", strokes=False)

@@ -86,8 +86,9 @@ class SampleFlag(enum.IntFlag):
     DOUBLED = 2
     """More than one TPDO answered this SYNC; the first is used."""
     LATE = 4
-    """A TPDO of an earlier SYNC arrived in this period and was dropped, or a TPDO that follows a
-    missing one may be a late one."""
+    """A TPDO of an earlier SYNC was dropped in this period, or the TPDO after a missing one may
+    itself be late.
+    """
     LIMIT = 8
     """The drive reports an internal limit (statusword bit 11): its torque saturates."""
     SKIPPED = 16
@@ -173,7 +174,7 @@ class DriveBus(Protocol):
     """Servo axes as a context manager.
 
     Entering checks every drive, writes the limits and powers on. Leaving stops the axes and
-    powers off, whatever happened in between. Nothing moves unless `move` was called.
+    powers off, after any error in between. Nothing moves unless `move` was called.
     """
 
     @property

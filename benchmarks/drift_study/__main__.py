@@ -106,7 +106,7 @@ def drift(
     numbers = range(first_seed, first_seed + seeds)
     workers = workers or os.cpu_count() or 1
     failed = 0
-    left = f"stopped; what is done stays in {output}, the same command goes on"
+    left = f"stopped; what is done stays in {output}, the same command continues"
     with interruptible(lambda: left):
         try:
             with working("planning the campaigns"):

@@ -36,7 +36,7 @@ BABBLE = 1000
 """Largest number of frames read after the time of an answer: a node may never fall silent."""
 
 DOUBT = 5
-"""SYNCs with one answer each after which an owed TPDO counts as lost."""
+"""Number of SYNCs with a single answer each, after which an owed TPDO counts as lost."""
 
 _COMMAND, _TARGET = struct.Struct("<iH"), struct.Struct("<i")
 _OFFSETS = struct.Struct("<ih")

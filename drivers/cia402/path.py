@@ -25,7 +25,7 @@ more than its following error window w,
     r |q'| <= sqrt(2 a w).
 
 At a quarter of such a pace a late set-point does no harm. So up to that pace only the acceleration
-limits restrict its recovery, however often set-points are late.
+limits restrict its recovery, even if set-points are often late.
 
 Feed-forward is scaled alike: velocity by r; the holding part of the torque is kept, and the rest,
 due to acceleration and speed, is scaled by r^2.

@@ -45,7 +45,7 @@ _ON_TARGET = (
     "the axis is on its target, but its drive does not show target reached (6041 bit 10): check "
     "its position window and time (6067, 6068)"
 )
-_STUCK = "check encoder and cable, and that the drive still updates its position (6064)"
+_STUCK = "check encoder, cable and the drive's update of its position (6064)"
 _REMEDIES = {
     Phase.OFFERED: f"{_NOT_REACHED}, or state a longer acknowledge_timeout in the drives file",
     Phase.TAKEN: f"{_NOT_REACHED}; where the drive holds its acknowledge until the target is "
@@ -223,8 +223,8 @@ class ProfilePosition:
             remedy = f"{_STUCK}, {_NOT_REACHED.removeprefix('check ')}"
         alike = self._process_data.now() - max(motion.still[1], motion.alike[1])
         if alike > min(GRACE, self._patience[axis]) / 2:
-            seen = f"position and current have not changed for {alike:.2g} s: unless the current "
-            seen += "is always so still, the drive's program hangs, switch the drive off and on; "
+            seen = f"position and current have not changed for {alike:.2g} s: if its current "
+            seen += "usually varies, the drive's program hangs: switch the drive off and on; "
         remote = [bool(word & Status.REMOTE) for word in self._process_data.words]
         if phase is Phase.OFFERED and any(remote) and not remote[axis]:
             seen = "takes no commands by the bus (statusword bit 9, remote, is clear): "

@@ -1,4 +1,4 @@
-"""Emergency stop and power-off of all axes, whatever happens to bus and drives.
+"""Emergency stop and power-off of all axes, also with failures of bus and drives.
 
 At every SYNC each axis that does not show obedience is commanded again (`drivers.cia402.stop`). A
 command refused by the bus delays no other: it is sent as an object instead, and so is that of a

@@ -27,7 +27,7 @@ class Quantity(Enum):
     DISTANCE = auto()
     SPEED = auto()
     MOTOR_SPEED = auto()
-    """Speed of the motor shaft, in revolutions per minute whatever the velocity unit."""
+    """Speed of the motor shaft, in revolutions per minute for any velocity unit."""
     ACCELERATION = auto()
     TORQUE = auto()
     """Per mille of rated torque."""

@@ -1,7 +1,7 @@
 """Drive on the line: a slave with CoE, its process data and the watchdog that supervises us.
 
 The drive is brought to PREOP through INIT before the first access to its objects, so that mailboxes
-start anew whoever used them before. A watchdog of the sync manager takes the drive out of OP
+start anew after use by other masters. A watchdog of the sync manager takes the drive out of OP
 without outputs, as when this process dies. It is set before OP and read back before power-on; its
 original value is restored only when the drive is in PREOP again, where outputs have no effect.
 """

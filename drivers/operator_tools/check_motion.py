@@ -6,7 +6,7 @@ friction::
 
     tau_f = (mean of tau in positive direction - mean of tau in negative direction) / 2
 
-Friction dissipates power, whatever the axis and the load: tau_f > 0, or the current has the wrong
+Friction dissipates power for any axis and load: tau_f > 0, or the current has the wrong
 sign.
 
 Gravity gives the direction of a joint, by the model of a robot. A stroke in both directions over

@@ -108,7 +108,7 @@ def measure_wake_ups(
 
 
 def wake_ups_on(bus: Fieldbus, period: float, duration: float) -> WakeUps | None:
-    """Measure on an open bus, whose frames are dropped; None in lock-step, without waits."""
+    """Measure on an open bus, dropping received frames; return None in lock-step, without waits."""
     if bus.lock_step:
         return None
     return measure_wake_ups(period, duration, bus.wait)

@@ -93,7 +93,7 @@ def import_(
 
     with _executor(scheduler, workers, len(paths)) as execute, out.status("reading") as status:
         run = import_recordings(paths, output, state, progress, execute, allowed or ())
-    say(f"{output}: a run of {run.robot.name}; go on with: hil identify {output}")
+    say(f"{output}: a run of {run.robot.name}; continue with: hil identify {output}")
 
 
 def _executor(

@@ -315,7 +315,7 @@ def _fleet(part: Path) -> Fleet:
 
 
 def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
-    """Test every machine of an index, with `rate` false alarms a machine in ten years."""
+    """Test every machine of an index, with `rate` false alarms per machine in ten years."""
     tested = {name: departures(fleet, rate) for name, fleet in fleets.items()}
     changes = [each for found in tested.values() for each in found.changes]
     machines = sorted({each.run for each in changes})

@@ -134,7 +134,8 @@ def read_history(
     reference : Path, optional
         Reference run, in `paths` or not; by default the first.
     least_wander : float
-        Minimum relative change of friction attributed to temperature, whatever a campaign showed.
+        Minimum relative change of friction attributed to temperature, even if a campaign showed
+        less.
 
     Raises
     ------

@@ -185,9 +185,9 @@ class SimultaneousFit:
         """Return the correction of p for encoder quantisation, and its covariance.
 
         If a control loop follows its encoder, the axis moves with the encoder steps, and no
-        correction is needed; beyond the bandwidth of the loop the full correction is. The share of
-        an axis is unknown between 0 and 1: half the correction is applied, with the variance 1/12
-        of the share.
+        correction is needed; beyond the bandwidth of the loop the full correction is needed. The
+        share of an axis is unknown between 0 and 1: half the correction is applied, with the
+        variance 1/12 of the share.
         """
         sides = np.zeros((len(self.information), self._n_joints))
         for axis, weight in enumerate(self.weight):

@@ -21,7 +21,7 @@ off
     The axes are stopped and without power.
 sample
     ``t``: time of the bus [s]; ``q``, ``tau`` and ``flags`` (`drivers.drive_bus.SampleFlag`): a
-    number for each axis. At most 25 lines a second (`hil.live.feed`), none for a slow reader.
+    number for each axis. At most 25 lines per second (`hil.live.feed`), none for a slow reader.
 event
     Event of the sequencer. ``name``: its class in `hil.measuring.events`; ``doing``: activity in
     words; ``notice``: message for the operator, or ""; ``t`` and ``total``: present and final time

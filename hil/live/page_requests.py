@@ -163,7 +163,7 @@ class Requests(BaseHTTPRequestHandler):
         elif place == "push" and not _is_push(body):
             self._text(
                 HTTPStatus.BAD_REQUEST,
-                'a push must read {"torque": [a number an axis], "lasts": seconds}, torques within'
+                'a push must read {"torque": [a number per axis], "lasts": seconds}, torques within'
                 f" +-{STRONGEST:g} N m or N, for at most {LONGEST:g} s",
             )
         elif self.site.streams.ended:

@@ -216,5 +216,5 @@ def friction_of_run(run: Run, recordings: Recordings) -> FrictionResult | None:
         return fit_friction(run, model or None, bound, recordings)
     except (FileError, Mismatch):
         found = fit_friction(run, None, bound, recordings)
-        # without the names of folders: the report may be sent to whoever wrote the file
+        # without names of folders, since the report may be sent to a stranger
         return replace(found, left_out=(*found.left_out, MODEL_LEFT_OUT))

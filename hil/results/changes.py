@@ -8,7 +8,7 @@ p = P(T >= (|d| - a) / s) + P(T >= (|d| + a) / s),
 
 with Student's T; for a = 0 it is the usual two-sided p-value. Many quantities of a new run are
 tested, against two other runs. Holm's step-down procedure (1979) bounds the probability that any of
-them is marked by chance, whatever their correlations: a false mark appears in at most `SIGNIFICANT`
+them is marked by chance, for any correlations: a false mark appears in at most `SIGNIFICANT`
 of the runs of an unchanged machine.
 
 A machine that worked before a campaign has less friction on every axis than one that rested over

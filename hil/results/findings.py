@@ -231,7 +231,7 @@ def _program() -> str:
 
 
 def _digest(text: str) -> str:
-    """Return the keyed digest: findings of another user are none, whatever they state."""
+    """Return a digest with the user's key, so that findings of other users are never accepted."""
     return hmac.digest(own_key(), text.encode(), "sha256").hex()
 
 

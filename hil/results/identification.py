@@ -242,7 +242,7 @@ def identified(
     if proof is not None:
         found = replace(found, shifts=proof.shifts)
     model = model_of(run, found, others, proof, options, campaign)
-    # all samples: the prediction has no other use
+    # the joint fit holds all samples and is no longer needed
     return ModelFit(replace(found, joint=None), model)
 
 

@@ -113,7 +113,7 @@ class RunFolder(Run):
         """
         if path.exists() and not (cls.is_stub(path) or _is_empty(path)):
             raise FileError(
-                f"{path}: already exists; go on with --resume, or choose another folder with -o"
+                f"{path}: already exists; continue with --resume, or choose another folder with -o"
             )
 
     @staticmethod

@@ -162,7 +162,7 @@ class _Laws:
         self._gear = np.nan_to_num(model.robot.gear_ratio)
 
     def evaluate(self, q: Array, qd: Array, side: Array, load: Array) -> tuple[Array, Array]:
-        """Return torque without direction, and level against direction `side`, shape (n,) each."""
+        """Return torque without directed terms, and level for directions `side`, (n,) each."""
         speed = np.abs(qd)
         known = np.minimum(np.maximum(speed, self._slowest), self._fastest)
         u, direction = side * known / self.speed, Direction(side, self._none)

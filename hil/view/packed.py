@@ -26,8 +26,8 @@ page are null.
 
 A track is ``time``, ``value`` and, of planned motions, ``slope``, each packed: a ``step``, and
 ``differences`` of successive multiples of it, null where nothing is known. Curves need no more
-digits than a screen shows. The lines of a run that goes on (`hil.live.lines`) have the same names
-for the same quantities, and torques in such tracks.
+digits than a screen shows. The lines of a running measurement (`hil.live.lines`) have the same
+names for the same quantities, and torques in such tracks.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 APART = 0.04
-"""Averaging time of displayed torques [s]: 25 values a second."""
+"""Averaging time of displayed torques [s]: 25 values per second."""
 HELD = 500
 """Maximum number of means kept for display: 20 s of motion."""
 

@@ -1,7 +1,7 @@
 """Network management (NMT) of a node (CiA 301): states, commands, boot-up.
 
 The state says which services answer: SDO while pre-operational or operational, PDO while
-operational, EMCY unless stopped. SYNC and heartbeats go on in every state.
+operational, EMCY unless stopped. SYNC and heartbeats continue in every state.
 """
 
 from __future__ import annotations

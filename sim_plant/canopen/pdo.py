@@ -3,7 +3,7 @@
 Transmission types: 0 and 1...240 act on SYNC (a TPDO of type n every n-th, one of type 0 when its
 data have changed; an RPDO takes effect at the next SYNC), 254 and 255 act at once. Only
 an event-driven TPDO knows inhibit time and event timer. Layouts are compiled when they change, so
-that a SYNC costs one `struct` call a PDO.
+that a SYNC costs one `struct` call per PDO.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ class Timers:
     Attributes
     ----------
     now : float
-        Present time [s]; set by whoever advances the machine.
+        Present time [s]; set by the caller that advances the machine.
     next : float
         Due time of the earliest timer [s]; inf without timers.
     """

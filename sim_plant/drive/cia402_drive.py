@@ -1,6 +1,6 @@
 """Servo drive on any bus: the power state machine of CiA 402 and one axis.
 
-Commands come in through the controlword, whoever wrote it (SDO or PDO). Stopping on the way out of
+Commands come in through the controlword, by SDO or PDO. Stopping on the way out of
 OPERATION ENABLED follows the option codes: the state is left when the axis stands still, at once
 where the option says so. Faults take the way over FAULT REACTION ACTIVE (605Eh) to FAULT, and are
 left by a rising edge of bit 7 once their cause is gone.

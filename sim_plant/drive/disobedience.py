@@ -24,9 +24,9 @@ class Disobedience:
     ignored : frozenset of Command
         Commands without effect.
     keeps_voltage : bool
-        A quick stop ends in QUICK STOP ACTIVE, whatever 605Ah says.
+        A quick stop ends in QUICK STOP ACTIVE, regardless of 605Ah.
     runs_on : bool
-        A quick stop changes the state alone: the axis goes on to its target.
+        A quick stop changes only the state: the axis continues to its target.
     """
 
     ignored: frozenset[Command] = frozenset()

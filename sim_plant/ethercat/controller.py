@@ -99,7 +99,7 @@ class Controller:
     memory : bytearray
         Registers and process memory; the slave's own side writes it directly.
     set_up : list of SyncManager, or None
-        All sync managers as they are set, a new list after every change; None while it is stale.
+        Present settings of all sync managers, a new list after every change; None while outdated.
     """
 
     def __init__(self) -> None:

@@ -45,7 +45,7 @@ class ProcessData:
     Attributes
     ----------
     is_taken : bool
-        Outputs have been taken as they are, and nothing else has written since.
+        True if the outputs were accepted unchanged, without another write since.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class ProcessData:
                 try:
                     write(values[n])
                 except SdoAbort:
-                    self.is_taken = False  # refused as often as it is asked
+                    self.is_taken = False  # every further attempt is refused, too
                     self._emergencies.report(ErrorCode.PDO_VALUE)
 
     def latch(self, image: Sequence[int]) -> bytes:

@@ -100,9 +100,9 @@ class What(StrEnum):
     """
     DISABLE_VOLTAGE_IGNORED = "disable-voltage-ignored"
     """By controlword, as are shutdown and disable operation; after a quick stop the drive stays in
-    QUICK STOP ACTIVE, whatever 605A says."""
+    QUICK STOP ACTIVE, regardless of 605A."""
     STOP_WITHOUT_EFFECT = "stop-without-effect"
-    """The drive shows QUICK STOP ACTIVE, and the axis goes on to its target."""
+    """The drive shows QUICK STOP ACTIVE, but the axis continues to its target."""
 
 
 _WITHOUT_AXIS = {

@@ -30,7 +30,7 @@ LONGEST = 1.0
 """Maximum duration of a push [s], since the sender may have gone."""
 STRONGEST = 1e4
 """Maximum torque or force of a push [N m or N], ten times the limit of large arms."""
-_SIZE = 4096  # more than 64 axes need
+_SIZE = 4096  # enough for 64 axes
 
 
 class Hand:

@@ -70,7 +70,7 @@ class TestInterruption:
         _, err = started.communicate(timeout=120)
         assert processes_of(tmp_path / "study") == []
         folder = tmp_path / "study"
-        assert err == f"stopped; what is done stays in {folder}, the same command goes on\n"
+        assert err == f"stopped; what is done stays in {folder}, the same command continues\n"
         assert started.returncode == 130
         run = RunFolder.open(folder / "on" / "two-step" / "seed-1")
         assert run.missing

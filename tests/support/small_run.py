@@ -99,5 +99,5 @@ def state_hardware(journal, bus):
 
 
 def empty_plots(monkeypatch):
-    """Let reports have all their plots, without content."""
+    """Replace the plots of reports by empty ones."""
     monkeypatch.setattr("hil.show.section.Plot.chart", Chart())

@@ -2,7 +2,7 @@
 
 Written from the standard's grammar, not from the exporter: declared types, functions and function
 blocks, assignments and IF. Names have no case. Unknown syntax, duplicate or missing declarations,
-and mixed types are refused with their line. Values are numbers or arrays of one number a sample.
+and mixed types are refused with their line. Values are numbers or arrays of one number per sample.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Found, excluded and invisible causes: proof by recordings of errors in an identification."""
+"""Test of recordings for causes of error: found, excluded and invisible ones."""

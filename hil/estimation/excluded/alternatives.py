@@ -7,8 +7,8 @@ Each alternative is another reading of the recordings. Joint i is read from chan
 so that a gear ratio N that is stated as N' has scale, gain and gear N' / N, and the motor's H is
 that stated over gear^2. All base parameters are fitted anew for each reading. Readings are compared
 by the likelihood of white noise of unknown variance on each axis, sum n_a log s_a^2; they have as
-many unknowns as the stated reading, or one more. Two things beyond noise are impossible whatever
-the residual: friction that drives its axis, and motion of negative kinetic energy.
+many unknowns as the stated reading, or one more. Two results are impossible beyond noise,
+regardless of the residual: friction that drives its axis, and motion of negative kinetic energy.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ class Cause(NamedTuple):
         Usual size, in `unit`; 0 if none is known.
     remedy : str
     whole : bool
-        True if the cause makes all parameters useless, whatever its size.
+        True if the cause makes all parameters useless at any size.
     accounted : bool
         True if an estimate accounts for the cause, where visible.
     least : float

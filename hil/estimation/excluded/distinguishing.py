@@ -233,7 +233,9 @@ class _Search:
     def _tested(self) -> tuple[Battery, int]:
         found = foreseen_tests(self.plan, self.robot, self.noise, self.p)
         if found is None:
-            raise NotIdentifiable("0 measurements show parameters; plan some (see: hil plan)")
+            raise NotIdentifiable(
+                "the plan has 0 measurements for base parameters; add some (see: hil plan)"
+            )
         return found
 
     def _candidates(self) -> list[ElementMeasurement]:

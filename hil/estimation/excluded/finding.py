@@ -7,7 +7,7 @@ account. Then the others are tested beside it, until none is significant. Causes
 much as the found one, as far as the data distinguish them, are named with it.
 
 Columns are of the first order. Other readings of the recordings are tried too (`alternatives`) if a
-found cause is large, if groups contradict each other whatever the reason, or if friction would
+found cause is large, if groups contradict each other for any reason, or if friction would
 drive an axis. A reading that explains as much as all columns together takes their place.
 """
 
@@ -62,8 +62,8 @@ impact without a rebound, and links that rebound with a restitution of 0.5 come 
 the energy.
 """
 CONTRADICTS = 4.0
-"""Median dispersion of causes from which on groups contradict each other, whatever the reason: they
-scatter twice as much as noise within them explains. Then nothing may be significant, since
+"""Median dispersion of causes from which on groups contradict each other for any reason: they
+scatter twice as much as the noise within groups explains. Then nothing may be significant, since
 everything is uncertain. It is 1.0 to 1.5 where nothing is wrong, even with strong drift of
 friction; up to 3.5 beside a cause that a column explains; and 13 to 18 where one axis counts the
 other way, two are exchanged or a zero is off by 90 degrees. 2.5 and 9 have the same outcome on the

@@ -110,8 +110,8 @@ class _Levels(NamedTuple):
     ----------
     earlier, later : ndarray, shape (n_parts,)
     floor : float
-        Variance of a level by the residual of the curve: a stroke shows one level, whatever its
-        number of samples.
+        Variance of a level by the residual of the curve: a stroke shows one level, independent of
+        its number of samples.
     share : float
         Share of the recorded torque due to 1 % of the friction.
     """

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 ENOUGH = 600.0
 """Maximum total duration of several free motions [s]: longer recordings give no further rows, since
-`evidence.MOST` rows of an axis are four rows a second by then.
+`evidence.MOST` rows of an axis are four rows per second by then.
 """
 APART = 60.0
 """Assumed time between the earlier and the later recordings [s]; no cause depends on this value."""

@@ -76,7 +76,7 @@ class FreeMotionFit(FileModel):
     recorded_velocity : tuple of int
         Axes with recorded velocity, from 1.
     velocity_reasons : tuple of str
-        Reason for each axis; empty in models written without.
+        Reason for each axis; empty in models of earlier versions.
     axes : tuple of AxisLaw
     coupled : tuple of CoupledFriction
     relative_residual : tuple of float or None
@@ -84,9 +84,9 @@ class FreeMotionFit(FileModel):
     overall_residual : float
         Relative residual of all axes together.
     naive_residual : tuple of float or None
-        Relative residual of a constant torque; empty in models written without.
+        Relative residual of a constant torque; empty in models of earlier versions.
     blocks : int, optional
-        Number of pieces of time of the recordings; None in models written without.
+        Number of pieces of time of the recordings; None in models of earlier versions.
     still, driving, unusual : tuple of int
         Axes, from 1: at rest in all recordings; with a friction law that supplies power to the
         motion; with an offset larger than usual for friction, which resembles weight.
@@ -101,8 +101,8 @@ class FreeMotionFit(FileModel):
         Gains left unknown by the map.
     lag : tuple of TermValue
         Delay of each axis's recorded torque after the position [s], 0 if no lag was found;
-        compensated before the fit and in predictions of recordings; empty in models written
-        without.
+        compensated before the fit and in predictions of recordings; empty in models of earlier
+        versions.
     compliance : dict of str to TermValue
         Compliances of the soft gears, by axis from 1 [rad/(N m) or m/N], included in predictions of
         recordings.

@@ -85,7 +85,7 @@ class ParquetTable:
                 found[each] = None
                 if len(found) % 1000 == 0:
                     refuse_beyond(path, PLACE * len(found), f"{len(found)} columns")
-        # only the file's own columns are numbered, whatever they contain
+        # numbers count the file's own columns only, not parts of these
         self._places = [*map(_Place, schema.names), *(each for each in found if each not in plain)]
         self._read = found.keys()
         self.names: tuple[str, ...] = tuple(place.name for place in self._places)
@@ -274,7 +274,7 @@ def _object_at(decoder: json.JSONDecoder, text: str, begin: int) -> tuple[object
             found, end = decoder.raw_decode(text[begin : begin + length])
         except json.JSONDecodeError as error:
             if length >= OBJECT or begin + length >= len(text):
-                what = f"{error.msg}, of at most {OBJECT} characters an object"
+                what = f"{error.msg}, of at most {OBJECT} characters per object"
                 raise json.JSONDecodeError(what, text, begin + error.pos) from None
             length *= 4
         else:

@@ -156,7 +156,7 @@ def refuse_inflated_tables(path: Path) -> None:
             held = bag.execute(columns, (table,)).fetchall()
             if len(held) > _COLUMNS:
                 raise FileError(
-                    f"{path}: table {table!r} has {len(held)} columns, at most {_COLUMNS} may be;"
+                    f"{path}: table {table!r} has {len(held)} columns, at most {_COLUMNS} allowed;"
                     " record anew"
                 )
             for column, hidden in held:

@@ -6,8 +6,8 @@ D-optimal choice). Each element gets measurements in proportion to the number of
 rows. The number of measurements of each kind is given; `hil.planning.design.by_minutes` chooses it
 too.
 
-A constant gravity torque cannot be distinguished from a torque offset, however often it is
-measured: such an axis gets few measurements, and its parameters are determined from moments of
+A constant gravity torque cannot be distinguished from a torque offset by any number of
+measurements: such an axis gets few measurements, and its parameters are determined from moments of
 inertia (`Dependencies.hidden`).
 
 The order minimises travel; in a guarded workspace travels also keep clear of the forbidden boxes

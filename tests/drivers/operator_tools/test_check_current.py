@@ -185,9 +185,9 @@ def test_a_ratio_that_means_nothing_is_not_used(counts: np.ndarray, found: str) 
 @pytest.mark.parametrize(
     ("held", "friction", "rated", "found"),
     [
-        (0.0, 0.1, 2.0, "contradicts"),  # 0.03 % of the rated torque
+        (0.0, 0.1, 2.0, "contradicts"),  # friction of 0.03 % of the rated torque
         (0.0, 250.0, 2.0, "contradicts"),  # 83 %
-        (400.0, 30.0, 2.0, "contradicts"),  # 133 % held
+        (400.0, 30.0, 2.0, "contradicts"),  # holds 133 % of the rated torque
         (200.0, 30.0, 0.05, "confirmed"),  # as mA it would be 2000 %
         (0.0, 30.0, 2.0, "undecided"),
     ],

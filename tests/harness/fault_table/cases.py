@@ -91,7 +91,7 @@ CASES = (
         "abort 08000022", signs.request,
     ),
     Case(
-        "EMCY of every class, drive works on", "notes each once and goes on",
+        "EMCY of every class, drive continues", "notes each once and continues",
         tuple(
             fault(What.WARNING, When(set_point=3, after=0.05 * n), code=code)
             for n, code in enumerate(CLASSES)
@@ -201,7 +201,7 @@ CASES = (
         DriveFault, "8611 (following error too large)", signs.trouble,
     ),
     Case(
-        "push from outside", "goes on; the recording shows the push",
+        "push from outside", "continues; the recording shows the push",
         (fault(What.PUSH, size=50.0, lasts=Span(time=0.05)),), None, "",
     ),
     *(
@@ -213,11 +213,11 @@ CASES = (
         for what, identifier, data, reads in FOREIGN
     ),
     Case(
-        "another participant starts all nodes (NMT)", "notes it and goes on", (), None,
+        "another participant starts all nodes (NMT)", "notes it and continues", (), None,
         "another master commands all nodes to start", foreign=((0, bytes([1, 0])),),
     ),
     Case(
-        "another participant reads a drive's objects", "notes it and goes on", (), None,
+        "another participant reads a drive's objects", "notes it and continues", (), None,
         "another master or tool reads objects of joint 2",
         foreign=((0x602, bytes.fromhex("4064600000000000")),),
     ),

@@ -52,7 +52,7 @@ def _outages(what: What) -> Iterator[Case]:
             kind=f"{name} of {{}} ms at Ctrl-C",
         )  # fmt: skip
     yield Case(
-        f"{name} of {1000 * SHORT:.0f} ms in a stroke", "flags the samples and goes on",
+        f"{name} of {1000 * SHORT:.0f} ms in a stroke", "flags the samples and continues",
         (everywhere(what, at, Span(time=SHORT)),), None, "", flags=True, outage=SHORT,
     )  # fmt: skip
     yield Case(

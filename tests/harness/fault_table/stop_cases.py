@@ -83,7 +83,7 @@ def _stroke_case(what: What, length: float) -> Case:
     syncs = round(length / drives.sync_period)
     if what is What.TRANSMIT_OUTAGE:
         if syncs < SEND_ATTEMPTS:
-            does = f"sends again and goes on, or {_STOPS}"
+            does = f"sends again and continues, or {_STOPS}"
             return case(does=does, error=BusUnavailable, reads="", may_go_on=True)
         return case(does=_STOPS, error=BusUnavailable, reads="cannot be sent")
     if syncs < BLIND:
@@ -103,7 +103,7 @@ def _power_up_case(what: What, length: float) -> Case:
         return case(
             does="switches off", error=BusUnavailable, reads="cannot be sent", energised=None
         )
-    return case(does="waits for the drives and goes on", error=None, reads="")
+    return case(does="waits for the drives and continues", error=None, reads="")
 
 
 def _disobedient(what: What) -> tuple[Fault]:
@@ -119,7 +119,7 @@ STOP_CASES = (
         plan=FAST, interrupted=True, way=WAY, off_within=OFF_WITHIN,
     ),
     Case(
-        "quick stop shown, axis goes on, Ctrl-C at 2.4 rad/s", "disables voltage",
+        "quick stop shown, axis continues, Ctrl-C at 2.4 rad/s", "disables voltage",
         _disobedient(What.STOP_WITHOUT_EFFECT), KeyboardInterrupt, "",
         signs.event, plan=FAST, interrupted=True, way=WAY, off_within=OFF_WITHIN,
     ),

@@ -171,7 +171,7 @@ def test_a_taken_run_folder_is_refused_before_the_plan_is_gone_through(
     monkeypatch.setattr("hil.tasks.measuring.checked", None)
     monkeypatch.setattr("hil.planning.dry_run.dry_run", None)
     status, _, err = hil("run", plan, "-o", tmp_path / "run")
-    assert (status, "already exists; go on with --resume" in err) == (1, True), err
+    assert (status, "already exists; continue with --resume" in err) == (1, True), err
     status, _, err = hil("run", plan, "-o", tmp_path / "other", "--resume")
     assert (status, "is no run folder" in err) == (1, True), err
 

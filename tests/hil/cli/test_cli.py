@@ -193,7 +193,7 @@ def test_a_second_run_into_the_same_folder_is_refused(
     samples = bus.n_samples
     status, _, err = hil("run", plan_file, "-o", tmp_path / "first")
     assert status == 1
-    assert "already exists; go on with --resume" in err
+    assert "already exists; continue with --resume" in err
     assert bus.n_samples == samples
 
 

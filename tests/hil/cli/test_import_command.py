@@ -26,7 +26,7 @@ def test_a_run_is_made_and_what_was_found_is_stated(hil: Hil, folder: Path) -> N
     assert printed.splitlines() == [
         "map.yaml: data.csv: 801 rows at 200 Hz, jitter 0 ms; time stamps equidistant as recorded",
         "map.yaml: 1 motion, map-01: 4 s in 4 blocks",
-        "runs/x: a run of pair; go on with: hil identify runs/x",
+        "runs/x: a run of pair; continue with: hil identify runs/x",
     ]
     assert Run.open(folder / "runs" / "x").ids == ("map-01",)
 

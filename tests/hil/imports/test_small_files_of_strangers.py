@@ -267,7 +267,7 @@ def test_an_object_of_json_is_read_as_far_as_a_sample_goes(tmp_path: Path) -> No
     assert len(next(iter(open_table(path, Format()).blocks([0])))) == 20
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reader, "OBJECT", 4000)
-        with pytest.raises(FileError, match="of at most 4000 characters an object"):
+        with pytest.raises(FileError, match="of at most 4000 characters per object"):
             open_table(path, Format())
 
 

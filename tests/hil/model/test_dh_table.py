@@ -107,7 +107,7 @@ def pinocchio_of(rows: Rows, notation: Notation, gravity: Array) -> pin.Model:
 
 
 def standard_parameters(model: pin.Model, poses: Array) -> Array:
-    """Return Pinocchio's bodies in our frames, of these poses at q = 0."""
+    """Return Pinocchio's bodies in our frames, given the poses of our frames at q = 0."""
     data, found = model.createData(), []
     pin.forwardKinematics(model, data, pin.neutral(model))
     for k, pose in enumerate(poses, start=1):

@@ -205,7 +205,7 @@ def test_the_drives_get_the_narrowed_ranges_as_their_limits() -> None:
         (
             "boxes: [{name: floor, low: [-3, -3, -1.5], high: [3, 3, -0.4]}]",
             "floor contains link 1 of manutec-r15 at every configuration, so nothing could be"
-            " measured; correct its corners, or where the arm is fixed to it state"
+            " measured; correct its corners, or, if the arm is fixed to it, state"
             " ignore_links: [1]",
         ),
         (

@@ -207,7 +207,7 @@ def test_what_a_kill_left_half_written_is_no_recording(
 def test_an_existing_run_is_not_overwritten(
     folder: RunFolder, small_plan: Plan, manutec: Robot
 ) -> None:
-    with pytest.raises(FileError, match="already exists; go on with --resume"):
+    with pytest.raises(FileError, match="already exists; continue with --resume"):
         RunFolder.create(folder.path, small_plan, manutec)
 
 
