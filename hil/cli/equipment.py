@@ -92,12 +92,12 @@ TYPES = {"path": "PATH", "str": "TEXT", "int": "NUMBER", "float": "NUMBER"}
 def name_types(parameters: list[Any], context: Any) -> list[Any]:
     """Name the values of options in the help: short, and broken between words.
 
-    Defaults in words lose the brackets that typer writes. Flags take no value, which some versions
-    of typer show; arguments are named already.
+    Defaults in words become part of the help, where typer would add brackets. Flags take no value,
+    which some versions of typer show; arguments are named already.
     """
     for each in parameters:
         if isinstance(default := getattr(each, "show_default", False), str):
-            vars(each)["_get_default_string"] = lambda text=default, **_: text
+            each.help, each.show_default = rf"{each.help} [dim]\[default: {default}][/dim]", False
         if getattr(each, "is_flag", False):
             each.metavar = ""
         elif hasattr(each, "display_type"):

@@ -209,9 +209,10 @@ def _feed(
     """Create the feed of the run's listeners; None without listeners."""
     feed, hand = how.feed, bool(hand_of(how.bus_option))
     if feed is None and how.listeners:
+        from hil.live.audience import Audience
         from hil.live.feed import Feed
 
-        feed = Feed(how.listeners, simulated=how.interface == SIMULATED)
+        feed = Feed(Audience(how.listeners), simulated=how.interface == SIMULATED)
     if feed is not None:
         feed.turn_to(the_robot, the_plan, rehearsal, hand=hand, watcher=watcher)
     return feed

@@ -108,7 +108,7 @@ def try_(
         from tempfile import TemporaryDirectory
 
         from hil.cli.live import Shown, listeners
-        from hil.live.feed import Feed
+        from hil.live.audience import Audience
         from hil.terminal.interruption import interruptible
 
         folder = _claim_folder(output)
@@ -116,17 +116,19 @@ def try_(
         left.enter_context(interruptible(lambda: f"stopped; recordings so far are in {folder}"))
         hand = f"{left.enter_context(TemporaryDirectory(prefix='hil-'))}/hand"
         shown = listeners(Shown(live=port), [f"hand={hand}"], folder / "measured", while_open=True)
-        feed = Feed(shown, simulated=True)
-        stated = left.enter_context(feed.open(out))
-        feed.publish("headline", {"text": "Planning the measurements", "more": ABOUT})
+        audience = Audience(shown)
+        stated = left.enter_context(audience.open(out))
+        audience.publish("headline", {"text": "Planning the measurements", "more": ABOUT})
         if no_browser or not _open_browser(stated):
             say("open this address in a browser; Ctrl-C ends the demonstration")
         with working("planning the measurements of the virtual robot"):
             from hil.cli.try_plans import measured_plan
+            from hil.live.feed import Feed
             from hil.model.robot import Robot
 
             robot = Robot.load(ROBOT)
             plan = measured_plan(robot)
+            feed = Feed(audience, simulated=True)
         feed.publish("headline", {"text": "Checking the drives, then power on", "more": MEASURING})
         model = _measure(robot, plan, folder / "measured", feed, speed)
         ends = time.monotonic() + LEARNING + push if push else began + LONGEST

@@ -9,20 +9,13 @@ from __future__ import annotations
 
 import time
 from contextlib import contextmanager, nullcontext
-from functools import partial
-from queue import Empty
 from typing import TYPE_CHECKING, Any
-
-import typer
 
 from drivers.drive_bus import DriveError
 from hil.live import lines
-from hil.live.listener import ANSWERS
 from hil.measuring.events import Recorded
 from hil.measuring.feeding import BusInFront
 from hil.results.watch import pushes
-from hil.terminal.console import say
-from hil.terminal.interruption import STATUS, interrupt_main
 from hil.terminal.progress import Pace
 
 if TYPE_CHECKING:
@@ -33,7 +26,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from drivers.drive_bus import DriveBus, Sample
-    from hil.live.listener import Listener
+    from hil.live.audience import Audience
     from hil.measuring.events import Event
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
@@ -63,17 +56,14 @@ class Feed:
 
     Parameters
     ----------
-    listeners : sequence of Listener
-        Listeners, to be started.
+    audience : Audience
     simulated : bool
         True for the virtual plant.
     """
 
-    def __init__(self, listeners: Sequence[Listener], *, simulated: bool) -> None:
-        self._listeners = listeners
-        self._missed: set[str] = set()
-        self._say: Callable[[str], None] = lambda _: None
-        self._open = False
+    def __init__(self, audience: Audience, *, simulated: bool) -> None:
+        self._audience = audience
+        self.publish = audience.publish
         self._next = 0.0
         self._simulated = simulated
         self._watcher: Watcher | None = None
@@ -105,6 +95,8 @@ class Feed:
         self._levels: dict[int, list[float]] = {}
         self._watcher, self._alarms, self._hand = watcher, 0, hand
         self._learning: bool | None = None
+        # otherwise an answer is late, and belongs to the previous run
+        self._audience.answered = watcher is None
 
     def wrap_bus(self, bus: DriveBus) -> FedBus:
         """Wrap a bus, before entry."""
@@ -117,9 +109,10 @@ class Feed:
         Raises
         ------
         ListenerFailed
-            See `open`.
+            A listener cannot serve.
         """
-        with nullcontext() if self._open else self.open(console), shown(console) as show:
+        audience = self._audience
+        with nullcontext() if audience.is_open else audience.open(console), shown(console) as show:
             self.publish("start", self._start)
 
             def take(event: Event) -> None:
@@ -142,36 +135,19 @@ class Feed:
         if now < self._next:
             return
         self._next = now + _EVERY
-        line = lines.encode("sample", **lines.sample(sample))
-        for listener in self._listeners:
-            listener.write(line, droppable=True)
+        self.publish("sample", lines.sample(sample), droppable=True)
         for text in notes[self._notes :]:
             self.publish("note", {"text": text})
         self._notes = len(notes)
         if self._watcher is not None:
             self._pass_torques(self._watcher)
-        self.pass_on()
-
-    def pass_on(self) -> None:
-        """Forward lines between listeners, and report ended ones."""
-        for listener in self._listeners:
-            try:
-                while True:
-                    said = listener.said.get_nowait()
-                    # otherwise the line is late, and belongs to the previous run
-                    if self._watcher is None:
-                        self.publish(said.pop("kind"), said)
-            except Empty:
-                continue
-        self._name_missed()
+        self._audience.pass_on()
 
     def _pass_torques(self, watcher: Watcher) -> None:
         course = watcher.course()
         if len(course.time):
             line = lines.torque(range(course.measured.shape[1]), *course)
-            encoded = lines.encode("torque", **line)
-            for listener in self._listeners:
-                listener.write(encoded, droppable=True)
+            self.publish("torque", line, droppable=True)
         if watcher.learning is not self._learning:
             self._learning = watcher.learning
             self.publish("headline", self._state_of(watcher))
@@ -194,66 +170,6 @@ class Feed:
             return {"text": text, "more": _LEARNING}
         text = "Push the arm: drag a link" if self._hand else "Watching: no push so far"
         return {"text": text, "more": _WATCHING}
-
-    @contextmanager
-    def open(self, console: Console) -> Iterator[Sequence[str]]:
-        """Start the listeners; yield the start messages; end the listeners afterwards.
-
-        Raises
-        ------
-        ListenerFailed
-            A listener cannot serve.
-        """
-        self._say = partial(say, console=console)
-        stated = []
-        try:
-            for listener in self._listeners:
-                stated.append(listener.start(interrupt_main))
-                if stated[-1]:
-                    self._say(stated[-1])
-            self._open = True
-            with self._publish_end():
-                yield stated
-        finally:
-            self._open = False
-            for listener in self._listeners:
-                listener.close()
-
-    @contextmanager
-    def _publish_end(self) -> Iterator[None]:
-        try:
-            yield
-        except BaseException as error:
-            self.pass_on()  # the last line ends the output
-            self.publish("end", _describe_end(error))
-            raise
-        else:
-            self._await_answers()
-            self.publish("end", {"how": "finished", "text": ""})
-        finally:
-            self._name_missed()
-
-    def _await_answers(self) -> None:
-        """End listeners with pending answers, and forward the answers."""
-        self._name_missed()
-        for listener in self._listeners:
-            if listener.answers and not listener.gone:
-                self._missed.add(listener.what)
-                listener.close(ANSWERS)
-        self.pass_on()
-
-    def publish(self, kind: str, values: lines.Line) -> None:
-        """Publish a line of `hil.live.lines`."""
-        line = lines.encode(kind, **values)
-        for listener in self._listeners:
-            listener.write(line)
-
-    def _name_missed(self) -> None:
-        """Report every ended process once."""
-        for listener in self._listeners:
-            if listener.gone and listener.what not in self._missed:
-                self._missed.add(listener.what)
-                self._say(f"{listener.what} has ended; the run continues without it")
 
 
 class FedBus(BusInFront):
@@ -301,15 +217,3 @@ class FedBus(BusInFront):
             self._feed.publish("armed", lines.armed(self._bus.axes))
         self._feed.take_sample(sample, self._bus.notes)
         return sample
-
-
-def _describe_end(error: BaseException) -> lines.Line:
-    """Describe the end of a run left by an exception."""
-    if isinstance(error, KeyboardInterrupt) or (
-        isinstance(error, typer.Exit) and error.exit_code == STATUS
-    ):
-        return {"how": "stopped", "text": "stopped by the operator"}
-    # rich raises SystemExit for a broken pipe
-    if isinstance(error, (BrokenPipeError, SystemExit)):
-        return {"how": "stopped", "text": "the output of the terminal was closed"}
-    return {"how": "failed", "text": str(error) or type(error).__name__}

@@ -54,9 +54,7 @@ end
 
 from __future__ import annotations
 
-import json
 import math
-import time
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -149,12 +147,6 @@ _PLACES = {"q": 6, "tau": 4}
 """Decimals, far finer than displayed."""
 TORQUE = 10.0 ** -_PLACES["tau"]
 """Resolution of torque tracks [N m or N]."""
-
-
-def encode(kind: str, **values: object) -> bytes:
-    """Encode a line, with line end."""
-    line = {"kind": kind, "at": round(time.time(), 3), **values}
-    return json.dumps(line, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 
 def start(

@@ -76,21 +76,16 @@ class Listener:
         self._input = -1
         self._ear = Thread()
 
-    def start(self, stop: Callable[[], None], patience: float = 20.0) -> str:
-        """Start the process; return the message of readiness.
+    def launch(self, stop: Callable[[], None]) -> None:
+        """Start the process without waiting until it is ready; a second call has no effect.
 
         Parameters
         ----------
         stop : callable
             Function called from another thread when the process requests a stop, at most once.
-        patience : float
-            Maximum time until the process is ready [s]; nothing moves before.
-
-        Raises
-        ------
-        ListenerFailed
-            A process unable to serve.
         """
+        if self._process is not None:
+            return
         self._process = subprocess.Popen(  # noqa: S603 - our own program
             self._command,
             stdin=subprocess.PIPE,
@@ -105,6 +100,23 @@ class Listener:
         ear = self._process.stdout, stop
         self._ear = Thread(target=self._hear, args=ear, name=self.what, daemon=True)
         self._ear.start()
+
+    def start(self, stop: Callable[[], None], patience: float = 20.0) -> str:
+        """Start the process if not launched; return the message of readiness.
+
+        Parameters
+        ----------
+        stop : callable
+            See `launch`.
+        patience : float
+            Maximum time until the process is ready [s]; nothing moves before.
+
+        Raises
+        ------
+        ListenerFailed
+            A process unable to serve.
+        """
+        self.launch(stop)
         return self._ready(patience)
 
     def write(self, line: bytes, *, droppable: bool = False) -> None:
@@ -207,6 +219,12 @@ def begin_listening() -> Callable[..., None]:
             sys.stdout.flush()
 
     return say
+
+
+def encode(kind: str, **values: object) -> bytes:
+    """Encode a line, with line end."""
+    line = {"kind": kind, "at": round(time.time(), 3), **values}
+    return json.dumps(line, separators=(",", ":"), allow_nan=False).encode() + b"\n"
 
 
 def url_host(address: str) -> str:

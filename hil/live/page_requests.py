@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import gzip
 import hmac
+import html
 import io
 import ipaddress
 import json
@@ -58,8 +59,9 @@ OF_THE_REPORT = {
     "Content-Security-Policy": "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
 }
 """Headers for the report, which states hashes of permitted scripts itself."""
+PAGE = ""
 FILES = {
-    "": ("text/html; charset=utf-8", (ASSETS / "page.html",)),
+    PAGE: ("text/html; charset=utf-8", (ASSETS / "page.html",)),
     "view.js": ("text/javascript; charset=utf-8", (VIEW / "view.js",)),
     "live.js": ("text/javascript; charset=utf-8", (ASSETS / "live.js",)),
     "live.css": (
@@ -68,6 +70,8 @@ FILES = {
     ),
 }
 """Media type and source files by path."""
+HEADLINE = '<p id="headline" role="status">{}</p>'
+"""Element of the page for the headline."""
 
 
 class Site(NamedTuple):
@@ -137,6 +141,8 @@ class Requests(BaseHTTPRequestHandler):
             return
         if place == "events":
             self._events()
+        elif place == PAGE:
+            self._page()
         elif place in FILES:
             self._file(*FILES[place])
         elif place == "report" and self.site.report and Path(self.site.report).is_file():
@@ -224,6 +230,14 @@ class Requests(BaseHTTPRequestHandler):
             self._text(HTTPStatus.SERVICE_UNAVAILABLE, "too many pages are open; close one")
         else:
             client.left.wait()
+
+    def _page(self) -> None:
+        """Answer with the page and its present headline, shown before any script has run."""
+        kind, files = FILES[PAGE]
+        headline = HEADLINE.format(html.escape(self.site.streams.headline))
+        page = _content(files, compressed=False)
+        content = page.replace(HEADLINE.format("").encode(), headline.encode())
+        self._answer(HTTPStatus.OK, kind, content)
 
     def _file(self, kind: str, files: tuple[Path, ...]) -> None:
         compressed = "gzip" in self.headers.get("Accept-Encoding", "")

@@ -91,6 +91,12 @@ class Streams:
         return "report" in self._state
 
     @property
+    def headline(self) -> str:
+        """Text of the last headline; empty without one."""
+        chunk = self._state.get("headline", b"data: {}")
+        return str(json.loads(chunk.removeprefix(b"data: ")).get("text", ""))
+
+    @property
     def pages(self) -> int:
         """Number of pages."""
         with self._lock:

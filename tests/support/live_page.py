@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from hil.live import lines
-from hil.live.listener import Listener
+from hil.live.listener import Listener, encode
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -51,7 +51,7 @@ class Served:
         return self.url.partition(f":{self.port}")[2]
 
     def publish(self, kind: str, **values: object) -> None:
-        self.listener.write(lines.encode(kind, **values))
+        self.listener.write(encode(kind, **values))
 
     def begin(
         self, robot: Robot, plan: Plan, axes: tuple[AxisInfo, ...], *, pushed: bool = False

@@ -29,6 +29,7 @@ export class LivePage {
   constructor() {
     this.power = 'starting';
     this.ended = '';
+    this.headline = at('headline').textContent; // as served
     this.heard = this.sampled = performance.now();
     at('stop').addEventListener('click', () => this.stop());
     setInterval(() => this._tick(), 250);

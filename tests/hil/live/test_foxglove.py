@@ -27,7 +27,7 @@ from hil.cli.measuring import OnBus, measure
 from hil.export.recordings.ros_messages import FAULT, OK, STALE, WARNING, RosMessages
 from hil.live import lines
 from hil.live.foxglove_server import TOPICS, RosLines
-from hil.live.listener import Listener, ListenerFailed
+from hil.live.listener import Listener, ListenerFailed, encode
 from hil.planning.measurement import Gravity
 from hil.planning.plan import Plan, PlannedRobot
 from hil.runs import SIMULATED
@@ -225,7 +225,7 @@ def published(manutec: Robot, small_plan: Plan) -> Callable[..., dict[str, Any]]
     store = get_typestore(Stores.ROS2_HUMBLE)
 
     def take(kind: str, **values: object) -> dict[str, Any]:
-        line = json.loads(lines.encode(kind, **values))
+        line = json.loads(encode(kind, **values))
         found = {said.topic: said for said in ros.take(line)}
         return {
             topic: store.deserialize_cdr(said.data, TOPICS[topic]) for topic, said in found.items()

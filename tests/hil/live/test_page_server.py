@@ -61,6 +61,13 @@ def test_the_page_and_its_parts_are_served_small(page: Served) -> None:
     assert page.ask("GET", "/../page_server.py")[0] == 404
 
 
+def test_the_headline_is_in_the_page_before_any_script(page: Served) -> None:
+    assert '<p id="headline" role="status"></p>' in page.ask("GET", "/")[2]
+    page.publish("headline", text="Planning <i>the</i> measurements", more="")
+    escaped = "Planning &lt;i&gt;the&lt;/i&gt; measurements"
+    until(lambda: f'<p id="headline" role="status">{escaped}</p>' in page.ask("GET", "/")[2])
+
+
 def test_a_browser_may_load_nothing_from_elsewhere(page: Served) -> None:
     headers = page.ask("GET", "/")[1]
     policy = headers["Content-Security-Policy"]
@@ -495,9 +502,13 @@ def test_the_server_ends_with_the_run_and_says_so(page: Served) -> None:
     assert (last["kind"], last["how"]) == ("end", "lost")
 
 
-def test_it_loads_neither_numerics_nor_the_bus() -> None:
-    program = f"import sys; import {SERVER}; print(*sys.modules)"
+@pytest.mark.parametrize(
+    ("module", "needed"),
+    [(SERVER, set()), ("hil.cli.trying, hil.cli.live, hil.live.audience", {"rich", "typer"})],
+)
+def test_it_is_there_before_numerics_and_the_bus_are_loaded(module: str, needed: set[str]) -> None:
+    program = f"import sys; import {module}; print(*sys.modules)"
     loaded = subprocess.run(  # noqa: S603 - our own program
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
-    assert not set(loaded.stdout.split()) & HEAVY
+    assert not set(loaded.stdout.split()) & (HEAVY - needed)
