@@ -174,7 +174,7 @@ class DriveBus(Protocol):
     """Servo axes as a context manager.
 
     Entering checks every drive, writes the limits and powers on. Leaving stops the axes and
-    powers off, after any error in between. Nothing moves unless `move` was called.
+    powers off, also after an error. Nothing moves unless `move` was called.
     """
 
     @property

@@ -365,8 +365,8 @@ def _refuse_contradiction(
         )
     raise Mismatch(
         f"a mass of {mass:g} kg contradicts {m:.4g} ± {error:.2g} kg by these runs; gains of"
-        f" {explained} would explain it: correct the mass, or find the gains by it from two whole"
-        " runs of one kind: hil payload WITHOUT LOADED --mass --gains"
+        f" {explained} would explain it: correct the mass, or use it to find the gains, from two"
+        " whole runs of one kind: hil payload WITHOUT LOADED --mass --gains"
     )
 
 

@@ -169,7 +169,7 @@ def chance(rank: int, n_tests: int) -> float:
 
 
 def alike(gain: float, best: float) -> bool:
-    """Return True if two causes explain equally much, as far as the data distinguish them."""
+    """Return True if the data do not favour one of two causes."""
     return gain > min(best - TOGETHER, SAME**2 * best)
 
 
