@@ -8,7 +8,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "hil plan manutec-r15 --minutes 10 -o plan.yaml && hil run plan.yaml -o runs/first",
         "hil identify runs/first && hil report runs/first",
     ),
-    "try": ("hil try", "hil try --no-browser --port 8420 -o runs/demo"),
+    "try": ("hil try", "hil try --no-browser --live 8420 -o runs/demo"),
     "robot show": ("hil robot manutec-r15", "hil robot arm.yaml --json"),
     "robot new": (
         "hil robot new --urdf arm.urdf -o arm.yaml",
@@ -18,7 +18,10 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "hil plan manutec-r15 --minutes 10 -o plan.yaml",
         "hil plan arm.yaml --kind friction --axis 2 --workspace cell.yaml -o sweep.yaml",
     ),
-    "dry-run": ("hil dry-run plan.yaml", "hil dry-run plan.yaml --noise-from runs/first --view"),
+    "dry-run": (
+        "hil dry-run plan.yaml",
+        "hil dry-run plan.yaml --noise-from runs/first --page plan.html",
+    ),
     "view": ("hil view plan.yaml", "hil view runs/first --urdf arm.urdf -o first.html"),
     "twin": ("hil twin arm.yaml -o twin", "hil twin my-robot.yaml --output twins/my-robot"),
     "drives scan": (f"hil drives scan {_CAN}", "hil drives scan --nodes 1-6"),
@@ -96,7 +99,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     ),
     "history": (
         "hil history runs/january runs/june",
-        "hil history runs/january runs/june --html history.html --fail-on-change",
+        "hil history runs/january runs/june --page history.html --fail-on-change",
     ),
     "fleet index": (
         "hil fleet index plant-a plant-b -o fleet.parquet",

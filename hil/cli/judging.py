@@ -18,8 +18,8 @@ from hil.cli.measuring import OnBus
 from hil.cli.measuring import measure as measure_plan
 from hil.cli.outputs import (
     Status,
-    file_to_write,
     output_option,
+    page_option,
     place_to_write,
     refuse_existing,
     refuse_no_folder,
@@ -241,12 +241,7 @@ def history(
             help="Minimum change of friction attributed to temperature \\[%].",
         ),
     ] = 0.0,
-    page: Annotated[
-        Path | None,
-        typer.Option(
-            "--html", callback=file_to_write, help="Page with plots to write; one HTML file."
-        ),
-    ] = None,
+    page: Annotated[Path | None, page_option("Page with plots to write")] = None,
     identify: Annotated[
         bool, typer.Option("--identify", help="Identify runs that have no model yet.")
     ] = False,

@@ -140,6 +140,12 @@ def output_option(callback: Callable[..., Path | None], text: str) -> OptionInfo
     return cast("OptionInfo", typer.Option("-o", "--output", callback=callback, help=text))
 
 
+def page_option(text: str) -> OptionInfo:
+    """Create the option --page of a command that writes a page on demand."""
+    option = typer.Option("--page", callback=file_to_write, help=f"{text}; one HTML file.")
+    return cast("OptionInfo", option)
+
+
 NewPlan = Annotated[Path, output_option(new_file, "Plan to write.")]
 
 

@@ -20,7 +20,7 @@ from hil.cli.arguments import (
     WorkspaceOption,
 )
 from hil.cli.completion import robots, runs
-from hil.cli.outputs import NewPlan, show
+from hil.cli.outputs import NewPlan, page_option, show
 from hil.planning import LONGEST
 from hil.terminal.console import say, working
 
@@ -41,26 +41,22 @@ def dry_run_(
     workspace: WorkspaceOption = None,
     noise_from: NoiseFrom = None,
     drives_file: RobotsDrives = None,
-    view: Annotated[
-        bool,
-        typer.Option("--view", help="Also write a 3-D page of the plan."),
-    ] = False,
+    page: Annotated[Path | None, page_option("3-D page of the plan to write")] = None,
 ) -> None:
     """Check a plan and predict its duration and precision; nothing moves."""
-    from hil.cli import plan_view
+    from hil.cli import plan_view, viewing
     from hil.cli.plan_files import load
     from hil.tasks.measuring import dry_run, refuse_problems
 
-    if view:
-        from hil.cli import viewing
+    if page is not None:
+        viewing.refuse_page(page)
 
-        viewing.refuse_page(page := viewing.page_of_plan(plan_file))
     with working("reading the plan") as now:
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         now("checking the plan's motions against the limits")
         result = dry_run(the_plan, the_robot, drives=drives_file, bitrate=bitrate)
     plan_view.render(result, the_robot)
-    if view:
+    if page is not None:
         viewing.write(page, viewing.scene_of_plan(the_plan, the_robot))
     refuse_problems(result, plan_file)
     if result.groups:

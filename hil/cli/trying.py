@@ -75,9 +75,14 @@ def try_(
             new_folder, "Folder for both runs; by default runs/try, or the next free one."
         ),
     ] = None,
-    port: Annotated[
+    live: Annotated[
         int,
-        typer.Option(min=0, max=65535, help="Port of the page on this computer, 0 for a free one."),
+        typer.Option(
+            metavar="PORT",
+            min=0,
+            max=65535,
+            help="Port of the page on this computer, 0 for a free one.",
+        ),
     ] = 0,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Print the address and open no browser.")
@@ -115,7 +120,7 @@ def try_(
         left.callback(lambda: _remove_if_empty(folder))
         left.enter_context(interruptible(lambda: f"stopped; recordings so far are in {folder}"))
         hand = f"{left.enter_context(TemporaryDirectory(prefix='hil-'))}/hand"
-        shown = listeners(Shown(live=port), [f"hand={hand}"], folder / "measured", while_open=True)
+        shown = listeners(Shown(live=live), [f"hand={hand}"], folder / "measured", while_open=True)
         audience = Audience(shown)
         stated = left.enter_context(audience.open(out))
         audience.publish("headline", {"text": "Planning the measurements", "more": ABOUT})

@@ -187,7 +187,7 @@ def main(address: str, port: str, *options: str) -> None:
 def _remedy(error: OSError) -> str:
     if error.errno == errno.EADDRNOTAVAIL:
         return "give an address of this computer with --live-address, or 0.0.0.0 for all"
-    return "choose another with --live PORT, or 0 for a free one (hil try: --port)"
+    return "choose another with --live PORT, or 0 for a free one"
 
 
 def _pass_on(streams: Streams, closed: Callable[[], None] | None) -> None:

@@ -92,8 +92,7 @@ def refuse_other_file(path: Path) -> None:
             if MARK.encode() in file.read(1000):
                 return
     raise FileError(
-        f"{path}: already exists and is not a page of hil view; remove it or choose another name "
-        "with -o"
+        f"{path}: already exists and is not a page of hil view; remove it or choose another name"
     )
 
 

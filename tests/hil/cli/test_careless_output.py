@@ -83,7 +83,7 @@ def test_every_option_that_is_written_to_is_looked_at_first(name: str) -> None:
 def test_the_options_are_found() -> None:
     found = {each.id for each in writing()}
     assert len([each for each in found if each.endswith("--output")]) >= 12
-    assert found >= {"history --html", "report --figures", "run --frame-log"}
+    assert found >= {"history --page", "report --figures", "run --frame-log"}
 
 
 @pytest.mark.parametrize(("name", "option", "callback"), writing())

@@ -68,7 +68,7 @@ def test_json_states_runs_values_and_changes(hil: Hil, runs: list[Path]) -> None
 
 def test_the_page_holds_everything_itself(hil: Hil, runs: list[Path]) -> None:
     path = runs[0] / "history.html"
-    assert hil("history", *runs, "--html", path)[0] == 0
+    assert hil("history", *runs, "--page", path)[0] == 0
     page = path.read_text()
     assert "(p2) changed by" in page
     assert page.count("<figure") == 4
@@ -87,7 +87,7 @@ def test_another_reference_may_be_chosen(hil: Hil, runs: list[Path]) -> None:
 def test_a_damaged_model_is_refused_before_anything_is_written(hil: Hil, runs: list[Path]) -> None:
     file, path = runs[1] / "model.yaml", runs[0] / "history.html"
     file.write_text(file.read_text()[:500])
-    status, _, error = hil("history", *runs, "--html", path)
+    status, _, error = hil("history", *runs, "--page", path)
     assert status == 1
     assert f"{file}" in error
     assert "hil identify" in error

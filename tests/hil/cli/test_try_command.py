@@ -81,7 +81,7 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     monkeypatch.setattr(trying, "LONGEST", 0.0)  # no second motion
     folder, visitor = tmp_path / "all", Visitor(free_port())
     visitor.start()
-    call = ("try", "--no-browser", "--port", visitor.page.port, "-o", folder)
+    call = ("try", "--no-browser", "--live", visitor.page.port, "-o", folder)
     status, out, err = hil(*call, "--speed", 1000, "--push", 13)
     visitor.join(30)
     assert (status, err) == (0, "")
@@ -185,10 +185,10 @@ def test_a_port_that_is_taken_and_a_folder_that_exists_are_refused(
     monkeypatch.chdir(tmp_path)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        status, _, err = hil("try", "--no-browser", "--port", port)
+        status, _, err = hil("try", "--no-browser", "--live", port)
     assert status == 1
     assert f"cannot be served on port {port}" in err
-    assert "--port" in err
+    assert "--live" in err
     assert list((tmp_path / "runs").iterdir()) == []
     (tmp_path / "mine").mkdir()
     status, _, err = hil("try", "--no-browser", "-o", "mine")
@@ -196,7 +196,7 @@ def test_a_port_that_is_taken_and_a_folder_that_exists_are_refused(
     (tmp_path / "file").write_text("")
     status, _, err = hil("try", "--no-browser", "-o", tmp_path / "file" / "run")
     assert status == 1
-    for wrong in (("--port", "70000"), ("--speed", "0"), ("--push", "0"), ("plan.yaml",)):
+    for wrong in (("--live", "70000"), ("--speed", "0"), ("--push", "0"), ("plan.yaml",)):
         assert hil("try", "--no-browser", *wrong)[0] == 2
 
 

@@ -48,7 +48,7 @@ def walk(hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Walk:
 def doors(document: str) -> set[str]:
     text = (ROOT / document).read_text(encoding="utf-8")
     table = text.split("| you are | begin with |\n")[1].split("\n\n")[0]
-    linked = re.findall(r"\]\((.*?)\)", table)
+    linked = re.findall(r"\]\((?:https://.*?/main/)?(.*?)\)", table)
     folder = (ROOT / document).parent
     return {str((folder / each).resolve().relative_to(ROOT)) for each in linked}
 
