@@ -9,7 +9,6 @@ import numpy as np
 
 from checked_files.yaml_file import FileError
 from hil.imports.evidence import Evidence, even_samples, excerpts_of
-from hil.imports.explanation import explanation
 from hil.imports.mixed_rows import source_suspicions
 from hil.imports.plausibility import suspicions
 from hil.imports.samples import columns_of, read_samples
@@ -23,7 +22,7 @@ from hil.imports.segments import (
 )
 from hil.imports.spikes import spike_suspicions
 from hil.imports.stamps import WrongStamps, timing_of
-from hil.imports.statement import Statement
+from hil.imports.statement import Statement, explanation
 from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
 from hil.runs.recording_file import Measured, write_measured
