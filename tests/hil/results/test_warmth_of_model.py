@@ -73,7 +73,8 @@ def test_the_file_of_a_model_keeps_warmth(model: Model, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("warmth", "message"), [(1.2, "0 cold, 1 warmed"), (np.nan, "0 cold, 1 warmed"), ([0.1, 0.2], "shape")]
+    ("warmth", "message"),
+    [(1.2, "0 cold, 1 warmed"), (np.nan, "0 cold, 1 warmed"), ([0.1, 0.2], "shape")],
 )
 def test_a_warmth_that_cannot_be_is_refused(model: Model, warmth: object, message: str) -> None:
     with pytest.raises(InvalidArray, match=message):
