@@ -46,7 +46,7 @@ def test_one_clock_raises_no_suspicion_whatever_the_lag(manutec, lag):
 @pytest.mark.parametrize(
     ("lag", "words"),
     [
-        (lambda t: 0.004 * t, r"their lag goes from \d+ ms at 1 s to 13\d ms at 34 s, as of clocks"
+        (lambda t: 0.004 * t, r"their lag goes from \d+ ms at 1 s to 13\d ms at 34 s, like clocks"
                               r" that differ by 0\.4\d? %"),
         (lambda t: -0.1 * (t > 25), r"their lag jumps by -(9\d|10\d) ms between \d+ and 26 s"),
     ],
