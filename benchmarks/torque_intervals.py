@@ -28,7 +28,7 @@ import yaml
 from figures import Figure, keep
 from golden import MANUTEC, hil, must
 
-from hil.cli.try_plans import measured_plan
+from hil.cli.trying import measured_plan
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.plan import dump_plan
 from hil.results.identification import identify

@@ -2,6 +2,11 @@
 
 The steps are `hil plan`, `run --live`, `identify` and `watch --live`, in sequence on one page:
 measurement faster than real time, watch in real time.
+
+Plans of `hil try`: a short campaign over all parameters, and a slow motion.
+
+A friction law holds for the measured speeds. Axes without gravity, which a design only moves fast,
+get additional slow strokes, so that the law of every axis starts at creep speed.
 """
 
 from __future__ import annotations
@@ -10,12 +15,19 @@ import time
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from itertools import count
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+import numpy as np
 import typer
 
 from hil.cli.outputs import new_folder, output_option, say_verdicts
+from hil.planning.design.by_counts import COUNTS, design
+from hil.planning.design.standard_motions import gravity_motion
+from hil.planning.design.trajectories import Basis
+from hil.planning.measurement import FOR_A_LAW, Gravity, Inertia
+from hil.planning.plan import make_plan
 from hil.terminal.console import out, say, working
 
 if TYPE_CHECKING:
@@ -27,9 +39,73 @@ if TYPE_CHECKING:
     from hil.live.feed import Feed
     from hil.measuring.events import Event
     from hil.model.robot import Robot
+    from hil.planning.measurement import Measurement
     from hil.planning.plan import Plan
     from hil.results.model import Model
     from hil.results.watch import Alarm
+
+SHARE = 0.35
+"""Share of the usual number of measurements: 54 for 14 parameters, and 60 with slow strokes of all
+axes, in some 15 minutes of robot time."""
+PERIOD, HARMONICS = 10.0, 4
+"""Period [s] and harmonics of the pushed motion: slow enough for the mouse to follow."""
+CYCLES = 2
+"""Periods per recording; after a stop, completed recordings are kept."""
+
+
+def measured_plan(robot: Robot) -> Plan:
+    """Create a plan with early information about every parameter, regardless of travel times."""
+    counts = {kind: round(SHARE * number) for kind, number in COUNTS.items()}
+    planned = design(robot, counts).measurements
+    return make_plan(robot, interleave([*planned, *_slow_strokes(robot, planned)]))
+
+
+def _slow_strokes(robot: Robot, planned: Sequence[Measurement]) -> Iterator[Gravity]:
+    """Yield strokes at gravity-measurement speed for axes without gravity measurements."""
+    slow = {axis for each in planned if isinstance(each, Gravity) for axis in each.moved}
+    for each in planned:
+        axis = each.moved[0]
+        if isinstance(each, Inertia) and axis not in slow:
+            slow.add(axis)
+            motion = gravity_motion(robot, axis)
+            for k in range(FOR_A_LAW):
+                yield Gravity(id=f"s{axis + 1}{k + 1}", axis=axis + 1, q=each.q, **motion)
+
+
+def interleave(measurements: Sequence[Measurement]) -> list[Measurement]:
+    """Interleave kinds, axes and configurations of measurements.
+
+    Within a kind and axis the order follows the golden section, which leaves no part of a sequence
+    unvisited for long; kinds and axes are spread evenly.
+    """
+    by_axis: dict[tuple[str, tuple[int, ...]], list[Measurement]] = {}
+    for each in measurements:
+        by_axis.setdefault((each.kind, each.moved), []).append(each)
+    placed = [
+        ((k + 0.5) / len(own), each)
+        for own in by_axis.values()
+        for k, each in enumerate(own[i] for i in _golden(len(own)))
+    ]
+    return [each for _, each in sorted(placed, key=lambda pair: pair[0])]
+
+
+def _golden(n: int) -> list[int]:
+    # fractional parts of multiples of the golden section are evenly spread at any length
+    return sorted(range(n), key=lambda k: k * 0.6180339887 % 1.0)
+
+
+def pushed_plan(robot: Robot, duration: float) -> tuple[Plan, int]:
+    """Plan a slow, unmeasured motion of all axes; return plan and number of passes.
+
+    There is one attempt: a push is the result, and no reason to repeat.
+    """
+    # fraction of the velocity limit for the motion
+    basis = Basis(robot, PERIOD, HARMONICS, 0.3 * robot.velocity_limit)
+    drawn = basis.random(np.random.default_rng(2))
+    plan = make_plan(robot, [basis.trajectory(drawn, CYCLES, "motion")])
+    rounds = ceil(duration / (CYCLES * PERIOD))
+    return plan.model_copy(update={"attempts": 1}), rounds
+
 
 commands = typer.Typer()
 
@@ -122,7 +198,7 @@ def try_(
         if no_browser or not _open_browser(stated):
             say("open this address in a browser; Ctrl-C ends the demonstration")
         with working("planning the measurements of the virtual robot"):
-            from hil.cli.try_plans import measured_plan
+            from hil.cli.trying import measured_plan
             from hil.model.robot import Robot
 
             robot = Robot.load(ROBOT)
@@ -211,7 +287,7 @@ def _push(
     with working("predicting torques"):
         from hil.cli.beside_model import keep_watch
         from hil.cli.measuring import OnBus, measure
-        from hil.cli.try_plans import pushed_plan
+        from hil.cli.trying import pushed_plan
         from hil.cli.watch_view import WatchView
         from hil.measuring.events import Recorded
         from hil.measuring.pacing import PacedBus

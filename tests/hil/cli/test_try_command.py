@@ -18,7 +18,7 @@ from live_page import PUSH, STOP, Served, events, watching
 from unpacked import unpacked
 
 from checked_files.yaml_file import load_yaml
-from hil.cli import try_plans, trying
+from hil.cli import trying
 from hil.commands.watch import NAME
 from hil.live.listener import Listener
 from hil.results.model import Model
@@ -76,7 +76,7 @@ def free_port() -> int:
 def test_it_measures_identifies_predicts_and_is_pushed(
     hil: Hil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(try_plans, "SHARE", 0.26)
+    monkeypatch.setattr(trying, "SHARE", 0.26)
     monkeypatch.setattr(trying, "LEARNING", 8.0)
     monkeypatch.setattr(trying, "LONGEST", 0.0)  # the second of two motions is not begun
     folder, visitor = tmp_path / "all", Visitor(free_port())

@@ -12,7 +12,7 @@ from small_run import write_run
 from synthetic import TABLE_3_A
 from unpacked import unpacked
 
-from hil.cli.try_plans import interleave
+from hil.cli.trying import interleave
 from hil.live import estimator
 from hil.live.interim import Interim
 from hil.runs.run import Run
