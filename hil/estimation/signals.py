@@ -33,8 +33,7 @@ from scipy import fft
 
 from hil.errors import NotEnoughData
 from hil.friction.equation import base_rows, moving, term_columns, usable
-from hil.least_squares.differences import FIRST, SECOND
-from hil.least_squares.window import correlate, half_window, smooth, widen
+from hil.least_squares.window import FIRST, SECOND, correlate, half_window, smooth, widen
 from hil.runs.recording import active_samples
 
 if TYPE_CHECKING:

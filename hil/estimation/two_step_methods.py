@@ -53,8 +53,8 @@ from hil.least_squares.solving import fitted
 from hil.least_squares.uncertainty import effective_degrees, jackknife
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GROUPS
-from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import ELEMENT_KINDS, shows_element, shows_parameters
+from hil.planning.trajectory import FreeMotion
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from hil.export.expressions import Expression, Graph
-from hil.export.rigid_bodies import joints
+from hil.export.source_code import joints
 from hil.friction.direction import STEP, STILL
 from hil.friction.law import SLOWEST
 from hil.friction.terms import BEND, DIRECTED
@@ -27,7 +27,7 @@ from hil.results.samples import known_warmth
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hil.export.rigid_bodies import Scalar
+    from hil.export.source_code import Scalar
     from hil.friction.law import AxisLaw
     from hil.model.robot import Robot
     from hil.results.model import Model
@@ -135,7 +135,7 @@ def _made(model: Model, name: str, purpose: str, *arguments: str) -> Function:
 class _Equations:
     """Equations of the functions, one method per function; arguments as in `ARGUMENTS`.
 
-    The equations are those of `hil.model.motors`, `hil.model.added_parameters` and
+    The equations are those of `hil.model.added_parameters`, `hil.model.added_parameters` and
     `hil.friction.law`, for one sample.
     """
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hil.imports.map_file import MapFile
     from hil.imports.stamps import Timing
     from hil.model.robot import Robot
-    from hil.planning.free_motion import FreeMotion
+    from hil.planning.trajectory import FreeMotion
 
 
 def explanation(

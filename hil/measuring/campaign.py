@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 from hil.measuring import REHEARSAL_SPEED
-from hil.measuring.checks.axis_limits import limited, refuse_beyond
+from hil.measuring.checks.old_values import limited, refuse_beyond
 from hil.measuring.events import Finished, Paused, Recorded, Rehearsed, Repeated, Started, Travelled
 from hil.measuring.sequencer import hold, measure, never, refuse_other_bus
 from hil.measuring.streaming import pace, pass_slowly

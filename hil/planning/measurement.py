@@ -28,11 +28,10 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeGuard, TypeVar, overlo
 from pydantic import Field, model_validator
 
 from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
-from hil.planning.free_motion import FreeMotion
 from hil.planning.halton import GOLDEN
 from hil.planning.plan_values import Positive
 from hil.planning.strokes import PARTNER_TURN, SETTLED, Cruise, Partner, Strokes
-from hil.planning.trajectory import Trajectory
+from hil.planning.trajectory import FreeMotion, Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

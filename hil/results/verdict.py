@@ -29,11 +29,10 @@ from hil.estimation.free_motion.offsets import ASYMMETRY
 from hil.estimation.free_motion.result import FEW_BLOCKS, POOR, FreeMotionFit
 from hil.estimation.intervals import SIGNIFICANT, combined_degrees, half_width
 from hil.estimation.options import ACCURACY
-from hil.model.added_parameters import added_inertias
+from hil.model.added_parameters import added_inertias, motor_inertia
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import mass_matrix, regressor
 from hil.model.frames import ROUNDED_OFF, UNIT_PSEUDO_INERTIAS
-from hil.model.motors import motor_inertia
 from hil.planning.halton import halton
 from hil.results.judgement import (
     FEWEST,

@@ -34,8 +34,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hil.model.added_parameters import motor_torque
 from hil.model.dynamics import inverse_dynamics, regressor
-from hil.model.motors import motor_torque
 from hil.results.identified_robot import known_friction
 from hil.watching.friction import FrictionLevel, FrictionTables, columns_of
 from hil.watching.turning import Turning

@@ -16,9 +16,9 @@ from hil.model.dependencies import GROUPS
 from hil.planning.design.by_counts import design
 from hil.planning.design.measurable_elements import ELEMENTS
 from hil.planning.dry_run import dry_run
-from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import ELEMENT_KINDS, KEYS, KINDS, Measurement, RecordedMotion
 from hil.planning.strokes import Strokes
+from hil.planning.trajectory import FreeMotion
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -30,8 +30,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.least_squares.differences import FIRST, SECOND
-from hil.least_squares.window import weights
+from hil.least_squares.window import FIRST, SECOND, weights
 from hil.model.dynamics import inverse_dynamics, mass_matrix
 
 if TYPE_CHECKING:

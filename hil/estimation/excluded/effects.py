@@ -40,12 +40,11 @@ from hil.estimation.friction.symmetry import judge_local_values
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.friction.equation import place
 from hil.friction.ripple import RIPPLE_ORDERS, multiples
-from hil.least_squares.differences import SECOND
+from hil.least_squares.normal_equations import smooth_at
 from hil.least_squares.solving import orthonormal, project_out
-from hil.least_squares.thinned import smooth_at
-from hil.least_squares.window import HALF_WIDTH, half_window, weights
+from hil.least_squares.window import HALF_WIDTH, SECOND, half_window, weights
+from hil.model.added_parameters import motor_inertia
 from hil.model.dynamics import mass_matrix
-from hil.model.motors import motor_inertia
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

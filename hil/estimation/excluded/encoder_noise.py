@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.estimation.excluded.columns import EvidenceRows, columns_of
-from hil.least_squares.differences import rounding_window
+from hil.least_squares.window import rounding_window
 from hil.model.dynamics import regressor
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from hil.estimation.excluded.finding import LEAVES, excluded
 from hil.estimation.excluded.result import Found
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
+from hil.planning.trajectory import FreeMotion
 from hil.runs.recording import active_samples
 
 if TYPE_CHECKING:

@@ -32,9 +32,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.friction.equation import FEWEST, term_columns, usable
-from hil.least_squares.differences import rounding_window
 from hil.least_squares.solving import orthonormal
-from hil.least_squares.window import APART, smooth, weights, widen
+from hil.least_squares.window import APART, rounding_window, smooth, weights, widen
 from hil.planning.strokes import PARTNER_TURN, REST, SETTLED
 
 if TYPE_CHECKING:

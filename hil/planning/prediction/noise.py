@@ -32,9 +32,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hil.friction.equation import JERK
-from hil.least_squares.differences import jerk_window, rounding_window
-from hil.least_squares.window import noise_gain
-from hil.model.motors import motor_inertia
+from hil.least_squares.window import jerk_window, noise_gain, rounding_window
+from hil.model.added_parameters import motor_inertia
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
