@@ -19,7 +19,8 @@ class TraceStretch(NamedTuple):
     alarm : float
         Instant of an alarm; NaN without one [s].
     time, measured, predicted, threshold : ndarray, shape (n,)
-        Time [s] and torques [N m or N]; the threshold is infinite without visibility.
+        End of a window [s], and mean torques in the window [N m or N]; the threshold is infinite
+        without visibility.
     """
 
     alarm: float
@@ -32,19 +33,26 @@ class TraceStretch(NamedTuple):
 class Trace:
     """Buffer of the last samples, and traces around the first alarm of every axis.
 
+    Accelerations from encoders are far too noisy for single samples, and near a standstill the
+    direction of friction is, too: kept are means over the window of the threshold, to which alone
+    the threshold applies.
+
     Parameters
     ----------
     n_joints : int
     period : float
         Time between two samples [s].
+    window : int
+        Length of the window [samples].
     shown, after : float
         Displayed time, and the part after the alarm [s].
     """
 
     def __init__(
-        self, n_joints: int, period: float, shown: float = 1.0, after: float = 0.6
+        self, n_joints: int, period: float, window: int, shown: float = 1.0, after: float = 0.6
     ) -> None:
-        self._length, self._after = round(shown / period), after
+        self._length, self._after = round(shown / period) + window - 1, after
+        self._window = window
         self._last: tuple[Array, ...] = (np.empty(0), *[np.empty((0, n_joints))] * 3)
         self._period = period
         self._n = n_joints
@@ -79,8 +87,8 @@ class Trace:
             self._wanted.setdefault(axis, alarm)
 
     def stretches(self) -> tuple[TraceStretch, ...]:
-        """Return a trace per axis; empty without samples."""
-        if not len(self._last[0]):
+        """Return a trace per axis; empty without a whole window."""
+        if len(self._last[0]) < self._window:
             return ()
         return tuple(
             self._kept.get(axis) or self._stretch(axis, self._wanted.get(axis, float("nan")))
@@ -88,5 +96,10 @@ class Trace:
         )
 
     def _stretch(self, axis: int, alarm: float) -> TraceStretch:
-        time, *torques = self._last
-        return TraceStretch(alarm, time, *(each[:, axis] for each in torques))
+        measured, predicted = (
+            np.convolve(each[:, axis], np.full(self._window, 1 / self._window), "valid")
+            for each in self._last[1:3]
+        )
+        ends = slice(self._window - 1, None)
+        time, threshold = self._last[0][ends], self._last[3][ends, axis]
+        return TraceStretch(alarm, time, measured, predicted, threshold)

@@ -92,7 +92,7 @@ class Watcher:
         self.alarms: list[Alarm] = []
         self._moved = 0
         self._last: Judged | None = None
-        self.trace = Trace(n, period)
+        self.trace = Trace(n, period, int(self._detector.windows[self._soon]))
 
     def take(self, *samples: Sample) -> tuple[Alarm, ...]:
         """Process further samples; return new alarms."""
