@@ -87,8 +87,8 @@ class Trace:
             self._wanted.setdefault(axis, alarm)
 
     def stretches(self) -> tuple[TraceStretch, ...]:
-        """Return a trace per axis; empty without a whole window."""
-        if len(self._last[0]) < self._window:
+        """Return a trace per axis; empty without samples."""
+        if not len(self._last[0]):
             return ()
         return tuple(
             self._kept.get(axis) or self._stretch(axis, self._wanted.get(axis, float("nan")))
@@ -96,10 +96,10 @@ class Trace:
         )
 
     def _stretch(self, axis: int, alarm: float) -> TraceStretch:
+        mean = min(self._window, len(self._last[0]))  # fewer after an early end
         measured, predicted = (
-            np.convolve(each[:, axis], np.full(self._window, 1 / self._window), "valid")
-            for each in self._last[1:3]
+            np.convolve(each[:, axis], np.full(mean, 1 / mean), "valid") for each in self._last[1:3]
         )
-        ends = slice(self._window - 1, None)
+        ends = slice(mean - 1, None)
         time, threshold = self._last[0][ends], self._last[3][ends, axis]
         return TraceStretch(alarm, time, measured, predicted, threshold)
