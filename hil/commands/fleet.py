@@ -327,13 +327,18 @@ def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
         else f"none of {n} machines deviates significantly"
     )
     word = "changed" if changes else "unchanged"
+    listed = [each._replace(against=_shortened(each)) for each in changes]
     return Outcome(
-        (_fleets_table(fleets, tested, rate), changed_table(changes, "Deviations", "machine")),
+        (_fleets_table(fleets, tested, rate), changed_table(listed, "Deviations", "machine")),
         verdicts=(Verdict("doubtful" if changes else "good", word, text),),
         plots=tuple(_plots(fleets, tested)),
         title="Fleet",
-        note=f"An unchanged machine has at most {rate:g} false alarms in ten years.",
     )
+
+
+def _shortened(each: Change) -> str:
+    """Return the address of the earlier run within the folder of its machine."""
+    return each.against.rpartition(f"/{each.run}/")[2]
 
 
 def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Departures], rate: float) -> Table:
@@ -396,7 +401,7 @@ def _history(fleet: Fleet, each: Change) -> Iterator[Line | Points]:
     for number in np.unique(month).tolist():
         of_month = fleet.value[month == number, q]
         if np.isfinite(of_month).any():
-            at.append(30.0 * number + 15.0)
+            at.append(float(days[month == number].mean()))
             medians.append(float(np.nanmedian(of_month)))
     yield Line(at, medians, MUTED, "fleet, median", width=1.0)
     own = (fleet.machine == machine) & np.isfinite(fleet.value[:, q])

@@ -23,7 +23,7 @@ from hil.runs.atomic_file import write_file
 from hil.runs.run import Run
 from hil.runs.set_points import path_time
 from hil.show.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, chart
-from hil.show.outcome import Outcome
+from hil.show.outcome import Outcome, Verdict
 from hil.show.rounding import significant
 from hil.show.section import Plot
 from hil.show.table import Part, Table, figures, table
@@ -191,22 +191,34 @@ def notes(found: Tracking, wrong: float = 0.25) -> tuple[str, ...]:
 
     The stated delay may differ from the estimated delay by `wrong` SYNC periods.
     """
-    lines = [
-        f"median over the axes: errors {found.gain('neither', 'velocity'):.3g} times smaller "
-        f"with velocity, a further {found.gain('velocity', 'both'):.3g} times with torque"
-    ]
+    lines = []
     if abs(found.shown_delay - found.delay) > wrong:
         lines.append(
             f"the recordings show a delay of {found.shown_delay:.2f} SYNC periods instead of"
             f" {found.delay:g}: repeat with --delay {found.shown_delay:.2f}"
         )
-    worse = [axis.axis for axis in found.axes if axis.rms["velocity"] > axis.rms["neither"]]
-    if worse:
+    if worse := _worse(found):
         lines.append(
             f"axis {', '.join(map(str, worse))}: velocity makes the errors larger: the drive has a "
             "velocity feed-forward of its own; set that to zero with the maker's tool"
         )
     return tuple(lines)
+
+
+def judge(found: Tracking) -> Verdict:
+    """Return the sentence about the errors with feed-forward, doubtful if those of an axis grow."""
+    better = found.gain("neither", "both") > 1.0
+    return Verdict(
+        "good" if better and not _worse(found) else "doubtful",
+        "improved" if better else "not improved",
+        f"median over the axes: errors {found.gain('neither', 'velocity'):.3g} times smaller "
+        f"with velocity, a further {found.gain('velocity', 'both'):.3g} times with torque",
+    )
+
+
+def _worse(found: Tracking) -> list[int]:
+    """Return the axes with larger errors by velocity feed-forward."""
+    return [axis.axis for axis in found.axes if axis.rms["velocity"] > axis.rms["neither"]]
 
 
 def _row(axis: AxisErrors, errors: dict[str, float]) -> Row:
@@ -239,6 +251,7 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
     run, words = runs[PASSES[0]], "Velocity and torque were fed forward. "
     return Outcome(
         (errors(found),),
+        verdicts=(judge(found),),
         plots=(plot,),
         title=f"{run.robot.name}: following errors",
         simulated=any(each.journal.simulated for each in runs.values()),

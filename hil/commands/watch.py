@@ -53,7 +53,7 @@ def watch(folder: Path, run: Run | None, found: Watched, trace: Trace) -> Outcom
         "watch",
         partial(alarm_chart, trace, units),
         f"Measured and predicted torque of every axis {where}.",
-        f"Torques of each axis {where}.",
+        f"Torques of each axis {where}: means over the window of the threshold.",
     )
     return Outcome(
         (watched(found), alarms(found)),

@@ -134,7 +134,9 @@ class Watched(FileModel):
             return Verdict("doubtful", "doubtful", "no motion watched; watch for longer")
         count = f"{len(self.alarms) or 'no'} {'alarm' if len(self.alarms) == 1 else 'alarms'}"
         word = "doubtful" if self.alarms or hardly_watched(self) else "good"
-        return Verdict(word, word, f"{count} in {clock(self.watched)}, {self.rate:.3g} per hour")
+        # a rate per hour says nothing about a shorter time
+        often = f", {self.rate:.3g} per hour" if self.watched >= 3600 else ""
+        return Verdict(word, word, f"{count} in {clock(self.watched)}{often}")
 
 
 def hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:

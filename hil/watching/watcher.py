@@ -32,7 +32,8 @@ class TraceStretch(NamedTuple):
     alarm : float
         Instant of an alarm; NaN without one [s].
     time, measured, predicted, threshold : ndarray, shape (n,)
-        Time [s] and torques [N m or N]; the threshold is infinite without visibility.
+        End of a window [s], and mean torques in the window [N m or N]; the threshold is infinite
+        without visibility.
     """
 
     alarm: float
@@ -45,19 +46,26 @@ class TraceStretch(NamedTuple):
 class Trace:
     """Buffer of the last samples, and traces around the first alarm of every axis.
 
+    Accelerations from encoders are far too noisy for single samples, and near a standstill the
+    direction of friction is, too: kept are means over the window of the threshold, to which alone
+    the threshold applies.
+
     Parameters
     ----------
     n_joints : int
     period : float
         Time between two samples [s].
+    window : int
+        Length of the window [samples].
     shown, after : float
         Displayed time, and the part after the alarm [s].
     """
 
     def __init__(
-        self, n_joints: int, period: float, shown: float = 1.0, after: float = 0.6
+        self, n_joints: int, period: float, window: int, shown: float = 1.0, after: float = 0.6
     ) -> None:
-        self._length, self._after = round(shown / period), after
+        self._length, self._after = round(shown / period) + window - 1, after
+        self._window = window
         self._last: tuple[Array, ...] = (np.empty(0), *[np.empty((0, n_joints))] * 3)
         self._period = period
         self._n = n_joints
@@ -101,8 +109,13 @@ class Trace:
         )
 
     def _stretch(self, axis: int, alarm: float) -> TraceStretch:
-        time, *torques = self._last
-        return TraceStretch(alarm, time, *(each[:, axis] for each in torques))
+        mean = min(self._window, len(self._last[0]))  # fewer after an early end
+        measured, predicted = (
+            np.convolve(each[:, axis], np.full(mean, 1 / mean), "valid") for each in self._last[1:3]
+        )
+        ends = slice(mean - 1, None)
+        time, threshold = self._last[0][ends], self._last[3][ends, axis]
+        return TraceStretch(alarm, time, measured, predicted, threshold)
 
 
 APART = 0.04
@@ -174,7 +187,7 @@ class Watcher:
         self.alarms: list[Alarm] = []
         self._moved = 0
         self._last: Judged | None = None
-        self.trace = Trace(n, period)
+        self.trace = Trace(n, period, int(self._detector.windows[self._soon]))
 
     def take(self, *samples: Sample) -> tuple[Alarm, ...]:
         """Process further samples; return new alarms."""

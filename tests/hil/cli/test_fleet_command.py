@@ -60,7 +60,9 @@ def test_a_machine_that_changed_is_named_with_what_it_may_come_from(
     assert "1 of 2 machines with significant deviations: b" in out
     assert "counterweight" in out
     assert hil("fleet", "page", index, "-o", page)[0] == 0
-    assert "fleet, median" in page.read_text(encoding="utf-8")
+    text = page.read_text(encoding="utf-8")
+    assert "fleet, median" in text
+    assert ">run-1<" in text  # within the machine's folder
 
 
 def test_a_run_identified_anew_takes_the_place_of_its_earlier_model(

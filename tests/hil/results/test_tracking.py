@@ -13,7 +13,7 @@ from checked_files.yaml_file import load_yaml
 from drivers.drive_bus import LimitExceeded
 from hil.cli import app, import_command
 from hil.cli.measuring import OnBus, measure
-from hil.commands.track import NAME, PASSES, Tracking, notes
+from hil.commands.track import NAME, PASSES, Tracking, judge, notes
 from hil.measuring.feeding import DELAY, LOOP, motion_of, refuse_beyond_torque
 from hil.model.robot import ROBOTS, Robot
 from hil.planning.design.by_counts import design
@@ -116,11 +116,13 @@ def test_a_drive_that_feeds_forward_by_itself_besides_is_named(tracked: Path) ->
     doubled = kept.model_copy(update={"axes": tuple(axes)})
     assert "axis 2: velocity makes the errors larger" in " ".join(notes(doubled))
     assert not any("larger" in note for note in notes(kept))
+    assert [judge(each).kind for each in (kept, doubled)] == ["good", "doubtful"]
 
 
 def test_all_passes_are_runs_that_lose_nothing(tracked: Path) -> None:
     page = (tracked / "tracking.html").read_text()
     assert page.count("<svg viewBox") > 6
+    assert judge(found(tracked)).text in page
     assert 'data-r="' in page  # with playback
     for name in PASSES:
         run = Run.open(tracked / name)

@@ -66,3 +66,15 @@ def test_what_nobody_takes_is_dropped(watcher: Watcher) -> None:
         take(watcher, first, 1000)
     assert len(watcher._averaged) <= 2 * HELD
     assert len(watcher.course().time) == HELD
+
+
+@pytest.mark.parametrize("block", [1, 95])
+def test_a_trace_has_means_over_the_window_of_its_threshold(watcher: Watcher, block: int) -> None:
+    for first in range(0, 380, block):
+        take(watcher, first, min(block, 380 - first))
+    stretch, _ = watcher.trace.stretches()
+    last = np.arange(380)[-250:]
+    assert stretch.time == pytest.approx(PERIOD * (last - 1))
+    assert stretch.measured == pytest.approx(last - 0.5)  # of two samples
+    assert stretch.predicted == pytest.approx(stretch.measured / 2)
+    assert np.all(stretch.threshold == 9.0)
