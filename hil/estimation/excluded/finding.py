@@ -24,12 +24,13 @@ from scipy import special
 from hil.estimation.excluded.alternatives import ROWS, Reading, alternatives, explained
 from hil.estimation.excluded.backlash import WITHIN, half_gap
 from hil.estimation.excluded.battery import LEVEL, Battery
-from hil.estimation.excluded.causes import CAUSES, FITTED
+from hil.estimation.excluded.causes import CAUSES, FIRST_ORDER, FITTED
 from hil.estimation.excluded.columns import columns, finer, late
 from hil.estimation.excluded.departure import Departure, parts_of
 from hil.estimation.excluded.encoder_noise import EncoderNoise
+from hil.estimation.excluded.finite_size import FINITE, misread_battery
 from hil.estimation.excluded.friction_change import friction_changes
-from hil.estimation.excluded.limits import limits
+from hil.estimation.excluded.limits import SETTLED, limits
 from hil.estimation.excluded.result import Excluded, Found, located
 from hil.estimation.excluded.words import axes_of, describe_reading, describe_size, name_of, rank_of
 
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.causes import Key
     from hil.estimation.excluded.dispersion import Common
     from hil.estimation.excluded.evidence import Evidence
+    from hil.estimation.excluded.result import Limit
     from hil.model.robot import Robot
 
     Tests = dict[Key, list[int]]
@@ -137,6 +139,8 @@ def excluded(
     causes, stated = instead.found, limits(robot, battery, every, len(tests), leaves)
     if evidence.later is not None and not instead.shows_changes:
         stated = tuple(each.model_copy(update={"size": None}) for each in stated)
+    elif evidence.later is not None:
+        stated = tuple(_testable(robot, p, battery, each) for each in stated)
     if evidence.later is not None and not instead.departs:
         friction, more = friction_changes(robot, p if both is None else both, evidence)
         # a change of all torques of an axis includes its friction
@@ -144,6 +148,31 @@ def excluded(
         causes = (*causes, *(each for each in friction if not explained & {*each.axes}))
         stated = (*stated, *more)
     return Excluded(found=causes, limits=stated, tests=len(tests))
+
+
+def _testable(robot: Robot, p: Array, battery: Battery, limit: Limit) -> Limit:
+    """Return a limit without its size if that size is not found in the readings that it makes.
+
+    Only small sizes are proportional to a first-order column; sizes are stated to `SETTLED`, and
+    a size below, in rad or as a share, changes the column by less.
+    """
+    if limit.cause not in FINITE or limit.size is None:
+        return limit
+    hours = float(np.ptp(battery.evidence.time)) / 3600.0
+    largest = CAUSES[limit.cause].largest(robot, limit.axis - 1, hours)
+    if limit.size < SETTLED / FIRST_ORDER * largest < np.inf:
+        return limit
+    key = limit.cause, limit.axis - 1
+    k = min(battery.columns.tests[key], key=lambda k: float(battery.information[k]))
+    for size in (limit.size, -limit.size):
+        read = misread_battery(robot, p, battery, k, size)
+        tests = {key: at for key, at in read.columns.tests.items() if read.visible[at].any()}
+        level = battery.level / len(battery.columns.tests)
+        likely = likeliest(read, tests, level, partial(possible, robot, read.evidence))
+        explains = explained_by(read, tests, likely[1].dispersion) if likely else {}
+        if not likely or key not in explains or not alike(explains[key], explains[likely[0]]):
+            return limit.model_copy(update={"size": None})
+    return limit
 
 
 def explained_by(battery: Battery, tests: Tests, dispersion: float) -> dict[Key, float]:
