@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.runs.recording import Recorded, Recording
 
-PLANTED = {"torque constant": 50.0, "zero": 28.0, "late torque": 20.0, "friction": 100.0}
+PLANTED = {"torque constant": 50.0, "joint offset": 28.0, "torque delay": 20.0, "friction": 100.0}
 """Causes, and the largest planted size in their units; larger changes are not small."""
 CUT_OFF = 10.0
 """Cut-off frequency of the positions for planted friction [Hz]."""
@@ -80,9 +80,9 @@ def _planted(
         q, tau = recording.q.copy(), recording.tau.copy()
         if cause == "torque constant":
             tau[:, axis] /= 1.0 + size / 100.0  # stated sizes are ratios of true to recorded values
-        elif cause == "zero":
+        elif cause == "joint offset":
             q[:, axis] -= size * (np.pi / 180.0 if robot.revolute[axis] else 1e-3)
-        elif cause == "late torque":
+        elif cause == "torque delay":
             tau[:, axis] = np.interp(recording.time - 1e-3 * size, recording.time, tau[:, axis])
         else:
             tau[:, axis] += size / 100.0 * _friction(robot, p, recording)[:, axis]

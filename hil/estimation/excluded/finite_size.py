@@ -22,8 +22,8 @@ import numpy as np
 
 from hil.estimation.excluded.battery import Battery
 from hil.estimation.excluded.columns import Columns, EvidenceRows, columns_of
+from hil.model.added_parameters import motor_torque
 from hil.model.dynamics import regressor
-from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
     from hil.arrays import Array
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.evidence import Evidence
     from hil.model.robot import Robot
 
-FINITE = ("zero", "slip", "position scale", "gear ratio", "late position", "late torque")
+FINITE = ("joint offset", "slip", "position scale", "gear ratio", "position delay", "torque delay")
 """Causes of an axis with a torque that is not linear in their size, apart from gains and backlash.
 """
 
@@ -65,10 +65,10 @@ def misread(robot: Robot, evidence: Evidence, name: Column, size: float) -> Evid
     """Return the evidence as read with a cause of a size, in the cause's unit."""
     axis, share = name.axis, 1.0 + size / 100.0
     motion, recorded, mine = evidence.motion.copy(), evidence.recorded.copy(), evidence.axis == axis
-    if name.cause == "late torque":
+    if name.cause == "torque delay":
         late, now = (_delayed(evidence, axis, TORQUE, each)[1] for each in (size, 0.0))
         recorded += mine * (late - now)
-    elif name.cause == "late position":
+    elif name.cause == "position delay":
         for k in range(TORQUE):
             motion[:, k, :, axis] = _delayed(evidence, axis, k, size)
     elif name.cause == "position scale":

@@ -32,7 +32,7 @@ def planted(data: FreeRecorded, cause: str, size: float) -> FreeRecorded:
     for motion, recording in data:
         q, tau, time = recording.q.copy(), recording.tau.copy(), recording.time
         share = 1.0 + size / 100.0
-        if cause == "zero":
+        if cause == "joint offset":
             q[:, AXIS] -= np.radians(size)
         elif cause == "position scale":
             q[:, AXIS] /= share
@@ -40,7 +40,7 @@ def planted(data: FreeRecorded, cause: str, size: float) -> FreeRecorded:
             q[:, AXIS] *= share
             tau[:, AXIS] /= share
         else:
-            late = q if cause == "late position" else tau
+            late = q if cause == "position delay" else tau
             late[:, AXIS] = np.interp(time - 1e-3 * size, time, late[:, AXIS])
         found.append((motion, replace(recording, q=q, tau=tau)))
     return found
@@ -54,8 +54,8 @@ def evidence(data: FreeRecorded) -> Evidence:
 
 @pytest.mark.parametrize(
     ("cause", "size"),
-    [("zero", 20.0), ("position scale", -15.0), ("gear ratio", 10.0), ("late position", 60.0),
-     ("late torque", 60.0)],
+    [("joint offset", 20.0), ("position scale", -15.0), ("gear ratio", 10.0),
+     ("position delay", 60.0), ("torque delay", 60.0)],
 )  # fmt: skip
 def test_changed_readings_are_those_of_recordings_with_the_cause(cause: str, size: float) -> None:
     data = recorded(arm(), TRUTH, n=2, duration=10.0, noise=0.01)
@@ -86,12 +86,12 @@ def test_a_size_is_stated_only_if_the_readings_that_it_makes_show_it(
     before = recorded(robot, p, n=3, duration=12.0, noise=noise, seed=200)
     after = recorded(robot, p, n=2, duration=12.0, noise=noise, seed=250)
     limits = changed(robot, before, after).limits
-    (limit,) = (each for each in limits if (each.cause, each.axis) == ("zero", AXIS + 1))
+    (limit,) = (each for each in limits if (each.cause, each.axis) == ("joint offset", AXIS + 1))
     assert (limit.size is not None) == stated
     for size in () if limit.size is None else (limit.size, -limit.size):
-        found = changed(robot, before, planted(after, "zero", size)).found
+        found = changed(robot, before, planted(after, "joint offset", size)).found
         assert any(
-            (each.cause, each.axes) == ("zero", (AXIS + 1,))
+            (each.cause, each.axes) == ("joint offset", (AXIS + 1,))
             or any(f"axis {AXIS + 1}: " in other for other in each.others)
             for each in found
         )
