@@ -192,7 +192,7 @@ TABLES = {
     "its values would take": [
         f"ALTER TABLE messages ADD COLUMN more TEXT DEFAULT '{'x' * 2000}'",
     ],
-    "'messages' has 34 columns, at most 20 may be": [
+    "'messages' has 34 columns, at most 20 allowed": [
         f"ALTER TABLE messages ADD COLUMN c{k} INTEGER" for k in range(30)
     ],
     "two topics have the same id": [
