@@ -202,9 +202,10 @@ def _pass_on(streams: Streams, closed: Callable[[], None] | None) -> None:
         if now - alive > 1.0:
             alive = now
             streams.take(_line("alive"))
-            if streams.pages:
-                seen = now
-        nobody = streams.reported and seen == math.inf and not streams.pages
+        # a page may be open for less time than passes between two lines
+        if streams.pages or (streams.opened and seen == math.inf):
+            seen = now
+        nobody = streams.reported and not streams.opened
         if closed is not None and (nobody or now - seen > CLOSED):
             closed()
             closed = None

@@ -176,9 +176,16 @@ class Client:
 
 
 class Streams:
-    """State of a run for pages, and the pages."""
+    """State of a run for pages, and the pages.
+
+    Attributes
+    ----------
+    opened : bool
+        True after the first page was opened.
+    """
 
     def __init__(self) -> None:
+        self.opened = False
         self._lock = Lock()
         self._clients: list[Client] = []
         self._state: dict[str, bytes] = {}
@@ -220,6 +227,7 @@ class Streams:
                 return None
             client = Client(connection, head + self._history_lines())
             self._clients.append(client)
+            self.opened = True
             client.flush()
             return client
 

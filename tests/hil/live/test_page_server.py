@@ -211,6 +211,27 @@ def test_a_stop_is_asked_for_once_the_last_page_is_closed(
     ours.close()
 
 
+def test_a_page_that_was_open_for_an_instant_asks_for_the_stop_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(page_server, "CLOSED", 0.2)
+    streams, closed = Streams(), list[int]()
+    inlet, outlet = os.pipe()
+    monkeypatch.setattr("sys.stdin", stdin := os.fdopen(inlet))
+    thread = Thread(target=page_server._pass_on, args=(streams, lambda: closed.append(1)))
+    thread.start()
+    ours, theirs = socket.socketpair()
+    streams.add(ours, b"")
+    theirs.close()
+    streams.take(b'{"kind": "headline", "text": "still here"}')  # drops the page
+    assert streams.pages == 0
+    until(lambda: closed == [1])
+    os.close(outlet)
+    thread.join()
+    stdin.close()
+    ours.close()
+
+
 def test_on_another_address_a_secret_is_demanded() -> None:
     with served("0.0.0.0") as page:  # noqa: S104 - on purpose
         secret = page.path.strip("/")
