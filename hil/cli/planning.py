@@ -41,7 +41,7 @@ def dry_run_(
     workspace: WorkspaceOption = None,
     noise_from: NoiseFrom = None,
     drives_file: RobotsDrives = None,
-    page: Annotated[Path | None, page_option("3-D page of the plan to write")] = None,
+    page: Annotated[Path | None, page_option("Page of the plan in 3-D to write")] = None,
 ) -> None:
     """Check a plan and predict its duration and precision; nothing moves."""
     from hil.cli import plan_view, viewing

@@ -187,7 +187,9 @@ def watched(
             found.sample(Sample(4.0 + 0.04 * k, q, TAU, (0,) * 6, False))
         found.publish("headline", text="Push the arm: drag a link")
         browser.get(found.url)
-        until(browser, lambda: text(browser, "headline").startswith("Push the arm"))
+        # the headline is in the page before the robot is drawn
+        until(browser, lambda: browser.execute_script("return !!window.live?.scene?.q"))
+        assert text(browser, "headline").startswith("Push the arm")
         yield found, plant
 
 
