@@ -37,6 +37,7 @@ from hil.runs.journal import (
     Journal,
     RepeatedAttempt,
     Session,
+    SyncTiming,
     axis_records,
     now,
     write_journal,
@@ -223,7 +224,12 @@ class RunFolder(Run):
 
     @contextmanager
     def session(self, bus_name: BusName, real_time: Sequence[str] = ()) -> Iterator[int]:
-        """Open a session; yield the number and note the reason of the end in any case."""
+        """Open a session; yield the number and note the reason of the end in any case.
+
+        The timing of killed sessions is counted anew from their recordings: a kill may come between
+        the writing of a recording and of the journal.
+        """
+        self._count_killed()
         number = len(self.journal.sessions)
         started = Session(
             started=now(),
@@ -239,6 +245,18 @@ class RunFolder(Run):
                 self._note(self.journal.change_last(ended=now(), reason=_reason(error)))
             raise
         self._note(self.journal.change_last(ended=now(), reason="finished"))
+
+    def _count_killed(self) -> None:
+        sessions = list(self.journal.sessions)
+        killed = {k: SyncTiming() for k, each in enumerate(sessions) if each.ended is None}
+        for measured in self if killed else ():
+            if measured.session in killed:
+                killed[measured.session] = killed[measured.session].add_recording(
+                    measured.recording
+                )
+        for k, timing in killed.items():
+            sessions[k] = sessions[k].model_copy(update={"sync": timing})
+        self.journal = self.journal.model_copy(update={"sessions": tuple(sessions)})
 
     @property
     def only_rehearsed(self) -> bool:

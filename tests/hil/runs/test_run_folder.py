@@ -20,7 +20,7 @@ from hil.planning.measurement import Gravity, RecordedMotion
 from hil.planning.plan import Plan
 from hil.planning.trajectory import FreeMotion, Trajectory
 from hil.runs.atomic_file import locked, whole_folder
-from hil.runs.journal import BusName, Session
+from hil.runs.journal import BusName, Session, SyncTiming
 from hil.runs.recording import Finding, Recording
 from hil.runs.recording_file import Measured, read_measured, write_measured
 from hil.runs.run_folder import RunFolder
@@ -384,6 +384,19 @@ def test_what_a_killed_session_recorded_is_in_its_journal(folder: RunFolder, ide
     campaign.close()
     assert on_disk.sync.samples >= recorded > 0
     assert on_disk.reason == "was killed"
+
+
+def test_a_recording_that_a_kill_kept_from_the_journal_is_counted_by_the_next_session(
+    folder: RunFolder, recording: Recording
+) -> None:
+    with folder.session(BusName("sim_plant", "a")) as number:
+        folder.write(Measured(folder.plan.measurements[2], recording, session=number))
+        killed = RunFolder.open(folder.path)
+        with killed.session(BusName("sim_plant", "a")):
+            pass
+    first, second = killed.journal.sessions
+    assert (first.sync.samples, second.sync.samples) == (N, 0)
+    assert first.sync == SyncTiming().add_recording(recording)
 
 
 def test_a_folder_that_a_killed_process_began_is_removed_by_the_next(tmp_path: Path) -> None:
