@@ -26,8 +26,8 @@ from scipy import special
 from hil.estimation.free_motion.gathering import gather
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.identify import estimate
+from hil.estimation.loads.evidence import free_motion_evidence
 from hil.estimation.loads.fit import fit_load
-from hil.estimation.loads.joint import free_motion_evidence
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 

@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from hil.commands.friction import fit_friction
     from hil.ground_truth.comparison import compare
     from hil.imports.importing import import_recordings
-    from hil.model.added_parameters import motor_torque
     from hil.model.base_parameters import base_parameters
     from hil.model.dynamics import gravity_torque, inverse_dynamics, mass_matrix, regressor
+    from hil.model.motors import motor_torque
     from hil.model.robot import Robot, available_robots
     from hil.report.figure import (
         plot_friction,
@@ -103,7 +103,7 @@ _LATER = {
     "inverse_dynamics": "hil.model.dynamics",
     "mass_matrix": "hil.model.dynamics",
     "measure": "hil.tasks.measuring",
-    "motor_torque": "hil.model.added_parameters",
+    "motor_torque": "hil.model.motors",
     "plan": "hil.tasks.plans",
     "plot_friction": "hil.report.figure",
     "plot_friction_over_time": "hil.report.figure",

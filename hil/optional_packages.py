@@ -1,44 +1,15 @@
-"""Optional packages by extra, with an error message if a package is missing.
-
-Functions in C, compiled at installation if a compiler is found, and called by `ctypes`.
-
-Without a compiler, equivalent functions in Python give the same results.
-"""
+"""Optional packages by extra, with an error message if a package is missing."""
 
 from __future__ import annotations
 
-import ctypes
 from contextlib import contextmanager
-from importlib.machinery import EXTENSION_SUFFIXES
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
-
-def library(module: str, name: str) -> ctypes.CDLL:
-    """Load a library next to a module's file.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        No C compiler was available at installation.
-    """
-    for suffix in EXTENSION_SUFFIXES:
-        built = Path(module).with_name(f"{name}{suffix}")
-        if built.exists():
-            return ctypes.CDLL(str(built))
-    raise ModuleNotFoundError(f"{name} is not compiled: no C compiler was there at installation")
-
-
-def pointer(array: NDArray[Any]) -> ctypes.c_void_p:
-    """Return the address of a contiguous array."""
-    return ctypes.c_void_p(array.ctypes.data)
+    from pathlib import Path
 
 
 _PACKAGES = {"foxglove": "foxglove-sdk", "matio": "mat-io"}

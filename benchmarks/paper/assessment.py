@@ -16,13 +16,8 @@ from hil.commands.diagnose import diagnose
 from hil.commands.friction import fit_friction
 from hil.estimation.friction import symmetry
 from hil.estimation.signals import CUTOFF, Signals, signals
-from hil.estimation.two_step_methods import (
-    TWO_STEP_METHODS,
-    TwoStep,
-    estimates,
-    local_fits,
-    prepare,
-)
+from hil.estimation.two_step import TwoStep
+from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates, local_fits, prepare
 from hil.ground_truth.comparison import comparison
 from hil.ground_truth.true_parameters import true_parameters
 from hil.model.base_parameters import base_parameters

@@ -24,9 +24,9 @@ import numpy as np
 from hil.estimation.condensed import groups
 from hil.estimation.signals import signals
 from hil.least_squares.solving import eliminated
-from hil.model.added_parameters import motor_torque
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
+from hil.model.motors import motor_torque
 
 from .friction_terms import (
     DIRECTION,

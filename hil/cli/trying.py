@@ -37,7 +37,7 @@ ROBOT = "manutec-r15"
 RUNS = Path("runs")
 LEARNING = 25.0
 """Learning time of the thresholds [s]: every axis then has moved for 15 s, after which a push does
-not count as scatter (`hil.watching.detector`)."""
+not count as scatter (`hil.watching.scatter`)."""
 LONGEST = 90.0
 """Latest start of a motion [s], once thresholds are learned: the announced duration is two minutes,
 and a motion takes 20 s. Two motions hold the learning and 15 s for pushing, on a slow computer too.

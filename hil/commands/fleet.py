@@ -24,11 +24,11 @@ from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError, parse_yaml, read_text
 from hil.least_squares.uncertainty import TWICE
 from hil.optional_packages import needed_for
-from hil.results.changes import changed_table
 from hil.results.departures import FIRST, NEWEST, Departures, Fleet, departures
 from hil.results.model import Model
 from hil.results.model_file import NAME, ModelFile
 from hil.results.quantities import Kind, Quantity, friction_quantities, quantities, reading
+from hil.results.tables.changes import changed_table
 from hil.runs.atomic_file import write_file
 from hil.show.charts.chart import MEASURED, MUTED, Chart, Line, Panel, Points, chart
 from hil.show.outcome import Outcome, Verdict

@@ -18,11 +18,12 @@ import numpy as np
 from hil.errors import InvalidValue, Mismatch
 from hil.estimation.excluded.proof import changed
 from hil.estimation.intervals import SIGNIFICANT
-from hil.results.changes import adjusted, change, changed_table, common_friction, rescaled
+from hil.results.changes import adjusted, change, common_friction, rescaled
 from hil.results.model import Model
 from hil.results.provenance import same_recordings
 from hil.results.quantities import quantities, reading
 from hil.results.tables import excluded
+from hil.results.tables.changes import changed_table
 from hil.runs.journal import now
 from hil.runs.pooling import Pooled
 from hil.runs.run import Run

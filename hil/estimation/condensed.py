@@ -28,12 +28,12 @@ import numpy as np
 
 from hil.friction.equation import COMMON, FEWEST, LOAD
 from hil.least_squares.blocks import Blocks
-from hil.least_squares.normal_equations import window_means
 from hil.least_squares.solving import eliminated
+from hil.least_squares.thinned import window_means
 from hil.least_squares.window import APART, rounding_window
-from hil.model.added_parameters import motor_torque
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressors
+from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -47,10 +47,10 @@ from hil.estimation.signals import derivatives
 from hil.friction.equation import SLOW, speed_scale
 from hil.least_squares.solving import inverse
 from hil.least_squares.window import half_window, widen
-from hil.model.added_parameters import motor_inertia, motor_torque
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import DIAGONAL
 from hil.model.dynamics import inverse_dynamics, mass_matrix
+from hil.model.motors import motor_inertia, motor_torque
 from hil.planning.measurement import shows_element
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.options import COVARIANCES, DEFAULTS, NUISANCES
 from hil.estimation.two_step_methods import TWO_STEP_METHODS, estimates
 from hil.friction.terms import LAWS
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

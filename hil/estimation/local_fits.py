@@ -32,10 +32,10 @@ from hil.estimation.local_values import LocalFit
 from hil.friction.equation import LOAD, SLOW, own_friction
 from hil.least_squares.layout import embedded
 from hil.least_squares.solving import orthonormal
-from hil.model.added_parameters import motor_torque
 from hil.model.base_parameters import base_parameters
 from hil.model.dependencies import GRAVITY
 from hil.model.dynamics import regressors
+from hil.model.motors import motor_torque
 from hil.planning.measurement import Inertia
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from hil.estimation.options import DEFAULTS
 from hil.estimation.two_step_methods import fill_reached_limits, joint, measured, prepare
 from hil.least_squares.balance import Kind, balance
 from hil.model.base_parameters import base_parameters
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
     from hil.estimation.estimate import Estimate

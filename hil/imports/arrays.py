@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.model.robot import Robot
-    from hil.planning.trajectory import FreeMotion
+    from hil.planning.free_motion import FreeMotion
 
 _numbers = count(1)
 _ARGUMENTS = {"position": "q", "torque": "tau", "velocity": "qd"}

@@ -37,7 +37,7 @@ from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.imports.evidence import Suspicion
 from hil.imports.two_clocks import clock_of_torques
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from hil.imports.segments import (
 from hil.imports.spikes import spike_suspicions
 from hil.imports.stamps import WrongStamps, timing_of
 from hil.imports.statement import Statement, explanation
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
 from hil.runs.recording_file import Measured, write_measured
 

@@ -1,6 +1,6 @@
 """Statement of an import: samples, rate, gaps, velocities, motions, findings.
 
-Interpretation of a recording by joint, and the figures of all checks.
+The explanation (``--explain``) adds the interpretation by joint and the figures of all checks.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hil.imports.map_file import MapFile
     from hil.imports.stamps import Timing
     from hil.model.robot import Robot
-    from hil.planning.trajectory import FreeMotion
+    from hil.planning.free_motion import FreeMotion
 
 
 def explanation(

@@ -20,8 +20,8 @@ import numpy as np
 
 from hil.estimation.excluded.finding import LEAVES
 from hil.imports.evidence import Suspicion, half_width
-from hil.model.added_parameters import motor_torque
 from hil.model.dynamics import regressor
+from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

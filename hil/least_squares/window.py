@@ -1,13 +1,12 @@
-"""Low-pass of the improved method: a Blackman window.
+"""Low-pass of the improved method, a Blackman window, and differences for velocities.
 
-It is phase-neutral and ends after `HALF_WIDTH`: a sample further than that from a reversal is not
-affected by it. Recordings and predictions pass the same window. It uses NumPy alone, since
+The window is phase-neutral and ends after `HALF_WIDTH`: a sample further than that from a reversal
+is not affected by it. Recordings and predictions pass the same window. It uses NumPy alone, since
 importing SciPy would take longer than a plan or dry run.
 
-Position differences of fourth order in the sampling period, used for velocities.
-
-The estimator applies them (`hil.estimation.signals`); predictions compute their effect on encoder
-increments (`hil.planning.prediction.information`).
+The differences are of fourth order in the sampling period. The estimator applies them
+(`hil.estimation.signals`); predictions compute their effect on encoder increments
+(`hil.planning.prediction.information`).
 """
 
 from __future__ import annotations

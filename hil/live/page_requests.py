@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, cast
 from urllib.parse import urlsplit
 
-from hil.live.streams import is_ours
+from hil.live.incoming import is_ours
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

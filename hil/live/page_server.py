@@ -29,9 +29,10 @@ from socketserver import TCPServer
 from threading import Semaphore, Thread
 from typing import TYPE_CHECKING, Any, cast
 
+from hil.live.incoming import WAITING_MAX, Incoming, TooLarge
 from hil.live.listener import begin_listening, url_host
 from hil.live.page_requests import Requests, Site, Whole, takes_time
-from hil.live.streams import WAITING_MAX, Incoming, Streams, TooLarge
+from hil.live.streams import Streams
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

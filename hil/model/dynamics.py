@@ -6,7 +6,7 @@ inverse dynamics agree to rounding. Without a compiled recursion NumPy evaluates
 assigned to the standard parameters at their heads, all others being zero
 (`hil.model.base_parameters`), so that the cost depends on the number of the robot's parameters.
 Besides rigid bodies there are springs and unknown rotor inertias; known ones are in
-`hil.model.added_parameters`.
+`hil.model.motors`.
 
 Shapes: q, qd, qdd are (n_samples, n_joints), or (n_joints,) for a single sample, and the results
 have the same leading axes: none for a single sample. Torques in N m (forces in N), joint side.

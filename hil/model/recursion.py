@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.optional_packages import library, pointer
+from hil.machine_code import library, pointer
 
 if TYPE_CHECKING:
     from hil.arrays import Array, Integers

@@ -15,7 +15,7 @@ friction
     just before (section 3).
 
 A new kind is a model and a row of `KINDS` here, and an entry in each stage with functions by kind:
-motion (`hil.measuring.sequencer`), checks of recordings (`hil.measuring.checks.recording_checks`),
+motion (`hil.measuring.motion`), checks of recordings (`hil.measuring.checks.recording_checks`),
 local estimates (`hil.estimation.local_fits`) and, if `hil plan` chooses it, configurations
 (`hil.planning.design.measurable_elements`).
 """
@@ -28,10 +28,11 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeGuard, TypeVar, overlo
 from pydantic import Field, model_validator
 
 from hil.model.dependencies import DIAGONAL, GRAVITY, OFF_DIAGONAL
+from hil.planning.free_motion import FreeMotion
 from hil.planning.halton import GOLDEN
 from hil.planning.plan_values import Positive
 from hil.planning.strokes import PARTNER_TURN, SETTLED, Cruise, Partner, Strokes
-from hil.planning.trajectory import FreeMotion, Trajectory
+from hil.planning.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -18,9 +18,9 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 from checked_files.yaml_events import Dumper
 from checked_files.yaml_file import FileError, FileModel, load_yaml, read_text, refuse
 from hil.planning import LONGEST
+from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import KEYS, Measurement
 from hil.planning.plan_values import LONGEST_NAME, Fraction, round_to_millionths
-from hil.planning.trajectory import FreeMotion
 from hil.planning.workspace import Workspace
 from hil.planning.workspace_check import refuse_unfit
 

@@ -13,8 +13,8 @@ from hil.estimation.free_motion.motion import low_passed
 from hil.friction.equation import SLOW
 from hil.least_squares.standstill import extent, moving
 from hil.least_squares.window import widen
+from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
-from hil.planning.trajectory import FreeMotion
 from hil.results.recorded_torque import convert_torques
 from hil.results.residual import BAND, BandResidual
 

@@ -25,8 +25,6 @@ differences of two runs by least squares weighted by errors and allowances. It i
 conditions: with it no quantity remains marked, and the fit without the most influential quantity
 shows a factor of the same sign too. A load, a screw or a bearing changes only some of these
 quantities, and by different shares.
-
-Table of the changes of a machine.
 """
 
 from __future__ import annotations
@@ -38,8 +36,7 @@ import numpy as np
 from scipy import special
 
 from hil.estimation.intervals import SIGNIFICANT, combined_degrees
-from hil.show.rounding import probability, rounded, signed, significant, uncertain, unit
-from hil.show.table import Column, Table, figures, table
+from hil.show.rounding import rounded, signed, significant, unit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -49,33 +46,6 @@ if TYPE_CHECKING:
     from hil.arrays import Array, Indices
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.quantities import Kind, Quantity, Reading
-    from hil.show.table import Row
-
-
-def changed_table(changes: Sequence[Change], title: str = "What changed", of: str = "run") -> Table:
-    """Return the table of significant changes; no rows without any."""
-    return table(
-        title,
-        (
-            *(Column(head, folds=True) for head in (of, "since", "quantity")),
-            *figures("change", "± 95 %"),
-            "unit",
-            *figures("change, %", "p"),
-            Column("possible cause", folds=True),
-        ),
-        map(_change, changes),
-        "The interval includes the possible effect of temperature on friction; p: probability of "
-        "such a change by chance, over all tests of the run (Holm).",
-    )
-
-
-def _change(each: Change) -> Row:
-    share = "" if each.relative is None else signed(significant(100 * each.relative, 2))
-    size, half = uncertain(each.size, each.half_width)
-    return (
-        each.run, each.against, each.quantity.title, size, half, unit(each.quantity.unit), share,
-        probability(each.adjusted), each.meaning,
-    )  # fmt: skip
 
 
 FEWEST = 3

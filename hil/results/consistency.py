@@ -16,7 +16,7 @@ from hil.estimation.signals import signals
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import regressor
 from hil.model.frames import pseudo_inertia
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 from hil.results.recorded_torque import processing_of
 from hil.results.tables.parameters import NAMED
 from hil.show.rounding import probability, signed, significant, unit

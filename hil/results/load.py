@@ -16,8 +16,8 @@ from hil.estimation.free_motion.scaling import Scaling
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.free_motion_methods import estimate_from
 from hil.estimation.identify import default_method
+from hil.estimation.loads.evidence import condensed_like, free_motion_evidence, stroke_evidence
 from hil.estimation.loads.fit import fit_load
-from hil.estimation.loads.joint import condensed_like, free_motion_evidence, stroke_evidence
 from hil.estimation.noise_levels import noise_levels
 from hil.estimation.options import DEFAULTS
 from hil.estimation.simultaneous import SimultaneousFit
@@ -45,8 +45,8 @@ if TYPE_CHECKING:
     from hil.estimation.drive_train import DriveTrain
     from hil.estimation.estimate import Estimate
     from hil.estimation.free_motion.gathering import Gathered
+    from hil.estimation.loads.evidence import Evidence
     from hil.estimation.loads.figures import Figure, Load
-    from hil.estimation.loads.joint import Evidence
     from hil.estimation.options import Options
     from hil.model.robot import Robot
     from hil.runs.run import Run

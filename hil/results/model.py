@@ -18,7 +18,7 @@ from hil.errors import FrictionUnknown, NotEnoughData, UnknownName
 from hil.estimation.intervals import combined_degrees, half_width
 from hil.friction.law import friction_torque, friction_variance, level_anywhere
 from hil.model import dynamics
-from hil.model.added_parameters import motor_inertia, motor_torque
+from hil.model.motors import motor_inertia, motor_torque
 from hil.results.identified_robot import (
     PARTS,
     IdentifiedRobot,
@@ -28,7 +28,7 @@ from hil.results.identified_robot import (
 )
 from hil.results.model_file import ModelFile, file_of, read_model_file
 from hil.results.samples import samples, warmth_along, warmth_of
-from hil.results.tables.parameters import summary
+from hil.results.tables.model import summary
 from hil.runs.atomic_file import write_file
 from hil.show.rounding import count
 

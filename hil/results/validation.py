@@ -15,7 +15,7 @@ from pydantic import Field
 from scipy import special
 
 from checked_files.yaml_file import FileModel
-from hil.estimation.excluded.proof import LEVEL, share_at_top
+from hil.estimation.excluded.saturation import LEVEL, share_at_top
 from hil.estimation.friction.history import history
 from hil.estimation.intervals import SIGNIFICANT
 from hil.estimation.options import ACCURACY

@@ -21,8 +21,8 @@ from pydantic import TypeAdapter, ValidationError
 from checked_files.budget import refuse_beyond
 from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError, refuse_endless
+from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import RecordedMotion
-from hil.planning.trajectory import FreeMotion
 from hil.runs.atomic_file import write_file
 from hil.runs.recording import IDLE, UNITS, Finding, Recording
 

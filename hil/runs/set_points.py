@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.planning.free_motion import FreeMotion
 from hil.planning.strokes import REST, Strokes
-from hil.planning.trajectory import FreeMotion
 from hil.runs.recording import IDLE
 
 if TYPE_CHECKING:

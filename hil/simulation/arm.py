@@ -42,8 +42,8 @@ from hil.errors import NotEnoughData
 from hil.export.simple_friction import friction_of_joints
 from hil.friction.direction import Direction
 from hil.friction.terms import DIRECTED, LAWS, friction_columns
-from hil.model.added_parameters import motor_inertia
 from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_inertia
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -7,12 +7,6 @@ of EMPS is scored in this way: the whole record from the command and its first 2
 square of the position. Errors of a free simulation add up, and an arm that gravity turns over
 falls: a recording may be simulated in several stretches, each of which starts from a recorded
 state.
-
-Simulation of a model by MuJoCo, from the file of `hil export --to mjcf`.
-
-Friction is Coulomb's and viscous, as MuJoCo has it, and an offset is the bias of an actuator. Joint
-limits are left out, since the recorded motion kept them. MuJoCo's scheme is of first order in the
-step.
 """
 
 from __future__ import annotations
@@ -24,9 +18,6 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 import numpy as np
 
 from hil.errors import InvalidValue, NotEnoughData
-from hil.export.mjcf_file import IMPEDANCE, STEP, write_mjcf
-from hil.optional_packages import needed_for
-from hil.results.consistency import find_consistent_robot
 from hil.results.model import loaded
 from hil.results.recorded_torque import convert_torques
 from hil.runs.run import opened
@@ -49,48 +40,6 @@ if TYPE_CHECKING:
     from hil.runs.run import Run
     from hil.show.table import Table
     from hil.simulation.arm import Friction
-
-
-class MujocoArm:
-    """Nearest physically consistent robot of a model, in MuJoCo.
-
-    Raises
-    ------
-    FileError
-        MuJoCo is not installed.
-    """
-
-    def __init__(self, model: Model, step: float = STEP) -> None:
-        with needed_for("the simulator mujoco", "mujoco"):
-            import mujoco  # noqa: PLC0415 - optional, and slow to load
-        self._mujoco, self._step = mujoco, step
-        bodies = model if model.consistent is not None else find_consistent_robot(model)
-        (text,) = write_mjcf(bodies, ()).files.values()
-        self._model = mujoco.MjModel.from_xml_string(text)
-        self._model.jnt_limited[:] = 0
-
-    def run(
-        self, q: Array, qd: Array, time: Array, drive: Drive, lost: Callable[[int, Array], bool]
-    ) -> Array:
-        """Simulate like `hil.simulation.arm.Arm.run`."""
-        mujoco, model = self._mujoco, self._model
-        data = mujoco.MjData(model)
-        data.qpos[:], data.qvel[:] = q, qd
-        found = np.full((len(time), len(q)), np.nan)
-        found[0] = q
-        for k, (begin, period) in enumerate(zip(time, np.diff(time), strict=False), start=1):
-            n = max(1, int(np.ceil(period / self._step - 1e-6)))
-            model.opt.timestep = h = float(period / n)
-            model.dof_solref[:, 1] = -IMPEDANCE / h
-            for part in range(n):
-                middle = float(begin) + (part + 0.5) * h
-                data.qfrc_applied[:] = drive(middle, data.qpos, data.qvel)
-                mujoco.mj_step(model, data)
-            if not np.isfinite(data.qpos).all() or lost(k, data.qpos):
-                break
-            found[k] = data.qpos
-        return found
-
 
 INITIAL = 20
 """Number of samples for the initial state of a stretch, as specified by nonlinearbenchmark.org for
@@ -306,7 +255,7 @@ def replay(
     model = loaded(model, run.robot)
     arm: Simulator
     if simulator == "mujoco":
-        from hil.simulation.replay import MujocoArm  # noqa: PLC0415 - needs an extra
+        from hil.simulation.mujoco_arm import MujocoArm  # noqa: PLC0415 - needs an extra
 
         if friction not in (None, "exported"):
             raise InvalidValue(

@@ -3,7 +3,7 @@
 Each kind is a function with its own options; `designed` finds the function by name and refuses
 options of another kind or incompatible options, with the reason.
 
-Plan with robot and workspace, as named in commands and Python.
+`opened_plan` reads a plan with its robot and workspace, as named in commands and Python.
 """
 
 from __future__ import annotations

@@ -20,8 +20,8 @@ import numpy as np
 
 from hil.errors import FrictionUnknown
 from hil.planning.clearance import intrusions
+from hil.planning.free_motion import FreeMotion
 from hil.planning.timetable import SETTLING, travel_time
-from hil.planning.trajectory import FreeMotion
 from hil.runs.set_points import set_points
 from hil.view.packed import (
     INSTANT,

@@ -39,9 +39,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.optional_packages import library, pointer
+from hil.machine_code import library, pointer
+from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import KINDS, ElementKind
-from hil.planning.trajectory import FreeMotion
 
 try:
     _LIBRARY: CDLL | None = library(__file__, "_simplify")

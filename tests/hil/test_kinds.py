@@ -11,14 +11,14 @@ from synthetic import TABLE_3_A, Friction, record
 from hil.estimation.identify import estimate
 from hil.estimation.local_fits import ELSEWHERE, LOCAL_FITS
 from hil.measuring.checks.recording_checks import CHECKS, check
-from hil.measuring.sequencer import MANNERS
+from hil.measuring.motion import MANNERS
 from hil.model.dependencies import GROUPS
 from hil.planning.design.by_counts import design
 from hil.planning.design.measurable_elements import ELEMENTS
 from hil.planning.dry_run import dry_run
+from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import ELEMENT_KINDS, KEYS, KINDS, Measurement, RecordedMotion
 from hil.planning.strokes import Strokes
-from hil.planning.trajectory import FreeMotion
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.model.added_parameters import motor_torque
 from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
 from hil.model.robot import Robot
+from hil.planning.free_motion import FreeMotion
 from hil.planning.plan import PlannedRobot, RecordedMotions
-from hil.planning.trajectory import FreeMotion
 from hil.runs.atomic_file import write_file
 from hil.runs.journal import Journal, write_journal
 from hil.runs.recording import Recording

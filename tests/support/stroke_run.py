@@ -8,9 +8,9 @@ import numpy as np
 from free_run import PERIOD
 
 from hil.imports.segments import pairs_of
-from hil.model.added_parameters import motor_torque
 from hil.model.dynamics import inverse_dynamics
-from hil.planning.trajectory import FreeMotion
+from hil.model.motors import motor_torque
+from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import IDLE, Recording
 
 if TYPE_CHECKING:

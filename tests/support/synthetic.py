@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hil.model.added_parameters import motor_torque
 from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
 from hil.planning.strokes import REST
 from hil.runs.recording import IDLE, Recording
 

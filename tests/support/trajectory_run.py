@@ -8,8 +8,8 @@ import numpy as np
 from small_run import SIMULATED
 from synthetic import TABLE_3_A
 
-from hil.model.added_parameters import motor_torque
 from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
 from hil.planning.design.trajectories import Basis
 from hil.planning.plan import Plan, PlannedRobot
 from hil.planning.trajectory import REST

@@ -18,7 +18,7 @@ from checked_files.yaml_file import load_yaml
 from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
 from hil.model.robot_file import LINK_PARAMETERS
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 from hil.runs.recording import Recording
 from sim_plant import build
 from sim_plant.physics.rigid_body import WORK, bias_and_mass

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeGuard
 
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
     from hil.planning.measurement import RecordedMotion

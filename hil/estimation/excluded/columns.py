@@ -35,9 +35,9 @@ import numpy as np
 from hil.estimation.excluded.backlash import FINER, HALF_GAPS, Driven, displacements
 from hil.estimation.excluded.causes import CAUSES, FITTED
 from hil.estimation.signals import derivatives
-from hil.model.added_parameters import motor_torque
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics, inverse_dynamics_at, regressor
+from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
 
 if TYPE_CHECKING:

@@ -20,10 +20,10 @@ import numpy as np
 from hil.estimation.condensed import groups, stack_axis
 from hil.friction.equation import FEWEST, LOAD, limit_or_reached
 from hil.least_squares.blocks import Blocks
-from hil.least_squares.normal_equations import smooth_at
 from hil.least_squares.solving import orthonormal
-from hil.model.added_parameters import motor_torque
+from hil.least_squares.thinned import smooth_at
 from hil.model.base_parameters import base_parameters
+from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

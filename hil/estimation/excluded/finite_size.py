@@ -22,8 +22,8 @@ import numpy as np
 
 from hil.estimation.excluded.battery import Battery
 from hil.estimation.excluded.columns import Columns, EvidenceRows, columns_of
-from hil.model.added_parameters import motor_torque
 from hil.model.dynamics import regressor
+from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
     from hil.arrays import Array

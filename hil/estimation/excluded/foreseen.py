@@ -23,8 +23,8 @@ from hil.estimation.excluded.evidence import rows_of
 from hil.estimation.excluded.limits import limits
 from hil.estimation.excluded.result import Excluded
 from hil.estimation.signals import signals
-from hil.model.added_parameters import motor_torque
 from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
 from hil.planning.measurement import shows_parameters
 from hil.planning.prediction.information import forecast
 from hil.planning.timetable import timetable

@@ -1,7 +1,4 @@
-"""Proof by recordings: rows of evidence, tests of causes, and torques at the limit.
-
-Torques at a limit: many samples at exactly the greatest value.
-"""
+"""Proof by recordings: rows of evidence, tests of causes, and torques at the limit."""
 
 from __future__ import annotations
 
@@ -9,17 +6,15 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finding import LEAVES, excluded
 from hil.estimation.excluded.result import Found
+from hil.estimation.excluded.saturation import saturated
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
+from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import shows_parameters
-from hil.planning.trajectory import FreeMotion
-from hil.runs.recording import active_samples
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -32,49 +27,6 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
     from hil.planning.measurement import ParameterMotion
     from hil.runs.recording import Recorded, Recording
-
-LEVEL = 0.01
-"""Minimum share of moving samples at the greatest torque, for a limit."""
-NEXT = 5.0
-"""Minimum ratio of samples at the greatest torque to samples in the next lower interval of equal
-width.
-"""
-_WIDTH = 1e-6
-
-
-def saturated(recorded: Recorded, n_joints: int) -> tuple[int, float, float] | None:
-    """Return the most often saturated axis (from 0), the share of samples, and the limit.
-
-    Torques are as recorded: after compensation of a lag no two are equal.
-    """
-    sizes: list[list[Array]] = [[] for _ in range(n_joints)]
-    for motion, recording in recorded:
-        size = np.abs(_moving_torques(recording))
-        for axis in motion.moved:
-            sizes[axis].append(size[:, axis])
-    found = {}
-    for axis, own in enumerate(sizes):
-        size = np.concatenate(own) if own else np.zeros(0)
-        if size.size and (share := share_at_top(size)) > LEVEL:
-            found[axis] = (share, float(size.max()))
-    if not found:
-        return None
-    axis = max(found, key=lambda each: found[each][0])
-    return axis, *found[axis]
-
-
-def _moving_torques(recording: Recording) -> Array:
-    moving = active_samples(recording.stroke, recording.group)
-    return recording.tau[moving & np.isfinite(recording.tau).all(axis=1)]
-
-
-def share_at_top(size: Array) -> float:
-    """Return the share of samples at the greatest torque, if far more than at lower values."""
-    at_top = int(np.sum(size >= size.max() * (1 - _WIDTH)))
-    below = np.unique(size[size < size.max() * (1 - _WIDTH)], return_counts=True)[1][-20:]
-    usual = float(below.max()) if below.size else 0.0
-    return at_top / len(size) if at_top > NEXT * usual else 0.0
-
 
 ENOUGH = 600.0
 """Maximum total duration of several free motions [s]: longer recordings give no further rows, since

@@ -21,9 +21,9 @@ from hil.estimation.free_motion.motion import low_passed
 from hil.estimation.nuisances import compliance_names, gear_columns
 from hil.friction.ripple import RIPPLE_ORDERS, ripple_orders
 from hil.friction.terms import COLUMNS, WAVES, coupled_friction, friction_columns, motor_angle
-from hil.model.added_parameters import motor_torque
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -40,7 +40,7 @@ from hil.friction.search import TRIED
 from hil.friction.terms import BENT, CLASSICAL
 from hil.least_squares.balance import Kind
 from hil.model.base_parameters import base_parameters
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence

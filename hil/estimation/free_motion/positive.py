@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import nnls
 
-from hil.model.added_parameters import motor_inertia
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import mass_matrix, regressor
+from hil.model.motors import motor_inertia
 
 if TYPE_CHECKING:
     from hil.arrays import Array

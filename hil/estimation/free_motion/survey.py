@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from hil.arrays import Array
-    from hil.planning.trajectory import FreeMotion
+    from hil.planning.free_motion import FreeMotion
     from hil.runs.recording import Recording
 
 

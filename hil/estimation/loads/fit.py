@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from hil.arrays import Array
-    from hil.estimation.loads.joint import Evidence
+    from hil.estimation.loads.evidence import Evidence
     from hil.least_squares.regression import Covariance
     from hil.model.robot import Robot
 

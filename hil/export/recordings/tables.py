@@ -21,7 +21,7 @@ import numpy as np
 from drivers.drive_bus import SampleFlag
 from hil.export.recordings.job import README, Column, about_columns, facts, readme
 from hil.optional_packages import needed_for
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 from hil.runs.atomic_file import new_file, own_folder
 from hil.runs.set_points import set_points
 

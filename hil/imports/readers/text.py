@@ -23,18 +23,8 @@ from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrow import plain_rows
 from hil.imports.readers.diadem import is_diadem, open_diadem
-from hil.imports.readers.layout import (
-    DATE,
-    MISSING,
-    Channels,
-    Layout,
-    NoNumbers,
-    cells,
-    instant,
-    is_stacked,
-    layout_of,
-    open_stacked,
-)
+from hil.imports.readers.layout import DATE, MISSING, Layout, NoNumbers, cells, instant, layout_of
+from hil.imports.readers.stacked import Channels, is_stacked, open_stacked
 from hil.runs.atomic_file import file_errors
 
 if TYPE_CHECKING:

@@ -23,10 +23,10 @@ import numpy as np
 
 from hil.errors import InvalidValue, NotEnoughData
 from hil.friction.equation import N_COMMON, n_unknowns
-from hil.model.added_parameters import motor_torque
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import inverse_dynamics
 from hil.model.load import FIRST_MOMENTS, INERTIAS, MASS, LoadColumns, load_columns
+from hil.model.motors import motor_torque
 from hil.model.robot_file import LINK_PARAMETERS
 from hil.planning.design.by_minutes import assign_ids, order_by_travel, total_duration
 from hil.planning.design.candidates import judge, keeps_clear, pool

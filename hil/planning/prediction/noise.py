@@ -33,7 +33,7 @@ import numpy as np
 
 from hil.friction.equation import JERK
 from hil.least_squares.window import jerk_window, noise_gain, rounding_window
-from hil.model.added_parameters import motor_inertia
+from hil.model.motors import motor_inertia
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 
 from hil.report.sections import (
     elements,
+    excluded,
     friction,
     imported,
     kept,
+    of_run,
     parameters,
     torques,
 )  # fmt: skip
@@ -28,8 +30,8 @@ OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
     kept.validation,
     parameters.parameters,
     imported.identified,
-    kept.excluded,
-    kept.advice,
+    excluded.excluded,
+    of_run.advice,
     elements.measured_and_modelled,
     kept.load,
     kept.diagnosis,
@@ -37,14 +39,14 @@ OF_IDENTIFIED: tuple[Callable[[ReportedRun], Section | None], ...] = (
     friction.friction_over_campaign,
     friction.friction,
     elements.torques,
-    kept.drive_trains,
+    of_run.drive_trains,
     parameters.methods,
-    kept.sessions,
+    of_run.sessions,
 )
 """Sections for an identified run, by any method."""
 OF_FRICTION: tuple[Callable[[ReportedRun], Section | None], ...] = (
     torques.torque,
     friction.friction,
-    kept.sessions,
+    of_run.sessions,
 )
 """Sections for a run about friction alone."""

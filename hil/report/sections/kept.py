@@ -4,168 +4,28 @@ A model (`model.yaml`) holds results of other commands: verdicts of validations,
 (`load.yaml`) and a diagnosis (`diagnosis.yaml`) take as long as the report itself, and a load needs
 a second run, so reports do not compute them again. A stale result is not shown; the report states
 why and how to renew it.
-
-Sections about the run: findings, drive trains, sessions.
-
-Causes of error found, excluded and invisible in the recordings.
 """
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from hil.commands import diagnose, payload
 from hil.errors import FileError
 from hil.results import consistency, load_file
-from hil.results.tables import excluded as tables
-from hil.results.tables.parameters import drive_train
-from hil.show.charts.chart import INK, Chart, Panel, Points, chart, ordered_colours
 from hil.show.outcome import Outcome
 from hil.show.rounding import significant, when
-from hil.show.section import Plot, Section
-from hil.show.table import Column, Marked, Part, Table, figures, table
+from hil.show.section import Section
+from hil.show.table import Column, Marked, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from hil.commands.diagnose import DiagnosisFile
-    from hil.estimation.excluded.result import Excluded, Limit
-    from hil.model.robot import Robot
     from hil.report.reported_run import ReportedRun
-    from hil.results.judgement import KeptJudgement, Reservation
+    from hil.results.judgement import KeptJudgement
     from hil.results.load_file import LoadFile
-    from hil.runs.journal import Session
     from hil.runs.run import Run
-    from hil.show.charts.chart import Item
-
-LEAST = 1e-3
-"""Lower end of the axis [%]: a tenth of the smallest detectable torque of measured campaigns."""
-
-
-def excluded(run: ReportedRun) -> Section | None:
-    """Create the section of excluded causes: findings, detectable sizes and torques."""
-    proof, n_joints = run.model.excluded, run.robot.n_joints
-    if proof is None:
-        return None
-    plot = Plot(
-        "excluded",
-        partial(dots, proof, n_joints),
-        "Largest undetected torque by each cause, for each axis.",
-        "Largest undetected torque by each cause, for each axis, in % of the axis's recorded "
-        "torque. Rings: causes invisible in these recordings, at their usual size.",
-    )
-    values = {
-        "excluded": tables.excluded(proof, n_joints),
-        "sentences": tuple(tables.sentences(proof)),
-    }
-    return Section("What is excluded", "excluded.html", values, (plot,))
-
-
-def dots(proof: Excluded, n_joints: int) -> Chart:
-    """Draw the largest undetected torques by cause and axis."""
-    drawn = [
-        each
-        for each in proof.limits
-        if 100.0 * each.unnoticed > LEAST and (each.cause, each.axis) not in proof.places
-    ]
-    names = list(dict.fromkeys(map(_name, drawn)))
-    most = max([100.0, *(100.0 * each.unnoticed for each in drawn)])
-    return chart(
-        Panel(
-            [
-                _dot(each, len(names) - names.index(_name(each)), n_joints)
-                for each in sorted(drawn, key=lambda each: each.axis)
-            ],
-            x_label="largest undetected torque [%]",
-            x_range=(LEAST, most),
-            y_range=(0.4, len(names) + 0.6),
-            rows={float(len(names) - k): name for k, name in enumerate(names)},
-            decades=True,
-            width=760.0,
-            left=150.0,
-            height=max(30.0 * len(names), 120.0),
-        )
-    )
-
-
-def _name(limit: Limit) -> str:
-    return f"{limit.cause} {limit.part}".strip()
-
-
-def _dot(limit: Limit, row: int, n_joints: int) -> Item:
-    """Draw a dot in a row: axis 1 at the top, no axis in the middle."""
-    at = row + (0.35 - 0.7 * (limit.axis - 0.5) / n_joints if limit.axis else 0.0)
-    torque = 100.0 * limit.unnoticed
-    if limit.size is None:
-        return Points([torque], [at], "ring", INK, "invisible", size=2.4)
-    colour = ordered_colours(n_joints)[limit.axis - 1] if limit.axis else INK
-    label = f"axis {limit.axis}" if limit.axis else "no axis in particular"
-    return Points([torque], [at], "o", colour, label, size=3.0)
-
-
-def advice(run: ReportedRun) -> Section | None:
-    """Create the section of remedies and notes beyond the first sentence."""
-    outcome = run.model.verdict
-    items = (*(outcome.further if outcome else ()), *run.found.advice)
-    if run.source.imported and not items:
-        return None
-    urgent = [item for item in items if item.word != "good"]
-    notes = [item for item in items if item.word == "good"]
-    return Section(
-        "Findings and remedies",
-        "advice.html",
-        {"urgent": _findings(urgent), "notes": notes},
-    )
-
-
-def _findings(items: list[Reservation]) -> Table:
-    """Tabulate findings by remedy."""
-    remedies = dict.fromkeys(item.remedy for item in items)
-    parts = (
-        Part(
-            tuple((e.subject, e.reason) for e in items if e.remedy == each),
-            f"Remedy: {each}" if each else "",
-        )
-        for each in remedies
-    )
-    return table("", ("where", Column("finding", folds=True)), parts)
-
-
-def drive_trains(run: ReportedRun) -> Section | None:
-    """Create the section of drive trains; None without estimates."""
-    axes = drive_train(run.estimate, run.robot)
-    if not axes:
-        return None
-    return Section("Drive trains", "drive_train.html", {"axes": axes})
-
-
-def sessions(run: ReportedRun) -> Section:
-    """Create the section of sessions with axes, and digests of robot file and plan."""
-    listed = [(each, _session(each, run.robot)) for each in run.source.journal.sessions]
-    values = {"sessions": listed, "robot": run.robot, "plan": run.source.plan}
-    return Section("Sessions and drives", "sessions.html", values)
-
-
-def _session(session: Session, robot: Robot) -> Table:
-    units = robot.torque_units, robot.position_units
-    resolutions = (
-        f"{what} resolution, {unit}"
-        for what, unit in zip(("torque", "position"), units, strict=True)
-    )
-    return table(
-        "",
-        ("axis", Column("drive", folds=True), *figures(*resolutions)),
-        (
-            (
-                axis.name,
-                axis.identity,
-                f"{axis.torque_resolution:.3g}",
-                f"{axis.position_resolution:.3g}",
-            )
-            for axis in session.axes
-        ),
-    )
 
 
 K = TypeVar("K", "LoadFile", "DiagnosisFile")

@@ -1,7 +1,4 @@
-"""Tables of base parameters, torques and drive trains with uncertainty; comparison of methods.
-
-Tables of an identified model, with remarks on its restrictions, by identification method.
-"""
+"""Tables of base parameters, torques and drive trains with uncertainty; comparison of methods."""
 
 from __future__ import annotations
 
@@ -10,59 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.drive_train import compliance_units
-from hil.estimation.free_motion.result import FreeMotionFit
 from hil.estimation.simultaneous import SIGNIFICANT
-from hil.friction.ripple import ripple_left_out
 from hil.model.base_parameters import base_parameters
-from hil.results.identified_robot import lacking
-from hil.results.tables.friction import campaign_friction
-from hil.results.tables.imported import (
-    curves,
-    friction,
-    left_by_fit,
-    plain,
-    statements,
-    statements_of_strokes,
-)
-from hil.show.outcome import Outcome
 from hil.show.rounding import count, percent, rounded, signed, significant, uncertain, unit
 from hil.show.table import Column, Marked, Part, Table, figures, table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from hil.estimation.estimate import Estimate
     from hil.model.robot import Robot
     from hil.results.identified_robot import IdentifiedRobot
     from hil.results.residual import BandResidual
     from hil.show.table import Row
-
-
-def summary(model: IdentifiedRobot) -> Outcome:
-    """Return tables of parameters with uncertainties, of residuals and of unused measurements."""
-    left = band_residual(model.band_residual, model.robot, "of these recordings")
-    remarks = tuple(f"left out: {left}" for left in model.provenance.left_out)
-    if model.prior is not None and model.prior.replaced:
-        remarks = (str(model.prior), *remarks)
-    if isinstance(fit := model.details, FreeMotionFit):
-        tables = parameters(model), friction(fit, model.robot), left_by_fit(model), left
-        return Outcome(_filled(tables), (*statements(fit), *remarks))
-    if isinstance(fit, BackAndForthFit):
-        own = curves(fit), plain(fit, model.robot)
-        found = parameters(model), *own, left_by_fit(model), left
-        return Outcome(_filled(found), (*statements_of_strokes(fit), *remarks))
-    if lack := lacking(model):
-        remarks = (*remarks, lack)
-    if model.method == "improved" and (ripple := ripple_left_out(model.robot)):
-        remarks = (*remarks, ripple)
-    tables = parameters(model), residuals(model), left, campaign_friction(model)
-    return Outcome(_filled(tables), remarks)
-
-
-def _filled(tables: Iterable[Table]) -> tuple[Table, ...]:
-    return tuple(table for table in tables if table.parts)
 
 
 DISAGREEMENT = 3.0

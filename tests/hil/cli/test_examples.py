@@ -14,7 +14,8 @@ from every_command import every_command
 from small_run import write_run
 
 from hil.cli import completion
-from hil.cli.equipment import EXAMPLES, STATUSES, examples_of
+from hil.cli.equipment import STATUSES, examples_of
+from hil.cli.examples import EXAMPLES
 from hil.cli.outputs import Status
 from hil.estimation.identify import METHODS
 from hil.export.formats import FORMATS, RECORDINGS, SIMULATORS

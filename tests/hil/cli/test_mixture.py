@@ -11,7 +11,7 @@ from trajectory_run import recorded, some_trajectory
 from twin_recordings import scale_gains
 
 from hil import regression
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 from hil.results.model import Model
 from hil.runs.run import Run
 

@@ -18,7 +18,7 @@ from hil.estimation.signals import signals
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.planning.trajectory import FreeMotion
+    from hil.planning.free_motion import FreeMotion
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]

@@ -15,8 +15,8 @@ from hil.estimation.drive_train import directly_driven, find_drive_train
 from hil.estimation.identify import estimate
 from hil.estimation.signals import derivatives, signals
 from hil.estimation.simultaneous import SimultaneousFit
-from hil.model.added_parameters import motor_torque
 from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
 from hil.planning.design.by_counts import design
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ import pytest
 from free_run import TRUTH, arm, recorded
 from synthetic import TABLE_3_A, Friction, record
 
-from hil.estimation.excluded.effects import unmodelled_ripple
 from hil.estimation.free_motion.columns import axis_columns
 from hil.estimation.free_motion.motion import Processing, filtered_motion
+from hil.estimation.ripple_orders import unmodelled_ripple
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.friction.ripple import RIPPLE_ORDERS

@@ -14,10 +14,11 @@ from hil.estimation.consistent.conditions import BodyBounds
 from hil.export.formats import export
 from hil.export.simulated_robot import comment, simulated_robot
 from hil.export.urdf_file import bodies_of, body_of, given_urdf
-from hil.model.added_parameters import added_inertias, motor_torque
+from hil.model.added_parameters import added_inertias
 from hil.model.base_parameters import base_parameters
 from hil.model.drive_train_file import CoupledMotor, Spring
 from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
 from hil.model.readers.urdf import UrdfReader
 from hil.model.robot import Robot, robot_from_urdf
 from hil.results.consistency import find_consistent_robot

@@ -5,7 +5,7 @@ import pytest
 from small_recording import a_map, table, write_csv, write_map
 
 from hil.imports.importing import import_recordings
-from hil.imports.samples import signed
+from hil.imports.signs import signed
 
 
 def magnitude(x, half):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hil.least_squares.normal_equations import smooth_at
+from hil.least_squares.thinned import smooth_at
 from hil.least_squares.window import smooth
 
 PERIOD = 0.004

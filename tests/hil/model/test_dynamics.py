@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from synthetic import TABLE_3_A
 
 import hil
-from hil.model.added_parameters import motor_inertia, motor_torque
 from hil.model.base_parameters import base_parameters
 from hil.model.dynamics import (
     gravity_torque,
@@ -20,6 +19,7 @@ from hil.model.dynamics import (
     mass_matrix,
     regressor,
 )
+from hil.model.motors import motor_inertia, motor_torque
 
 if TYPE_CHECKING:
     from hil.model.robot import Robot

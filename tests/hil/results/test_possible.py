@@ -16,7 +16,8 @@ from hil.model.base_parameters import base_parameters
 from hil.model.robot import Robot
 from hil.results.identification import identify
 from hil.results.model import Model
-from hil.results.verdict import impossible_inertias, impossible_links, verdict
+from hil.results.possible import impossible_inertias, impossible_links
+from hil.results.verdict import verdict
 from hil.tasks.exporting import export
 
 if TYPE_CHECKING:

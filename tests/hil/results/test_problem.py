@@ -18,7 +18,7 @@ from hil.estimation.identify import estimate
 from hil.estimation.options import Options
 from hil.estimation.prior import Prior
 from hil.model.load import MASS, load_columns
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 from hil.results.problem import RegressionProblem
 from hil.results.recorded_torque import predict_recording
 from hil.runs.run import Run

@@ -16,9 +16,10 @@ from drivers.drive_bus import DriveFault, Sample, SampleFlag
 from hil.measuring.campaign import run_campaign
 from hil.measuring.events import Recorded, Repeated
 from hil.model.robot import Robot
+from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import Gravity, RecordedMotion
 from hil.planning.plan import Plan
-from hil.planning.trajectory import FreeMotion, Trajectory
+from hil.planning.trajectory import Trajectory
 from hil.runs.atomic_file import locked, whole_folder
 from hil.runs.journal import BusName, Session, SyncTiming
 from hil.runs.recording import Finding, Recording

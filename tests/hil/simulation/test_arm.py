@@ -144,7 +144,7 @@ def test_axes_at_rest_hold_together_and_each_is_freed_by_what_the_others_leave()
 
 def test_builtin_and_mujoco_agree_within_a_fiftieth_of_the_motion_and_closer_with_smaller_steps():
     pytest.importorskip("mujoco")
-    from hil.simulation.replay import MujocoArm
+    from hil.simulation.mujoco_arm import MujocoArm
 
     model, none = ur10e(), np.zeros(6)
     # MuJoCo applies these torques as an actuator's bias

@@ -18,7 +18,7 @@ from hil.model.dynamics import inverse_dynamics
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from hil.planning.trajectory import FreeMotion
+    from hil.planning.free_motion import FreeMotion
     from hil.runs.recording import Recording
 
     Array = NDArray[np.float64]

@@ -12,10 +12,10 @@ from free_run import TRUTH, arm, recorded
 from hil.errors import NotEnoughData, NotIdentifiable
 from hil.estimation.free_motion.variants import VARIANTS
 from hil.estimation.identify import default_method, estimate
-from hil.model.added_parameters import motor_torque
 from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
+from hil.planning.free_motion import FreeMotion
 from hil.planning.measurement import Gravity
-from hil.planning.trajectory import FreeMotion
 from hil.runs.recording import Recording
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from hil.estimation.free_motion.solution import refit_friction
 from hil.estimation.free_motion.variants import DEFAULT, VARIANTS
 from hil.estimation.identify import estimate
 from hil.model.robot import Robot
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 from hil.results.identification import identified
 from hil.runs.recording import Recording
 

@@ -13,7 +13,7 @@ from scipy import signal
 from hil.estimation.identify import estimate
 from hil.imports.importing import import_recordings
 from hil.model.robot import Robot
-from hil.planning.trajectory import FreeMotion
+from hil.planning.free_motion import FreeMotion
 from hil.results.identification import identify
 from hil.results.model import Model
 from hil.results.provenance import Provenance

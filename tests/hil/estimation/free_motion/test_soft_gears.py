@@ -12,8 +12,8 @@ from free_run import PERIOD, TRUTH, arm, classical, recorded, some_motion, write
 import hil
 from hil.estimation.identify import estimate
 from hil.estimation.options import Options
-from hil.model.added_parameters import motor_torque
 from hil.model.dynamics import inverse_dynamics
+from hil.model.motors import motor_torque
 from hil.results.recorded_torque import predict_recording, torque_parts
 from hil.results.tables.imported import statements
 

@@ -1,0 +1,64 @@
+"""Simulation of a model by MuJoCo, from the file of `hil export --to mjcf`.
+
+Friction is Coulomb's and viscous, as MuJoCo has it, and an offset is the bias of an actuator. Joint
+limits are left out, since the recorded motion kept them. MuJoCo's scheme is of first order in the
+step.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.export.mjcf_file import IMPEDANCE, STEP, write_mjcf
+from hil.optional_packages import needed_for
+from hil.results.consistency import find_consistent_robot
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.arrays import Array
+    from hil.results.model import Model
+    from hil.simulation.arm import Drive
+
+
+class MujocoArm:
+    """Nearest physically consistent robot of a model, in MuJoCo.
+
+    Raises
+    ------
+    FileError
+        MuJoCo is not installed.
+    """
+
+    def __init__(self, model: Model, step: float = STEP) -> None:
+        with needed_for("the simulator mujoco", "mujoco"):
+            import mujoco  # noqa: PLC0415 - optional, and slow to load
+        self._mujoco, self._step = mujoco, step
+        bodies = model if model.consistent is not None else find_consistent_robot(model)
+        (text,) = write_mjcf(bodies, ()).files.values()
+        self._model = mujoco.MjModel.from_xml_string(text)
+        self._model.jnt_limited[:] = 0
+
+    def run(
+        self, q: Array, qd: Array, time: Array, drive: Drive, lost: Callable[[int, Array], bool]
+    ) -> Array:
+        """Simulate like `hil.simulation.arm.Arm.run`."""
+        mujoco, model = self._mujoco, self._model
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:] = q, qd
+        found = np.full((len(time), len(q)), np.nan)
+        found[0] = q
+        for k, (begin, period) in enumerate(zip(time, np.diff(time), strict=False), start=1):
+            n = max(1, int(np.ceil(period / self._step - 1e-6)))
+            model.opt.timestep = h = float(period / n)
+            model.dof_solref[:, 1] = -IMPEDANCE / h
+            for part in range(n):
+                middle = float(begin) + (part + 0.5) * h
+                data.qfrc_applied[:] = drive(middle, data.qpos, data.qvel)
+                mujoco.mj_step(model, data)
+            if not np.isfinite(data.qpos).all() or lost(k, data.qpos):
+                break
+            found[k] = data.qpos
+        return found
