@@ -143,7 +143,7 @@ class Work:
         """Wrap the functions that calculate, filter and read."""
         from h5py._hl.dataset import Dataset  # noqa: PLC0415 - traced as what commands import
 
-        from hil.least_squares import normal_equations, window  # noqa: PLC0415
+        from hil.least_squares import thinned, window  # noqa: PLC0415
         from hil.model import dynamics  # noqa: PLC0415
 
         self._count(dynamics, "regressors", "regressor rows", lambda made: sum(
@@ -151,7 +151,7 @@ class Work:
         self._count(dynamics, "_torques", "torque samples", lambda made: sum(
             tau[..., 0].size for tau in made))  # fmt: skip
         self._count(window, "correlate", "filtered samples", lambda made: made.size)
-        self._count(normal_equations, "smooth_at", "filtered samples", lambda made: made.size)
+        self._count(thinned, "smooth_at", "filtered samples", lambda made: made.size)
         self._count(Dataset, "__getitem__", "bytes read", lambda made: getattr(made, "nbytes", 0))
         sys.addaudithook(self._opened)
 

@@ -50,7 +50,6 @@ def dry_run_(
 
     if page is not None:
         viewing.refuse_page(page)
-
     with working("reading the plan") as now:
         the_plan, the_robot = load(plan_file, robot_file, workspace)
         now("checking the plan's motions against the limits")
