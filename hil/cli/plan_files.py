@@ -11,7 +11,7 @@ from hil.planning.plan import dump_plan
 from hil.planning.workspace_check import load_workspace, remarks
 from hil.runs.atomic_file import write_file
 from hil.show.rounding import count
-from hil.tasks.plans import opened_plan
+from hil.tasks.plan_files import opened_plan
 from hil.terminal.console import give, say
 
 if TYPE_CHECKING:

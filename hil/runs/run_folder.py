@@ -250,10 +250,8 @@ class RunFolder(Run):
         sessions = list(self.journal.sessions)
         killed = {k: SyncTiming() for k, each in enumerate(sessions) if each.ended is None}
         for measured in self if killed else ():
-            if measured.session in killed:
-                killed[measured.session] = killed[measured.session].add_recording(
-                    measured.recording
-                )
+            if (k := measured.session) in killed:
+                killed[k] = killed[k].add_recording(measured.recording)
         for k, timing in killed.items():
             sessions[k] = sessions[k].model_copy(update={"sync": timing})
         self.journal = self.journal.model_copy(update={"sessions": tuple(sessions)})
