@@ -96,12 +96,16 @@ class Reading:
 
     def motion(self, evidence: Evidence) -> tuple[Array, Array, Array]:
         """Return true q, qd and qdd of the joints, shape (n, n_joints) for each."""
+        return self.true_motion(evidence.motion[1], evidence.time)
+
+    def true_motion(self, read: Array, time: Array) -> tuple[Array, Array, Array]:
+        """Return true q, qd and qdd for those read at instants, shape (3, n, n_joints)."""
         factor = self.sign_q * self.scale
-        q, qd, qdd = (x[:, self.order] * factor for x in evidence.motion[1])
+        q, qd, qdd = (x[:, self.order] * factor for x in read)
         q = q + self.zero
         if self.slip is not None:
             axis, instant, angle = self.slip
-            q[:, axis] += angle * (evidence.time >= instant)
+            q[:, axis] += angle * (time >= instant)
         return q, qd, qdd
 
     def rows(

@@ -20,7 +20,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.estimation.excluded.alternatives import sized
 from hil.estimation.excluded.battery import Battery
+from hil.estimation.excluded.causes import CAUSES
 from hil.estimation.excluded.columns import Columns, EvidenceRows, columns_of
 from hil.model.dynamics import regressor
 from hil.model.motors import motor_torque
@@ -63,22 +65,19 @@ def misread_battery(robot: Robot, p: Array, battery: Battery, k: int, size: floa
 
 def misread(robot: Robot, evidence: Evidence, name: Column, size: float) -> Evidence:
     """Return the evidence as read with a cause of a size, in the cause's unit."""
-    axis, share = name.axis, 1.0 + size / 100.0
-    motion, recorded, mine = evidence.motion.copy(), evidence.recorded.copy(), evidence.axis == axis
+    axis, mine = name.axis, evidence.axis == name.axis
+    motion, recorded = evidence.motion.copy(), evidence.recorded.copy()
     if name.cause == "torque delay":
         late, now = (_delayed(evidence, axis, TORQUE, each)[1] for each in (size, 0.0))
         recorded += mine * (late - now)
     elif name.cause == "position delay":
         for k in range(TORQUE):
             motion[:, k, :, axis] = _delayed(evidence, axis, k, size)
-    elif name.cause == "position scale":
-        motion[..., axis] /= share
-    elif name.cause == "gear ratio":
-        motion[..., axis] *= share
-        recorded[mine] /= share
-    else:
-        offset = size * (np.pi / 180.0 if robot.revolute[axis] else 1e-3)
-        motion[:, 0, :, axis] -= offset * (evidence.time >= float(name.part or -np.inf))
+    else:  # correction of a cause of the opposite size
+        opposite = -size / (1.0 + size / 100.0) if CAUSES[name.cause].unit == "%" else -size
+        read = sized(robot, name.cause, axis, float(name.part or -np.inf))(opposite)
+        motion = np.array([read.true_motion(each, evidence.time) for each in motion])
+        recorded[mine] /= read.gain[axis]
     if evidence.later is not None:
         motion = np.where(evidence.later[:, np.newaxis], motion, evidence.motion)
         recorded = np.where(evidence.later, recorded, evidence.recorded)
