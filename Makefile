@@ -62,7 +62,7 @@ tests: $(DEV)
 
 # the work of some commands, counted: no clock, no other process changes it; what it is to be stands
 # in tools/counts.json
-perf: $(DEV)
+perf: $(RUNTIME)
 	$(BIN)/python tools/counts.py
 
 # The tests of a file share a worker, and so what is made once for all of them; those files that take
