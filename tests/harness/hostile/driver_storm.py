@@ -5,7 +5,7 @@ that the driver sends, hostile frames are mixed into the drives' answers, before
 them. Conditions:
 
 - an axis without forged TPDOs has exactly the drive's values and no flag, except LATE after a frame
-of its identifier with another length;
+  of its identifier with another length;
 - an axis with a forged TPDO (right identifier, right length) is flagged DOUBLED or LATE;
 - the driver offers no set-point but those of the caller;
 - the driver ends a session only by a frame relevant to it: an EMCY, a heartbeat or a TPDO in a

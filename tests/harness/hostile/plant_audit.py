@@ -4,12 +4,12 @@ An axis is *moved by a frame* when, while that frame is handled, its drive asks 
 `enable` or to `move`; nothing else in the plant turns a motor. That is legal only where
 
 - the drive received a controlword (6040h) by this frame or by a PDO applied at this SYNC, or starts
-a set-point from its buffer;
+  a set-point from its buffer;
 - the frame may carry a controlword: a plain 11-bit data frame, either a download to 6040h confirmed
-by the drive, or an enabled and sufficiently long RPDO with 6040h mapped;
+  by the drive, or an enabled and sufficiently long RPDO with 6040h mapped;
 - controlword and previous state permit the call: to enable, bits 0 to 3 (bit 7 counts in FAULT
-only) in
-  READY or SWITCHED ON; to move, OPERATION ENABLED and a new set-point or the release of halt;
+  only) in READY or SWITCHED ON; to move, OPERATION ENABLED and a new set-point or the release of
+  halt;
 - target, velocity, acceleration and deceleration are within the drive's limits.
 
 So a random RPDO to an enabled drive that happens to be a legal set-point may move the axis; any

@@ -29,11 +29,13 @@ AXIS = 1
 def planted(data: FreeRecorded, cause: str, size: float) -> FreeRecorded:
     """Return recordings with a cause of a size."""
     found = []
-    for motion, recording in data:
+    for k, (motion, recording) in enumerate(data):
         q, tau, time = recording.q.copy(), recording.tau.copy(), recording.time
         share = 1.0 + size / 100.0
         if cause == "joint offset":
             q[:, AXIS] -= np.radians(size)
+        elif cause == "slip":  # between the first recording and the others
+            q[:, AXIS] -= np.radians(size) * (k > 0)
         elif cause == "position scale":
             q[:, AXIS] /= share
         elif cause == "gear ratio":
@@ -54,13 +56,15 @@ def evidence(data: FreeRecorded) -> Evidence:
 
 @pytest.mark.parametrize(
     ("cause", "size"),
-    [("joint offset", 20.0), ("position scale", -15.0), ("gear ratio", 10.0),
+    [("joint offset", 20.0), ("slip", 20.0), ("position scale", -15.0), ("gear ratio", 10.0),
      ("position delay", 60.0), ("torque delay", 60.0)],
 )  # fmt: skip
 def test_changed_readings_are_those_of_recordings_with_the_cause(cause: str, size: float) -> None:
-    data = recorded(arm(), TRUTH, n=2, duration=10.0, noise=0.01)
+    one_after_the_other = enumerate(recorded(arm(), TRUTH, n=2, duration=10.0, noise=0.01))
+    data = [(motion, replace(r, time=r.time + 20.0 * k)) for k, (motion, r) in one_after_the_other]
     stated, wanted = evidence(data), evidence(planted(data, cause, size))
-    read = misread(arm(), stated, Column(cause, AXIS), size)
+    part = str(stated.time[stated.source == 1].min()) if cause == "slip" else ""
+    read = misread(arm(), stated, Column(cause, AXIS, part), size)
     # ends of the recordings are held where a signal is late
     places = [
         np.where((each.sample > 100) & (each.sample < 2400),
