@@ -32,7 +32,7 @@ from figures import Figure, keep
 import hil
 from hil.commands.fleet import FIELDS, ask, model_rows, read_fleets, write_part
 from hil.friction.law import TermValue
-from hil.results.departures import FIRST, Fleet, departures
+from hil.results.deviations import FIRST, Fleet, deviations
 
 if TYPE_CHECKING:
     from hil.friction.law import AxisLaw
@@ -115,7 +115,7 @@ def judged(fleet: Fleet) -> tuple[float, dict[str, float]]:
     false, found = 0, dict.fromkeys(worn, np.inf)
     before: set[str] = set()
     for month in range(FIRST, MONTHS):
-        changes = departures(until(fleet, month), RATE).changes
+        changes = deviations(until(fleet, month), RATE).changes
         named = {each.run for each in changes}
         false += len(named - before - set(worn))
         before = named
@@ -183,7 +183,7 @@ def main() -> None:
     print(f"at most {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:.0f} MB of memory")
     numbers = " ".join(map(str, given.machines))
     command = f"python benchmarks/fleet.py --machines {numbers} --seed {given.seed}"
-    depends = ("hil/results/departures.py", "hil/results/changes.py", "hil/commands/fleet.py")
+    depends = ("hil/results/deviations.py", "hil/results/changes.py", "hil/commands/fleet.py")
     keep("fleet", kept, depends=depends, command=command, seeds=(given.seed,))
 
 

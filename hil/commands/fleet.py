@@ -2,7 +2,7 @@
 
 The index is a folder, ``robot=DIGEST/*.parquet``: one row for each run and quantity, a file for
 each call of `index` and robot. A model with known address and state is not read again. DuckDB reads
-the index, `hil.results.departures` tests it. Addresses of object storage (``s3://...``) go through
+the index, `hil.results.deviations` tests it. Addresses of object storage (``s3://...``) go through
 fsspec.
 """
 
@@ -24,7 +24,7 @@ from checked_files.foreign_text import whole_line
 from checked_files.yaml_file import FileError, parse_yaml, read_text
 from hil.least_squares.uncertainty import TWICE
 from hil.optional_packages import needed_for
-from hil.results.departures import FIRST, NEWEST, Departures, Fleet, departures
+from hil.results.deviations import FIRST, NEWEST, Deviations, Fleet, deviations
 from hil.results.model import Model
 from hil.results.model_file import NAME, ModelFile
 from hil.results.quantities import Kind, Quantity, friction_quantities, quantities, reading
@@ -316,7 +316,7 @@ def _fleet(part: Path) -> Fleet:
 
 def ask(fleets: dict[str, Fleet], rate: float) -> Outcome:
     """Test every machine of an index, with `rate` false alarms per machine in ten years."""
-    tested = {name: departures(fleet, rate) for name, fleet in fleets.items()}
+    tested = {name: deviations(fleet, rate) for name, fleet in fleets.items()}
     changes = [each for found in tested.values() for each in found.changes]
     machines = sorted({each.run for each in changes})
     n = sum(len(fleet.machines) for fleet in fleets.values())
@@ -341,7 +341,7 @@ def _shortened(each: Change) -> str:
     return each.against.rpartition(f"/{each.run}/")[2]
 
 
-def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Departures], rate: float) -> Table:
+def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Deviations], rate: float) -> Table:
     return table(
         "Fleets",
         (
@@ -368,11 +368,11 @@ def _day(time: float) -> str:
     return datetime.fromtimestamp(time, UTC).date().isoformat()
 
 
-def _plots(fleets: dict[str, Fleet], tested: dict[str, Departures]) -> Iterator[Plot]:
+def _plots(fleets: dict[str, Fleet], tested: dict[str, Deviations]) -> Iterator[Plot]:
     for name, fleet in fleets.items():
         if shown := tested[name].changes[:DRAWN]:
             yield Plot(
-                f"departures-{name}",
+                f"deviations-{name}",
                 partial(month_chart, fleet, shown),
                 "Deviating quantities over time, one panel each",
                 "Deviating quantities over time with 95 % intervals, and the median of the fleet.",

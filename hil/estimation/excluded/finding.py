@@ -26,7 +26,7 @@ from hil.estimation.excluded.backlash import WITHIN, half_gap
 from hil.estimation.excluded.battery import LEVEL, Battery
 from hil.estimation.excluded.causes import CAUSES, FIRST_ORDER, FITTED
 from hil.estimation.excluded.columns import columns, finer, late
-from hil.estimation.excluded.departure import Departure, parts_of
+from hil.estimation.excluded.deviation import Deviation, parts_of
 from hil.estimation.excluded.encoder_noise import EncoderNoise
 from hil.estimation.excluded.finite_size import FINITE, misread_battery
 from hil.estimation.excluded.friction_change import friction_changes
@@ -141,7 +141,7 @@ def excluded(
         stated = tuple(each.model_copy(update={"size": None}) for each in stated)
     elif evidence.later is not None:
         stated = tuple(_testable(robot, p, battery, each) for each in stated)
-    if evidence.later is not None and not instead.departs:
+    if evidence.later is not None and not instead.deviates:
         friction, more = friction_changes(robot, p if both is None else both, evidence)
         # a change of all torques of an axis includes its friction
         explained = {axis for each in causes for axis in each.axes}
@@ -341,8 +341,8 @@ class _Instead:
     @property
     def found(self) -> tuple[Found, ...]:
         """Findings after the comparison with other readings."""
-        if self._departure is not None:
-            return self._find_change(self._departure)
+        if self._deviation is not None:
+            return self._find_change(self._deviation)
         sound = self._scatter < CONTRADICTS and self._stated.possible
         if sound and not any(each.left < LARGE for each in self.causes):
             return self.causes
@@ -360,12 +360,12 @@ class _Instead:
             )
         return (Found(cause="unknown", axes=(), detail=words),)
 
-    def _find_change(self, departure: Departure) -> tuple[Found, ...]:
+    def _find_change(self, deviation: Deviation) -> tuple[Found, ...]:
         """Return the change, if later recordings are then similar to the earlier ones."""
         thin, _ = self._thin
         if self.causes and self.shows_changes:
             return self.causes
-        if self._stated.possible and not departure.significant(thin, self._stated.residual):
+        if self._stated.possible and not deviation.significant(thin, self._stated.residual):
             return ()
         found = self._likeliest()
         return () if found is None else (found,)
@@ -373,25 +373,25 @@ class _Instead:
     @property
     def shows_changes(self) -> bool:
         """True if a column would be named as a change, see `_find_change`."""
-        return self._explain(self.battery.given).possible and not self.departs
+        return self._explain(self.battery.given).possible and not self.deviates
 
     @cached_property
-    def departs(self) -> bool:
+    def deviates(self) -> bool:
         """True if later recordings deviate from the earlier ones despite the given causes."""
         residual = self._explain(self.battery.given).residual
-        return bool(self._departure and self._departure.significant(self._thin[0], residual))
+        return bool(self._deviation and self._deviation.significant(self._thin[0], residual))
 
-    def _restores(self, departure: Departure, read: Explained) -> bool:
+    def _restores(self, deviation: Deviation, read: Explained) -> bool:
         """Return True if a reading makes later recordings similar to the earlier ones."""
         left = float((read.left / self._stated.left).min())
-        return left <= LEAVES and not departure.significant(self._thin[0], read.residual)
+        return left <= LEAVES and not deviation.significant(self._thin[0], read.residual)
 
     @cached_property
-    def _departure(self) -> Departure | None:
+    def _deviation(self) -> Deviation | None:
         if self.evidence.later is None:
             return None
         thin, _ = self.evidence.thinned(ROWS)
-        return Departure.measure(self.robot, thin)
+        return Deviation.measure(self.robot, thin)
 
     @cached_property
     def _thin(self) -> tuple[Evidence, Array]:
@@ -429,13 +429,13 @@ class _Instead:
         every = [
             (self._gain(each.explained, int(not np.isnan(each.size))), each)
             for each in alternatives(self._stated, self.first.sizes, self._slipped)
-            if self._departure is None or self._restores(self._departure, each.explained)
+            if self._deviation is None or self._restores(self._deviation, each.explained)
         ]
         best = max((gain for gain, _ in every), default=-np.inf)
         if best < (chance(1, len(self.tests)) if self._stated.possible else -TOGETHER):
             return None
         given = self._explain(self.battery.given)
-        rival = self.causes and given.possible and self._departure is None
+        rival = self.causes and given.possible and self._deviation is None
         if rival and not alike(best, self._gain(given, 0)):
             return None
         same = [each for gain, each in every if alike(gain, best)]

@@ -24,7 +24,7 @@ from scipy import special
 
 from hil.estimation.excluded.battery import FAMILIES, LEVEL
 from hil.estimation.excluded.causes import CAUSES
-from hil.estimation.excluded.departure import PARTS, parts_of
+from hil.estimation.excluded.deviation import PARTS, parts_of
 from hil.estimation.excluded.dispersion import moderated
 from hil.estimation.excluded.limits import noncentrality
 from hil.estimation.excluded.result import Found, Limit

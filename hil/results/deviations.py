@@ -101,7 +101,7 @@ class Fleet:
     allowance: Array
 
 
-class Departures(NamedTuple):
+class Deviations(NamedTuple):
     """Significant deviations of the newest run of each machine.
 
     Attributes
@@ -120,7 +120,7 @@ class Departures(NamedTuple):
     compared: int
 
 
-def departures(fleet: Fleet, rate: float) -> Departures:
+def deviations(fleet: Fleet, rate: float) -> Deviations:
     """Test the newest run of each machine, with `rate` false alarms per machine in ten years."""
     starts = np.searchsorted(fleet.machine, np.arange(len(fleet.machines)))
     count = np.diff(np.append(starts, len(fleet.machine)))
@@ -155,7 +155,7 @@ def departures(fleet: Fleet, rate: float) -> Departures:
         ]
         found += [each for each in adjusted(tests) if each.adjusted < level]
     found.sort(key=lambda each: each.adjusted)
-    return Departures(tuple(found), level, int(np.count_nonzero(number)))
+    return Deviations(tuple(found), level, int(np.count_nonzero(number)))
 
 
 def _changes(fleet: Fleet, row: tuple[Array, ...], k: int, against: str) -> Iterator[Change]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.results.departures import FLEET, Fleet, departures, runs_in_ten_years
+from hil.results.deviations import FLEET, Fleet, deviations, runs_in_ten_years
 from hil.results.quantities import Quantity
 
 MONTH = 365.25 / 12 * 86400.0
@@ -48,14 +48,14 @@ def changed(found: Fleet, machine: int, quantity: int, factors: np.ndarray) -> F
 
 def test_an_unchanged_fleet_keeps_the_stated_rate_of_false_alarms() -> None:
     # 480 machines, one run of each tested: 120 runs in ten years, so 2 alarms are expected
-    alarms = sum(len({e.run for e in departures(fleet(seed=s), RATE).changes}) for s in range(12))
+    alarms = sum(len({e.run for e in deviations(fleet(seed=s), RATE).changes}) for s in range(12))
     assert alarms <= 6  # Poisson distribution with mean 2; exceeded with a chance of 0.5 %
 
 
 def test_the_level_of_a_run_follows_from_rate_and_number_of_runs() -> None:
     found = fleet(n=3)
     assert runs_in_ten_years(found) == pytest.approx(120.0)
-    assert departures(found, RATE).level == pytest.approx(RATE / 120.0)
+    assert deviations(found, RATE).level == pytest.approx(RATE / 120.0)
 
 
 def test_runs_at_the_same_time_count_once() -> None:
@@ -66,31 +66,31 @@ def test_runs_at_the_same_time_count_once() -> None:
 
 def test_wear_of_one_axis_is_found_against_the_machine_s_own_past() -> None:
     growth = 1.0 + 0.1 * np.clip((np.arange(24) - 12) / 6.0, 0.0, 1.0)
-    (first, *_) = departures(changed(fleet(), 7, 3, growth), RATE).changes
+    (first, *_) = deviations(changed(fleet(), 7, 3, growth), RATE).changes
     assert (first.run, first.quantity.axis, first.against) == ("m7", 3, "m7/0")
     assert first.relative == pytest.approx(0.1, abs=0.03)
     assert "bearing" in first.meaning
 
 
-def test_what_all_machines_change_by_is_no_departure() -> None:
+def test_what_all_machines_change_by_is_no_deviation() -> None:
     found = fleet()
     later = found.time[:, np.newaxis] > 18 * MONTH
     shifted = replace(found, value=found.value + 0.2 * later * np.array([1.0, 0, 0, 0, 0]))
-    assert {e.run for e in departures(shifted, RATE).changes} == {
-        e.run for e in departures(found, RATE).changes
+    assert {e.run for e in deviations(shifted, RATE).changes} == {
+        e.run for e in deviations(found, RATE).changes
     }
 
 
 def test_a_machine_unlike_its_fleet_is_found_though_it_never_changed() -> None:
-    found = departures(changed(fleet(), 5, 0, np.full(24, 2.0)), RATE).changes
+    found = deviations(changed(fleet(), 5, 0, np.full(24, 2.0)), RATE).changes
     assert [(e.run, e.against, e.quantity.name) for e in found] == [("m5", FLEET, "p1")]
 
 
 def test_two_machines_with_two_runs_each_are_tested_by_stated_errors() -> None:
     found = fleet(n=2, months=2)
-    assert departures(found, RATE).changes == ()
+    assert deviations(found, RATE).changes == ()
     moved = changed(found, 0, 0, np.array([1.0, 1.1]))
-    assert [e.run for e in departures(moved, RATE).changes] == ["m0"]
+    assert [e.run for e in deviations(moved, RATE).changes] == ["m0"]
 
 
 def test_runs_that_lack_a_quantity_are_left_out_of_its_means() -> None:
@@ -98,4 +98,4 @@ def test_runs_that_lack_a_quantity_are_left_out_of_its_means() -> None:
     value = found.value.copy()
     value[::3, 2] = np.nan
     value[found.machine == 4, 1] = np.nan
-    assert len(departures(replace(found, value=value), RATE).changes) <= 1
+    assert len(deviations(replace(found, value=value), RATE).changes) <= 1

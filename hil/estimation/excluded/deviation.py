@@ -39,7 +39,7 @@ of its logarithm).
 """
 
 
-class Departure(NamedTuple):
+class Deviation(NamedTuple):
     """Mean squares of the earlier recordings, as left by the base parameters.
 
     Attributes
@@ -56,7 +56,7 @@ class Departure(NamedTuple):
     degrees: int
 
     @classmethod
-    def measure(cls, robot: Robot, evidence: Evidence) -> Departure:
+    def measure(cls, robot: Robot, evidence: Evidence) -> Deviation:
         """Measure differences between parts of the earlier recordings."""
         # rows as for later recordings: regressors of the smoothed motion
         early = replace(evidence.only(~evidence.is_later), later=None).project_out_own()
