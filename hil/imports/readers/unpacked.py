@@ -119,8 +119,8 @@ def refuse_overlapping_chunks(path: Path) -> None:
             _fields(file)
             file.seek(_size(file), 1)
             for _ in range(n):
-                entry = file.read(_INDEX_HEAD)
-                size = int.from_bytes(entry[-4:], "little")
+                file.seek(_INDEX_HEAD - 4, 1)
+                size = _size(file)
                 entries += size // _ENTRY
                 file.seek(size, 1)
             end = file.tell()
@@ -315,12 +315,12 @@ def unpackers() -> dict[str, Callable[[], Any]]:
 
 def _fields(file: BinaryIO) -> dict[bytes, bytes]:
     """Return the fields of a record of ROS 1: a length, then lengths, names and values."""
-    content = file.read(_size(file))
+    content, begin = file.read(_size(file)), 0
     found: dict[bytes, bytes] = {}
-    while content:
-        end = 4 + int.from_bytes(content[:4], "little")
-        name, _, value = content[4:end].partition(b"=")
-        found[name], content = value, content[end:]
+    while begin < len(content):
+        end = begin + 4 + int.from_bytes(content[begin : begin + 4], "little")
+        name, _, value = content[begin + 4 : end].partition(b"=")
+        found[name], begin = value, end
     return found
 
 

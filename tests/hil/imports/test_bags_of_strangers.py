@@ -165,6 +165,17 @@ def test_an_index_of_ros_1_that_reads_a_chunk_twice_is_refused(tmp_path: Path) -
         positions(path)
 
 
+def test_an_index_of_ros_1_with_more_chunks_than_the_file_holds_is_refused(tmp_path: Path) -> None:
+    path = _ros1(tmp_path, None, 10)
+    content = bytearray(path.read_bytes())
+    # number of connections whose messages the only chunk holds; read one by one it takes minutes
+    number = content.rindex(b"count=") + len("count=")
+    content[number : number + 4] = b"\xff\xff\xff\x7f"
+    path.write_bytes(content)
+    with pytest.raises(FileError, match="it ends within its index"):
+        positions(path)
+
+
 @pytest.mark.usefixtures("small")
 def test_an_index_of_ros_1_beyond_the_budget_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
