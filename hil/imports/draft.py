@@ -1,8 +1,8 @@
 """Draft of a map from a file, with marks for values known only to the user.
 
-Columns are matched to joints by their names. A unit is written only where the format has one, as in
-joint states of ROS. Elsewhere the unit is marked, with a guess from names and magnitudes in the
-mark's text, so that no guess goes unread.
+Columns are matched to joints by their names. A unit is written where the file states one: joint
+states of ROS, a unit in brackets in the column's name, dates. Elsewhere the unit is marked, with a
+guess from names and magnitudes in the mark's text, so that no guess goes unread.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from checked_files.yaml_file import UNSTATED, FileError
 from checked_files.yaml_text import comment, mark_unstated, quoted
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
-from hil.imports.tables import SECONDS, listed
+from hil.imports.tables import SECONDS, SPELLINGS, listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -34,34 +34,33 @@ if TYPE_CHECKING:
 _UNIT_IN_NAME = re.compile(
     r"[\[(]\s*([^\])\d\s][^\])]*?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I
 )
+_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]")
+_EPOCH = (9.4e8, 4.1e9)
+"""Seconds since 1970 in 2000 and 2099."""
 _WORDS = {
-    "position": {"position", "positions", "pos", "q", "theta", "angle", "x"},
+    "position": {"position", "positions", "pos", "q", "theta", "angle", "x", "winkel"},
     "velocity": {
         *("velocity", "velocities", "vel", "velo", "qd", "dq", "qdot", "dtheta", "speed", "omega"),
-        "v",
+        *("v", "geschwindigkeit", "drehzahl"),
     },
     "torque": {
         *("torque", "torques", "tau", "effort", "eff", "current", "currents", "curr", "cur"),
-        *("force", "i", "u", "f", "tq", "voltage", "moment"),
+        *("force", "i", "u", "f", "tq", "voltage", "moment", "drehmoment", "strom"),
     },
 }
 """Words in the names of columns, by kind."""
-_OF_UNIT = {
-    "position": {"rad", "deg", "turns", "turn", "rev", "m", "mm"},
-    "velocity": {"rad/s", "deg/s", "turns/s", "rev/s", "rpm", "m/s", "mm/s"},
-    "torque": {"nm", "n", "a", "v"},
-}
-"""Units of columns, by kind, for names without a known word."""
 _JOINTS = {"joint", "axis", "motor", "j"}
 _TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "seconds", "ipoc"}
 _TIMES |= {"tout", "duration", "zeit"}
+_TIME_AXIS = "x_value"
+"""Name of the time axis in measurement files of LabVIEW, in small letters."""
 _SECONDS = {"sec", "secs", "second", "seconds", "s"}
 _NANOSECONDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nsecs", "ns"}
 _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
 _SET_POINTS |= {"action", "actions", "setpoint", "setpoints", "sp", "soll", "input", "d"}
 _OTHER = "other"
 """Kind of columns that are not measurements of a joint."""
-_FILLERS = {"actual", "measured", "meas", "act"}
+_FILLERS = {"actual", "measured", "meas", "act", "ist"}
 _UNITS = {
     "position": "rad, deg, m, mm, turns or counts",
     "velocity": "rad/s, deg/s, rpm, m/s, mm/s, turns/s or counts/s",
@@ -135,10 +134,14 @@ def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, .
     rising = [column for column in columns if column.rises]
     # stamps that restart with each episode rise otherwise
     again = [column for column in columns if column.begins]
-    named = [c for c in (*rising, *again) if _TIMES.intersection(words_of(c.name))]
+    named = [c for c in (*rising, *again) if _is_time(c)]
     # the first column of an array, as written by Simulink
     unnamed = [column for column in rising if not column.name or column.name.endswith("/1")]
     return tuple([*named, *unnamed][:1])
+
+
+def _is_time(column: SeenColumn) -> bool:
+    return column.name.lower() == _TIME_AXIS or bool(_TIMES.intersection(words_of(column.name)))
 
 
 def _stamp_in_two(columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
@@ -154,6 +157,10 @@ def _stamp_in_two(columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
         is_part = 0 <= column.low <= column.high < 1e9
         if len(rest) < len(words) and is_part and rest in seconds:
             return seconds[rest], column
+    for first, second in pairwise(columns):  # without names, as by ros2 topic echo --csv
+        whole = first.held and first.rises and _EPOCH[0] < first.low < first.high < _EPOCH[1]
+        if whole and not second.name and 0 <= second.low < 1e8 < second.high < 1e9:
+            return first, second
     return ()
 
 
@@ -166,17 +173,28 @@ def _time_lines(time: Sequence[SeenColumn], *, from_format: bool) -> Iterator[st
     elif len(time) > 1:
         yield "time:"
         yield f"  column: {time[0].key}"
-        yield f"  unit: {mark_unstated('s')}"
+        yield "  unit: s"
         yield "  plus:"
         yield f"    column: {time[1].key}"
-        yield f"    unit: {mark_unstated('ns')}"
+        yield "    unit: ns"
     else:
         step = time[0].step
         rates = {unit: 1 / (step * s) for unit, s in SECONDS.items() if step > 0}
-        likely = [f"{unit} if {rate:.4g} Hz" for unit, rate in rates.items() if 15 < rate < 1e5]
+        likely = {unit: f"{rate:.4g} Hz" for unit, rate in rates.items() if 15 < rate < 1e5}
+        by_name = _stated_unit("time", time[0])
+        dates = [unit for unit in likely if _EPOCH[0] < time[0].low * SECONDS[unit] < _EPOCH[1]]
         yield "time:"
         yield f"  column: {time[0].key}"
-        yield f"  unit: {mark_unstated(', '.join(likely or SECONDS))}"
+        if time[0].held:
+            repeating = "s, ms, us or ns; most stamps repeat: add the column of their fractions"
+            yield f"  unit: {mark_unstated(repeating)}"
+        elif by_name in likely:
+            yield f"  unit: {by_name} # by its name: {likely[by_name]}"
+        elif len(dates) == 1:
+            yield f"  unit: {dates[0]} # since 1970: {likely[dates[0]]}"
+        else:
+            guesses = [f"{unit} if {rate}" for unit, rate in likely.items()]
+            yield f"  unit: {mark_unstated(', '.join(guesses or SECONDS))}"
 
 
 def _segment_lines(time: Sequence[SeenColumn], looked_at: int) -> Iterator[str]:
@@ -252,37 +270,60 @@ def _not_placed(
     for column in columns:
         if column.number not in placed:
             found.setdefault(_meaning(column)[0], []).append(column.name or str(column.number))
+    any_named = any(column.name for column in columns)
     if_one = "name a measured signal of a joint above, as column"
     return {
         ", ".join(names): {
-            "": f"meaning of the name unknown; {if_one} of its position, velocity or torque",
+            "": f"{meaning}; {if_one} of its position, velocity or torque",
             _OTHER: f"set point or time, by the name; {if_one}",
         }.get(kind, f"{kind} by the name, without a position of equal number; {if_one}")
         for kind, names in found.items()
+        for meaning in ["meaning of the name unknown" if any_named else "no names in the file"]
     }
 
 
 def _meaning(column: SeenColumn) -> tuple[str, list[str]]:
     """Return the kind of a column (empty if unknown) and the remaining words of its name."""
-    words = words_of(_UNIT_IN_NAME.sub("", column.name))
-    kind, word = _kind(column, words)
+    unit, rest = _unit_in_name(column.name)
+    words = words_of(rest)
+    kind, word = _kind(column, words, unit)
     kind = _OTHER if (_SET_POINTS | _TIMES).intersection(words) else kind
     return kind, [each for each in words if each not in {word, *_FILLERS}]
 
 
-def _kind(column: SeenColumn, words: Sequence[str]) -> tuple[str, str]:
+def _kind(column: SeenColumn, words: Sequence[str], unit: str) -> tuple[str, str]:
     """Return the kind of a column by a word of the name, the unit, or a plain joint name."""
     for key, known in _WORDS.items():
         for word in words:
             if word in known:
                 return key, word
-    if unit := _UNIT_IN_NAME.search(column.name):
-        stated = (unit[1] or unit[2]).lower().replace(" ", "")
-        return next((key for key, units in _OF_UNIT.items() if stated in units), ""), ""
+    if unit:
+        return next((key for key in _WORDS if _plain(unit) in SPELLINGS[key]), ""), ""
     if "state" in words:  # of observations in data sets for learning
         return "position", "state"
     alone = bool(words) and all(word.isdigit() or word in _JOINTS for word in words)
     return ("position" if alone and not column.rises else ""), ""
+
+
+def _unit_in_name(name: str) -> tuple[str, str]:
+    """Return the unit in a name, a known one first, and the name without it."""
+    for found in _IN_BRACKETS.finditer(name):
+        if any(_plain(found[1]) in known for known in SPELLINGS.values()):
+            return found[1].strip(), name[: found.start()] + name[found.end() :]
+    found_last = _UNIT_IN_NAME.search(name)
+    if found_last is None:
+        return "", name
+    return found_last[1] or found_last[2], name[: found_last.start()]
+
+
+def _plain(unit: str) -> str:
+    return unit.lower().replace(" ", "")
+
+
+def _stated_unit(key: str, column: SeenColumn | None) -> str:
+    """Return the unit of a map that a column's name states in brackets; empty without one."""
+    stated = _IN_BRACKETS.findall(column.name) if column else ()
+    return next((SPELLINGS[key][u] for u in map(_plain, stated) if u in SPELLINGS[key]), "")
 
 
 def _joint(joint: dict[str, SeenColumn], *, from_ros: bool) -> Iterator[str]:
@@ -295,16 +336,21 @@ def _joint(joint: dict[str, SeenColumn], *, from_ros: bool) -> Iterator[str]:
         start = "    "
         lacking = f"number or name of the column of its {key}s"
         yield f"      column: {column.key if column else mark_unstated(lacking)}"
-        yield f"      unit: {_unit(key, column, from_ros=from_ros)}"
-        if key == "torque" and not from_ros:
+        unit = _stated_unit(key, column)
+        yield f"      unit: {_unit(key, column, unit, from_ros=from_ros)}"
+        if unit.startswith("counts"):
+            yield f"      per_unit: {mark_unstated('rad (m) for one count')}"
+        if key == "torque" and not from_ros and unit not in ("N m", "N"):
             gain = "N m, or N, for one unit; 1 for N m and N; or unknown"
             yield f"      gain: {mark_unstated(gain)}"
 
 
-def _unit(key: str, column: SeenColumn | None, *, from_ros: bool) -> str:
+def _unit(key: str, column: SeenColumn | None, stated: str, *, from_ros: bool) -> str:
     if from_ros:
         turning = {"position": "rad", "velocity": "rad/s", "torque": "N m"}[key]
         return f"{turning} # ROS unit of revolute joints"
+    if column and stated:
+        return f"{stated} # by its name; up to {max(abs(column.low), abs(column.high)):.4g}"
     return mark_unstated(f"{_UNITS[key]}{_guess(key, column)}")
 
 
@@ -313,8 +359,8 @@ def _guess(key: str, column: SeenColumn | None) -> str:
     if column is None:
         return ""
     most = max(abs(column.low), abs(column.high))
-    if match := _UNIT_IN_NAME.search(column.name):
-        return f"; up to {most:.4g}, and its name says {one_line(match[1] or match[2], 40)}"
+    if unit := _unit_in_name(column.name)[0]:
+        return f"; up to {most:.4g}, and its name says {one_line(unit, 40)}"
     if key != "position":
         guessed = "" if _meaning(column)[0] else ", guessed: numbered like the positions"
         return f"; up to {most:.4g}{guessed}"
@@ -326,7 +372,8 @@ def _guess(key: str, column: SeenColumn | None) -> str:
 class SeenColumn:
     """Inspected column: number from 1, name, and extremes of the values.
 
-    `begins` are the rows, from 0, with a falling value, for a column that rises in nearly all rows.
+    `begins` are the rows, from 0, with a falling value, for a column that rises in nearly all rows;
+    `held` is True if most values repeat.
     """
 
     number: int
@@ -336,6 +383,7 @@ class SeenColumn:
     rises: bool
     step: float
     begins: tuple[int, ...] = ()
+    held: bool = False
 
     @property
     def key(self) -> str:
@@ -395,7 +443,8 @@ def _seen(index: int, name: str, values: Array) -> SeenColumn:
     else:
         step = float(np.median(steps))
     extremes = float(values.min()), float(values.max())
-    return SeenColumn(index + 1, name, *extremes, rises, float(step), tuple(begins.tolist()))
+    held = bool(len(steps) and np.mean(steps == 0) > 0.5)
+    return SeenColumn(index + 1, name, *extremes, rises, float(step), tuple(begins.tolist()), held)
 
 
 def described(column: SeenColumn) -> str:
@@ -407,4 +456,5 @@ def described(column: SeenColumn) -> str:
 
 def words_of(name: str) -> list[str]:
     """Split a name into lower-case words and numbers; a capital begins a word."""
+    name = re.sub("(?i)(nano)_?(?=s)", r"\1", name).replace("NanoS", "Nanos")
     return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)]

@@ -51,6 +51,39 @@ JOINT_TYPES: dict[str, str] = {
     **dict.fromkeys(("m", "mm", "m/s", "mm/s", "N"), "prismatic"),
 }
 """Joint types of units on the joint side; other units suit both."""
+SPELLINGS: dict[str, dict[str, str]] = {
+    "time": {
+        **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+        **dict.fromkeys(("ms", "msec", "millisec", "milliseconds"), "ms"),
+        **dict.fromkeys(("us", "\u00b5s", "\u03bcs", "usec", "microseconds"), "us"),
+        **dict.fromkeys(("ns", "nsec", "nanoseconds"), "ns"),
+    },
+    "position": {
+        **dict.fromkeys(("rad", "radian", "radians"), "rad"),
+        **dict.fromkeys(("deg", "°", "degree", "degrees", "grad"), "deg"),
+        **dict.fromkeys(("turn", "turns", "rev", "revs", "revolutions"), "turns"),
+        **dict.fromkeys(("m", "meter", "meters"), "m"),
+        "mm": "mm",
+        **dict.fromkeys(("cnt", "cnts", "count", "counts", "inc", "incs", "increments"), "counts"),
+    },
+    "velocity": {
+        **dict.fromkeys(("rad/s", "rad/sec"), "rad/s"),
+        **dict.fromkeys(("deg/s", "deg/sec", "°/s", "grad/s"), "deg/s"),
+        **dict.fromkeys(("turn/s", "turns/s", "rev/s", "rev/sec", "1/s"), "turns/s"),
+        **dict.fromkeys(("rpm", "1/min", "u/min", "rev/min"), "rpm"),
+        "m/s": "m/s",
+        "mm/s": "mm/s",
+        **dict.fromkeys(("cnt/s", "counts/s", "cnt/sec", "counts/sec", "inc/s"), "counts/s"),
+    },
+    "torque": {
+        **dict.fromkeys(("nm", "n*m", "n.m", "n\u00b7m", "newtonmeter"), "N m"),
+        "n": "N",
+        **dict.fromkeys(("a", "aeff", "arms", "a_rms", "amp", "amps", "ampere"), "A"),
+        **dict.fromkeys(("v", "volt", "volts"), "V"),
+        **dict.fromkeys(("\u2030", "permille"), "per mille"),
+    },
+}
+"""Units of maps by their spellings in names of columns, in small letters without blanks."""
 NEEDS_GAIN = ("A", "V", "per mille")
 """Units of torque that need a gain."""
 

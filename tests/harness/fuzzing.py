@@ -243,6 +243,15 @@ def _csv(folder: Path) -> Path:
     return folder / "a.csv"
 
 
+def _lists(folder: Path) -> Path:
+    columns = _columns()
+    q, tau = (np.column_stack([columns[f"{name}{j}"] for j in (1, 2)]) for name in "qm")
+    rows = zip(columns["t"].tolist(), q, tau, strict=True)
+    lines = [f'{t},"{each}","{other.tolist()}"' for t, each, other in rows]
+    (folder / "a.csv").write_text("\n".join(["t,q,tau", *lines]))
+    return folder / "a.csv"
+
+
 def _npz(folder: Path) -> Path:
     np.savez_compressed(folder / "a.npz", **_columns())
     return folder / "a.npz"
@@ -392,6 +401,7 @@ KINDS = {
     "rosbag2": Kind(lambda folder: _bag(folder, "SQLITE3"), _read_table, changed="*"),
     "rosbag": Kind(_rosbag1, _read_table),
     "csv": Kind(_csv, _read_table),
+    "lists": Kind(_lists, _read_table),
     "jsonl": Kind(_text("a.jsonl", "\n".join(_ROWS)), _read_table),
     "json": Kind(_text("a.json", f"[{','.join(_ROWS)}]"), _read_table),
     "xml-rows": Kind(_text("a.xml", '<r><q A1="1"/><t>2</t></r>\n' * 40), _read_table),

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hil.imports.map_file import Format
     from hil.imports.tables import Table
 
-TEXT = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
+TEXT = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm", ".log")
 BAGS = (".mcap", ".db3", ".bag")
 ARRAYS = (".npy", ".npz")
 HDF5 = (".h5", ".hdf5", ".hdf")

@@ -7,6 +7,8 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hil.imports.tables import SPELLINGS
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -23,12 +25,10 @@ _END_OF_SETTINGS = "***End_of_Header***"
 _LOOKED_AT = 30
 _ABOVE = 5
 """Rows above the numbers that may hold the names, since comments, types and units follow names."""
-_UNITS = {
-    "", "-", "1", "%", "s", "ms", "us", "µs", "ns", "min", "rad", "deg", "°", "m", "mm", "rad/s",
-    "deg/s", "°/s", "rpm", "1/min", "turns", "rev", "turns/s", "rev/s", "m/s", "mm/s", "nm", "n*m",
-    "n.m", "n", "a", "ma", "aeff", "arms", "v", "mv", "counts", "inc", "counts/s", "inc/s",
-    "rad/s^2", "rad/s2", "m/s^2", "m/s2",
-}  # fmt: skip
+_UNITS = {"", "-", "1", "%", "min", "ma", "mv", "rad/s^2", "rad/s2", "m/s^2", "m/s2"}.union(
+    *SPELLINGS.values()
+)
+"""Units in the row below the names, in small letters without blanks."""
 _IN_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
 
 
@@ -52,6 +52,8 @@ class Layout:
         Cells of the first row.
     clocks : tuple of int
         Column of the time stamps for all columns of a scope; else empty.
+    lists : bool
+        True for cells that hold lists of numbers (`hil.imports.readers.lists`).
     """
 
     delimiter: str
@@ -61,6 +63,15 @@ class Layout:
     skipped: int
     width: int
     clocks: tuple[int, ...] = ()
+    lists: bool = False
+
+
+def decoded(head: bytes) -> str:
+    """Decode UTF-8, or Latin-1 as written by older programs, for example for a degree sign."""
+    try:
+        return head.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return head.decode("latin-1")
 
 
 def layout_of(text: str, stated: Format) -> Layout:
@@ -163,6 +174,10 @@ def _first_row(
         # rows
         as_wide = index + 1 == len(rows) or len(row) >= len(rows[index + 1][1])
         if index and numbers >= 2 and as_wide and not whole:
+            return index
+        # no names: numbers and text of the first row stand where those of the second do
+        following = [_is_number(cell, decimal) for cell in rows[1][1]] if len(rows) > 1 else []
+        if numbers >= 2 and [_is_number(cell, decimal) for cell in row] == following:
             return index
     raise NoNumbers("has no row of numbers in its first lines")
 

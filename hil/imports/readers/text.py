@@ -23,7 +23,17 @@ from checked_files.foreign_text import one_line
 from checked_files.yaml_file import FileError
 from hil.imports.readers.arrow import plain_rows
 from hil.imports.readers.diadem import is_diadem, open_diadem
-from hil.imports.readers.layout import DATE, MISSING, Layout, NoNumbers, cells, instant, layout_of
+from hil.imports.readers.layout import (
+    DATE,
+    MISSING,
+    Layout,
+    NoNumbers,
+    cells,
+    decoded,
+    instant,
+    layout_of,
+)
+from hil.imports.readers.lists import LIST, flat, layout_of_lists
 from hil.imports.readers.stacked import Channels, is_stacked, open_stacked
 from hil.runs.atomic_file import file_errors
 
@@ -62,7 +72,10 @@ class TextTable:
     def blocks(self, columns: Sequence[int]) -> Iterator[Array]:
         """Read columns block by block."""
         row, line, long = 0, 1 + self._layout.skipped, False
-        for text in _whole_lines(self.path, self._layout.skipped):
+        texts = _whole_lines(self.path, self._layout.skipped)
+        if self._layout.lists:
+            texts = flat(texts, self._layout.delimiter.encode(), self.path, BLOCK)
+        for text in texts:
             long |= len(text) >= BLOCK  # reading a block takes as long as importing Arrow
             block = self._read_plain(text, columns) if long else None
             if block is None:
@@ -219,12 +232,12 @@ def open_text(path: Path, stated: Format) -> Table:
         raise FileError(f"{path}: has lines that end in only CR; convert them to LF or CR LF")
     if len(head) == _HEAD:
         head = head.rpartition(b"\n")[0]
-    text = _decoded(head)
+    text = decoded(head)
     for belongs, opened in ((is_stacked, open_stacked), (is_diadem, open_diadem)):
         if belongs(text):
             return opened(path, _lines(path))
     try:
-        layout = layout_of(text, stated)
+        layout = layout_of_lists(head, stated) if LIST.search(head) else layout_of(text, stated)
     except NoNumbers as error:
         raise FileError(
             f"{path}: {error}; state header, delimiter, decimal, comment or skip in format"
@@ -236,7 +249,7 @@ def open_text(path: Path, stated: Format) -> Table:
 def _lines(path: Path) -> Iterator[str]:
     """Yield the lines of a text."""
     for block in _whole_lines(path, 0):
-        yield from _decoded(block).removesuffix("\n").split("\n")
+        yield from decoded(block).removesuffix("\n").split("\n")
 
 
 def _pieces(text: bytes) -> Iterator[bytes]:
@@ -246,14 +259,6 @@ def _pieces(text: bytes) -> Iterator[bytes]:
         end = 1 + text.find(b"\n", begin + PIECE) or len(text)
         yield text[begin:end]
         begin = end
-
-
-def _decoded(head: bytes) -> str:
-    """Decode UTF-8, or Latin-1 as written by older programs, for example for a degree sign."""
-    try:
-        return head.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return head.decode("latin-1")
 
 
 def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:

@@ -45,9 +45,7 @@ def test_columns_are_matched_to_joints_by_their_names(tmp_path, names):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "names", ["m1 m2", "M1 M2", "Iq_1 Iq_2", "Strom1 Strom2", "load[1] load[2]"]
-)
+@pytest.mark.parametrize("names", ["m1 m2", "M1 M2", "Iq_1 Iq_2", "Last1 Last2", "load[1] load[2]"])
 def test_the_only_other_columns_with_the_joints_numbers_are_drafted_as_torques(tmp_path, names):
     columns = dict(
         zip(["t", "q1", "q2", "v1", "v2", *names.split()], table().values(), strict=True)
@@ -68,18 +66,65 @@ def test_columns_of_no_joint_are_left_out_with_the_reason(tmp_path):
         assert f"#   {line}" in text
 
 
-def test_units_are_guessed_in_the_marks_alone(tmp_path):
+def test_units_that_names_state_are_filled_in_and_guesses_are_marks(tmp_path):
     columns = table()
     write_csv(tmp_path / "a.csv", {
-        "t": columns["t"] * 1e3, "q1 [deg]": np.degrees(columns["q1"]), "q2": 1e4 * columns["q2"],
-        "current 1 (A)": columns["m1"],
+        "Time (ms)": columns["t"] * 1e3, "Angle [Grad] (Axis1)": np.degrees(columns["q1"]),
+        "Current [A] (Axis1)": columns["m1"], "q2": 1e4 * columns["q2"], "tau2_nm": columns["m2"],
+        "Position [cnt] (Axis3)": 1e4 * columns["q2"], "Torque [N·m] (Axis3)": columns["m1"],
     })  # fmt: skip
     found = drafted(tmp_path / "a.csv")
-    assert found["time"]["unit"] == "? ms if 200 Hz"
-    assert "its name says deg" in found["joints"][0]["position"]["unit"]
-    assert "looks like counts or mm" in found["joints"][1]["position"]["unit"]
-    assert "its name says A" in found["joints"][0]["torque"]["unit"]
-    assert found["joints"][1]["torque"]["column"].startswith("? number or name of the column")
+    first, last, second = found["joints"]
+    assert found["time"]["unit"] == "ms"
+    assert [first["position"]["unit"], first["torque"]["unit"]] == ["deg", "A"]
+    assert first["torque"]["column"] == "Current [A] (Axis1)"
+    assert first["torque"]["gain"].startswith("? N m, or N, for one unit")
+    assert "looks like counts or mm" in last["position"]["unit"]
+    assert "its name says nm" in last["torque"]["unit"]
+    assert second["position"]["unit"] == "counts"
+    assert second["position"]["per_unit"] == "? rad (m) for one count"
+    assert second["torque"] == {"column": "Torque [N·m] (Axis3)", "unit": "N m"}
+
+
+@pytest.mark.parametrize(
+    ("form", "unit"),
+    [
+        (lambda t: f"2024-05-01 12:00:{t:09.6f}", "ns"),
+        (lambda t: f"{1714564800 + t:.3f}", "s"),
+        (lambda t: f"{1714564800000 + round(1e3 * t)}", "ms"),
+        (lambda t: f"{t:.3f}", "? s if 200 Hz"),
+        (lambda t: f"{1714564800 + int(t)}", "? s, ms, us or ns; most stamps repeat: "
+                                             "add the column of their fractions"),
+    ],
+)  # fmt: skip
+def test_stamps_since_1970_have_a_unit_and_others_a_mark(tmp_path, form, unit):
+    columns = table(4.0)
+    rows = zip(map(form, columns["t"]), columns["q1"].tolist(), columns["m1"].tolist(), strict=True)
+    text = "".join(f"{t},{q!r},{tau!r}\n" for t, q, tau in rows)
+    (tmp_path / "a.csv").write_text("stamp,q,tau\n" + text)
+    assert drafted(tmp_path / "a.csv")["time"]["unit"] == unit
+
+
+def test_rows_with_text_and_without_names_are_rows(tmp_path):
+    """As printed by ros2 topic echo --csv: seconds, nanoseconds, frame, names, values."""
+    columns = table(4.0)
+    rows = zip(*(columns[name].tolist() for name in ("t", "q1", "q2", "m1", "m2")), strict=True)
+    text = "".join(
+        f"{1714564800 + int(t)},{round(t % 1 * 1e9)},,j1,j2,{q1!r},{q2!r},{m1!r},{m2!r}\n"
+        for t, q1, q2, m1, m2 in rows
+    )
+    (tmp_path / "echo.csv").write_text(text)
+    found = drafted(tmp_path / "echo.csv")
+    plus = {"column": 2, "unit": "ns"}
+    assert found["time"] == {"column": 1, "unit": "s", "plus": plus}
+    assert "# Columns and what they hold:\n#   1: " in draft_map(tmp_path / "echo.csv", "echo.csv")
+    joints = [
+        {"position": {"column": 6 + j, "unit": "rad"}, "torque": {"column": 8 + j, "unit": "N m"}}
+        for j in (0, 1)
+    ]
+    stated = {"robot": "pair.yaml", "files": ["echo.csv"], "time": found["time"], "joints": joints}
+    run = import_recordings([write_map(tmp_path, stated)], tmp_path / "run")
+    np.testing.assert_array_equal(run["map-01"].recording.tau[:, 1], columns["m2"])
 
 
 def test_a_draft_is_refused_until_it_is_filled_in(tmp_path):
