@@ -43,6 +43,15 @@ _READERS = (
     ((".r64", ".r32", ".i16", ".i32"), "diadem", "open_values"),
 )
 """Endings, with module and function of the reader."""
+_SAVE_AS = {
+    (".xls", ".xlsx", ".ods"): "save the sheet as CSV",
+    (".tdms",): "save it by nptdms: TdmsFile.read(path).as_dataframe().to_parquet(...)",
+    (".mf4", ".mdf"): "save it by asammdf: MDF(path).to_dataframe(raster=...).to_parquet(...)",
+    (".pkl", ".pickle"): "save the data frame by to_parquet(...); a pickle may run any code",
+    (".feather", ".arrow"): "save the data frame by to_parquet(...)",
+    (".trc", ".blf"): "frames of CAN are not decoded; record with hil run",
+}
+"""Formats that are not read, and how to save them as one that is."""
 
 
 def open_table(path: Path, layout: Format) -> Table:
@@ -98,9 +107,10 @@ def _reader(path: Path) -> Callable[[Path, Format], Table]:
         if ending in endings or (path.is_dir() and endings is BAGS):
             reader = getattr(import_module(f"hil.imports.readers.{module}"), function)
             return cast("Callable[[Path, Format], Table]", reader)
+    remedy = next((f"; {how}" for endings, how in _SAVE_AS.items() if ending in endings), "")
     raise FileError(
-        f"{path}: {path.suffix or 'no ending'} is an unknown format; known: {', '.join(KNOWN)}, "
-        "and rosbag2 folders"
+        f"{path}: {path.suffix or 'no ending'} is an unknown format{remedy}; known:"
+        f" {', '.join(KNOWN)}, and rosbag2 folders"
     )
 
 

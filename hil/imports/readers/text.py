@@ -10,6 +10,7 @@ from __future__ import annotations
 import codecs
 import gzip
 import io
+import re
 import warnings
 import zlib
 from contextlib import contextmanager, suppress
@@ -55,6 +56,8 @@ PIECE, AS_TEXT = 1 << 20, 1 << 26
 text, in which the longest cell determines the size of all cells [bytes].
 """
 _HEAD = 1 << 16
+_CAN_FRAMES = re.compile(r"\(\d+\.\d+\) +\w+ +[0-9A-F]+#")
+"""Pattern of the first frame in a log of candump."""
 
 
 class TextTable:
@@ -233,6 +236,11 @@ def open_text(path: Path, stated: Format) -> Table:
     if len(head) == _HEAD:
         head = head.rpartition(b"\n")[0]
     text = decoded(head)
+    if _CAN_FRAMES.match(text):
+        raise FileError(
+            f"{path}: is a log of CAN frames without decoded values; record with hil run, or save"
+            " positions and currents as columns"
+        )
     for belongs, opened in ((is_stacked, open_stacked), (is_diadem, open_diadem)):
         if belongs(text):
             return opened(path, _lines(path))

@@ -121,6 +121,10 @@ def test_a_wrong_map_is_one_message_with_its_place(tmp_path, case):
     assert len(found.splitlines()) == 1, found
 
 
+def candump(path):
+    path.write_text("".join(f"({k}.{k:06}) can0 181#{k:08X}\n" for k in range(50)))
+
+
 def binary(path):
     path.write_bytes(bytes(range(256)) * 40)
 
@@ -196,6 +200,8 @@ FILES = {
     "half of an HDF5 file": ("a.h5", damaged_hdf5, "a.h5: is not an HDF5 file, or is damaged"),
     "arrays of other lengths": ("a.npz", other_lengths, "columns must have equal numbers of rows"),
     "an unknown format": ("a.docx", binary, "a.docx: .docx is an unknown format; known: .csv"),
+    "a sheet": ("a.xlsx", binary, "unknown format; save the sheet as CSV; known: .csv"),
+    "a log of frames": ("a.log", candump, "is a log of CAN frames without decoded values"),
     "a folder": ("a.csv", lambda p: p.mkdir(), "a.csv: is a folder without the metadata.yaml"),
     "pickles": (
         "a.npy", lambda p: np.save(p, np.array([{}]), allow_pickle=True), "is not a NumPy file"),
