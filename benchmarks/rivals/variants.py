@@ -6,10 +6,10 @@ weighted and how the overdetermined system is solved (`solution`). These are the
 the literature, and the strongest that we can build. Only the variants by period permit friction to
 change during the measurement.
 
-Friction of the load needs the base parameters that it is to be found with. So a method that has it
-solves without it, computes the transmitted torques from that solution and solves again, until the
-parameters stay the same (Hamon, Gautier, Garrec 2010). The error of load friction is mu |error of
-Q_t|, so each iteration multiplies the error by about mu.
+The column of load friction depends on the unknown base parameters. So methods with load friction
+first solve without this column, compute the transmitted torques from the solution, and iterate to
+convergence (Hamon, Gautier, Garrec 2010). The error of load friction is mu |error of Q_t|, so each
+iteration multiplies the error by about mu.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ QUANTITY = re.compile(rf"(?:\b\w+ )?[−-]?\d[\d.]* ± [\d.]+(?: {UNIT})*|[−-]
 ALONE = re.compile(rf"(?<=, ){UNIT}(?: {UNIT})*$")
 """Unit at the end of a heading."""
 GLUE = "\ue000"
-"""Blank at which no line ends; of the private use area, and never shown."""
+"""Non-breaking blank, a character of the private use area; replaced before output."""
 
 
 @dataclass(frozen=True, slots=True)

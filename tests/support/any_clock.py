@@ -130,7 +130,8 @@ def badly_stamped(recording: Recording, rng: np.random.Generator) -> Recording:
 
 
 def disturbed(recording: Recording, rng: np.random.Generator) -> Recording:
-    """Of a thousand samples, two are doubled, two late after a missing one, and two skipped."""
+    """Sample with six faults in a thousand: two doubled, two late after a missing one, and two
+    skipped."""
     n = recording.n_samples
     q, tau, flags = recording.q.copy(), recording.tau.copy(), recording.flags.copy()
     for at in rng.choice(np.arange(2, n - 2), n // 500, replace=False):

@@ -1,8 +1,8 @@
 """Independent drive on an independent bus: canopen's LocalNode on a stock virtual bus.
 
-It has a thread of its own (canopen's notifier), its dictionary from an EDS, its PDOs and its SDO
-server from canopen; this module adds the minimum of CiA 402's profile position mode. Time passes by
-SYNC, as long as object 1006h says. Nothing is taken from the plant but the EDS.
+The drive runs in canopen's notifier thread, with a dictionary from an EDS and with canopen's PDOs
+and SDO server; this module adds a minimal profile position mode of CiA 402. Each SYNC advances the
+time by the period in 1006h. Only the EDS is shared with the plant.
 """
 
 from __future__ import annotations

@@ -113,7 +113,7 @@ def test_the_links_are_bodies(plant: Plant) -> None:
 
 
 def test_no_axis_is_overloaded_by_gravity_and_acceleration(plant: Plant) -> None:
-    """With motor and friction, at the plans' share of the acceleration limit."""
+    """Loads include motor and friction, at the plans' share of the acceleration limit."""
     drives = [axis.drive for axis in plant.file.axes]
     limit = np.array([drive.peak_torque for drive in drives])
     motor = np.array([0.6 * d.acceleration_max * d.motor_inertia for d in drives])
