@@ -102,7 +102,7 @@ def rows_of(name: str, machine: Machine) -> list[tuple[Any, ...]]:
     ]
 
 
-def until(fleet: Fleet, month: int) -> Fleet:
+def select_until(fleet: Fleet, month: int) -> Fleet:
     """Return the runs up to a month."""
     used = fleet.time <= BEGIN.timestamp() + (month + 0.5) * MONTH * 86400.0
     arrays = ("machine", "time", "runs", "value", "error", "degrees", "allowance")
@@ -115,7 +115,7 @@ def judged(fleet: Fleet) -> tuple[float, dict[str, float]]:
     false, found = 0, dict.fromkeys(worn, np.inf)
     before: set[str] = set()
     for month in range(FIRST, MONTHS):
-        changes = deviations(until(fleet, month), RATE).changes
+        changes = deviations(select_until(fleet, month), RATE).changes
         named = {each.run for each in changes}
         false += len(named - before - set(worn))
         before = named

@@ -97,10 +97,10 @@ class Products:
         kept = np.concatenate([[0], 1 + own, 1 + width + own])
         return replace(self, blocks=self.blocks[..., kept[:, None], kept], n_friction=len(places))
 
-    def by_period(self, n_local: int) -> Products:
+    def eliminate_friction(self, n_local: int) -> Products:
         """Return products with friction columns eliminated by block; no instruments.
 
-        So each period has coefficients of its own for them.
+        Each period then has separate friction coefficients.
         """
         begin, end = 1 + self.n_base, 1 + self.n_base + self.n_friction
         order = np.r_[:begin, begin + n_local : end, begin : begin + n_local]

@@ -196,7 +196,7 @@ def _solution(robot: Robot, data: Products, variant: Variant, *, load: bool) -> 
     """Solve with the columns of a variant; the column of load friction may still be missing."""
     data = data.only(places(variant.terms, offset=variant.offset, load=load))
     if variant.by_period:
-        data = data.by_period(_n_local(variant))
+        data = data.eliminate_friction(_n_local(variant))
     return solve(data, robot.torque_limit, variant.weighting, variant.solver)
 
 
