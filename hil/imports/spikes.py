@@ -42,7 +42,7 @@ OFTEN = 0.95
 MIDDLE = (0.5 - OFTEN / 2, 0.5 + OFTEN / 2)
 """Quantiles of ordinary samples."""
 TURNS = 3 * np.pi
-"""Minimum excursion that is no wrap-around of an angle, which jumps by a turn."""
+"""Minimum excursion that cannot be a wrap-around of an angle, by one turn."""
 STATED, REFUSED = 0.01, 0.5
 """Share of spikes in the sum of squares: reported from a tenth in rms on, refused above a half."""
 GREATEST = 1e100
