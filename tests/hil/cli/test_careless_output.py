@@ -95,8 +95,8 @@ def test_nothing_is_read_for_what_cannot_be_written(
     file.write_text("something of the user's")
     chosen = [] if option == "-o" or "-o" not in required(name) else ["-o", tmp_path / "good"]
     status, _, err = hil(*name.split(), *chosen, option, file / "below", *arguments(name))
-    refusal = "there is no folder" if callback in FILES else "is not a folder"
-    assert (status, refusal in err) == (1, True), err
+    refusal = r"there is no folder" if callback in FILES else r"is not a folder|there is no folder"
+    assert (status, bool(re.search(refusal, err))) == (1, True), err
     assert "nowhere" not in err
     assert file.read_text() == "something of the user's"
 
