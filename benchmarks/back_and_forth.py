@@ -1,14 +1,14 @@
 """Identification from foreign strokes of one axis at a time, against the truth.
 
-Each seed is a virtual twin whose friction drifts. Its strokes are measured over CAN frames, written
-as CSV files of positions and torques alone, imported with a map each, and identified by three
+Each seed is a virtual twin with drifting friction. Strokes are measured over CAN frames, written as
+CSV files of positions and torques only, imported with one map per file, and identified by three
 methods: for imported strokes, for strokes measured by hil, and for free motions::
 
     python benchmarks/back_and_forth.py [tests/robots/pan-tilt.yaml] [--strokes smooth]
         [--seeds 10]
 
-Strokes are the trapezoids of gravity and inertia measurements that `hil plan` designs, or smooth
-ones whose way back is a fifth faster than the way forth. Errors are torque errors on a free motion
+Strokes are the trapezoids of gravity and inertia measurements by `hil plan`, or smooth strokes that
+are a fifth faster backward than forward. Errors are torque errors on a free motion
 (`hil.ground_truth.comparison`) by identified and by unidentified parameters, relative to the
 torque.
 """
@@ -145,7 +145,7 @@ def exported(run: Run, folder: Path, *, strokes: bool = True, every: int = 1) ->
 
 
 class Judged(NamedTuple):
-    """Errors and unidentified torque [%], covering and all intervals, half width over error."""
+    """Torque errors [%], numbers of covering and of all intervals, relative width."""
 
     wrong: float
     missing: float

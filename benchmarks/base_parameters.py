@@ -1,6 +1,6 @@
 """Time of the base parameters of the manutec-r15, with all sixty link parameters and with its own.
 
-Each is timed in a fresh interpreter, so that nothing is cached; with its imports and without.
+Both sets are timed in a fresh interpreter, so that nothing is cached, with and without imports.
 """
 
 from __future__ import annotations

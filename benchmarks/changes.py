@@ -2,12 +2,12 @@
 
     python benchmarks/changes.py [TRAIN... -- TEST...]
 
-takes run folders of any one machine, by default the two recordings of `examples/pan_tilt`. First,
-the changes from TRAIN to TEST by `hil validate` are printed. Then changes are planted into the
-recordings of TEST, one at a time and on every axis, each at the size that these recordings are
-stated to show, in either direction: torques of an axis times a factor, an offset of its position, a
-delay of its torque, and friction. Printed are those that are found, with the right axis and cause.
-80 % are to be found.
+takes run folders of one machine, by default the two recordings of `examples/pan_tilt`. First, the
+changes from TRAIN to TEST by `hil validate` are printed. Then changes are planted into the
+recordings of TEST, one at a time, on every axis and in either direction, at the detection limit
+stated for these recordings: a factor of the axis's torques, an offset of its position, a delay of
+its torque, and friction. The output lists the changes found with the right axis and cause; the
+target is 80 %.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recorded, Recording
 
 PLANTED = {"torque constant": 50.0, "joint offset": 28.0, "torque delay": 20.0, "friction": 100.0}
-"""Causes, and the largest planted size in their units; larger changes are not small."""
+"""Causes, and their largest planted size, up to which the change is small [unit of the cause]."""
 CUT_OFF = 10.0
 """Cut-off frequency of the positions for planted friction [Hz]."""
 

@@ -1,7 +1,7 @@
 """Figures of identification over many plants, each case beside its target.
 
-Every seed is a plant of its own, measured by `hil run` with the designed plan; nothing was tuned on
-these seeds. The share of runs with the largest cause of error named first is stated as well.
+Every seed is another plant, measured by `hil run` with the designed plan; nothing was tuned on
+these seeds. The share of runs in which the largest cause of error is named first is stated as well.
 Cases::
 
     default    drift and asymmetry on

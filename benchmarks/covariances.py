@@ -1,15 +1,15 @@
 """Coverage of the intervals by each covariance rule, on many plants.
 
-Every seed is a plant with noise and friction of its own, measured and identified by the improved
-method; of each rule it is stated how many intervals of 95 % hold the truth, and how wide they are
-over the standard error of white noise (median)::
+Every seed is a plant with other noise and friction, measured and identified by the improved method.
+For each rule the table has the share of 95 % intervals that hold the truth, and their median width
+relative to the standard error for white noise::
 
     python benchmarks/covariances.py [KIND ...] [--first 801] [--seeds 11] [--runs FOLDER]
 
-Kinds are strokes, trajectories, load (4 kg, which the robot file does not know), coarse (the same
-with encoders of 512 counts a motor turn) and drift (strokes, friction drifting three times as
-strongly). The default rule, CR2, is the narrowest that holds on
-all four; strokes, trajectories and load were looked at with seeds 801 to 811, drift 901 to 907.
+Kinds are strokes, trajectories, load (4 kg, unknown to the robot file), coarse (the same load, with
+encoders of 512 counts per motor turn) and drift (strokes, with three times the drift of friction).
+The default rule, CR2, has the narrowest intervals with correct coverage for all kinds. It was
+chosen on seeds 801 to 811 (strokes, trajectories, load) and 901 to 907 (drift).
 """
 
 from __future__ import annotations

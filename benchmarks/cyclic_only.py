@@ -1,11 +1,11 @@
 """Models from drives in cyclic position mode, against those from drives in profile position mode.
 
-The same plan is measured on plants whose noise and friction are of several seeds, once by drives
-that plan their strokes themselves and once by drives that have cyclic position alone, for which the
-driver plans. Both are identified by the improved method. Two measurements with errors of their own
-differ by sqrt(2) standard errors rms. So it is stated how far two runs of profile position are
-apart, two of cyclic position, and one of each; what of the difference is left in the mean of all
-seeds, which chance alone makes sqrt(2 / seeds); and how far both are from the truth::
+One plan is measured on plants of several seeds (noise and friction), once by drives in profile
+position mode, which plan the strokes, and once by drives with cyclic position mode only, for which
+the driver plans the strokes. Both runs are identified by the improved method. Two runs with
+independent errors differ by sqrt(2) standard errors rms, the means of all seeds by sqrt(2 / seeds).
+The table has, in standard errors, the difference of two runs of profile position, of two runs of
+cyclic position and of one of each; the difference of the means; and the errors of both modes::
 
     python benchmarks/cyclic_only.py [--first 901] [--seeds 8] [--runs FOLDER]
 """

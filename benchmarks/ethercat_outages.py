@@ -1,9 +1,9 @@
 """Random outages over EtherCAT: no axis stays energised, and no axis moves beyond its bound.
 
-The bounds and the moves are those of `benchmarks/outages.py` over CAN. Frames are lost on the way
-out, on the way back, or both, one in up to five is lost, the cable is cut in front of a drive, or a
-drive falls to SAFEOP with an error, for 5 to 250 ms; in half of the sessions Ctrl-C is pressed at
-that moment. Exits with 1 if a promise is broken::
+The bounds and the moves are those of `benchmarks/outages.py` over CAN. Outages last 5 to 250 ms:
+all frames to the drives, from the drives, or both are lost; up to one frame in five is lost; the
+cable is cut in front of a drive; or a drive falls to SAFEOP with an error. In half of the sessions
+Ctrl-C is pressed at that moment. The exit status is 1 if a promise is broken::
 
     python benchmarks/ethercat_outages.py [--number 900] [--seed 1]
 """

@@ -1,20 +1,19 @@
 """Detection of errors by recordings: flaws of stated sizes, clean runs, coverage of errors, time.
 
-Flaws of a plant are measured on one that differs from the robot file; what differs in robot file,
-drives file or map alone is changed there, or in what these make of a clean run's recordings, which
-is the same. Sizes are multiples of the smallest that a clean run states (80 % power). Clean runs
-are campaigns of eight minutes and a minute of free motion of other robots' twins, as CSV files::
+Flaws of a plant are measured on a plant that differs from the robot file. Flaws of a robot file,
+drives file or map are put into the file, or into a clean run's recordings with the same effect.
+Sizes are multiples of the detection limit of a clean run (80 % power). Clean runs are campaigns of
+eight minutes, and CSV files with a minute of free motion of other robots' twins::
 
     python benchmarks/excluded.py [ROW ...] [--seed 900] [--clean 20] [--keep FOLDER]
 
-Rows: ``flaws`` (20 flaws of three sizes each), ``far`` (what no derivative shows), ``clean``,
-``sizes`` (each cause at its stated size, added to a clean run as its column), ``time``, ``gears``
-(plants whose gears are soft, which is no cause), ``axes`` (on which axes of a clean run a mistake
-shows at all), ``distinguish`` (zeros and a load by the plan as it is and by one that is to
-distinguish them), ``runs`` (in the folder of `benchmarks.paper` or of its like, a plant's file
-beside its runs: none of them holds a cause that is not accounted for).
-Wrong maps are those of `wrong_maps`. Every row states how often *good* was off by more than three
-times its stated error.
+Rows: ``flaws`` (20 flaws of three sizes each), ``far`` (flaws too large for a linearisation),
+``clean``, ``sizes`` (each cause at its detection limit, added to a clean run as its column),
+``time``, ``gears`` (plants with soft gears, which are not a flaw), ``axes`` (axes of a clean run on
+which a flaw is visible), ``distinguish`` (joint offsets and a load, by the usual plan and by a plan
+that distinguishes them), ``runs`` (runs in a folder of `benchmarks.paper`, each with its plant
+file: all causes are accounted for). Wrong maps are those of `wrong_maps`. Every row states how many
+models judged *good* have errors above three times the stated error.
 """
 
 from __future__ import annotations
@@ -77,7 +76,7 @@ FAR = (
 
 CONFUSED = (("zero", 4, 5.0), ("zero", 5, 4.0), ("zero", 5, -4.0), ("load", 0, 0.03))
 """Cause, axis and size of flaws that the usual plan does not show on seed 1, or confuses with a
-zero.
+joint offset.
 """
 
 
@@ -254,7 +253,7 @@ def key(*words: object) -> str:
 
 
 def honest(every: Sequence[Said]) -> Kept:
-    """Return the number of runs judged good, of those judged wrongly, and the errors of these."""
+    """Return the numbers of runs judged good and wrongly so, with the errors of the latter."""
     good = [each for each in every if each.word == "good"]
     wrong = [each for each in good if not each.honest]
     most = max((each.times for each in good), default=0.0)

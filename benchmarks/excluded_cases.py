@@ -91,7 +91,7 @@ class Case(NamedTuple):
 
 @dataclass(frozen=True)
 class Said:
-    """Word, causes, and the true error of the worst axis, relative and over the stated error."""
+    """Word, causes, and true error of the worst axis, relative to torque and to stated error."""
 
     word: str
     reason: str
@@ -109,7 +109,7 @@ class Said:
 
     @property
     def alone(self) -> bool:
-        """True if neither a load nor a zero is equivalent to the first cause."""
+        """True if neither a load nor a joint offset is equivalent to the first cause."""
         others = self.found[0].others if self.found else ()
         return not any(CAUSES[x].words in each for x in ("load", "joint offset") for each in others)
 

@@ -1,8 +1,9 @@
 """Effect of feed-forward on following errors, on plants without tuning.
 
-`python benchmarks/feed_forward.py [SEED ...]`, by default 31 to 36. Each is another plant, whose
-friction drifts otherwise, and another trajectory of 5 s. The model of each plant comes from 20 s of
-another trajectory on it. Each of the three passes begins cold. Peer: velocity alone.
+`python benchmarks/feed_forward.py [SEED ...]`, by default 31 to 36. Each seed is a plant with
+another drift of friction, and another trajectory of 5 s. The model of the plant is identified from
+20 s of a different trajectory. Each of the three passes begins cold. Torque feed-forward is
+compared with velocity feed-forward alone.
 """
 
 from __future__ import annotations

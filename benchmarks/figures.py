@@ -7,11 +7,11 @@ document has::
     <!-- figure: claims-default.published-inside -->64.6 %<!-- end -->
     <!-- number: claims-default.published-inside -->64.6<!-- end -->
 
-with unit or, as in a column of a table, without. The text between the marks is written by ``make
-figures`` (``python benchmarks/figures.py``, in README.md and docs/) and by the making of the site,
-which has a page of all of them over time (`over_time`); `tests/documents/test_figures.py` fails
-where it is anything else, and where figures are older than `MOST_COMMITS` of the code that they
-depend on.
+with the unit or, for columns of a table, without the unit. The text between the marks is written by
+``make figures`` (``python benchmarks/figures.py``, in README.md and docs/) and when the site is
+built; the site has a page of all figures over time (`over_time`). `tests/documents/test_figures.py`
+fails if a document states another figure, or if more than `MOST_COMMITS` commits have changed the
+measured code since.
 """
 
 from __future__ import annotations

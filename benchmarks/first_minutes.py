@@ -16,9 +16,9 @@ found
 end, report
     Headline with the result; link to the report, whose answer is then checked.
 
-The calls have the byte code that an installation writes; the first one, stated apart, has no
-compiled functions of Numba on disk. The robot is drawn without a graphics card, which takes a part
-of the processor's time; other work of the computer is stated as its load average.
+All calls use byte code as after an installation; the first call, stated separately, has no compiled
+functions of Numba on disk. The robot is drawn without a graphics card, which takes processor time;
+the load average states other work of the computer.
 """
 
 from __future__ import annotations

@@ -2,12 +2,12 @@
 
 A campaign on the virtual manutec-r15 is identified, and machines are drawn from its model, a run a
 month for three years. Machines differ by 2 % of their parameters and 10 % of their friction. Every
-run has errors from the stated covariances. Friction of all axes follows the season by 5 % and the
-day by 2 %, that of one axis by up to a quarter more or less; and each axis's level wanders so that
-two runs differ by the law's `wander` at most. On sixty further machines friction of one axis grows
-evenly by 20 % in the second year. Wear counts as found in the first month in which its axis is
-named against the machine's past; a false alarm is a run of an unchanged machine with a deviation
-after one without::
+run has errors from the stated covariances. Friction of all axes varies by 5 % with the season and
+by 2 % with the day; the response of single axes differs by up to a quarter. The friction level of
+each axis also wanders: two runs differ by the law's `wander` at most. On sixty further machines
+friction of one axis grows evenly by 20 % in the second year. Wear is detected in the first month in
+which the axis deviates from the machine's past; a false alarm is a run of an unchanged machine with
+a deviation, if the previous run had none::
 
     python benchmarks/fleet.py --machines 10 100 1000 --seed 41
 """
@@ -102,7 +102,7 @@ def rows_of(name: str, machine: Machine) -> list[tuple[Any, ...]]:
     ]
 
 
-def until(fleet: Fleet, month: int) -> Fleet:
+def select_until(fleet: Fleet, month: int) -> Fleet:
     """Return the runs up to a month."""
     used = fleet.time <= BEGIN.timestamp() + (month + 0.5) * MONTH * 86400.0
     arrays = ("machine", "time", "runs", "value", "error", "degrees", "allowance")
@@ -115,7 +115,7 @@ def judged(fleet: Fleet) -> tuple[float, dict[str, float]]:
     false, found = 0, dict.fromkeys(worn, np.inf)
     before: set[str] = set()
     for month in range(FIRST, MONTHS):
-        changes = deviations(until(fleet, month), RATE).changes
+        changes = deviations(select_until(fleet, month), RATE).changes
         named = {each.run for each in changes}
         false += len(named - before - set(worn))
         before = named

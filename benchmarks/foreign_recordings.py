@@ -1,9 +1,9 @@
 """Recordings of virtual twins of many robots, as by another controller.
 
-Every seed is a machine of its own: the twin that `hil twin` makes of a robot file,
-friction, asymmetry and temperature drawn anew, drift on. It follows an exciting trajectory of this
-seed and then another one, which identification never sees. Kept are time, positions and torques as
-a CSV, at the rate and with the encoder of the case, and a map; no velocities, no CAN.
+Every seed is a machine of its own: the twin that `hil twin` makes of a robot file, friction,
+asymmetry and temperature drawn anew, drift on. The machine follows an exciting trajectory of this
+seed, then a second one that is held out. Time, positions and torques are kept as a CSV with a map,
+at the rate and with the encoder of the case; there are no velocities and no CAN frames.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
 Every case and seed is a machine of its own (`foreign_recordings`), imported from a CSV of positions
 and torques and identified by the default method. For each robot, or for each case with --cases, the
 table has the error of the rigid-body torques on a free motion, the residual torque of another
-recording, and the share of 95 % intervals that contain the truth. No constant of the method was set
-by the seeds from 201 on; the doubt about unusual offsets was added after those from 601 to 611 had
-been seen, and friction of slow samples settled on those from 1901 to 1912::
+recording, and the share of 95 % intervals that contain the truth. Constants of the method were not
+tuned on seeds from 201 on, with two exceptions: the doubt about unusual offsets (601 to 611) and
+friction of slow samples (1901 to 1912)::
 
     python benchmarks/free_motions.py [ROBOT ...] [--quick] [--cases] [--keep FOLDER]
     python benchmarks/free_motions.py manutec-r15 --case "10 min" --first 301 --seeds 20

@@ -3,12 +3,13 @@
 Every seed is a plant of its own (`torque_intervals.write_plant`): bodies, friction, noise.
 Properties, on all axes or on an axis chosen by the seed: encoders of 256 to 1024 increments, gears
 of 25 to 80 Hz, backlash of 0.5 to 2 mrad, a SYNC period of 4 to 16 ms, a torque constant 2 % off.
-Backlash and the torque constant are causes; what else is named is false::
+Backlash and the torque constant are true causes; any other named cause is a false one::
 
     python benchmarks/fresh_plants.py [PROPERTY ...] [--first 3101] [--seeds 5] [--runs FOLDER]
 
-Right is a run in which the true cause is named, alone or before others, or none. *failed* is wrong
-too if all torques are correct within 1 %. Plants with a drive fault are skipped.
+A run counts as right if the true cause is named (alone or first), or if no cause is named. The
+verdict *failed* is wrong if all torques are correct within 1 %. Plants with a drive fault are
+skipped.
 """
 
 from __future__ import annotations

@@ -1,15 +1,15 @@
 """Regression test of identified values for recorded runs of every kind, to the last digits.
 
-Runs are recorded into a folder, unless they are there: campaigns, trajectories and friction on the
-virtual plant, sound and flawed, imports of its twins, back and forth, loads, unknown gains; and,
-where a folder of public recordings is named, those. Each result is a file written by a command: its
-figures and words are kept in ``benchmarks/golden/``, one file per result. ``check`` compares them
-with the present output of the commands and lists differences, ``keep`` replaces them::
+Missing runs are recorded into a folder: campaigns, trajectories and friction on sound and flawed
+virtual plants; imports of twins, with strokes, loads and unknown gains; and public recordings, if a
+folder is named. Each result is a file written by a command: its figures and words are kept in
+``benchmarks/golden/``, one file per result. ``check`` compares them with the present output of the
+commands and lists differences, ``keep`` replaces them::
 
     python benchmarks/golden.py [check|keep] [RESULT ...] [--runs FOLDER] [--public FOLDER]
 
-Of a square matrix the diagonal and the norm are kept. Figures are equal within `SAME` times the
-greatest of their list, so that another library of linear algebra causes no difference.
+Square matrices are reduced to diagonal and norm. Figures count as equal within `SAME` times the
+largest figure of the list, which tolerates other linear algebra libraries.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Robots of 2 to 7 axes are the manutec-r15 without its last axes, or with one more hand joint; robot
 file, drives file and plant file alike. Each gets a small plan of as many measurements, which is
-designed and measured. Then campaigns of the whole robot, one with another noise each, are
+designed and measured. Then several campaigns of the whole robot, each with other noise, are
 identified together. The tables have the processor time (user and system) of whole processes, and
 for growing plans also the time per measurement.
 

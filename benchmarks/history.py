@@ -7,9 +7,9 @@ Makes N campaigns of 39 measurements of the manutec-r15 that differ by the plant
 before: 25 K above its surroundings instead of 5 K, its lubricant stirred. Makes M campaigns each
 with 15 % more Coulomb friction of axis 3, with p5 smaller by 2 % and with a drive of axis 5 whose
 torque constant is greater by 4 %, all in FOLDER (runs/history); those that are there already are
-not made again. Printed is in how many new runs of an unchanged machine anything is marked, each
-against the first run and the one before; in how many of all pairs of these runs, which are not
-independent; and what is named first of each change.
+not made again. The output states the number of runs of an unchanged machine with any marked
+quantity, each compared with the first and the previous run; the same for all pairs of these runs,
+which are not independent; and the first named cause of each change.
 """
 
 from __future__ import annotations

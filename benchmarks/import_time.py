@@ -3,8 +3,8 @@
 A free motion of the panda's twin, 1000 s at 1 kHz: time, positions, velocities and torques of seven
 joints in 22 columns, and without velocities in 15, each as CSV of six decimals and as Parquet.
 Drafting and importing in one process and reading by pandas in another are measured in turns, so
-that all see the same machine, one thread each, once the modules are imported. Promised are 1.2
-times pandas plus 2 s, here in processor time (user and system)::
+that all see the same machine, one thread each, once the modules are imported. The bound is 1.2
+times pandas plus 2 s of processor time (user and system)::
 
     python benchmarks/import_time.py [--rows 1000000] [--times 3] [--keep FOLDER]
 """

@@ -78,7 +78,7 @@ class Found:
 
 
 def fault_plan(jumps: int) -> dict[str, object]:
-    """Plan a jump in every second stroke, there and back by turns so that they cancel."""
+    """Plan a jump in every second stroke, with alternating sign so that the sum stays zero."""
     per_count = abs(AxisScale.derive(DRIVES.axes[AXIS]).position)
     sizes = np.geomspace(LEAST, MOST, jumps // 2)
     return {

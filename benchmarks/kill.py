@@ -2,19 +2,20 @@
 
 Every session is the program itself, forked from here with one addition: just before a recording is
 written, its content goes into a pipe. Content of a pipe survives the writer, so this process knows
-all measured data independently of the disk. Killed are sessions some random time after a random
-number of recordings, a third of them within the milliseconds in which a file is written, some
-before their folder is made. When a campaign is whole at last,
+all measured data independently of the disk. Sessions are killed a random time after a random number
+of recordings: a third within the milliseconds in which a file is written, some before the folder
+exists. For every completed campaign:
 
-- every measurement of the plan must have one recording, equal bit by bit to what the session
-  that it names had measured;
-- no file that was once complete may have changed or gone in between;
-- the estimate must equal, bit by bit, that of a folder into which the same recordings were
-  written without disturbance, and so must every figure that `hil accept` states;
+- every measurement of the plan must have one recording, bit-identical to the data measured by the
+  session named in the recording;
+- no complete file may have changed or disappeared in between;
+- the estimate and every figure of `hil accept` must be bit-identical to those of a folder into
+  which the recordings were written without disturbance;
 - the counts of each session in the journal must equal those of its recordings.
 
-A resumed run of the virtual plant finds friction and noise in another state than an undisturbed
-one would, as any robot does; so it is the same data that is compared, not two campaigns::
+A resumed run of the virtual plant starts from another state of friction and noise than an
+undisturbed run, like any robot. Therefore the comparison uses the data of one campaign, not two
+campaigns::
 
     python benchmarks/kill.py
     python benchmarks/kill.py --kills 3 --counts 6 20 2

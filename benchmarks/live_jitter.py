@@ -1,9 +1,9 @@
 """SYNC of `hil run` without a live page, with one, with 50, and beside 200 hostile connections.
 
-Plant, run, page and observers are separate processes, on a local channel, at 250 Hz. The
-plant stands for drives, which are never late, so it has the real-time class. The three cases take
-turns, since a computer is not the same from minute to minute. Below stands how soon the axes are
-off after a stop from the page, and after Ctrl-C. Options go to `hil run`, as --realtime::
+Plant, run, page and observers are separate processes, on a local channel, at 250 Hz. The plant
+represents drives, which are never late, so it has the real-time class. The cases are measured in
+turn, because the load of a computer varies. The last lines state the time from a stop by the page,
+and from Ctrl-C, until the axes are off. Options go to `hil run`, as --realtime::
 
     python benchmarks/live_jitter.py [TURNS] [OPTION ...]
 """

@@ -5,9 +5,9 @@
 
 ROBOT is a robot file's name in tests/robots (scara and ur10e by default). For each seed two runs of
 three motions of 20 s are made, without and with a load, by the plant's physics with friction that
-wanders; the gains of all axes are then wrong by 5 % (standard deviation). Printed is how often
-intervals of 95 % hold the truth: of the load with right gains, and of load and gains by the known
-mass with wrong ones; and of parameters and one gain that is unknown, from the runs without load.
+wanders; the gains of all axes are then wrong by 5 % (standard deviation). The output states the
+coverage of 95 % intervals: of the load with right gains; of load and gains by the known mass with
+wrong gains; and of parameters and one unknown gain, from the runs without load.
 
 With --write the first pair of the SCARA becomes the run folders DIR/bare and DIR/loaded, torques
 read 8 % low on axis 1 and 5 % high on axis 2.

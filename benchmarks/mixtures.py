@@ -12,12 +12,12 @@ rates
 loads
     Strokes of the bare arm, and an imported trajectory of the arm with a load of 4 kg.
 
-Torques of a free motion that the base parameters miss are stated in the mean of all axes, for
-either part and for both together, with the intervals of 95 % that hold; of loads those of the arm
-as each part carries it, and the intervals of the load. ``--drift 3``: friction drifts three times
-as strongly. The rules were made on seeds 801 to 829 and, as far as cells of states and other laws
-of friction count, looking at 831 to 850; that covariances of loads add what scatters over cells, as
-all others do, looking at 861 to 880. Nobody had looked at those from 1101 on.
+The table has the torque error of the base parameters on a free motion, as the mean of all axes, and
+the coverage of 95 % intervals, for each part and for both together; for loads, the errors of the
+arm as loaded in each part, and the intervals of the load. ``--drift 3`` multiplies the drift of
+friction by three. The rules were chosen on seeds 801 to 829, those on cells of states and on other
+friction laws on 831 to 850, and the cells' part in covariances of loads on 861 to 880. Seeds from
+1101 on are held out.
 """
 
 from __future__ import annotations

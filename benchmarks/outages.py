@@ -1,18 +1,17 @@
 """A thousand random outages: no axis stays energised, and no axis moves beyond its bound.
 
 Each is a session of its own on the virtual plant, over real frames in lock-step: all six axes are
-powered up, moved three times at up to full speed and powered down. Somewhere in it, every frame
-from the first SYNC on being equally likely, our adapter does not transmit, does not receive, or
-neither, or one drive is off the bus, for 5 to 250 ms; in half of the sessions Ctrl-C is pressed at
-that moment. The following holds for all of them:
+powered up, moved three times at up to full speed and powered down. From a random frame after the
+first SYNC on, the adapter stops transmitting, receiving or both, or one drive is disconnected, for
+5 to 250 ms; in half of the sessions Ctrl-C is pressed at that moment. Promises for all sessions:
 
 - no axis is ever energised while its drive would not react to the loss of our heartbeat;
 - 3 s after the end no axis is energised;
-- where the session ended, no axis went farther after the event than
-  ``v (min(outage, heartbeat_timeout) + delay) + margin v^2 / 2a + window``
-  (`fault_table.stopping_way`), v its highest speed before anybody could stop it.
+- if the session ended, no axis moved farther after the event than ``v (min(outage,
+  heartbeat_timeout) + delay) + margin v^2 / 2a + window`` (`fault_table.stopping_way`), v the
+  highest speed of the axis before the first possible stop.
 
-Exits with 1 if a promise is broken; a draw is had again by seed and number::
+The exit status is 1 if a promise is broken; seed and number reproduce a draw::
 
     python benchmarks/outages.py [--number 1000] [--seed 1] [--jobs 4] [--only NUMBER]
 """

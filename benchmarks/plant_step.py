@@ -3,9 +3,10 @@
 Ours has everything: six cascaded loops with profiles and saturation, ripple, drifting friction with
 presliding, forward dynamics with motor inertias, all axes on the move. MuJoCo's has the arm alone,
 with armatures and viscous damping, without contacts and constraints. Both are called from compiled
-code for many steps at once. The arm is a set of real bodies with the manutec-r15's frames, because
-MuJoCo takes no other; both must find the same accelerations before anything is timed. They take
-turns, so that a busy machine slows both, and the ratio is the median over the turns::
+code for many steps at once. The arm consists of physically possible bodies with the manutec-r15's
+frames, as required by MuJoCo; both programs must compute equal accelerations before the
+measurement. They run in turn, so that a busy machine slows both, and the ratio is the median over
+the turns::
 
     python benchmarks/plant_step.py
 """

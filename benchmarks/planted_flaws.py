@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 ARM = 0.2
 """Distance of a load from the last axis [m]."""
 STIFF = 80.0
-"""Natural frequency of a gear with play, motor blocked: highest value for a step of 1 ms [Hz]."""
+"""Natural frequency of a gear with backlash and blocked motor: highest value for a step of 1 ms
+[Hz]."""
 HALF_WAY = 240.0
 """Middle of a campaign [s]."""
 MESH = 12

@@ -1,7 +1,7 @@
 """Figures of benchmarks by Matplotlib: one style, and reproducible files.
 
-Figures are made with its objects alone. There is no global state to set up or to leave behind but
-the style, which holds within `plotting`.
+Figures use Matplotlib's object-oriented interface. The only global state is the style, set within
+`plotting`.
 """
 
 from __future__ import annotations

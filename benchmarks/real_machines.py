@@ -108,7 +108,7 @@ def keep_figures(folder: Path) -> None:
 
 
 def main(folder: Path | str) -> dict[str, float]:
-    """Print the residual torques of both models for both ways of sampling; return the former."""
+    """Print both models' residual torques for both ways of sampling; return those of `decimate`."""
     run, model = Run.open(folder), Model.load(folder)
     (recording,) = [measured.recording for measured in run]
     period = recording.period

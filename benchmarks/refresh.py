@@ -1,9 +1,9 @@
 """Torque errors of runs with drives that update position and current only every few SYNCs.
 
-`check` then refuses the drives file and names the period to use. Each run is a `hil run` of one
-plan on the same plant, whose six drives all renew both values every 2, 3, 5 or 8 times 4 ms, with
-the stated period; its torques are compared with those of drives that renew them at once, at the
-same period and at 4 ms::
+For such drives `hil drives check` names the period to use. Each run is a `hil run` of one plan on
+the same plant. All six drives update both values every 2, 3, 5 or 8 times 4 ms, and the SYNC period
+has this length. The torque errors are compared with those of drives that update at every SYNC, of
+the same period and of 4 ms::
 
     python benchmarks/refresh.py [--every 2 3 5 8] [--keep FOLDER]
 """
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 EVERY = (2, 3, 5, 8)
 METHOD: TwoStepMethod = "improved"
 MOST = 1.2
-"""Bound of the torque error with such drives, relative to that of others at the same period."""
+"""Bound of the torque error of slowly updating drives, relative to drives that update at every SYNC
+of the same period."""
 
 
 def measure(every: int, folder: Path, *, old: bool) -> Path:

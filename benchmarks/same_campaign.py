@@ -120,7 +120,7 @@ def measure_can(plan: Plan, folder: Path, waiting: Start = AT_ONCE) -> Start:
         PlantBus(ROBOT, seed=SEED) as bus,
         mock.patch("drivers.canopen.connection.SyncProcessData", LateProcessData),
     ):
-        assert bus._plant is not None  # the plant behind it
+        assert bus._plant is not None  # the plant behind the bus
         return measured(
             plan, folder, ServoAxes(CanopenBus(bus), drives), bus._plant._network, waiting
         )

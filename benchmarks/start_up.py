@@ -1,10 +1,9 @@
 """Processor time of `hil --help` and of a completion, against that of the underlying libraries.
 
 Processor time (user and system) of whole processes, interpreter included, in turns so that all see
-the same machine: the help of `hil` and the completion of a command's name, against an interpreter
-that imports typer and rich alone, and the help of a program of typer with two commands, which no
-program of typer can beat. Stated are medians; promised is a help of at most three times the
-libraries.
+the same machine: the help of `hil` and the completion of a command's name are compared with an
+interpreter that only imports typer and rich, and with the help of a minimal typer program of two
+commands. The figures are medians; the bound of the help is three times the libraries.
 
     python benchmarks/start_up.py [--times 10]
 """

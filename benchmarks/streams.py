@@ -1,8 +1,8 @@
 """Streamed trajectories on a busy computer: shares of ended and of slowed-down runs.
 
-The plant and `hil run` are processes of their own. The plant stands for drives, which are never
-late, so it has the real-time class; eight others compute without a pause. Every run streams three
-periods of 10 s once, independently of their findings, from power-on to power-off; first as a normal
+The plant and `hil run` are processes of their own. The plant represents drives, which are never
+late, so it has the real-time class; eight more processes compute without a pause. Every run streams
+three periods of 10 s once, without repetition, from power-on to power-off; first as a normal
 process, then in real time::
 
     python benchmarks/streams.py [RUNS] [INTERFACE] [CHANNEL] [normal] [real-time]

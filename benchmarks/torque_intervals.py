@@ -1,15 +1,15 @@
 """Coverage of torque intervals on another motion of the same robot.
 
-Every seed is a plant of its own: bodies of either built-in plant, friction, its drift, its warming
-and asymmetry, noise and ripple drawn within factors of about two::
+Every seed is another plant with the bodies of either built-in plant. Friction (with drift, warming
+and asymmetry), noise and ripple are drawn within factors of about two::
 
     python benchmarks/torque_intervals.py [--first 2001] [--seeds 8] [--runs FOLDER]
 
-Each is measured cold three times, by the strokes of `hil try` and by trajectories of 36 s and of
-4 min, and every model predicts the others' recordings as `hil validate` does. Stated is the share
-of samples inside the intervals of 95 %, axis by axis, of all plants together, and how many axes
-are named as not covered. Plants on which a drive faults are passed over. The rules were made on
-seeds 1 to 6; nobody had looked at those from 2001 on.
+Each plant is measured cold three times, by the strokes of `hil try` and by trajectories of 36 s and
+of 4 min, and every model predicts the other recordings as in `hil validate`. The table has the
+share of samples inside the 95 % intervals for each axis over all plants, and the number of axes
+named as not covered. Plants with a drive fault are skipped. The rules were chosen on seeds 1 to 6;
+seeds from 2001 on are held out.
 
 ``--demo`` takes the plant and the plan of `hil try` instead, each seed with other noise and other
 wander of friction.

@@ -1,7 +1,7 @@
 """SYNCs per second in lock-step, with the plant in a separate process and in the same process.
 
-Over a local channel, over EtherCAT on a cable of two interfaces where root asks, and over vcan0
-where there is one::
+Buses: a local channel; EtherCAT on a pair of virtual Ethernet interfaces, if run as root; and
+vcan0, if present::
 
     python benchmarks/two_processes.py
     python tools/can_guest.py .venv/bin/python benchmarks/two_processes.py

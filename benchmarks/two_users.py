@@ -1,4 +1,4 @@
-"""Let one user of this computer attack another's local bus and live page; needs root to be both.
+"""Attack another user's local bus and live page on this computer; needs root to act as both users.
 
     sudo .venv/bin/python benchmarks/two_users.py
 

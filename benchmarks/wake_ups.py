@@ -1,8 +1,8 @@
 """SYNC on the wall clock with and without real time: flagged samples and jitter at 250 Hz.
 
-Plant and driver are two processes on a local channel. The plant stands for drives, which are never
-late, so it has the real-time class in every case, where this machine grants it; only the driver's
-side changes. With a load, as many processes as there are cores compute without a pause::
+Plant and driver are two processes on a local channel. The plant represents drives, which are never
+late, so it always has the real-time class, if granted; only the scheduling of the driver differs.
+As a load, one process per core computes without a pause::
 
     python benchmarks/wake_ups.py [SAMPLES]
 """

@@ -2,12 +2,11 @@
 
     python benchmarks/warmth.py [FOLDER]
 
-Makes four campaigns of 39 measurements of the manutec-r15, each begun cold with a seed of its own,
-identifies them together, and predicts the friction of two more, of other seeds. The table has for
-each axis the residual friction torque in their first three minutes and in all of them, as a share:
-by the law alone, at the mean level of the campaigns, and by the law at the warmth after the
-preceding motion. Campaigns that are there already are not made again; they are those of
-benchmarks/history.py.
+Measures six campaigns of 39 measurements of the manutec-r15, each begun cold with another seed.
+Four campaigns are identified together; the friction of the other two is predicted. The table has
+the residual friction torque of each axis as a share of friction, in the first three minutes and in
+the whole campaign: by the law alone, at the mean level of the campaigns, and by the law at the
+warmth after the preceding motion. Existing campaigns, also of benchmarks/history.py, are reused.
 """
 
 from __future__ import annotations

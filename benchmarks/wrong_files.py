@@ -1,13 +1,13 @@
 """Messages about 60 mistakes in maps and files, and about clean files, on several robots.
 
 A recording of a robot's twin, with velocities, is written as a CSV with one mistake and imported.
-The first word said must name the mistake. Clean files, half of them with joints at rest, must be
-neither refused nor doubted::
+The first message must name the mistake. Clean files, half of them with joints at rest, must be
+accepted without doubts::
 
     python benchmarks/wrong_files.py [--robots ROBOT ...] [--seed 21] [--only WORDS]
 
-Checks were tuned on ur10e, seed 1, and panda, seed 21; ur10e-on-a-wall and manutec-r15 were seen by
-none.
+Checks were tuned on ur10e, seed 1, and panda, seed 21; ur10e-on-a-wall and manutec-r15 are held
+out.
 """
 
 # ruff: noqa: E501 - one line per mistake
@@ -97,7 +97,7 @@ def rows(pick: Callable[[int, np.random.Generator], Array], *, stamps: bool) -> 
 
 
 def repeated(share: float) -> Callable[[int, np.random.Generator], Array]:
-    """Return a change in which a share of rows repeats the row before."""
+    """Return a change in which a share of rows repeats the previous row."""
 
     def pick(n: int, rng: np.random.Generator) -> Array:
         hit = rng.random(n) < share

@@ -2,8 +2,8 @@
 
 A minute of free motion of a robot's twin, whose physics the model does not share, is written as a
 CSV with one typical error of maps or recorders. Each map is imported and, unless that refuses it,
-identified; the row states expectation and result. The right map is judged first, and nothing may be
-said against it::
+identified; the row states expectation and result. The right map is judged first and must be
+accepted without objections::
 
     python benchmarks/wrong_maps.py [--robot ur10e] [--seed 11] [--only WORDS] [--keep FOLDER]
 

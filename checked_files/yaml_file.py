@@ -196,11 +196,11 @@ def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         why = _TOO_DEEP if error.problem == _TOO_DEEP_FOR_LIBYAML else error.problem
-        prefix = "" if why in {_TOO_DEEP, _TOO_MANY} else "is no valid YAML: "
+        prefix = "" if why in {_TOO_DEEP, _TOO_MANY} else "is not valid YAML: "
         raise FileError(f"{source}:{line}: {prefix}{why}") from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
-        raise FileError(f"{source}:{line}: is no valid YAML: {error.reason}") from error
+        raise FileError(f"{source}:{line}: is not valid YAML: {error.reason}") from error
 
 
 def line_of(text: str, location: tuple[str | int, ...]) -> int:

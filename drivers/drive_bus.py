@@ -94,7 +94,7 @@ class SampleFlag(enum.IntFlag):
     SKIPPED = 16
     """SYNCs immediately before this one were passed over: their answers were too old to judge."""
     OLD = 32
-    """Position or torque in motion not refreshed by the drive since the SYNC before."""
+    """Position or torque in motion not refreshed by the drive since the previous SYNC."""
     UNTIMED = 64
     """The instant of this SYNC is uncertain: the computer was interrupted while sending."""
 

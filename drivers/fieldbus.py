@@ -45,8 +45,8 @@ class Entry:
     name: str
 
     def shown(self, value: int) -> str:
-        """Return a value as text; identifiers and mappings, below 2000h, in hexadecimal."""
-        hexadecimal = self.index < _PROFILES and value > 0xFFFF
+        """Return a value as text; identifiers (COB-ID) and mappings in hexadecimal."""
+        hexadecimal = self.index < _PROFILES and (value > 0xFFFF or "COB-ID" in self.name)
         return f"{value:08X}h" if hexadecimal else f"{value}"
 
     @property

@@ -146,8 +146,8 @@ def _unit(text: str, units: Mapping[str, RateUnit], what: str, example: str) -> 
     unit = units.get(found["symbol"]) if found else None
     if found is None or unit is None:
         raise ValueError(
-            f"{text[:40]!r} is no unit of {what}; state one of {', '.join(units)}, with a factor "
-            f"before it where the drive has one, such as {example} or 1/101 {example.split()[1]}"
+            f"{text[:40]!r} is not a unit of {what}; state one of {', '.join(units)}, with a "
+            f"factor before it if it has one, such as {example} or 1/101 {example.split()[1]}"
         )
     return RateUnit(unit.of, unit.size * ratio(found["factor"] or "1"))
 

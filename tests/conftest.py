@@ -180,7 +180,7 @@ class _Path:
         self._begin = begin
         self.rests = begin + len(times) + 5
 
-    def at(self, sample: int) -> tuple[float, float]:
+    def point(self, sample: int) -> tuple[float, float]:
         return self._points[min(max(sample - self._begin, 0), len(self._points) - 1)]
 
 
@@ -226,7 +226,7 @@ class IdealBus:
                 raise LimitExceeded(f"axis {index + 1}: target {move.target}")
         for index, move in moves.items():
             self.moves.append((self.time, index, move))
-            here = self._paths[index].at(self.n_samples)[0]
+            here = self._paths[index].point(self.n_samples)[0]
             target = here if index in self.deaf else move.target
             profile = Trapezoid(here, target, move.velocity, move.acceleration)
             self._paths[index] = _Path(self.n_samples + self.LATENCY, profile, self.period)
@@ -234,7 +234,7 @@ class IdealBus:
     def sample(self) -> Sample:
         self.n_samples += 1
         self.time = self.n_samples * self.period
-        q, velocity = zip(*(path.at(self.n_samples) for path in self._paths), strict=True)
+        q, velocity = zip(*(path.point(self.n_samples) for path in self._paths), strict=True)
         load = 3.0 + 1e-3 * (-1) ** self.n_samples
         sample = Sample(
             time=self.time,

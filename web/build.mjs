@@ -1,5 +1,5 @@
-// Bundle web/src into the assets of hil/view, for its page and the live one: `make view-bundle`. What it was made from
-// is kept by its hash, so that a test finds a bundle that is out of date without any of this.
+// Bundle web/src into the assets of hil/view, for the pages of hil view and of a running measurement:
+// `make view-bundle`. A hash of the sources is kept, so that a test detects an outdated bundle without npm.
 import { createHash } from 'node:crypto';
 import { copyFileSync, readFileSync, readdirSync, writeFileSync } from 'node:fs';
 import { build } from 'esbuild';
@@ -11,7 +11,7 @@ await build({
   banner: { js: '/*! Contains three.js, Copyright 2010-2026 three.js authors, MIT licence: see three.LICENSE */' },
 });
 copyFileSync('node_modules/three/LICENSE', `${assets}/three.LICENSE`);
-// what the tests look for faults of accessibility with
+// checker of accessibility, used by the tests
 copyFileSync('node_modules/axe-core/axe.min.js', '../tests/support/axe.min.js');
 const hash = createHash('sha256');
 const sources = readdirSync('src').map((name) => `src/${name}`);

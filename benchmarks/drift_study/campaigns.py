@@ -7,9 +7,9 @@ trajectory
 mixed
     the most informative strokes and trajectories together;
 compensated
-    a friction sweep first and the trajectory in what is left of the time; where that is less than
-    half of a duration that was asked for, the sweep counts as a session of its own, and the
-    trajectory takes the whole duration after it;
+    a friction sweep, then the trajectory in the remaining time; if less than half of a stated
+    duration remains, the sweep counts as a separate session, and the trajectory takes the whole
+    duration;
 warmed
     the same after half an hour of motion, which does not count as measuring time.
 

@@ -1,9 +1,9 @@
 """Study of the paper's claim: influence of drift on each way of identification, over many plants.
 
-Every seed is a plant of its own. In each scenario (`scenarios`) it is measured for the same time in
-each way (`campaigns`), and every method's estimate is set against the truth (`cell`). First all
-campaigns are measured, since a friction measured in another session is that of another campaign;
-then all are judged. Existing results are not computed again.
+Every seed is another plant. In each scenario (`scenarios`) the plant is measured by each kind of
+campaign for the same time (`campaigns`), and every method's estimate is compared with the truth
+(`cell`). All campaigns are measured before any is judged, since friction "of another session" is
+taken from another campaign. Existing results are not computed again.
 """
 
 from __future__ import annotations

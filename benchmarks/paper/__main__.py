@@ -5,8 +5,8 @@
     python -m benchmarks.paper [FOLDER] [--seeds 20]
 
 With a FOLDER, missing campaigns are measured and judged, and results, page and figures are written;
-without one, page and figures are made from the results. Cases may have been measured at unlike
-numbers of seeds: all that is there counts, and with `--seeds 0` nothing else.
+without one, page and figures are made from the results. Cases may have different numbers of
+measured seeds: all existing campaigns are used, and with `--seeds 0` no others.
 """
 
 from __future__ import annotations

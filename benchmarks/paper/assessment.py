@@ -1,6 +1,6 @@
 """Assessment of one campaign by the paper's method, as plain figures for a file.
 
-The method is the published one, section 6 as it stands. The plant's truth is used for errors alone.
+The method is that of section 6, without changes. The plant's truth is used for errors only.
 """
 
 from __future__ import annotations

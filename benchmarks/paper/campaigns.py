@@ -1,8 +1,8 @@
 """Campaigns for the paper: plans by its own rule, plants, and runs by `hil run`.
 
-Configurations follow section 6.2: of each element one angle after another that it depends on is
-varied in steps of 25 degrees, at the counts of section 8. Nothing is optimised. A folder keeps
-every campaign, so that it is measured once.
+Configurations follow section 6.2: for each element, the angles that influence the element are
+varied one at a time in steps of 25 degrees, with the counts of section 8. Nothing is optimised. A
+folder keeps every campaign, so that it is measured once.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ARTICLE: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("article.yaml"
 """Printed values of the paper."""
 ROBOT, SEEDS = "manutec-r15", range(201, 221)
 STEP = 25
-"""Of a varied angle, section 6.2 [degrees]."""
+"""Step of a varied angle, section 6.2 [degrees]."""
 ELSEWHERE = (0, -30, 60, 40, 90, 0)
 """Angles of joints without variation, chosen such that each dependence is visible [degrees]."""
 RULE = {
@@ -48,7 +48,7 @@ RULE = {
     "coupling": ((1, 2, 100),),
 }
 """Rule by kind: measured axis, varied joint, and ranges in both directions [degrees]. M44 over q5
-is the paper's own, and so are 15 values of g3 over q4 (Fig. 7); the rest completes its counts.
+and 15 values of g3 over q4 (Fig. 7) are the paper's own choice; the others complete its counts.
 """
 
 

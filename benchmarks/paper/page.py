@@ -45,7 +45,7 @@ def rendered(article: Figures, results: Figures, robot: Robot) -> tuple[str, lis
         getattr(import_module(module), attribute)
         return f"`{name}`"
 
-    def over(case: str, *path: str) -> Array:
+    def seed_values(case: str, *path: str) -> Array:
         """Return one figure of a case for each seed."""
         found = results["cases"][case]
         for key in path:
@@ -58,9 +58,10 @@ def rendered(article: Figures, results: Figures, robot: Robot) -> tuple[str, lis
     )  # fmt: skip
     environment.filters |= {"f": _digits, "pc": lambda x, n=2: f"{_digits(100 * x, n)}\u00a0%"}
     page = environment.get_template("page.md.j2").render(
-        article=article, **results, verdict=verdict, code=code, np=np, over=over,
-        rms=lambda case, *path: rms(over(case, *path)), robot=robot_figures(article, robot),
-        table=table_3_figures(article, robot, over), friction=friction_figures(results["drawn"]),
+        article=article, **results, verdict=verdict, code=code, np=np, seed_values=seed_values,
+        rms=lambda case, *path: rms(seed_values(case, *path)), robot=robot_figures(article, robot),
+        table=table_3_figures(article, robot, seed_values),
+        friction=friction_figures(results["drawn"]),
         choice=choice_figures(robot), seen=element_figures(results["drawn"]),
     )  # fmt: skip
     return page + "\n", failed
@@ -107,7 +108,7 @@ def _value(expression: str, symbols: Mapping[str, float]) -> float:
     return float(eval(python, {}, dict(symbols)))  # noqa: S307 - our own text
 
 
-def table_3_figures(article: Figures, robot: Robot, over: Any) -> Figures:
+def table_3_figures(article: Figures, robot: Robot, seed_values: Any) -> Figures:
     """Return Table 3 recomputed: paper's rows, eq. (22), and our mean and scatter."""
     row = {name: np.array(each) for name, each in article["table_3"].items()}
     m, d = DISC["mass"], DISC["centre"][2]
@@ -118,11 +119,11 @@ def table_3_figures(article: Figures, robot: Robot, over: Any) -> Figures:
     pairs = (("bare", "loaded", "published"), ("bare", "loaded", "improved"), SHORT)
     change = {}
     for a, b, how in pairs:
-        both = zip(over(a, how, "p"), over(b, how, "p"), strict=False)
+        both = zip(seed_values(a, how, "p"), seed_values(b, how, "p"), strict=False)
         change[b, how] = np.array([loaded - bare for bare, loaded in both])
-    p = {"A": over("bare", "published", "p"), "B": over("loaded", "published", "p")}
+    p = {"A": seed_values("bare", "published", "p"), "B": seed_values("loaded", "published", "p")}
     p["change"] = change["loaded", "published"]
-    short = over("default", "published", "p")
+    short = seed_values("default", "published", "p")
     return row | {
         "by_22": by_22,
         "found": {k: list(zip(x.mean(axis=0), x.std(axis=0), strict=True)) for k, x in p.items()},

@@ -4,9 +4,9 @@ The Cramer-Rao bound of measurements as they were made, for white torque noise o
 a motion known exactly: the inverse of Fisher's information (Kay, *Fundamentals of Statistical
 Signal Processing*, 1993, chapter 3). Further unknowns are those of the simultaneous estimator:
 friction of each measurement and the common terms of each axis; with friction known the bound is
-lower, and both are stated. Every sample of an axis in motion counts, unfiltered, so the estimator
-loses against the bound by its filter, by samples that it leaves out, and by everything about
-friction that is not white.
+lower, and both are stated. The bound uses every unfiltered sample of an axis in motion. An
+estimator is less precise because of its filter, of samples left out, and of friction errors that
+are not white.
 """
 
 from __future__ import annotations

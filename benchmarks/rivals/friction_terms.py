@@ -34,8 +34,8 @@ Terms = Literal["model 1", "model 2", "rich", "none"]
 Characteristic = Callable[["Array"], "Array"]
 """Friction torque of one axis [N m] at its velocities (n,) [rad/s], measured beforehand."""
 N_OF_SPEED = {"model 1": 2, "model 2": 3, "rich": 5, "none": 0}
-"""Number of columns of a set that are functions of speed and change with friction; sets share the
-columns, and each begins with those of the smaller sets.
+"""Number of speed-dependent columns of each set, which change with friction. Larger sets begin with
+the columns of smaller ones.
 """
 DIRECTION = 1
 """Index of the sign of the velocity among the columns."""

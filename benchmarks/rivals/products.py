@@ -1,17 +1,17 @@
 """Trajectories condensed to inner products, by period and axis.
 
-Every method here needs of millions of samples only the inner products of torque, regressor and
-instruments. So each axis's share of each period becomes one small matrix over the columns
+The methods need only the inner products of torque, regressor and instruments. So millions of
+samples become one small matrix per axis and period, over the columns
 
     y | A(q, qd, qdd), friction | A(q_r, qd_r, qdd_r), friction_r
 
-with y the torque less the motor's part and a friction known beforehand, and the subscript r the
-motion that was commanded, which knows nothing of the noise: the instruments. All columns pass the
-same phase-neutral filter as the torque does. The command is shifted by the delay of the drives,
-found as the one at which it resembles the measured motion most.
+with y the torque less the motor's part and previously measured friction. Columns with subscript r
+are computed from the commanded motion, which is independent of the noise: these are the
+instruments. All columns pass the phase-neutral filter of the torque. The commanded motion is
+shifted by the delay of the drives, estimated by its best fit to the measured motion.
 
-The column of the load's friction is zero at first: it needs base parameters. So the filtered rows
-are kept, and `Stacked.loaded` adds its inner products for each new estimate.
+The column of load friction needs base parameters and is zero at first. Therefore the filtered rows
+are kept, and `Stacked.loaded` adds the inner products of this column for each new estimate.
 """
 
 from __future__ import annotations
@@ -97,10 +97,10 @@ class Products:
         kept = np.concatenate([[0], 1 + own, 1 + width + own])
         return replace(self, blocks=self.blocks[..., kept[:, None], kept], n_friction=len(places))
 
-    def by_period(self, n_local: int) -> Products:
+    def eliminate_friction(self, n_local: int) -> Products:
         """Return products with friction columns eliminated by block; no instruments.
 
-        So each period has coefficients of its own for them.
+        Each period then has separate friction coefficients.
         """
         begin, end = 1 + self.n_base, 1 + self.n_base + self.n_friction
         order = np.r_[:begin, begin + n_local : end, begin : begin + n_local]

@@ -7,10 +7,10 @@ uniform
 torque
     the reciprocal of the axis's largest torque, squared (Seeger 1992);
 prior
-    the reciprocal of the mean square torque that expected parameters predict for the axis along the
-    measured motion (after Gautier and Khalil 1992); expected are a uniform fit's where none given;
+    the reciprocal of the mean square torque of the axis along the measured motion, predicted by
+    expected parameters, by default those of a uniform fit (after Gautier and Khalil 1992);
 residual
-    the reciprocal of the axis's residual variance, found by solving again and again (IRLS).
+    the reciprocal of the axis's residual variance, by iteratively reweighted least squares (IRLS).
 
 Solvers, each over weighted rows: least squares; instrumental variables, Z'W p = Z'Q with the
 commanded motion's regressor Z (Seeger 1992); total least squares, the right singular vector to the

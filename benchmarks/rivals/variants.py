@@ -6,10 +6,10 @@ weighted and how the overdetermined system is solved (`solution`). These are the
 the literature, and the strongest that we can build. Only the variants by period permit friction to
 change during the measurement.
 
-Friction of the load needs the base parameters that it is to be found with. So a method that has it
-solves without it, computes the transmitted torques from that solution and solves again, until the
-parameters stay the same (Hamon, Gautier, Garrec 2010). The error of load friction is mu |error of
-Q_t|, so each iteration multiplies the error by about mu.
+The column of load friction depends on the unknown base parameters. So methods with load friction
+first solve without this column, compute the transmitted torques from the solution, and iterate to
+convergence (Hamon, Gautier, Garrec 2010). The error of load friction is mu |error of Q_t|, so each
+iteration multiplies the error by about mu.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ def _solution(robot: Robot, data: Products, variant: Variant, *, load: bool) -> 
     """Solve with the columns of a variant; the column of load friction may still be missing."""
     data = data.only(places(variant.terms, offset=variant.offset, load=load))
     if variant.by_period:
-        data = data.by_period(_n_local(variant))
+        data = data.eliminate_friction(_n_local(variant))
     return solve(data, robot.torque_limit, variant.weighting, variant.solver)
 
 

@@ -72,10 +72,10 @@ def _carried_out(cell: Cell, names: dict[str, Any]) -> Cell:
 
 def page(source: str, found: list[Cell] | None = None) -> str:
     """Return the page of a notebook: its prose, its code in blocks, and what they show."""
-    return "\n\n".join(map(_on_page, cells(source) if found is None else found)) + "\n"
+    return "\n\n".join(map(_page_text, cells(source) if found is None else found)) + "\n"
 
 
-def _on_page(cell: Cell) -> str:
+def _page_text(cell: Cell) -> str:
     if cell.prose:
         return cell.text
     parts = [f"```python\n{cell.text.strip()}\n```"]
@@ -91,7 +91,7 @@ def _on_page(cell: Cell) -> str:
 def notebook(found: list[Cell]) -> str:
     """Return a notebook as JSON of nbformat 4.5."""
     content = {
-        "cells": [_in_notebook(k, cell) for k, cell in enumerate(found)],
+        "cells": [_notebook_cell(k, cell) for k, cell in enumerate(found)],
         "metadata": {
             "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
             "language_info": {"name": "python"},
@@ -102,7 +102,7 @@ def notebook(found: list[Cell]) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
-def _in_notebook(number: int, cell: Cell) -> dict[str, Any]:
+def _notebook_cell(number: int, cell: Cell) -> dict[str, Any]:
     about: dict[str, Any] = {"id": f"cell-{number}", "metadata": {}}
     lines = cell.text.strip().splitlines(keepends=True)
     if cell.prose:

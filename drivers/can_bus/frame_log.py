@@ -6,11 +6,11 @@ thread writes, so a stalled disk does not stop the robot; after a kill the log l
 tenth of a second in line-based formats (.asc, .log, .trc, .csv), and up to 128 kB, some thousand
 frames, in .blf.
 
-Times are those of `FrameLog.clock`, also used by the driver: instants of SYNC in the recordings
-are those of the log to the microsecond. A received frame keeps the time stamp of its interface if
-that lies between the frame before and the end of the driver's wait; otherwise it gets the time of
-the driver's call. Our heartbeats, ignored by a replay, get the time of the frame before. In
-lock-step time is that of the plant and does not advance during sending.
+Times are those of `FrameLog.clock`, also used by the driver: instants of SYNC in the recordings are
+those of the log to the microsecond. A received frame keeps the time stamp of its interface if this
+is between the previous frame and the end of the driver's wait; otherwise it gets the time of the
+driver's call. Our heartbeats, ignored by a replay, get the time of the previous frame. In lock-step
+time is that of the plant and does not advance during sending.
 """
 
 from __future__ import annotations
@@ -156,7 +156,7 @@ class FrameLog(can.BusABC):
             if self.lock_step:
                 self._latest = frame.timestamp
             else:
-                # arrival as seen by the driver: after the frame before, within its wait
+                # arrival as seen by the driver: after the previous frame, within its wait
                 now, arrived = self._now(), frame.timestamp - self._epoch
                 arrived = arrived if now - CREDIBLE < arrived <= now else now
                 self._latest = max(self._latest, min(arrived, ends - TICK))

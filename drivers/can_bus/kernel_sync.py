@@ -130,7 +130,7 @@ class KernelSync(can.BusABC):
         return None
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
-        """Receive a frame except SYNC; a TPDO only after `send` has taken the SYNC before."""
+        """Receive a frame except SYNC; a TPDO only after `send` has taken the preceding SYNC."""
         if self._waiting and not self.overdue:
             return self._waiting.popleft()
         while (frame := self._inner.recv(timeout)) is not None:

@@ -333,7 +333,7 @@ def _refuse_foreign(folder: Path) -> None:
     """
     state = folder.lstat()
     if not stat.S_ISDIR(state.st_mode):
-        found = "is a link" if stat.S_ISLNK(state.st_mode) else "is no folder"
+        found = "is a link" if stat.S_ISLNK(state.st_mode) else "is not a folder"
     elif state.st_uid != os.getuid():
         found = f"belongs to user {state.st_uid}"
     elif state.st_mode & 0o022:

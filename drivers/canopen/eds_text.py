@@ -98,7 +98,7 @@ def _decode(raw: bytes, source: str) -> tuple[str, list[str]]:
     if raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return raw.decode("utf-16", errors="replace"), ["is UTF-16"]
     if b"\0" in raw:
-        raise FileError(f"{source}: is no text; give the EDS or DCF of the drive's maker")
+        raise FileError(f"{source}: is not text; give the EDS or DCF of the drive's maker")
     raw = raw.removeprefix(codecs.BOM_UTF8)
     if raw.lstrip().startswith(b"<"):
         raise FileError(
@@ -119,7 +119,7 @@ _NODE = re.compile(r"\+?\$NODEID\+?", re.I)
 
 
 class NoNumber(ValueError):
-    """A text is no number, or does not fit the type."""
+    """A text is not a number, or does not fit the type."""
 
 
 def number(text: str, node: int | None = None) -> int | None:
@@ -149,7 +149,7 @@ def _plain(text: str, whole: str) -> int:
             return int(digits, 8)
         return int(digits, 10) if re.fullmatch(r"[+-]?\d+", digits) else int(digits, 0)
     except ValueError as error:
-        raise NoNumber(f"{whole!r} is no number; correct it") from error
+        raise NoNumber(f"{whole!r} is not a number; correct it") from error
 
 
 def stated(text: str, key: str, node: int | None = None) -> int | None:
@@ -165,7 +165,7 @@ def real(text: str, key: str) -> float | None:
     try:
         return float(text) if text.strip() else None
     except ValueError as error:
-        raise NoNumber(f"{key}: {text!r} is no number; correct it") from error
+        raise NoNumber(f"{key}: {text!r} is not a number; correct it") from error
 
 
 def declared_type(text: str, sections: Mapping[str, Section]) -> str | None:
@@ -176,7 +176,7 @@ def declared_type(text: str, sections: Mapping[str, Section]) -> str | None:
     """
     named = _TYPES.get(text.strip().upper())
     if named is not None:
-        raise NoNumber(f"DataType: {text!r} is no number; state 0x{named:04X}")
+        raise NoNumber(f"DataType: {text!r} is not a number; state 0x{named:04X}")
     index = stated(text, "DataType")
     if index is not None and index >= 0x40:
         described = sections.get(f"{index:x}sub1")

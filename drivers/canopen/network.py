@@ -29,7 +29,7 @@ SEND_BACK_OFF = 0.001
 """Time between two attempts to send [s]."""
 
 BABBLE = 0.25
-"""Longest time to read a queue empty after the end of a wait [s]."""
+"""Longest time for emptying a queue after the end of a wait [s]."""
 
 
 class PumpedNetwork(Network):

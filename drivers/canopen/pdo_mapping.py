@@ -39,7 +39,7 @@ RPDO_TYPES = (254, 0, 1)
 """Accepted types for commands: event-driven (manufacturer), or at the next SYNC."""
 LATER = (Entry(0x1801, 2, "u8", "transmission type of TPDO 2"), mapping_count(0x1A01))
 """Objects also written if TPDO 1 turns out to be fixed."""
-FURTHEST = Refusable((0x1A00, 3), "if TPDO 1 takes fewer objects")
+FURTHEST = Refusable((0x1A00, 3), "if TPDO 1 is smaller")
 """Entry of TPDO 1 refused by drives with room for two objects."""
 
 

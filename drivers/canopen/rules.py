@@ -76,7 +76,7 @@ BEATS = Kept(
     lambda _, kept, drives: 0 < kept <= 500 * drives.heartbeat_timeout,
 )
 WATCHES = Kept(f"our node, and a time {_TIMES}", _accept_watch)
-LIFE_TIME = Kept(f"the product of both, {_TIMES}", EXACT.accepts)
+LIFE_TIME = Kept(f"100C times 100D, {_TIMES}", EXACT.accepts)
 """Each factor is read back exactly; the bounds apply to the product."""
 
 REQUIREMENTS = add_rows((

@@ -105,14 +105,14 @@ RECOVERY = 0.3
 """Minimum time from rest to full pace where late set-points are harmful [s]."""
 
 GENTLE = 0.25
-"""Harmless share of the pace at which an axis overruns by its window. Of 0.15 to 1, with 5 to 42 %
-of SYNCs late by 10 ms on average, this share is the fastest with torques above 95 % of the limit
-for less than a sixth of an exciting trajectory; 1 ends in trips."""
+"""Harmless pace, as a share of the pace at which an axis overruns by its window. With 5 to 42 % of
+SYNCs late by 10 ms, of shares from 0.15 to 1 this is the largest with torques above 95 % of the
+limit for less than a sixth of an exciting trajectory; 1 ends in trips."""
 
 OUT, LATELY = 0.04, 1.0
-"""Largest share of time without set-points at full pace, and its averaging time [s].
-A computer in real time stays far below (0.16 ms of each 4). At 0.1 and full pace an axis of the
-virtual plant that needed most of its torque fell behind by its window and tripped."""
+"""Largest share of time without set-points at full pace, and its averaging time [s]. With real-time
+scheduling the share stays far below (0.16 ms of each 4). At 0.1 and full pace, an axis of the
+virtual plant near its torque limit exceeded its window and tripped."""
 
 STILL = 1.5
 """Delay of set-points after which drives have come to rest at the last ones [periods]."""

@@ -5,7 +5,7 @@ with the controlword that makes it valid, so a move with a known profile costs o
 
 Some drives hold the acknowledge bit until the target is reached, as the handshake allows (stated in
 the drives file: ``acknowledge: reached``). The whole motion may then pass before the bit falls, and
-a further set-point waits until the one before has reached its target.
+a further set-point waits until the previous one has reached its target.
 """
 
 from __future__ import annotations

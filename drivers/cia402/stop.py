@@ -8,10 +8,10 @@ speed v and deceleration a may continue for at most::
     time = STOP_DELAY + STOP_MARGIN v / a  (and until standstill is certain)
 
 with its following error window and the age of its last position at the command, plus two SYNCs,
-since some drives act at the next one. Beyond either bound its voltage is disabled at once, and so
-it is if the drive does not show within STOP_DELAY that it stops. The same holds if the bus refuses
-the command and the telegrams show no reaction. A drive that does not confirm power-off in time is
-lost: only its own watchdog can stop it, but it is still commanded to switch off.
+since some drives act at the next one. The voltage of an axis is disabled at once beyond either
+bound, if the drive does not confirm the stop within STOP_DELAY, or if the bus refuses the command
+and the telegrams show no reaction. A drive that does not confirm power-off in time is lost: only
+its own watchdog can stop it, but it is still commanded to switch off.
 
 One table gives the consequences of an observation (`next_step`), another those of a passed bound
 (`overdue_phase`). Positions are in increments; nothing is sent and nothing waits: `AxisStop.step`

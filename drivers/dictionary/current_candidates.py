@@ -78,7 +78,7 @@ def current_candidates(dictionary: Dictionary) -> tuple[CurrentCandidate, ...]:
         if not (maker and readable and named) and (index not in {CURRENT, TORQUE} or subindex):
             continue
         if declared.type not in {"i16", "i32", "f32"}:
-            why = "is no signed integer of 16 or 32 bits, nor a real number of 32"
+            why = "is neither a signed integer of 16 or 32 bits nor a 32-bit float"
         elif declared.mappable is False:
             why = "cannot be mapped into a PDO"
         else:

@@ -36,8 +36,8 @@ _TIME = 0.5
 """Time constant of the filter [s]: some hundred frames, so that it rejects the jitter of a computer
 and follows the drift of a warming crystal."""
 _STRAY, _STRAYS = 0.25, 10
-"""Deviation as a share of the period, and number of consecutive frames with such deviations of one
-sign after which the reference has jumped, as in a plant whose process was stopped."""
+"""Bounds for a jump of the reference (a plant's process was stopped): deviation as a share of the
+period, and number of consecutive frames that deviate in one direction."""
 _MOST = 50e-6
 """Largest correction of the filter by a frame [s]; a larger deviation is a delay of the computer.
 Within `_TIME` the filter follows clocks that differ by 200 ppm or more, twice as much as
@@ -97,7 +97,7 @@ class ReferenceClock(WallClock):
         return instant
 
     def latch_instant(self, instant: float, before: float) -> float:
-        """Return the last SYNC0 before an instant, or without clocks the frame before."""
+        """Return the last SYNC0 before an instant; without clocks, the previous frame's instant."""
         if not self.follows:
             return before
         return self._period * (math.floor(instant / self._period - SHIFT) + SHIFT)
@@ -147,8 +147,8 @@ OUT_OF_STEP = 10e-6
 """Difference to the reference from which a drive's samples are flagged [s]: at 1 rad/s it is
 10 urad, and hardware stays below 1 us."""
 _SETTLE_LEAST, _SETTLE_TIME = 100, 1.0
-"""Minimum number of frames with the reference's time before the cycles begin, and their longest
-duration [s], 10 000 frames of 0.1 ms: TwinCAT sends 15 000."""
+"""Minimum number of frames that distribute the reference's time before the first cycle, and their
+longest duration [s]: 10 000 frames of 0.1 ms, where TwinCAT sends 15 000."""
 _SIZE = 0x7FFF_FFFF
 """Mask of a difference without its sign."""
 TIME_SIZE, DIFFERENCE_SIZE = 8, 4

@@ -195,7 +195,7 @@ class EthercatConnection(Connection):
             try:
                 status = drive.station.status
                 if status & MASK != AlState.OP or status & ERROR:
-                    problems.append(f"{drive.label}: shows {drive.station.shown} in operation")
+                    problems.append(f"{drive.label}: shows {drive.station.shown} instead of OP")
             except (DriveError, NoAnswer):
                 continue  # absence is detected in the cycle
         if not problems:

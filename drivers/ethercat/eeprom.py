@@ -76,8 +76,8 @@ def _layout(station: Station) -> Layout:
     if not protocols & _COE or min(out_size, back_size) < MAILBOX_LEAST:
         raise DriveRefused(
             f"slave {station.position}: no CANopen over EtherCAT by its EEPROM (protocols"
-            f" {protocols:04X}h, mailboxes of {out_size} and {back_size} bytes), so it is no drive"
-            " of CiA 402; check its place on the line"
+            f" {protocols:04X}h, mailboxes of {out_size} and {back_size} bytes), so it is not a"
+            " CiA 402 drive; check its place on the line"
         )
     managers = _managers(station)
     if len(managers) < 4:

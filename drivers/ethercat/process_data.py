@@ -256,7 +256,7 @@ class EthercatProcessData(ProcessData):
         clock, line = self._clock, self._line
         while (due := clock.due()) > 0:  # oversleeping skips this deadline
             time.sleep(due)
-        self.untimed = clock.uncertain  # inputs are those of the frame before
+        self.untimed = clock.uncertain  # inputs are those of the previous frame
         clock.note_sending()
         line.send(self._frames[self.feeding])
         instant = self._sent_at = clock.note_sent()

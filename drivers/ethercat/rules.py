@@ -77,4 +77,4 @@ RULES = BusRules(
     restore_process_data=restore_process_data,
     review_process_data=_review,
 )
-"""Watchdogs are no objects here: `EthercatDrive.hand_back` restores the sync manager's."""
+"""Watchdogs are not objects here: `EthercatDrive.hand_back` restores the sync manager's."""

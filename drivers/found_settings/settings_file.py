@@ -93,7 +93,7 @@ class FoundObject(FileModel):
     def _check_setting(self) -> Self:
         if self.index not in SETTINGS:
             raise ValueError(
-                f"index {self.index:04X}h is no setting that a run changes; remove this object"
+                f"index {self.index:04X}h is not a setting changed by runs; remove this object"
             )
         low, high = self.entry.bounds
         for value in (self.value, self.value if self.written is None else self.written):

@@ -194,7 +194,7 @@ def _ask(
         yield Verdict(Grade.OK, server.label, IDENTITY, identity)
         yield check_state(server, Supervision([server]))
         dictionary = read_dictionary(server.access, axis.node, rules)
-        findings, what = review(dictionary, rules, axis).findings, "objects that measuring needs"
+        findings, what = review(dictionary, rules, axis).findings, "objects needed for measuring"
         for finding in findings:
             grade = Grade.REFUSED if finding.fatal else Grade.WARNING
             found = f"{finding.about} {finding.problem}"

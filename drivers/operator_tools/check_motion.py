@@ -217,7 +217,7 @@ def _judge_refresh(seen: Moved, what: str, step: float, name: str) -> Verdict:
         Grade.REFUSED,
         seen.place,
         check,
-        f"every {every:.3g} SYNCs ({1000 * time:.3g} ms)",
+        f"every {f'{every:.3g} SYNCs' if every > 1 else 'SYNC'} ({1000 * time:.3g} ms)",
         "with every SYNC",
         f"set sync_period: {time:.3g} in the drives file and sample_period in the plan, or let "
         "the drive update it faster",

@@ -150,7 +150,7 @@ _CONNECTION = {0: GOES_ON, 1: "goes into a fault", 2: COASTS, 3: "makes a quick 
 _FALLS = "the axis coasts, and a hanging axis falls until its brake has closed"
 _CONSEQUENCES = {COASTS: _FALLS, GOES_ON: "the axis keeps moving"}
 _SET = "set it with the maker's tool"
-_WRITTEN = "hil run overwrites this option; other masters find it so"
+_WRITTEN = "hil run overwrites this option, but other masters use this value"
 
 
 def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:

@@ -202,7 +202,7 @@ def _current(review: Review, dictionary: Dictionary) -> Iterator[str]:
         yield f"  type: {declared.type}"
     for other in review.currents:
         if other is not chosen:
-            may = "instead of it" if other.usable else "of no use"
+            may = "alternative" if other.usable else "unsuitable"
             yield from _comment(f"{may}, {other.place}: {other.why}", "  ")
     yield "  " + _line("basis", None, "", meaning_of(chosen, dictionary))
     yield "  " + _line("amplitude", None, "", "rms or peak: how the drive counts a motor current")

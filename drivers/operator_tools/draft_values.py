@@ -115,7 +115,7 @@ def increments(dictionary: Dictionary) -> Drafted:
         either = " or ".join(dict.fromkeys(map(str, (*readings, *by_default))))
         return Drafted(None, "", f"{hint}; the drive leaves it open: {either}{factors.caveat}")
     if factors.unit and factors.unit_in_words != "inc":
-        hint += f"; 60A8 = {factors.unit:08X}h says that positions are no increments"
+        hint += f"; 60A8 = {factors.unit:08X}h says that positions are not increments"
     if by_default:
         hint += f"; defaults suggest {' or '.join(map(str, by_default))}"
     return Drafted(None, "", hint + also_named(dictionary, "increments"))

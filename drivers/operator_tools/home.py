@@ -96,7 +96,7 @@ def jog(
 
 
 POLLED = 0.05
-"""Time between two polls of the drive, and before the first, whose state may be stale [s]."""
+"""Time before each poll of the drive [s]; an immediate first poll may read a stale state."""
 
 _START = ENABLED | Control.NEW_SET_POINT
 _ATTAINED, _ERROR = Status.SET_POINT_ACKNOWLEDGE, Status.FOLLOWING_ERROR

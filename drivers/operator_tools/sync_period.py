@@ -138,7 +138,7 @@ def judge_wake_ups(found: WakeUps, *, real_time: bool, by_kernel: bool = False) 
         "this computer",
         "wake-ups for SYNC",
         f"{found.missed:.2%} too late at {wanted:.4g} Hz; "
-        + ("no usual rate is kept" if best is None else f"keeps {best:g} Hz")
+        + ("no usual rate is achievable" if best is None else f"keeps {best:g} Hz")
         + ("; SYNC is sent by the kernel, only supervision is late" if by_kernel else ""),
         f"at most {1.0 - IN_TIME:.1%} later than {TOO_LATE:g} of the period",
         ", or ".join(remedies),
@@ -166,7 +166,7 @@ def judge_period(timed: TimedFieldbus, period: float, late: float) -> Verdict:
     }
     why = max(bounds, key=lambda name: bounds[name])
     rate = usual_rate(bounds[why])
-    advice = "no usual rate is kept" if rate is None else f"set sync_period to {1 / rate:g} s"
+    advice = "no usual rate is achievable" if rate is None else f"set sync_period to {1 / rate:g} s"
     return grade_check(
         period * (1 + 1e-9) >= bounds[why],
         Grade.WARNING,
@@ -174,9 +174,9 @@ def judge_period(timed: TimedFieldbus, period: float, late: float) -> Verdict:
         "achievable rate of SYNC",
         f"{1 / bounds[why]:.0f} Hz, "
         + (
-            f"slowest answer {1000 * slowest:.2g} ms, SYNC off by {1000 * jitter:.2g} ms at most"
+            f"slowest answer {1000 * slowest:.2g} ms, SYNC jitter at most {1000 * jitter:.2g} ms"
             if slowest
-            else "answers are not timed here"
+            else "response times are not measured here"
         ),
         f"file: {1 / period:.4g} Hz",
         f"{advice}: {why} allow no more",

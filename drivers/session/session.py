@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from drivers.session.connection import Connection
 
 LEFT_OUT = 0.5
-"""Smallest delay of a SYNC [periods] with another SYNC left out, by the tolerance of deadlines."""
+"""Smallest delay of a SYNC by which another was skipped [periods]: the tolerance of deadlines."""
 UNSUPERVISED = 0.5
 """Longest time without supervision during motion, as a share of the heartbeat timeout."""
 
@@ -270,7 +270,7 @@ class Session:
         return [*ahead, last]
 
     def _judge(self, time: float, elapsed: float) -> None:
-        """Check the SYNC at `time`, `elapsed` after the one before [s]."""
+        """Check the SYNC at `time`, `elapsed` after the previous SYNC [s]."""
         data, profile, cyclic = self._process_data, self._profile_position, self._cyclic_position
         if elapsed > self._period:
             late = elapsed - self._period

@@ -67,7 +67,7 @@ _FOXGLOVE, _FOXGLOVE_ADDRESS = _address_options(
 
 
 class PortsOptional(TyperCommand):
-    """Command with optional ports for the options in `PORTS`."""
+    """Command that inserts default ports after the options in `PORTS`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse arguments after the insertion of default ports."""

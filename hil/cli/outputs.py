@@ -92,7 +92,7 @@ def _refuse_no_way(path: Path, folder: Path | None = None) -> None:
     folder = folder or path
     there = next(each for each in (folder, *folder.absolute().parents) if os.path.lexists(each))
     if not there.is_dir():
-        raise _output_error(f"{path}: {there} is no folder; choose another name")
+        raise _output_error(f"{path}: {there} is not a folder; choose another name")
     _refuse_closed(there)
 
 

@@ -227,7 +227,7 @@ def _checks(run: Run, model: Model, limits: Limits) -> Iterator[Check]:
         known = axis <= model.robot.n_joints
         unit = model.robot.torque_unit(axis - 1) if known else "N m"
         left = float(model.residual[axis - 1]) if known else None
-        yield _check(f"residual torque of the fit, axis {axis}", unit, left, most)
+        yield _check(f"residual torque of axis {axis}", unit, left, most)
     titles = dict(zip(model.names, base_parameters(model.robot).titles, strict=True))
     for each in limits.quantities:
         kind: Kind = "inertia parameter" if each.axis is None else "friction level"

@@ -238,7 +238,7 @@ def _readable(part: Path) -> Iterator[None]:
             found = {each.name: str(each.type) for each in about.schema_arrow}
             if wrong := [each for each in FIELDS if found.get(each) != FIELDS[each]]:
                 raise FileError(
-                    f"{file}: is no index of hil fleet: column {wrong[0]} must hold"
+                    f"{file}: is not an index of hil fleet: column {wrong[0]} must hold"
                     f" {FIELDS[wrong[0]]}, not {found.get(wrong[0], 'be missing')}; index anew"
                 )
             rows += about.metadata.num_rows
@@ -246,7 +246,9 @@ def _readable(part: Path) -> Iterator[None]:
         file = part
         yield
     except (ArrowException, OSError, ValueError, duckdb.Error) as error:
-        raise FileError(f"{file}: is no index of hil fleet: {whole_line(str(error))}") from error
+        raise FileError(
+            f"{file}: is not an index of hil fleet: {whole_line(str(error))}"
+        ) from error
 
 
 def _known(part: Path) -> list[str]:

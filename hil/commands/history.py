@@ -265,7 +265,7 @@ def _refuse_others(loaded: Sequence[tuple[str, Model]]) -> None:
     for other, model in loaded:
         if different := _difference(first.robot, model.robot):
             raise Mismatch(
-                f"{other}: is no run of the machine of {label}: the robot files differ in"
+                f"{other}: is not a run of the machine of {label}: the robot files differ in"
                 f" {different}; give runs of one machine, identified with the same robot file"
             )
         content = model.values.tobytes() + model.scatter_covariance.tobytes()

@@ -15,7 +15,7 @@ Much of the torque is in none of these terms: load-dependent or direction-depend
 ripple, gear elasticity, accelerations of other axes. The improved method models these effects, and
 its values of step 1 lie close to a correct model (`believed_fit`).
 
-Samples slower than 5 % of the axis's speed limit are left out: presliding is no function of
+Samples slower than 5 % of the axis's speed limit are left out: presliding is not a function of
 velocity. The row of a value is the mean of the regressor's rows over the used samples, not the row
 at the nominal configuration, since a window covers a range of q.
 """

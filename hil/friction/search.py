@@ -157,7 +157,7 @@ def _level(u: Array, terms: tuple[str, ...], x: Array) -> Array:
 def relative_errors(errors: Mapping[str, Array], chosen: str) -> dict[str, float]:
     """Return root mean square errors on held-out groups, relative to the chosen alternative.
 
-    Errors below the rounding error of the largest count as rounding errors, for data without noise.
+    Errors are at least the rounding error of the largest error, for data without noise.
     """
     sums = {name: float(error.sum()) for name, error in errors.items()}
     rounding = np.finfo(float).eps ** 2 * max(sums.values()) or np.finfo(float).tiny

@@ -29,11 +29,12 @@ LEAST = 0.01
 Accelerations are off by twice as much, the usual error of inertias in a good identification.
 """
 CHANCE = 5.0
-"""Standard errors beyond chance: one in two million."""
+"""Significance threshold [standard errors], exceeded by chance once in two million."""
 FORETOLD = 0.5
-"""Maximum share of the scatter of a joint's steps left by the other joints' velocities.
+"""Maximum share of the scatter of a joint's steps that the other joints' velocities leave
+unexplained.
 
-This holds for an uneven recorder; velocities without information leave 1 or more.
+An uneven recorder is below this share; velocities without information leave 1 or more.
 """
 
 

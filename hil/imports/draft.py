@@ -69,7 +69,7 @@ _UNITS = {
 
 
 LOOKED_AT = 100_000
-"""Number of rows inspected, about."""
+"""Approximate number of inspected rows."""
 
 
 def draft_map(path: Path, name: str) -> str:

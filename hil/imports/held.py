@@ -114,7 +114,7 @@ def measured(samples: Samples, rows: Integers, held: int) -> Integers:
 
 
 def _changes(samples: Samples, rows: Integers) -> Iterator[Mask]:
-    """Yield masks of the rows with other positions than the row before, block by block."""
+    """Yield masks of the rows with other positions than the previous row, block by block."""
     yield np.ones(1, dtype=bool)
     for begin in range(0, len(rows) - 1, ROWS):
         some = np.nan_to_num(samples.values[rows[begin : begin + ROWS + 1], : samples.n_joints])

@@ -86,17 +86,14 @@ SPREAD = 4
 They last ten seconds each; the rows of the readings are a small part of the effort.
 """
 ORDINARY = (4 * np.pi * DEGREE, 4 * np.pi)
-"""Ranges of a joint without doubt about the unit of its position [rad].
-
-Two turns are the widest of robots, and a smaller motion would not exceed them in the other unit
-either.
+"""Ranges of joints that contradict a position in degrees stated as radians [rad].
 """
 
 
 def mechanical_suspicions(
     excerpts: Sequence[Excerpt], robot: Robot, shown: Mask
 ) -> Iterator[Suspicion]:
-    """Yield suspicions where another reading of the map explains torques unexplained by its own.
+    """Yield suspicions of a map if another interpretation explains otherwise unexplained torques.
 
     Parameters
     ----------

@@ -33,8 +33,8 @@ TOUCHES = math.ceil(-math.log2(CHANCE))
 Each is on either side with equal probability.
 """
 OFTEN, CLOSE = 0.95, 0.05
-"""Quantile that defines an ordinary step between samples, and distance from zero that counts as
-zero, in such steps.
+"""Quantile for the ordinary step between samples, and distance from zero that counts as zero, in
+ordinary steps.
 
 At this distance both signs are equally likely.
 """
@@ -58,7 +58,7 @@ It reduces their ratio equally.
 INDEPENDENT = 1.0 / 6.0
 """Time between independent samples of motion up to 3 Hz [s]: half a period."""
 OTHER = (2.0 / (1.0 - _NOISE)) ** 0.5
-"""Ratio of velocities that is refused.
+"""Refused ratio of velocities.
 
 Geometric mean of the effect of noise and of 2, the least effect of a wrong unit or of every other
 sample.

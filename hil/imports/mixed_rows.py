@@ -29,9 +29,9 @@ ALTERNATING = 3.0
 White noise has 1, smoother signals less.
 """
 RETURNED = 0.2
-"""Maximum distance of the rows around a row, as a part of their distance from the row."""
+"""Maximum distance between both neighbours of a row, as a share of their distance from the row."""
 FAR = 0.05
-"""Minimum distance of a row of another source, as a part of the range of half of the joints."""
+"""Minimum distance of a row of another source, as a share of the range of half of the joints."""
 OFTEN = 0.02
 """Minimum share of rows of another source: 1 in 50, as 2 Hz among 100 Hz."""
 _ENOUGH = 50

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from hil.arrays import Array
 
 LEAVES = 0.5
-"""Maximum share of the squared steps left by the right reading, of those of the other readings.
+"""Maximum ratio of the squared steps between samples: right interpretation over any other.
 
-In other readings, a zero crossing has a step of S or 2 S; in the right one, of the size of
+In a wrong interpretation, a zero crossing has a step of S or 2 S; in the right one, of the size of
 friction.
 """
 LEAST, JUMPS = 64.0, 3
-"""Minimum number for a sign bit, and minimum count of jumps beyond chance."""
+"""Minimum value of a sign bit, and minimum number of jumps beyond chance."""
 
 
 def could_lack_signs(x: Array) -> bool:

@@ -42,9 +42,9 @@ OFTEN = 0.95
 MIDDLE = (0.5 - OFTEN / 2, 0.5 + OFTEN / 2)
 """Quantiles of ordinary samples."""
 TURNS = 3 * np.pi
-"""Minimum excursion that is no wrap-around of an angle, which jumps by a turn."""
+"""Minimum excursion that cannot be a wrap-around of an angle, by one turn."""
 STATED, REFUSED = 0.01, 0.5
-"""Shares of the sum of squares: stated from a tenth in rms, refused if more than all else."""
+"""Share of spikes in the sum of squares: reported from a tenth in rms on, refused above a half."""
 GREATEST = 1e100
 """Maximum value with a finite sum of squares."""
 

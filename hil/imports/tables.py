@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hil.arrays import Array
 
 ROWS = 1 << 16
-"""Rows of a block, about."""
+"""Approximate number of rows of a block."""
 _SHOWN, _LISTED = 12, 4
 """Maximum numbers of column names, and of left-out parts of a file, in a message."""
 TimeUnit = Literal["s", "ms", "us", "ns", "min"]

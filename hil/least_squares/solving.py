@@ -37,9 +37,9 @@ RANK = 1e-12
 """Rank tolerance as share of the largest eigenvalue of R, squared share of singular values."""
 IDENTIFIABLE = 1e-8
 """Rank tolerance for unknowns of interest, as opposed to auxiliary ones: a condition number of unit
-columns of 1e4. Beyond, a torque error of 1e-4, always present in noise and friction, makes the
-worst combination of unknowns as uncertain as its own torque is large, standard errors do not cover
-the effect of misfit, and normal equations have lost half of 16 digits."""
+columns of 1e4. Noise and friction always cause torque errors of 1e-4 or more. Beyond this condition
+number, such an error is as large as the torque of the worst combination of unknowns, standard
+errors do not cover the effect of misfit, and normal equations have lost half of 16 digits."""
 SILENT = 1e-12
 """Largest norm of a zero column by rounding, as share of the longest."""
 RIDGE = 1e-12

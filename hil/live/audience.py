@@ -98,7 +98,7 @@ class Audience:
         self.pass_on()
 
     def publish(self, kind: str, values: Mapping[str, object], *, droppable: bool = False) -> None:
-        """Publish a line of `hil.live.lines`, or skip a `droppable` one for readers behind."""
+        """Publish a line of `hil.live.lines`, or skip a `droppable` one for slow readers."""
         line = encode(kind, **values)
         for listener in self.listeners:
             listener.write(line, droppable=droppable)

@@ -16,7 +16,7 @@ from threading import Event, Lock
 CLIENTS_MAX = 64
 """Maximum number of pages."""
 DROPPABLE = frozenset({"sample", "torque"})
-"""Kinds of lines skipped for a page behind."""
+"""Kinds of lines skipped for slow pages."""
 _STATES = frozenset(
     {"start", "event", "sample", "stopping", "headline", "estimate", "report", "end"}
 )

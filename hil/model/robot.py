@@ -390,7 +390,7 @@ def _unknown_lengths(robot: RobotArrays) -> Iterator[Problem]:
             expression = (robot.d_expressions if key == "d" else robot.r_expressions)[index]
             for name in sorted(expression.names - set(known)):
                 names = f"known are {', '.join(known)}" if known else "none are named"
-                yield ("joints", index, "frame", key), f"{name} is no length; {names} in lengths"
+                yield ("joints", index, "frame", key), f"{name} is not a length; {names} in lengths"
 
 
 def _wrong_ties(robot: RobotArrays) -> Iterator[Problem]:

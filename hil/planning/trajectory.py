@@ -55,7 +55,7 @@ class Trajectory(FileModel):
     sine, cosine : tuple of tuple of float, shape (n_joints, n_harmonics)
         Amplitudes of each joint's harmonics [rad or m].
     cycles : int
-        Periods without a stop.
+        Number of periods in succession, without a stop in between.
     """
 
     streamed: ClassVar[Literal[True]] = True

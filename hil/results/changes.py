@@ -227,7 +227,8 @@ def adjusted(tests: Sequence[Change]) -> tuple[Change, ...]:
 
 
 SURE = 1.3
-"""Minimum factor from the other quantities, in half-widths of its 95 % interval."""
+"""Minimum change of all torques, estimated without the clearest quantity, in half-widths of its 95
+% interval."""
 
 
 class Rescaled(NamedTuple):

@@ -170,7 +170,7 @@ def _changes(fleet: Fleet, row: tuple[Array, ...], k: int, against: str) -> Iter
 def runs_in_ten_years(fleet: Fleet) -> float:
     """Return the number of runs of a machine in ten years, by the median interval of runs."""
     apart = np.diff(fleet.time)[np.diff(fleet.machine) == 0]
-    apart = apart[apart > 0.0]  # a copy of a run is no further run
+    apart = apart[apart > 0.0]  # a copy does not count as another run
     return DECADE / float(np.median(apart)) if len(apart) else 1.0
 
 

@@ -172,7 +172,7 @@ class IdentifiedRobot(ByName):
 
     @property
     def axes_without_friction(self) -> tuple[int, ...]:
-        """Axes, from 1, whose friction is unknown: `predict` lacks it there, intervals are NaN."""
+        """Axes, from 1, without known friction: predictions omit friction, intervals are NaN."""
         return self.friction_law.unknown
 
     @property

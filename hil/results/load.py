@@ -55,7 +55,8 @@ if TYPE_CHECKING:
     Fit = Callable[..., Load]
 
 SURE = 4.0
-"""Standard errors for a mass to be below zero or to contradict a stated mass: by chance of 6e-5."""
+"""Threshold for a mass below zero or contrary to the stated mass [standard errors]; by chance
+6e-5."""
 
 
 class BareRun:

@@ -157,7 +157,7 @@ class ModelFile(FileModel):
             if rows is not None and min((row[k] for k, row in enumerate(rows)), default=0.0) < 0:
                 raise ValueError(f"{name} has a negative variance; identify the run anew")
         if degrees is not None and (len(degrees) != n or not min(degrees, default=1.0) > 0):
-            raise ValueError(f"degrees_of_freedom must be {n} positive values, one a parameter")
+            raise ValueError(f"degrees_of_freedom must be {n} positive values, one per parameter")
         return self
 
     @classmethod

@@ -89,7 +89,9 @@ class Run:
         """
         path = Path(path)
         if not path.is_dir():
-            raise FileError(f"{path}: is no run folder; make one with: hil run plan.yaml -o {path}")
+            raise FileError(
+                f"{path}: is not a run folder; make one with: hil run plan.yaml -o {path}"
+            )
         journal = read_journal(path / "run.json")
         if digest_of_file(path / "drives.yaml") != journal.drives_digest:
             raise _changed(path / "drives.yaml")

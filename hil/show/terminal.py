@@ -41,7 +41,7 @@ QUANTITY = re.compile(rf"(?:\b\w+ )?[−-]?\d[\d.]* ± [\d.]+(?: {UNIT})*|[−-]
 ALONE = re.compile(rf"(?<=, ){UNIT}(?: {UNIT})*$")
 """Unit at the end of a heading."""
 GLUE = "\ue000"
-"""Blank at which no line ends; of the private use area, and never shown."""
+"""Non-breaking blank, a character of the private use area; replaced before output."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +202,7 @@ def _arrange(table: Table, width: int) -> Iterator[_Block]:
         yield _Block(every, whole, BETWEEN, None, _start(whole, indent, BETWEEN))
         return
     least = [
-        max(_longest(column.head), min(cells[k], max(FOLDED, _longest_of(table, k)))
+        max(_halved(column.head), min(cells[k], max(FOLDED, _longest_of(table, k)))
             if folding[k] else cells[k])
         for k, column in enumerate(table.columns)
     ]  # fmt: skip
@@ -259,6 +259,14 @@ def _start(widths: Sequence[int], column: int, gap: int) -> int:
 def _longest(text: str) -> int:
     """Return the length of the longest piece that is never broken."""
     return max(map(cell_len, _glued(text).split()), default=0)
+
+
+def _halved(head: str) -> int:
+    """Return the least width at which a heading takes at most two lines."""
+    words = _glued(head).split()
+    halves = (max(map(cell_len, (" ".join(words[:k]), " ".join(words[k:])))) for k in
+              range(len(words)))  # fmt: skip
+    return min(halves, default=0)
 
 
 def _longest_of(table: Table, k: int) -> int:

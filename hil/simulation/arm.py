@@ -67,8 +67,8 @@ SHORTEST = 1e-3
 ROUNDS = 200
 """Maximum number of corrections by friction of the load, each leaving its share of the load."""
 SETTLED = 1e-9
-"""Remaining change of accelerations after such corrections, relative to
-their size and 1 rad/s^2.
+"""Change of accelerations at convergence of these corrections, relative to their size and 1
+rad/s^2.
 """
 SOME = 30
 """Number of positions and speeds for the choice of the step."""

@@ -349,7 +349,7 @@ KINDS: dict[str, Callable[..., Designed]] = {
 _REASONS = {
     ("load", "robot"): "the robot is that of the run without the load (--model)",
     ("load", "workspace"): "the workspace is that of the run without the load",
-    ("trajectory", "workspace"): "trajectories keep to joint limits only",
+    ("trajectory", "workspace"): "trajectories are only checked against joint limits",
     ("friction", "minutes"): "the experiment determines speeds and durations",
 }
 """Reasons for refusing an option of another kind, if more specific than the kind's name."""

@@ -186,7 +186,7 @@ def predicted(model: Model, time: Array, q: Array, qd: Array, qdd: Array) -> Pre
         torque = [model.predict(q[p], qd[p], qdd[p], ("rigid bodies", "motors")) for p in parts]
     else:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FrictionUnknown)  # the words say so
+            warnings.simplefilter("ignore", FrictionUnknown)  # stated in the returned words
             torque = [model.drive_torque(q[p], qd[p], qdd[p]) for p in parts]
     of = "" if len(lack) == n else f" of axis {', '.join(map(str, lack))}"
     words = f"predicted, without friction{of}" if lack else "predicted"

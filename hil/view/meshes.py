@@ -43,7 +43,7 @@ def read_triangles(path: Path, largest: int = 100_000_000) -> Array:
         raise FileError(f"{path}: {path.suffix or 'no suffix'} must be .stl or .obj; convert it")
     with file_errors(path, "read"):
         if not path.is_file():
-            raise FileError(f"{path}: is no file; correct the URDF's path or put the mesh there")
+            raise FileError(f"{path}: is not a file; correct the URDF's path or put the mesh there")
         if path.stat().st_size > largest:
             raise FileError(f"{path}: more than {largest / 1e6:.0f} MB; decimate the mesh")
         content = path.read_bytes()

@@ -213,7 +213,7 @@ def _triangles(reader: UrdfReader, visual: Element, urdf: Path, meshes: Path | N
     if shape.tag == "sphere":
         return sphere((numbers(shape, "radius", 1) or [0.0])[0])
     if shape.tag != "mesh":
-        raise reader.file.wrong(shape, f"<{shape.tag}> is no shape that is shown")
+        raise reader.file.wrong(shape, f"<{shape.tag}> is not a displayable shape")
     scale = np.array(numbers(shape, "scale", 3) or [1.0] * 3)
     corners: Array = read_triangles(_inside(_file(shape.get("filename", ""), urdf), meshes)) * scale
     return corners

@@ -28,7 +28,7 @@ _UNDEFINED = b"\xa5"
 
 
 class Transfer(Protocol):
-    """Transfer of several requests."""
+    """SDO transfer of several requests, segmented or by blocks."""
 
     index: int
     subindex: int

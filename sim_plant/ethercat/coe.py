@@ -47,7 +47,7 @@ class _Transfer:
         self.data = data
         self.toggle = 0
         self.size = 0
-        """Of a download, as announced."""
+        """Announced size of a download [bytes]."""
 
 
 class CoeServer:

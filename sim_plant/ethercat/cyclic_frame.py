@@ -68,7 +68,7 @@ class _Reference(NamedTuple):
     slave, delay
         Reference slave, and delay of the frame on its way there [ns].
     others : sequence of (EthercatSlave, int)
-        The same of those behind it.
+        Other slaves that receive this time, with the delays of the frame to them [ns].
     """
 
     slave: EthercatSlave
@@ -143,7 +143,7 @@ class CyclicFrame:
         """Return the answer to a frame of this layout."""
         content = _content(frame)
         self.is_repeated = content == self._before
-        if self.is_repeated:  # corresponding bytes of the answer before
+        if self.is_repeated:  # corresponding bytes of the previous answer
             passing = bytearray(self._answer)
             passing[_INDEX] = frame[_INDEX]
         else:

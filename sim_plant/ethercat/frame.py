@@ -2,7 +2,7 @@
 
 Every slave reads and writes a frame while the frame passes, and adds to the working counter of a
 datagram: 1 for a read, 1 for a write, 2 for the write of a combined command (ETG.1000.4). A
-datagram that does not fit its frame ends it: the bytes after it pass unchanged.
+datagram longer than the rest of its frame ends the processing; the remaining bytes pass unchanged.
 """
 
 from __future__ import annotations

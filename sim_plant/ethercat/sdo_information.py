@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 _HEAD = struct.Struct("<BBH")
 _INCOMPLETE = 0x80
 _LIST, _OBJECT, _ENTRY, _ERROR = 1, 3, 5, 7
-"""Requests; the answer has the next number."""
+"""Operation codes of requests; a response has the next code."""
 _NUMBERS, _ALL, _RECEIVED, _SENT, _, _SETTINGS = range(6)
-"""Lists of objects: how many are in each other list; all; mappable for masters to write, to read;
-stored; settings to be put into a replacement."""
+"""Types of object lists (ETG.1000.6): lengths of all lists; all objects; objects mappable to an
+RxPDO, to a TxPDO; stored objects; settings for a replacement device."""
 _READABLE, _WRITABLE = 0x07, 0x38
 """Access in PREOP, SAFEOP and OP."""
 _MAPPABLE_OUT, _MAPPABLE_IN = 0x40, 0x80

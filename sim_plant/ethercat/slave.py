@@ -143,7 +143,7 @@ class EthercatSlave(Cia402Drive):
     def connect(self, connected: bool) -> None:
         """Pass frames, or block them (no supply)."""
         self.is_connected = connected
-        self.controller.set_up = None  # no `CyclicFrame` of before fits
+        self.controller.set_up = None  # earlier `CyclicFrame`s no longer fit
 
     # Frames
 

@@ -99,8 +99,8 @@ class What(StrEnum):
     move.
     """
     DISABLE_VOLTAGE_IGNORED = "disable-voltage-ignored"
-    """By controlword, as are shutdown and disable operation; after a quick stop the drive stays in
-    QUICK STOP ACTIVE, regardless of 605A."""
+    """Disable voltage, shutdown and disable operation by controlword are ignored; after a quick
+    stop the drive stays in QUICK STOP ACTIVE, regardless of 605A."""
     STOP_WITHOUT_EFFECT = "stop-without-effect"
     """The drive shows QUICK STOP ACTIVE, but the axis continues to its target."""
 

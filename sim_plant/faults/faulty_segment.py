@@ -1,7 +1,7 @@
 """EtherCAT slaves of the plant with injected faults, with the interface of `Segment`.
 
-Faults of drives, sensors and motors are those on CAN. A frame that does not reach the slaves lets
-its cycle of time pass nevertheless, and is counted.
+Faults of drives, sensors and motors are those on CAN. A frame lost before the slaves still advances
+the time by its cycle, and is counted.
 """
 
 from __future__ import annotations

@@ -2,13 +2,13 @@
 
 A light link between two soft gears is faster than either gear with its usual inertia: on the
 manutec-r15 link 4, 0.044 kg m^2 alone, is three times faster than joint 4 with the links up to 6.
-So every mode counts. With M the inertias of links and motors, K and D the springs and dampers
-between them, the leapfrog of `machine_step` with its extrapolated velocities is at its limit where
-a step h reverses a mode, z = -1, which is where
+So all modes are checked. With inertias M of links and motors, and springs K and dampers D between
+them, the leapfrog of `machine_step` with extrapolated velocities becomes unstable if a step h
+reverses a mode (z = -1), that is, if
 
     M - D h - K h^2 / 4
 
-becomes singular. So the largest eigenvalue of inv(M) (K h^2 / 4 + D h) must stay below one, over
+becomes singular. Therefore the largest eigenvalue of inv(M) (K h^2 / 4 + D h) must be below one in
 the whole workspace.
 """
 

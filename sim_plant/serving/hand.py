@@ -78,7 +78,7 @@ class Hand:
 
 
 def _push(datagram: bytes, n_axes: int) -> tuple[NDArray[np.float64], float] | None:
-    """Return torques and duration; None for a datagram that is no push of this plant."""
+    """Return torques and duration; None for a datagram that is not a push of this plant."""
     try:
         said: Any = json.loads(datagram)
         torque = np.array(said["torque"], dtype=float)

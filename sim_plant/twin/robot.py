@@ -169,7 +169,7 @@ def value_of(text: str, lengths: dict[str, float]) -> float:
     except (SyntaxError, ArithmeticError, LookupError, RecursionError, MemoryError):
         known = ", ".join(lengths) or "none"
         raise ValueError(
-            f"{text[:60]!r} is no sum, product or quotient of numbers, pi and lengths ({known})"
+            f"{text[:60]!r} is not a sum, product or quotient of numbers, pi and lengths ({known})"
         ) from None
 
 

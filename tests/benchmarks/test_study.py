@@ -204,7 +204,7 @@ class TestFailure:
         options = ("--scenario", "on", "--seeds", 2, "--first-seed", 1, "--workers", 1)
         status, out, err = program("-o", study, *options)
         assert status == 1
-        assert f"on, trajectory, seed 1: {bad.run}: {bad.run} is no folder" in out
+        assert f"on, trajectory, seed 1: {bad.run}: {bad.run} is not a folder" in out
         assert "1 campaigns failed, see above; the same command retries" in err
         assert good.verdict.exists()
         assert not bad.verdict.exists()

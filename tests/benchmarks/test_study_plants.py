@@ -112,13 +112,13 @@ class TestCampaigns:
     ) -> None:
         asked: list[tuple[float, bool, str]] = []
 
-        def within(
+        def design_small(
             robot: Robot, wanted: float, noise: Noise, *, with_trajectories: bool = False
         ) -> Plan:
             asked.append((wanted, with_trajectories, noise.source))
             return small_plans(robot)["mixed" if with_trajectories else "two-step"]
 
-        monkeypatch.setattr(study_campaigns, "design_within", within)
+        monkeypatch.setattr(study_campaigns, "design_within", design_small)
         found = campaigns(manutec, 1.0, tmp_path, minutes)
         source = stated_noise(manutec).source
         assert asked == [(minutes, False, source), (minutes, True, source)]

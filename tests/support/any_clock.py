@@ -57,7 +57,7 @@ def carried_out(measurement: Strokes, rests: int = 25) -> Recording:
         q += [np.column_stack([rest * profile.end, rest * second[-1, 0]])]
         stroke += [np.full(len(t), number), rest * IDLE]
         partner += [second[:, 1], rest * IDLE]
-    return of(np.concatenate(q), np.concatenate(stroke), np.concatenate(partner))
+    return record(np.concatenate(q), np.concatenate(stroke), np.concatenate(partner))
 
 
 def _partner(measurement: Strokes, t: np.ndarray) -> np.ndarray:
@@ -76,10 +76,10 @@ def _partner(measurement: Strokes, t: np.ndarray) -> np.ndarray:
 
 def followed() -> Recording:
     path = WAVE.path(PERIOD)
-    return of(path, np.zeros(len(path)), np.full(len(path), IDLE))
+    return record(path, np.zeros(len(path)), np.full(len(path), IDLE))
 
 
-def of(q: np.ndarray, stroke: np.ndarray, partner: np.ndarray) -> Recording:
+def record(q: np.ndarray, stroke: np.ndarray, partner: np.ndarray) -> Recording:
     velocity = np.gradient(q, PERIOD, axis=0)
     noise = np.random.default_rng(3).normal(0, 1.0, q.shape)
     return Recording(
@@ -130,7 +130,8 @@ def badly_stamped(recording: Recording, rng: np.random.Generator) -> Recording:
 
 
 def disturbed(recording: Recording, rng: np.random.Generator) -> Recording:
-    """Of a thousand samples, two are doubled, two late after a missing one, and two skipped."""
+    """Sample with six faults in a thousand: two doubled, two late after a missing one, and two
+    skipped."""
     n = recording.n_samples
     q, tau, flags = recording.q.copy(), recording.tau.copy(), recording.flags.copy()
     for at in rng.choice(np.arange(2, n - 2), n // 500, replace=False):

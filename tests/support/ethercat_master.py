@@ -94,12 +94,12 @@ class Master:
         raw = struct.pack("<HHBBBB", start, size, control, 0, int(size > 0), 0)
         self.write(slave, 0x800 + 8 * number, raw)
 
-    def to_preop(self, slave: int) -> None:
+    def enter_preop(self, slave: int) -> None:
         self.set_manager(slave, 0, MAILBOX_OUT, self._size, 0x26)
         self.set_manager(slave, 1, MAILBOX_IN, self._size, 0x22)
         assert self.request(slave, PREOP) == (PREOP, 0)
 
-    def to_safeop(self, slave: int, sizes: tuple[int, int] = (12, 12)) -> None:
+    def enter_safeop(self, slave: int, sizes: tuple[int, int] = (12, 12)) -> None:
         """Map process data of slave n to 100h n in logical memory, outputs before inputs."""
         self.set_manager(slave, 2, OUTPUTS, sizes[0], 0x64)
         self.set_manager(slave, 3, INPUTS, sizes[1], 0x20)
@@ -111,10 +111,10 @@ class Master:
             self.write(slave, 0x600 + 16 * number, fmmu)
         assert self.request(slave, SAFEOP) == (SAFEOP, 0)
 
-    def to_op(self, *slaves: int, sizes: tuple[int, int] = (12, 12)) -> None:
+    def enter_op(self, *slaves: int, sizes: tuple[int, int] = (12, 12)) -> None:
         for slave in slaves:
-            self.to_preop(slave)
-            self.to_safeop(slave, sizes)
+            self.enter_preop(slave)
+            self.enter_safeop(slave, sizes)
         for slave in slaves:
             assert self.request(slave, OP) == (OP, 0)
 

@@ -1,8 +1,8 @@
 """Independent drive on an independent bus: canopen's LocalNode on a stock virtual bus.
 
-It has a thread of its own (canopen's notifier), its dictionary from an EDS, its PDOs and its SDO
-server from canopen; this module adds the minimum of CiA 402's profile position mode. Time passes by
-SYNC, as long as object 1006h says. Nothing is taken from the plant but the EDS.
+The drive runs in canopen's notifier thread, with a dictionary from an EDS and with canopen's PDOs
+and SDO server; this module adds a minimal profile position mode of CiA 402. Each SYNC advances the
+time by the period in 1006h. Only the EDS is shared with the plant.
 """
 
 from __future__ import annotations
@@ -63,9 +63,9 @@ class ForeignDrive:
             self._node.set_data(index, subindex, entry.encode_raw(value))
         self._node.add_read_callback(self._show)
         self._node.add_write_callback(self._take)
-        self._network.subscribe(SYNC, self._on_sync)
+        self._network.subscribe(SYNC, self._handle_sync)
         for pdo in range(1, 5):
-            self._network.subscribe(0x100 + 0x100 * pdo + node, self._on_rpdo)
+            self._network.subscribe(0x100 + 0x100 * pdo + node, self._handle_rpdo)
         self._network.connect(interface="virtual", channel=channel)
 
     def shutdown(self) -> None:
@@ -79,7 +79,7 @@ class ForeignDrive:
 
     # The bus
 
-    def _on_sync(self, *_: Any) -> None:
+    def _handle_sync(self, *_: Any) -> None:
         period = self.value(0x1006) * 1e-6
         self._move(period)
         self._beat(period)
@@ -92,7 +92,7 @@ class ForeignDrive:
                     )
                     self._network.send_message(cob_id & 0x7FF, data)
 
-    def _on_rpdo(self, can_id: int, data: bytearray, _: float) -> None:
+    def _handle_rpdo(self, can_id: int, data: bytearray, _: float) -> None:
         for number in range(4):
             if self.value(0x1400 + number, 1) & (OFF | 0x7FF) == can_id:
                 for index, subindex in self._mapped(0x1600 + number):

@@ -84,7 +84,7 @@ class FoxgloveClient:
         self._thread.join(PATIENCE)
         assert not self._thread.is_alive()
 
-    def of(self, topic: str) -> list[Message]:
+    def select(self, topic: str) -> list[Message]:
         """Return messages of a topic in order of arrival."""
         (channel,) = (each for each in self.channels.values() if each["topic"] == topic)
         heads = [(_HEAD.unpack_from(data), data[_HEAD.size :]) for data in self._data]

@@ -1,9 +1,9 @@
 """SDO and NMT messages between a master and its drives, as readable lines.
 
 The frames come from python-can and are decoded here by hand (CiA 301), without the code of driver
-and plant. A line is one transfer: node, direction, index and sub-index, and the value, as a number
-of so many hexadecimal digits as the object has, or as text where that is longer than four bytes; or
-the abort code. Equal lines in a row become one with their number.
+and plant. A line is one transfer: node, direction, index and sub-index, then the abort code or the
+value, as a hexadecimal number of the object's length, or as text if longer than four bytes. Equal
+successive lines become one line with their number.
 """
 
 from __future__ import annotations

@@ -61,7 +61,8 @@ def test_it_weighs_little(wheel: Path) -> None:
 
 
 def test_the_program_starts_from_it_alone(wheel: Path, tmp_path: Path) -> None:
-    """Its files in a folder, installed dependencies, and nothing of the checkout."""
+    """The import path has the wheel's files and installed dependencies, but nothing of the
+    checkout."""
     with ZipFile(wheel) as files:
         files.extractall(tmp_path / "installed")
     for arguments, printed in (

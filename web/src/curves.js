@@ -136,7 +136,7 @@ export class Curve {
     pen.clearRect(0, 0, this.width, this.height);
     const style = getComputedStyle(this.canvas);
     const colour = (name) => style.getPropertyValue(name);
-    for (const each of this.drawn) if (each.band) this._paintBand(pen, colour, each); // curves lie upon it
+    for (const each of this.drawn) if (each.band) this._paintBand(pen, colour, each); // below the curves
     this._paintScale(pen, colour);
     for (const { t, y, colour: name, dashed } of this.drawn) {
       pen.strokeStyle = colour(name);

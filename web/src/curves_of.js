@@ -2,7 +2,7 @@
 // distance.
 import { Curve } from './curves.js';
 
-const LEAST = 0.02; // share of the torque limit that a scale of torque spans at least, lest noise fill it
+const LEAST = 0.02; // minimum span of a torque scale as a share of the torque limit, so that noise does not fill the scale
 
 /** Draw curves into a host; a click on one calls seek(t). */
 export function curvesOf(host, { robot: { joints }, workspace, prediction }, recorded, seek) {

@@ -5,10 +5,10 @@ import { make } from './elements.js';
 
 const STRONGEST = 0.2; // share of an axis's torque limit
 const FULL = 0.25; // share of the reach by which the pointer goes for the strongest pull
-const EVERY = 100; // a pull is told again so often [ms]
-const PUSHED = 0.5; // how long a button pushes [s]
-const LASTS = 0.3; // after which the arm is let go where no more is told [s]
-const GRIP = [0, 14, 32]; // rings about the pointer in which a link is looked for, so that a near miss does not turn the camera [pixels]
+const EVERY = 100; // interval at which a pull is repeated [ms]
+const PUSHED = 0.5; // duration of a push by a button [s]
+const LASTS = 0.3; // time after the last message until the arm is released [s]
+const GRIP = [0, 14, 32]; // radii about the pointer in which a link is searched, so that a near miss does not turn the camera [pixels]
 const AROUND = 8; // directions of a ring
 
 export class Hand {

@@ -33,7 +33,7 @@ export class Intervals {
   }
 
   _set(row, { value, half, share }) {
-    const known = half !== null && share < WIDEST; // beyond the torque limit it says nothing
+    const known = half !== null && share < WIDEST; // an interval beyond the torque limit has no significance
     row.value.textContent = known ? `${rounded(value, half)} ${row.unit}` : 'open';
     row.half.textContent = known ? figure(half) : '–';
     row.share.textContent = known ? figure(100 * share) : '–';

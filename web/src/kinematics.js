@@ -1,4 +1,4 @@
-// Frames of a chain: each joint stands in the frame before by a constant pose, then turns about or
+// Frames of a chain: each joint has a constant pose in the previous frame, then turns about or
 // slides along its own z.
 import { Matrix4 } from 'three';
 

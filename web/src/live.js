@@ -2,7 +2,7 @@
 // back.
 import { LivePage } from './live_page.js';
 
-const AGAIN = 5000; // until a page that was refused tries anew [ms]
+const AGAIN = 5000; // time until a refused page tries again [ms]
 
 /** Show the run that serves this page; `window.live` then answers questions of tests. */
 export function follow() {

@@ -4,8 +4,8 @@ import { curvesOf } from './curves_of.js';
 import { clock, make } from './elements.js';
 import { Player } from './player.js';
 
-const EVERY = 80; // between two drawings, a dozen a second [ms]
-const WINDOW = 10; // what is shown of torques that pass by [s]
+const EVERY = 80; // time between two drawings, a dozen per second [ms]
+const WINDOW = 10; // shown duration of passing torques [s]
 
 export class LiveCurves {
   /** `stand(t)` is called with an instant, or without argument for the present. */

@@ -8,7 +8,7 @@ import { Recorded } from './recorded.js';
 import { RobotView } from './robot_view.js';
 
 const at = (id) => document.getElementById(id);
-const SILENT = 2; // after which samples, or all signs of life, are missed [s]
+const SILENT = 2; // times after which samples, or all signs of life, count as missing [s]
 const NOTICES = 200;
 const AT_THE_TERMINAL = 'stop it with Ctrl-C at the terminal, or by the emergency stop';
 const ENDS = {
@@ -185,7 +185,7 @@ export class LivePage {
 
   _alarm(line) {
     this.curves.alarm(line);
-    if (this.push === line.push) return; // one push reaches several axes
+    if (this.push === line.push) return; // one push affects several axes
     this.push = line.push;
     this._note({ ...line, text: `push ${line.push}, axis ${line.axis + 1}: ${line.torque.toFixed(1)} ${line.unit} from outside, threshold ${line.threshold.toFixed(1)} ${line.unit}` });
   }

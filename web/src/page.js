@@ -150,7 +150,7 @@ class Played {
     at('speed').value = String(speed);
   }
 
-  /** Go to the measurement before or after. */
+  /** Go to the previous or next measurement. */
   _jump(by) {
     const { recorded, player } = this;
     const here = by > 0

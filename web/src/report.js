@@ -8,8 +8,8 @@ import { Player } from './player.js';
 import { Recorded } from './recorded.js';
 import { RobotView } from './robot_view.js';
 
-const NEAR = 12; // from the pointer to a point that it means [pixels]
-const [TOP, BOTTOM] = [24, 38]; // of a panel, beyond its axes [pixels]
+const NEAR = 12; // maximum distance from the pointer to the selected point [pixels]
+const [TOP, BOTTOM] = [24, 38]; // margin of a panel outside its axes [pixels]
 const NOTE = 'Blue: as recorded, after the low-pass where there is a prediction. Orange: as the model predicts it, with its interval of 95 %.';
 
 export async function report() {

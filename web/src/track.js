@@ -2,7 +2,7 @@
 // With slopes the piecewise parabolas of a planned stroke come out exactly.
 import { unpack } from './packed.js';
 
-const KEPT = 60_000; // knots of a track that grows: 40 minutes of samples for the eye, of which 25 come a second
+const KEPT = 60_000; // knots of a growing track: 40 minutes of displayed samples, 25 per second
 
 export class Track {
   /** A track from a page's data; without data, a growing one. */

@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 CLASSES = 12
-"""Number of speed classes of equal width: three per two of the 8 levels that interpolate the
-friction of a recording.
+"""Number of speed classes of equal width: 1.5 times the 8 speeds at which the friction of a
+recording is interpolated.
 """
 
 

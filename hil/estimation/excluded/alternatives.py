@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 ROWS = 250
-"""Rows of a channel: alternatives differ by more than noise."""
+"""Number of rows of a channel; few suffice, since alternatives differ by more than noise."""
 ROUGHLY = 3
 """Number of rounds of weights and solution for the comparison of start values."""
 CONFIGURATIONS = 60
@@ -189,7 +189,7 @@ class Explained:
 
     @cached_property
     def _regressors(self) -> dict[tuple[object, ...], dict[tuple[int, int], Array]]:
-        """Regressor rows of this motion and of the latest one of `instead_below`."""
+        """Regressor rows of the stated motion and of the motion last tried by `instead_below`."""
         return {self.reading.key: {}}
 
     @cached_property

@@ -96,9 +96,9 @@ readings, and friction."""
 SPAN = 1e-4
 """Share of a column's square beside the estimated columns, below which the column is within their
 span. Columns use the smoothed motion, those of the base parameters are smoothed themselves, and the
-two differ by some 1e-3; less than ten times that shows nothing."""
+two differ by some 1e-3; a share of less than ten times this difference shows nothing."""
 NOTHING = 1e-10
-"""Root mean square of a column over that of the largest column, up to which it is rounding."""
+"""Root mean square of a column of rounding errors, at most, relative to the largest column."""
 
 
 class Test(NamedTuple):

@@ -19,8 +19,9 @@ Key = tuple[str, int]
 """Cause and axis, from 0; -1 for a cause of no axis. Names of repeating torques include the order.
 """
 FIRST_ORDER = 0.5
-"""Largest size of a first-order column, as a share (of the travel of a prismatic joint) or in rad:
-of a gain 1 / (1 + x), as of most causes, the next term of the series is then half of the first."""
+"""Largest size described by a first-order column, as a share (of the travel of a prismatic joint)
+or in rad. At this size the second term of the series of most causes, such as 1 / (1 + x) of a gain,
+is half of the first term."""
 LEFT_OUT = (
     "take the load off, or state the missing parameters of that link in the robot file (hil"
     " diagnose ranks the parameters, hil payload finds a load)"
@@ -246,12 +247,12 @@ correct offset.
 FITTED = ("torque delay", "soft gears")
 """Causes fitted and accounted for by every estimate; they remain free while others are tested."""
 SHOWN_BY = {
-    "load": "two runs would show it, without and with it (hil payload)",
-    "joint offset": "base parameters absorb it, without any change of predicted torques",
+    "load": "two runs, without and with the load, would show it (hil payload)",
+    "joint offset": "base parameters absorb the offset, without any change of predicted torques",
     "torque constant": "a known mass on the flange would show it (hil payload --mass)",
     "torques of all axes": "a known mass on the flange would show it (hil payload --mass)",
-    "rotor inertia": "a load of known inertia would show it, or the motor's data sheet",
-    "gear ratio": "count its teeth, or rotate the joint by a known angle",
+    "rotor inertia": "a load of known inertia, or the motor's data sheet, would show the error",
+    "gear ratio": "count the gear's teeth, or rotate the joint by a known angle",
     "position scale": "turn the joint by a known angle",
 }
 """Evidence for causes within the span of base parameters, friction or other columns."""

@@ -3,9 +3,9 @@
 A small cause enters the torque linearly. With tau(q, qd, qdd) = A p + H qdd the torque of the
 estimate, and e_k the axis k, the column of axis i is, per unit of
 
-    zero of k              d tau_i / d q_k: the link is further on than its reading
+    joint offset of k      d tau_i / d q_k: the link is further on than its reading
     position scale of k    (q_k d/dq_k + qd_k d/dqd_k + qdd_k d/dqdd_k) tau_i
-    gear ratio of k        minus that of the rigid bodies, and minus their torque where i = k
+    gear ratio of k        minus position scale of the rigid bodies, minus their torque where i = k
     torque constant of k   -tau_i where i = k, with the channel's own columns as fitted, since an
                            uncertain part of A p may cancel them; its drift as much times the time
     torques of all axes    -tau_i, likewise
@@ -17,11 +17,11 @@ estimate, and e_k the axis k, the column of axis i is, per unit of
     slip of k              d tau_i / d q_k from an instant on
     direction of gravity   d tau_i by a rotation about either axis across gravity
     a load                 the regressor's columns of the last link's parameters that are left out
-    spring, torque that repeats with the angle, friction of the load: q_i; sin, cos of n q_i; |A p|
-                           times the sign of the speed
+    spring, torque ripple over the angle, friction of the load: q_i; sin, cos of n q_i; |A p| times
+                           the sign of the speed
 
 A column within the span of the base parameters, the channel's own columns or friction is
-*invisible*: the cause is then part of their values.
+*invisible*: these absorb the cause.
 """
 
 from __future__ import annotations

@@ -1,21 +1,21 @@
 r"""Additional measurements of a plan for visible and distinguishable causes.
 
 Beside another named cause, a column keeps the share s^2 = I' / I of its information, where I' is
-the information beside base parameters and all columns of the other cause. A flaw theta of the
-column, with z^2 = theta^2 I / phi, is explained by its own column as (z + e)^2, by the other cause
-so much worse: z^2 s^2 + 2 z s e', e' standard normal. The two are distinguished if this difference
-exceeds `finding.TOGETHER`, with the probability `limits.POWER` from
+the information beside base parameters and all columns of the other cause. For a flaw theta of the
+column, with z^2 = theta^2 I / phi, its own column explains the sum of squares (z + e)^2; the other
+cause explains less, by z^2 s^2 + 2 z s e', with e and e' standard normal. The two are distinguished
+if this difference exceeds `finding.TOGETHER`, with the probability `limits.POWER` from
 
     theta = a sqrt(phi / I'),    a^2 - 2 a Phi^-1(.8) = 3.84,
 
 on, if s^2 is at least twice the share that a correlation of `finding.SAME` leaves. For less, the
 lead must be a share of the explained sum of squares, and theta grows beyond all bounds.
 
-Inner products of candidates add up (`hil.least_squares.blocks`). So the search adds one candidate
-after the other: the one that lowers most, per time, the logarithms by which sizes exceed the wanted
-sizes. Wanted is the usual size of a cause or, without one, that a cause is distinguished from the
-others as soon as it is found. The stated sizes are those of the whole plan by the battery
-(`foreseen`); the search repeats until the battery agrees.
+Inner products of candidates add up (`hil.least_squares.blocks`). So the search adds candidates one
+by one: in each step the candidate with the largest decrease, per time, of the logarithms of
+detectable over wanted sizes. The wanted size of a cause is its usual size or, if there is none, a
+size at which a found cause is also distinguished from the others. The stated sizes are those of the
+whole plan by the battery (`foreseen`); the search repeats until the battery agrees.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 Causes are tested beside the estimated columns (`battery`), together at a familywise level of 5 %
 (Holm, Scand. J. Statist. 6 (1979) 65-70). The cause that explains most is found if it is
-significant beside itself: with the dispersion of the residual after the cause is taken into
-account. Then the others are tested beside it, until none is significant. Causes that explain as
-much as the found one, as far as the data distinguish them, are named with it.
+significant for the dispersion of the residual without this cause. The remaining causes are then
+tested with the found ones included, until none is significant. Causes that explain the data equally
+well are named together with the found cause.
 
 Columns are of the first order. Other readings of the recordings are tried too (`alternatives`) if a
 found cause is large, if groups contradict each other for any reason, or if friction would
@@ -49,9 +49,9 @@ if TYPE_CHECKING:
     Tests = dict[Key, list[int]]
 
 LEAVES = 0.5
-"""Maximum share of an axis's mean square that a cause leaves, where it must be told from model
-error. Eliminated friction contradicts every model a little where samples are slow or motion turns
-often (public recordings of five machines: 0.75 and more)."""
+"""Maximum share of an axis's mean square that a cause leaves, to be distinguished from model error.
+Eliminated friction contradicts every model a little where samples are slow or motion turns often
+(public recordings of five machines: 0.75 and more)."""
 MOST = 5
 """Maximum number of found causes; with more, the model is wrong as a whole."""
 LARGE = 0.95
@@ -67,9 +67,9 @@ CONTRADICTS = 4.0
 """Median dispersion of causes from which on groups contradict each other for any reason: they
 scatter twice as much as the noise within groups explains. Then nothing may be significant, since
 everything is uncertain. It is 1.0 to 1.5 where nothing is wrong, even with strong drift of
-friction; up to 3.5 beside a cause that a column explains; and 13 to 18 where one axis counts the
-other way, two are exchanged or a zero is off by 90 degrees. 2.5 and 9 have the same outcome on the
-runs of `LARGE`."""
+friction; up to 3.5 beside a cause that a column explains; and 13 to 18 with a reversed axis, two
+exchanged axes or a joint offset of 90 degrees. 2.5 and 9 have the same outcome on the runs of
+`LARGE`."""
 TOGETHER = float(special.chdtri(1, 0.05))
 """Difference of chi squares below which two causes explain the data equally well. If the true cause
 explains z^2, another cause with correlation r explains (r z + sqrt(1 - r^2) e)^2, e standard
@@ -79,8 +79,8 @@ bound in less than 5 %.
 SAME = 0.98
 """Correlation beyond which data do not distinguish two causes: a first-order column is not exact to
 2 % for a cause of any size. On the runs of `LARGE` 0.99 has the same outcome; at 0.95 a load is
-named for a zero of axis 5 that is off by 90 degrees, at 0.995 a slip for a zero of axis 2 that is
-off by 0.1 degrees."""
+named in place of an offset of joint 5 by 90 degrees, at 0.995 a slip in place of an offset of joint
+2 by 0.1 degrees."""
 
 
 def excluded(
@@ -151,7 +151,7 @@ def excluded(
 
 
 def _testable(robot: Robot, p: Array, battery: Battery, limit: Limit) -> Limit:
-    """Return a limit without its size if that size is not found in the readings that it makes.
+    """Return a limit; remove its size if recordings misread by this size would not show the cause.
 
     Only small sizes are proportional to a first-order column; sizes are stated to `SETTLED`, and
     a size below, in rad or as a share, changes the column by less.

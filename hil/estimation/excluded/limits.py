@@ -36,7 +36,7 @@ Behavioral Sciences, 1988, p. 56)."""
 ROUNDS, SETTLED = 100, 0.01
 """Maximum number of corrections of sizes for their own part in the weights, and the largest final
 relative change: 20 000 random cases, with axes that differ in information and mean square by a
-log-normal factor of sigma 3, settle within 56."""
+log-normal factor of sigma 3, converge within 56 corrections."""
 MIDDLES = (np.arange(200) + 0.5) / 200
 """Probabilities for the quadrature over a chi square."""
 

@@ -58,7 +58,7 @@ SHARE = 0.6
 seven robots, twelve seeds each, are 0.6 (seven axes) to 1.2 times (portal) the stated errors.
 """
 OTHER_LAWS = ("cube root", "arc tangent", "all speeds and load", "all")
-"""Laws with most of the speed dependence of friction."""
+"""Alternative laws, which cover most forms of friction over speed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

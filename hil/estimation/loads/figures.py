@@ -142,7 +142,7 @@ class Load:
 
     @property
     def is_loose(self) -> bool:
-        """True if torques contradict a rigid, fixed load, or if the load is no physical body."""
+        """True if torques contradict a rigid, fixed load, or if the load is not a physical body."""
         return self.rigid_chance <= LOOSE or self.is_no_body
 
     def quantities(self, level: float = 0.95) -> list[Figure]:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 LITTLE_ENDIAN = b"\x00\x01"
 PARTS = ("position", "velocity", "effort")
 _STAMP = ("sec", "<i4", 4), ("nanosec", "<u4", 8)
-"""Stamp after the encapsulation: name, type, and first byte."""
+"""Stamp after the encapsulation: name, type, and byte offset."""
 
 
 class OtherLayout(Exception):
@@ -105,7 +105,7 @@ class _Cursor:
         return text[:-1].decode()
 
     def doubles(self, part: str) -> tuple[str, tuple[str, tuple[int]], int]:
-        """Return name, type and first byte of a sequence."""
+        """Read the length of a sequence of doubles; return name, type and byte offset."""
         count = self.length()
         if count:
             self.align(8)

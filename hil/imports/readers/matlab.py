@@ -313,7 +313,7 @@ class _Contents:
         one_by_one: Callable[[int], str],
         add: Callable[[str, Any], None],
     ) -> None:
-        """Add elements as rows of an array, or separately if elements are no samples."""
+        """Add elements as rows of an array, or separately if elements are not samples."""
         if _are_samples(elements):
             refuse_beyond(self._path, len(elements) * elements[0].nbytes, together)
             self.arrays[together] = np.array([np.ravel(element) for element in elements])

@@ -434,7 +434,7 @@ class UrdfReader:
             found = element.find(tag)
             name = None if found is None else found.get("link")
             if name not in self.links:
-                raise self.file.wrong(element, f"{tag} {name!r} is no link of this file")
+                raise self.file.wrong(element, f"{tag} {name!r} is not a link of this file")
             ends.append(name)
         return UrdfEdge(element, *ends)
 

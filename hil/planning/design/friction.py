@@ -10,10 +10,10 @@ stops
 operation
     The characteristic after several times of continuous operation (Fig. 2b).
 
-A window of constant velocity spans at least one turn of the motor where it is slow, since torque
-ripple is periodic in it, and some tenths of a second where it is fast. Where an axis's range is too
-short for its ramps the acceleration is raised, up to `HARDEST` of the limit; only then does the
-sweep end below the speed limit.
+At low speed a window of constant velocity spans at least one turn of the motor, the period of
+torque ripple; at high speed it lasts some tenths of a second. Where an axis's range is too short
+for its ramps the acceleration is raised, up to `HARDEST` of the limit; only then does the sweep end
+below the speed limit.
 """
 
 from __future__ import annotations

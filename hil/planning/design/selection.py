@@ -1,7 +1,7 @@
 """Greedy selection of measurements by information gain per second.
 
 With the information N of the measurements chosen so far, over base parameters p and common terms b,
-adding a measurement of worth I changes
+adding a measurement with information I changes
 
 det
     log det of the information of p, b eliminated: log det(N) - log det(N_bb). Its growth is a ratio
@@ -11,8 +11,8 @@ torque
     the variance of torques, sum of (scale sd)^2 over the parameters: imprecise parameters with a
     large torque count most.
 
-Both are taken per second, of the measurement and of the way to it from the nearest one chosen: with
-many of them a tour goes from neighbour to neighbour.
+Both criteria are divided by the duration of the measurement and of the travel from the nearest
+chosen one, since a tour of many measurements goes from neighbour to neighbour.
 """
 
 from __future__ import annotations

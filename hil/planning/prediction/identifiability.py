@@ -3,10 +3,10 @@
 Each measurement gives one row of an observation matrix: gravity measurements the row of the axis's
 gravity torque, eq. (14), inertia measurements that of M_ii and coupling measurements that of M_ij,
 eq. (17), each over the base parameters of its own group and weighted with the axis's torque limit,
-eq. (16). The rank of a group's matrix W states whether every parameter can be distinguished from
-the others, its condition number how well the worst combination can, and, with columns scaled to
-unit length, sqrt(diag((W'W)^-1)) is the ratio of a parameter's standard error to that with all
-other parameters known.
+eq. (16). The rank of a group's matrix W shows if all parameters can be distinguished; the condition
+number shows the excitation of the worst combination. With columns of unit length,
+sqrt(diag((W'W)^-1)) is the factor by which the other unknown parameters increase a parameter's
+standard error.
 
 If gravity parameters are hidden from g(q), for example by torque offsets
 (`hil.model.dependencies`), their group is judged by the rows of all kinds together: over all base

@@ -136,8 +136,8 @@ def distinguishing(found: Distinguished) -> Iterator[str]:
         elif not each.enough:
             size = f"{significant(each.usual, 2)} {each.unit}" if each.usual else "a visible size"
             yield (
-                f"{each.name}: {size} cannot be distinguished from {each.like or 'no effect'} in "
-                "twice the time of the plan; measure more (--gravity, --inertia, --coupling)"
+                f"{each.name}: {size} cannot be distinguished from {each.like or 'no effect'}, "
+                "even in twice the plan's time; measure more (--gravity, --inertia, --coupling)"
             )
 
 

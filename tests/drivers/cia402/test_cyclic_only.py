@@ -28,7 +28,7 @@ def bus(tmp_path: Path) -> Iterator[CanopenDriveBus]:
         yield entered
 
 
-def until_reached(bus: CanopenDriveBus) -> np.ndarray:
+def sample_until_reached(bus: CanopenDriveBus) -> np.ndarray:
     """Return positions of all samples until all axes have arrived."""
     found = [bus.sample()]
     while not found[-1].reached:
@@ -47,7 +47,7 @@ def test_axes_are_held_where_they_stand_until_they_are_moved(bus: CanopenDriveBu
 def test_a_stroke_is_the_trapezoid_that_a_drive_would_make(bus: CanopenDriveBus) -> None:
     begin = np.array(bus.sample().q)
     bus.move({2: Move(begin[2] + 1.0, 1.0, 5.0)})
-    q = until_reached(bus)
+    q = sample_until_reached(bus)
     assert q[-1] == pytest.approx(begin + np.array([0, 0, 1.0, 0, 0, 0]), abs=2e-3)
     speed = np.diff(q[:, 2]) / PERIOD
     assert np.median(speed[60:240]) == pytest.approx(1.0, rel=1e-2)
@@ -61,7 +61,7 @@ def test_an_axis_goes_back_and_forth_while_another_creeps(bus: CanopenDriveBus) 
     for number in range(4):
         bus.move({4: Move(begin[4] + 0.2 * (1 - number % 2), 1.0, 5.0)})
         creep += [bus.sample().q[1] for _ in range(110)]
-    until_reached(bus)
+    sample_until_reached(bus)
     speed = np.diff(np.array(creep)) / PERIOD
     assert np.median(speed[50:400]) == pytest.approx(-0.25, rel=2e-2)
     assert np.abs(speed[50:400] + 0.25).max() < 0.05
@@ -74,7 +74,7 @@ def test_a_move_under_way_is_turned_round_and_halted(bus: CanopenDriveBus) -> No
     for _ in range(100):
         bus.sample()
     bus.move({4: Move(begin[4], 1.0, 5.0)})
-    assert until_reached(bus)[-1] == pytest.approx(begin, abs=2e-3)
+    assert sample_until_reached(bus)[-1] == pytest.approx(begin, abs=2e-3)
     bus.move({4: Move(begin[4] + 1.0, 1.0, 5.0)})
     for _ in range(100):
         bus.sample()
@@ -82,10 +82,10 @@ def test_a_move_under_way_is_turned_round_and_halted(bus: CanopenDriveBus) -> No
     bus.sample()
     with pytest.raises(MoveFailed, match="wait until reached"):
         bus.move({4: Move(begin[4], 1.0, 5.0)})
-    rest = until_reached(bus)[-1]
+    rest = sample_until_reached(bus)[-1]
     assert 0.2 < rest[4] - begin[4] < 0.6
     bus.move({4: Move(begin[4], 1.0, 5.0)})
-    assert until_reached(bus)[-1] == pytest.approx(begin, abs=2e-3)
+    assert sample_until_reached(bus)[-1] == pytest.approx(begin, abs=2e-3)
 
 
 def test_a_trip_is_reset_and_the_axes_are_moved_again(bus: CanopenDriveBus) -> None:
@@ -95,10 +95,10 @@ def test_a_trip_is_reset_and_the_axes_are_moved_again(bus: CanopenDriveBus) -> N
     bus._session._trips._lows = [10**7] * 6
     bus._session._cyclic_position._lows = [[10**7] * 6] * 5000
     with pytest.raises(Tripped, match="outside"):
-        until_reached(bus)
+        sample_until_reached(bus)
     bus.reset()
     bus.move({4: Move(begin[4], 1.0, 5.0)})
-    assert until_reached(bus)[-1] == pytest.approx(begin, abs=2e-3)
+    assert sample_until_reached(bus)[-1] == pytest.approx(begin, abs=2e-3)
 
 
 def test_a_drive_with_velocity_and_torque_modes_alone_is_refused() -> None:

@@ -35,7 +35,8 @@ class TestConformanceWithHeldAcknowledge(conformance.DriveBusConformance):
         return lambda: CanopenDriveBus(held, drives_for("held-acknowledge"))
 
     def test_a_new_set_point_replaces_one_under_way(self, open_bus: Callable[[], DriveBus]) -> None:
-        """Such drives reach the present target first, and then start to the new one."""
+        """Drives that hold the acknowledge reach the present target before they start to the new
+        one."""
         with open_bus() as bus:
             start = bus.sample().q[0]
             bus.move({0: Move(start + 0.2, 0.2, 4.0)})

@@ -145,10 +145,10 @@ def test_a_section_that_contradicts_itself_is_refused_when_it_is_needed() -> Non
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("DataType", "0xZZ", "DataType: '0xZZ' is no number"),
-        ("DataType", "UNSIGNED32", "DataType: 'UNSIGNED32' is no number; state 0x0007"),
+        ("DataType", "0xZZ", "DataType: '0xZZ' is not a number"),
+        ("DataType", "UNSIGNED32", "DataType: 'UNSIGNED32' is not a number; state 0x0007"),
         ("AccessType", "sometimes", "AccessType=sometimes is none of const, ro"),
-        ("DefaultValue", "many", "DefaultValue: 'many' is no number"),
+        ("DefaultValue", "many", "DefaultValue: 'many' is not a number"),
         ("DefaultValue", "0x1FFFFFFFF", "does not fit 32 bits"),
     ],
 )
@@ -206,7 +206,7 @@ def test_an_object_that_a_pdo_carries_can_be_mapped_whatever_the_sheet_says() ->
     ("raw", "message"),
     [
         (b"", "is empty"),
-        (b"\x7fELF\0\0", "is no text"),
+        (b"\x7fELF\0\0", "is not text"),
         (b"<?xml version='1.0'?>", "is XML (an XDD or ESI file)"),
         (GENERAL.encode(), "has no object section such as [1000]"),
         (b"bitrate: 1000000\n", "has no object section"),

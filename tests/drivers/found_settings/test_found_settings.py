@@ -194,7 +194,7 @@ def test_what_a_drive_with_room_for_two_objects_will_hold_is_announced_as_a_cond
     for place in pdos:
         assert last[place].value.to_bytes(len(held[place]), "little") == held[place]
     conditional = {
-        place for place, c in last.items() if c.entry.name.endswith("if TPDO 1 takes fewer objects")
+        place for place, c in last.items() if c.entry.name.endswith("if TPDO 1 is smaller")
     }
     assert conditional == {(0x1801, 1), (0x1801, 2), (0x1A01, 0), (0x1A01, 1), (0x1A00, 0)}
 
@@ -658,15 +658,15 @@ def test_what_is_kept_is_read_again_as_it_was(settings: FoundSettings) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"index": 0x6040}, "6040h is no setting"),
-        ({"index": 0x607A}, "607Ah is no setting"),
-        ({"index": 0x1010}, "1010h is no setting"),
-        ({"index": 0x1F51}, "1F51h is no setting"),
-        ({"index": 0x2000}, "2000h is no setting"),
-        ({"index": 0x1000}, "1000h is no setting"),
-        ({"index": 0x1200}, "1200h is no setting"),
-        ({"index": 0x6410}, "6410h is no setting"),
-        ({"index": 0x6840}, "6840h is no setting"),
+        ({"index": 0x6040}, "6040h is not a setting"),
+        ({"index": 0x607A}, "607Ah is not a setting"),
+        ({"index": 0x1010}, "1010h is not a setting"),
+        ({"index": 0x1F51}, "1F51h is not a setting"),
+        ({"index": 0x2000}, "2000h is not a setting"),
+        ({"index": 0x1000}, "1000h is not a setting"),
+        ({"index": 0x1200}, "1200h is not a setting"),
+        ({"index": 0x6410}, "6410h is not a setting"),
+        ({"index": 0x6840}, "6840h is not a setting"),
         ({"type": "u8", "value": 256}, r"value 256 must be in \[0, 255\] of a u8"),
         ({"written": 1 << 32}, r"value 4294967296 must be in"),
         ({"type": "i8", "value": 128}, r"value 128 must be in \[-128, 127\] of a i8"),

@@ -307,11 +307,11 @@ def test_what_a_drive_lacks_is_told_once_with_what_follows() -> None:
     stated = [v for v in verdicts if v.grade is Grade.WARNING and "6007" in str(v)]
     assert len(stated) == 1
     assert "to a lost heartbeat" in stated[0].remedy
-    assert stated[0].check == "objects that measuring needs"
+    assert stated[0].check == "objects needed for measuring"
 
 
 def test_a_drive_that_cannot_watch_our_heartbeat_is_refused() -> None:
-    lacking = refusals(check_personality("no-watchdog"))["objects that measuring needs"]
+    lacking = refusals(check_personality("no-watchdog"))["objects needed for measuring"]
     assert "1016:01 (consumer heartbeat time) is missing" in lacking
 
 
@@ -320,7 +320,7 @@ def test_a_drive_that_cannot_watch_our_heartbeat_serves_where_something_else_sto
     verdicts = check_personality("no-watchdog", allow_no_heartbeat=reason)
     assert refusals(verdicts) == {}
     (stated,) = [v for v in verdicts if "1016" in str(v)]
-    assert (stated.grade, stated.check) == (Grade.WARNING, "objects that measuring needs")
+    assert (stated.grade, stated.check) == (Grade.WARNING, "objects needed for measuring")
 
 
 def test_what_showed_without_power_is_not_stated_again_with_power() -> None:

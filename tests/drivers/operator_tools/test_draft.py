@@ -182,7 +182,7 @@ def test_positions_in_other_units_than_increments_are_told() -> None:
 def test_the_choice_of_the_current_object_is_explained_and_the_others_are_named() -> None:
     text = drafted([axis({(0x2030, 0): MAKERS_CURRENT})])
     assert "# 6078:00 (i16): the standard's motor current, per mille of 6075 by CiA 402" in text
-    assert "# instead of it, 2030:00 (i32): the maker's own" in text
+    assert "# alternative, 2030:00 (i32): the maker's own" in text
 
 
 def test_where_ratings_may_be_found_is_told() -> None:

@@ -30,7 +30,7 @@ def open_bus(can_bus: Any, **changes: Any) -> CanopenDriveBus:
     return CanopenDriveBus(can_bus, drives_file(**changes))
 
 
-def until(drive_bus: CanopenDriveBus, holds: Callable[[Sample], bool]) -> Sample:
+def sample_until(drive_bus: CanopenDriveBus, holds: Callable[[Sample], bool]) -> Sample:
     for _ in range(2000):
         sample = drive_bus.sample()
         if holds(sample):
@@ -58,7 +58,7 @@ def test_an_axis_that_leaves_its_place_stops_all_within_two_syncs(
         can_bus.sent.clear()
         words = r"joint 1 .* outside -0.05 \.\.\. 0.05 rad around the set-point"
         with pytest.raises(Tripped, match=words):
-            until(drive_bus, lambda _: False)
+            sample_until(drive_bus, lambda _: False)
         sent = [frame.arbitration_id for frame in can_bus.sent]
         assert sent[: sent.index(0x201)].count(0x80) <= 2
         stopped = {f.arbitration_id for f in can_bus.sent if f.data[4:] == b"\x02\x00"}
@@ -69,30 +69,32 @@ def test_an_axis_that_leaves_its_place_stops_all_within_two_syncs(
 def test_an_axis_may_be_anywhere_on_its_way(can_bus: Any) -> None:
     with open_bus(can_bus) as drive_bus:
         drive_bus.move({0: Move(0.5, 1.0, 10.0)})
-        until(drive_bus, lambda sample: sample.reached)
+        sample_until(drive_bus, lambda sample: sample.reached)
         drive_bus.move({0: Move(-0.5, 1.0, 10.0)})
-        until(drive_bus, lambda sample: sample.q[0] < 0)
+        sample_until(drive_bus, lambda sample: sample.q[0] < 0)
         drive_bus.move({0: Move(0.3, 1.0, 10.0)})
-        assert until(drive_bus, lambda sample: sample.reached).q[0] == pytest.approx(0.3, abs=1e-4)
+        assert sample_until(drive_bus, lambda sample: sample.reached).q[0] == pytest.approx(
+            0.3, abs=1e-4
+        )
 
 
 def test_an_axis_that_runs_the_wrong_way_is_stopped(can_bus: Any) -> None:
     with open_bus(can_bus) as drive_bus:
         drive_bus.move({0: Move(0.5, 1.0, 10.0)})
-        until(drive_bus, lambda sample: sample.q[0] > 0.01)
+        sample_until(drive_bus, lambda sample: sample.q[0] > 0.01)
         can_bus.drives[1].target = -0.5 * PER_RADIAN
         with pytest.raises(Tripped, match=r"joint 1 .* outside -0.05 \.\.\. 0.55 rad"):
-            until(drive_bus, lambda _: False)
+            sample_until(drive_bus, lambda _: False)
 
 
 def test_an_axis_may_not_go_back_where_its_last_move_came_from(can_bus: Any) -> None:
     with open_bus(can_bus) as drive_bus:
         for target in (0.5, 0.4):
             drive_bus.move({0: Move(target, 1.0, 10.0)})
-            until(drive_bus, lambda sample: sample.reached)
+            sample_until(drive_bus, lambda sample: sample.reached)
         can_bus.drives[1].target = 0.2 * PER_RADIAN
         with pytest.raises(Tripped, match=r"outside 0.35 \.\.\. 0.55 rad"):
-            until(drive_bus, lambda _: False)
+            sample_until(drive_bus, lambda _: False)
 
 
 # Speed
@@ -101,12 +103,12 @@ def test_an_axis_may_not_go_back_where_its_last_move_came_from(can_bus: Any) -> 
 def test_an_encoder_that_jumps_within_the_corridor_is_noticed(can_bus: Any) -> None:
     with open_bus(can_bus) as drive_bus:
         drive_bus.move({1: Move(1.0, 1.0, 10.0)})
-        until(drive_bus, lambda sample: sample.q[1] > 0.2)
+        sample_until(drive_bus, lambda sample: sample.q[1] > 0.2)
         can_bus.drives[2].position -= 0.3 * PER_RADIAN
         with pytest.raises(
             Tripped, match=r"joint 2 .*rad/s, at most 2.6 rad/s allowed \(trip.vel"
         ) as caught:
-            until(drive_bus, lambda _: False)
+            sample_until(drive_bus, lambda _: False)
     assert all_off(can_bus)
     stated = re.search(r"(\S+) rad in (\S+) s is (\S+) rad/s", str(caught.value))
     assert stated is not None
@@ -118,18 +120,22 @@ def test_an_encoder_that_jumps_within_the_corridor_is_noticed(can_bus: Any) -> N
 def test_full_speed_is_no_overspeed(can_bus: Any) -> None:
     with open_bus(can_bus) as drive_bus:
         drive_bus.move({0: Move(1.5, 2.0, 20.0)})
-        assert until(drive_bus, lambda sample: sample.reached).q[0] == pytest.approx(1.5, abs=1e-4)
+        assert sample_until(drive_bus, lambda sample: sample.reached).q[0] == pytest.approx(
+            1.5, abs=1e-4
+        )
 
 
 def test_way_made_while_tpdos_were_lost_is_not_taken_for_speed(can_bus: Any) -> None:
     with open_bus(can_bus) as drive_bus:
         drive_bus.move({0: Move(1.5, 2.0, 20.0)})
-        until(drive_bus, lambda sample: sample.q[0] > 0.1)
+        sample_until(drive_bus, lambda sample: sample.q[0] > 0.1)
         can_bus.outgoing = lambda frame: [] if frame.arbitration_id == 0x181 else [frame]
         for _ in range(7):
             drive_bus.sample()
         can_bus.outgoing = lambda frame: [frame]
-        assert until(drive_bus, lambda sample: sample.reached).q[0] == pytest.approx(1.5, abs=1e-4)
+        assert sample_until(drive_bus, lambda sample: sample.reached).q[0] == pytest.approx(
+            1.5, abs=1e-4
+        )
 
 
 # Torque: 1 per mille of 2 A are 0.1 N m
@@ -141,7 +147,7 @@ def test_torque_near_the_limit_for_long_stops_all_axes(can_bus: Any) -> None:
         with pytest.raises(
             Tripped, match=r"joint 2 .*: 290 N m for 0.5\d* s, at most .* s above 285 N m"
         ):
-            until(drive_bus, lambda _: False)
+            sample_until(drive_bus, lambda _: False)
     assert all_off(can_bus)
 
 
@@ -157,7 +163,7 @@ def test_a_stated_torque_trip_counts(can_bus: Any) -> None:
     with open_bus(can_bus, trip={"torque": 20.0, "torque_time": 0.1}) as drive_bus:
         show(can_bus.drives[1], 250)
         with pytest.raises(Tripped, match=r"25 N m for 0.1\d* s, at most .* s above 20 N m"):
-            until(drive_bus, lambda _: False)
+            sample_until(drive_bus, lambda _: False)
 
 
 # The same trips without a bus, SYNC by SYNC

@@ -31,7 +31,7 @@ def bus() -> DirectBus:
     return DirectBus(SlaveNetwork(load_machine("manutec-r15")))
 
 
-def off(bus: DirectBus) -> bool:
+def is_off(bus: DirectBus) -> bool:
     states = {decode_state(word_of(bus, axis)) for axis in range(len(DRIVES.axes))}
     return states <= NOT_ENERGISED
 
@@ -51,7 +51,7 @@ def test_what_drives_held_is_put_back_and_the_bus_closed(bus: DirectBus) -> None
         assert [dictionary.get(*place) for place in places] != before
     assert [dictionary.get(*place) for place in places] == before
     assert bus.closed
-    assert off(bus)
+    assert is_off(bus)
 
 
 def test_a_drive_that_is_switched_off_by_another_hand_stops_all_axes(bus: DirectBus) -> None:
@@ -60,14 +60,14 @@ def test_a_drive_that_is_switched_off_by_another_hand_stops_all_axes(bus: Direct
         bus.network.nodes[2].dictionary.download(0x6040, 0, b"\0\0")
         with pytest.raises(DriveFault, match="left OPERATION ENABLED"):
             [axes.sample() for _ in range(5)]
-    assert off(bus)
+    assert is_off(bus)
 
 
 def test_another_drive_than_the_file_states_is_refused_before_any_is_on(bus: DirectBus) -> None:
     bus.network.nodes[1].dictionary.set(0x1018, 2, 0x999)
     with pytest.raises(DriveRefused, match="product code 00000999h"), ServoAxes(bus, DRIVES):  # type: ignore[arg-type]
         pytest.fail("the drives were accepted")
-    assert off(bus)
+    assert is_off(bus)
 
 
 def test_a_trip_latches_and_reset_powers_on_anew(bus: DirectBus) -> None:
@@ -80,7 +80,7 @@ def test_a_trip_latches_and_reset_powers_on_anew(bus: DirectBus) -> None:
         axes.reset()
         axes.sample()
         assert {decode_state(word_of(bus, k)) for k in range(6)} == {State.OPERATION_ENABLED}
-    assert off(bus)
+    assert is_off(bus)
 
 
 def test_requests_before_a_move_are_no_lack_of_supervision(

@@ -24,9 +24,9 @@ class Late:
         self.can_bus, self.syncs = can_bus, syncs
         self.starts = 0
         self.drive = can_bus.drives[NODE]
-        can_bus.on_send = self.on_send
+        can_bus.on_send = self.handle_sent
 
-    def on_send(self, frame: can.Message) -> None:
+    def handle_sent(self, frame: can.Message) -> None:
         if frame.arbitration_id == 0 and bytes(frame.data) == STARTED:
             self.starts += 1
         elif frame.arbitration_id == 0x80 and self.starts:

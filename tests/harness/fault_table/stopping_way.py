@@ -1,8 +1,8 @@
 """Longest distance of an axis after the end of a session, by docs/explanation/safety.md.
 
-While nobody can reach the drives, at most until their watchdogs act, an axis goes on at its speed;
-so it does for the delay that a stop may have; then it slows down at the deceleration that the
-drives file states, give or take a margin and the following error window.
+An axis keeps its speed while the drives cannot be reached, at most until their watchdogs act, and
+during the delay of a stop. Then it decelerates as stated in the drives file, within a margin and
+the following error window.
 """
 
 from __future__ import annotations

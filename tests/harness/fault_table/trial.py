@@ -1,8 +1,8 @@
 """One or more faults in the middle of a small campaign, with complete observation.
 
-The driver works on a bus in lock-step that logs all frames and has a witness of the machine. So it
-is known when the first frame showed the fault, when each axis was commanded to stop, how far it
-went, whether its watchdog was on, and which samples were wrong.
+The driver works on a bus in lock-step that logs all frames and observes the machine. The log shows
+the first frame with the fault, the stop command and the distance of each axis, the state of the
+watchdogs, and the wrong samples.
 """
 
 from __future__ import annotations

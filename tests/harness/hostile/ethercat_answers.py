@@ -1,9 +1,9 @@
 """Hostile answers of EtherCAT slaves at the driver.
 
 Answers are changed on their way back: bytes, lengths, whole contents, answers of other frames. Some
-carry our number and address, so that they pass for ours. Ethernet's check sum, which would drop
-nearly all of them, is not there. Conditions: the driver raises nothing but a `DriveError`, and when
-it has left and the drives were left alone, no axis is energised.
+carry the number and the address of the driver's own frames. Ethernet's checksum, which would reject
+nearly all changes, is not simulated. Conditions: the driver raises no error but `DriveError`; after
+its end, and some time without a master, no axis is energised.
 """
 
 from __future__ import annotations

@@ -76,7 +76,7 @@ class Hostile:
         rng = self._rng
         makers = (
             self._noise,
-            self._near,
+            self._services,
             self._sdo,
             self._pdo,
             self._sync,
@@ -108,7 +108,7 @@ class Hostile:
         del data
         return self._rng.integers(0, 0x800, len(at)), self._rng.integers(0, 9, len(at))
 
-    def _near(self, at: NDArray[np.int64], data: NDArray[np.uint8]) -> tuple[object, object]:
+    def _services(self, at: NDArray[np.int64], data: NDArray[np.uint8]) -> tuple[object, object]:
         del data
         services = self._rng.choice(SERVICES, len(at))
         services[services == 0] = 0x700  # frequent resets would switch everything off

@@ -12,8 +12,8 @@ An axis is *moved by a frame* when, while that frame is handled, its drive asks 
   halt;
 - target, velocity, acceleration and deceleration are within the drive's limits.
 
-So a random RPDO to an enabled drive that happens to be a legal set-point may move the axis; any
-other frame may not. And an axis that no drive enabled stays where it is.
+So only a random RPDO that is a legal set-point of an enabled drive may move the axis. An axis not
+enabled by its drive must not move at all.
 """
 
 from __future__ import annotations

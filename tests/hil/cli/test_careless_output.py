@@ -95,8 +95,8 @@ def test_nothing_is_read_for_what_cannot_be_written(
     file.write_text("something of the user's")
     chosen = [] if option == "-o" or "-o" not in required(name) else ["-o", tmp_path / "good"]
     status, _, err = hil(*name.split(), *chosen, option, file / "below", *arguments(name))
-    refusal = "there is no folder" if callback in FILES else "is no folder"
-    assert (status, refusal in err) == (1, True), err
+    refusal = r"there is no folder" if callback in FILES else r"is not a folder|there is no folder"
+    assert (status, bool(re.search(refusal, err))) == (1, True), err
     assert "nowhere" not in err
     assert file.read_text() == "something of the user's"
 
@@ -173,7 +173,7 @@ def test_a_taken_run_folder_is_refused_before_the_plan_is_gone_through(
     status, _, err = hil("run", plan, "-o", tmp_path / "run")
     assert (status, "already exists; continue with --resume" in err) == (1, True), err
     status, _, err = hil("run", plan, "-o", tmp_path / "other", "--resume")
-    assert (status, "is no run folder" in err) == (1, True), err
+    assert (status, "is not a run folder" in err) == (1, True), err
 
 
 def test_names_are_looked_at_before_anything_is_estimated(
@@ -188,7 +188,7 @@ def test_names_are_looked_at_before_anything_is_estimated(
         (("--without", "g999"), "no measurement of the plan has this id"),
         (("--mass", "9:1:2"), "bounds of link 9: manutec-r15 has links 1 to 6"),
         (("--mass", "2:1"), "must be LINK:MIN:MAX"),
-        (("--with", tmp_path / "other"), "is no run folder"),
+        (("--with", tmp_path / "other"), "is not a run folder"),
     ):
         status, _, err = hil("identify", run, *wrong)
         assert status in {1, 2}

@@ -307,7 +307,7 @@ def test_a_bus_that_is_not_there_is_refused(hil: Hil, plan_file: Path, tmp_path:
         ("digest: ", "digest: f", "the robot file of manutec-r15 was changed since the plan"),
         ("stroke: 0.4", "strike: 0.4", "plan.yaml:13: measurements.0.strike: unknown key"),
         ("stroke: 0.4", "stroke: 40", "joint 2, with half its stroke, at -20.3 rad is outside"),
-        ("measurements:", "measurements: [", "is no valid YAML"),
+        ("measurements:", "measurements: [", "is not valid YAML"),
     ],
 )
 def test_a_wrong_plan_is_refused_before_anything_moves(

@@ -155,7 +155,7 @@ def test_a_folder_without_models_and_an_index_that_is_none_are_refused(
         (lambda rows: changed(rows, "time", float("nan")), "time from 1970 to 9999"),
         (lambda rows: changed(rows, "machine", None, "string"), "must have values of machine"),
         (lambda rows: changed(rows, "kind", "stranger"), "a known kind"),
-        (lambda _: b"PAR1, or so", "is no index of hil fleet"),
+        (lambda _: b"PAR1, or so", "is not an index of hil fleet"),
     ],
     ids=["column missing", "text", "late", "no time", "no machine", "kind", "damaged"],
 )

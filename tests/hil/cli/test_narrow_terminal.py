@@ -55,6 +55,12 @@ TABLES = {
         ("axis", "model", *figures("rms, N m", "held out, N m"), "chosen", WHAT),
         [("1", "cube-root", "1.03", "1.00", "yes", "a1 7.94 ± 0.44 N m s/rad, a3 25.3 ± 2.1 N m")],
     ),
+    "symmetry": table(
+        "Is friction the same in both directions?",
+        ("axis", *figures("n", "asymmetry, %", "std. error, %", "p (none)", "p (bound)"),
+         Column("verdict", folds=True)),
+        [("2", "5", "−0.586", "0.048", "< 0.0001", "1", "asymmetric, within 2 %")],
+    ),
 }  # fmt: skip
 
 
@@ -77,6 +83,13 @@ def test_no_line_is_longer_and_no_figure_is_lost(name: str, width: int) -> None:
             assert set(re.findall(r"[\w.]+", cell)) <= set(re.findall(r"[\w.]+", words)) or (
                 LONG in cell
             )
+
+
+@pytest.mark.parametrize("name", ["causes", "laws", "symmetry"])
+def test_no_heading_takes_three_lines(name: str) -> None:
+    lines = printed(TABLES[name], 80)
+    rules = [at for at, line in enumerate(lines) if "──" in line]
+    assert not [at for at in rules if all(line.strip() for line in lines[at - 3 : at])]
 
 
 @pytest.mark.parametrize("width", [60, 80])

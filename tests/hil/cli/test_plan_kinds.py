@@ -27,7 +27,10 @@ ROBOT = "manutec-r15"
         ("--kind strokes --axis 2", "it is for friction"),
         ("--kind strokes --period 20", "it is for trajectory"),
         ("--kind trajectory --experiment stops", "it is for friction"),
-        ("--kind trajectory --workspace cell.yaml", "trajectories keep to joint limits only"),
+        (
+            "--kind trajectory --workspace cell.yaml",
+            "trajectories are only checked against joint limits",
+        ),
         ("--kind load --model RUN", "the robot is that of the run without the load"),
         ("--kind friction --experiment stops", "stops takes one axis: --axis"),
         ("--kind strokes --at-most 4", "it is for load"),

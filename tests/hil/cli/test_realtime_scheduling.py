@@ -125,7 +125,7 @@ def test_a_system_without_these_calls_grants_nothing_and_runs_all_the_same(
 def test_a_user_with_the_right_to_rtprio_alone_gets_a_normal_thread_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Without CAP_SYS_NICE, Linux does not permit threads to inherit the class again."""
+    """Linux permits threads to inherit the class again only with CAP_SYS_NICE."""
     policies = [os.SCHED_OTHER]
 
     def put(_pid: int, policy: int, _parameters: os.sched_param) -> None:

@@ -64,7 +64,7 @@ class Visitor(Thread):
             self.page.ask("POST", "/push", PUSH, PUSHED)
             time.sleep(1.5)
 
-    def of(self, kind: str) -> list[dict[str, Any]]:
+    def select(self, kind: str) -> list[dict[str, Any]]:
         return [line for line in self.lines if line["kind"] == kind]
 
 
@@ -87,21 +87,21 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     assert (status, err) == (0, "")
     assert f"continue with: hil report {folder / 'measured'}" in out
 
-    heads = [line["text"] for line in visitor.of("headline")]
+    heads = [line["text"] for line in visitor.select("headline")]
     asked = ["Planning", "Checking the drives", "Identifying", "Identified", "Learning", "Push the"]
     assert all(any(head.startswith(each) for head in heads) for each in asked)
-    assert all(line["more"] for line in visitor.of("headline")[:3])
+    assert all(line["more"] for line in visitor.select("headline")[:3])
     assert any(re.match(r"Push found: axis 2, \d+ N m", head) for head in heads), heads
     assert heads[-1].startswith("Done: ")
-    first, second = visitor.of("start")
+    first, second = visitor.select("start")
     assert [each["watched"] for each in (first, second)] == [False, True]
     assert [each["hand"] for each in (first, second)] == [False, True]
     status, _, text = visitor.report
     assert (status, (folder / "measured" / "report.html").read_text()) == (200, text)
-    assert any(each.startswith("hil run") for each in visitor.of("report")[0]["commands"])
-    assert visitor.of("off")
+    assert any(each.startswith("hil run") for each in visitor.select("report")[0]["commands"])
+    assert visitor.select("off")
 
-    estimates = [line["parameters"] for line in visitor.of("estimate")]
+    estimates = [line["parameters"] for line in visitor.select("estimate")]
     assert len(estimates) > 2
     last = [row["share"] for row in estimates[-1]]
     assert all(share < 5e-3 for share in last)
@@ -109,12 +109,12 @@ def test_it_measures_identifies_predicts_and_is_pushed(
         now <= (before or 1.0) * 2
         for now, before in zip(last, (row["share"] for row in estimates[0]), strict=True)
     )
-    torques = [line for line in visitor.of("torque") if len(line["axes"]) == 6]
+    torques = [line for line in visitor.select("torque") if len(line["axes"]) == 6]
     times = [t for line in torques for t in unpacked(line["torque"][0]["time"])]
     assert times == sorted(times)
     assert times[-1] - times[0] > 15.0
 
-    alarms = visitor.of("alarm")
+    alarms = visitor.select("alarm")
     assert alarms[0]["axis"] == 1
     assert alarms[0]["threshold"] < alarms[0]["torque"] < 1.25 * 350
     found = load_yaml(folder / "pushed" / NAME, Watched)

@@ -72,7 +72,8 @@ def test_what_a_page_shows_and_a_command_does_not_print_is_found() -> None:
 
 
 def test_readme_s_campaign_and_the_pages_that_go_on_with_it(walk: Walk) -> None:
-    """The same robot takes the place of the next one of the series, and passes its own limits."""
+    """One robot also serves as the next robot of the series, and passes the limits drafted from
+    itself."""
     walk("README.md", {"pipx install .": "", "hil try": ""})
     walk("docs/how-to/results.md")
     walk("docs/how-to/view.md")

@@ -1,4 +1,4 @@
-"""Weights of axes and solution are iterated until they agree."""
+"""Weights of axes and solution are iterated to convergence."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def test_what_is_left_out_is_said_with_its_reason():
 
 
 def test_gravity_of_a_direct_drive_is_identified():
-    """With first-order ripple it would not be: both have the same column."""
+    """First-order ripple is not fitted, because gravity has the same column."""
     robot = pan_tilt()
     plan = design(robot, {"gravity": 8, "inertia": 16})
     assert np.isfinite(

@@ -215,7 +215,7 @@ def test_what_is_left_out_is_stated_and_kept(tmp_path):
 
 @pytest.mark.parametrize("rows", [1, samples.IN_CACHE])
 def test_angles_that_were_kept_within_a_turn_go_on(tmp_path, monkeypatch, rows):
-    """Even if a turn begins with the first of the rows converted together."""
+    """One turn begins with the first row of a block of rows."""
     monkeypatch.setattr(samples, "IN_CACHE", rows)
     columns = table()
     columns["t"] = columns["t"] + 0.002 * np.sin(np.arange(len(columns["t"])))

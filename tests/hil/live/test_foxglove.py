@@ -60,7 +60,7 @@ def run(plan: Plan, robot: Robot, folder: Path, port: int) -> Listener:
     return listener
 
 
-def until(true: Callable[[], object]) -> None:
+def wait_until(true: Callable[[], object]) -> None:
     """Wait for a condition."""
     end = time.monotonic() + 3 * PATIENCE
     while not true():
@@ -99,11 +99,11 @@ def test_joint_states_are_what_was_measured(shown: tuple[FoxgloveClient, RunFold
         for each in folder
         for t, q, tau in zip(each.recording.time, each.recording.q, each.recording.tau, strict=True)
     }
-    diagnostics = client.of("/diagnostics")
+    diagnostics = client.select("/diagnostics")
     times = {stamp: values_of(content.status[0])["bus time [s]"] for stamp, content in diagnostics}
     stamps = Counter(stamp for stamp, _ in diagnostics)
     compared = 0
-    for stamp, state in client.of("/joint_states"):
+    for stamp, state in client.select("/joint_states"):
         # a slow client misses messages, and a busy computer stamps two with the same ms
         if stamps[stamp] == 1 and times[stamp] in recordings:
             q, tau = recordings[times[stamp]]
@@ -127,10 +127,10 @@ def test_channels_are_of_ros_2_and_clients_may_only_look(
 
 def test_events_go_on_to_the_end(shown: tuple[FoxgloveClient, RunFolder]) -> None:
     client, _ = shown
-    said = [(content.name, content.msg) for _, content in client.of("/events")]
+    said = [(content.name, content.msg) for _, content in client.select("/events")]
     assert ("g2", "measured g2 (gravity)") in said
     assert said[-2:] == [("run", "the axes are stopped and without power"), ("run", "finished")]
-    assert {content.level for _, content in client.of("/events")} == {20}
+    assert {content.level for _, content in client.select("/events")} == {20}
 
 
 def test_clients_that_never_read_or_die_disturb_nobody(
@@ -151,7 +151,7 @@ def test_clients_that_never_read_or_die_disturb_nobody(
         for each in bad:
             each.join()
     assert not RunFolder.open(tmp_path / "run").missing
-    assert good.of("/events")[-1].content.msg == "finished"
+    assert good.select("/events")[-1].content.msg == "finished"
 
 
 def _never_read(port: int) -> None:
@@ -159,7 +159,7 @@ def _never_read(port: int) -> None:
     with ExitStack() as deaf:
         for _ in range(5):
             subscribe(deaf.enter_context(connected(port, max_queue=1)), range(1, 4))
-        until(lambda: _refused(port))  # the server ends with the run
+        wait_until(lambda: _refused(port))  # the server ends with the run
 
 
 def _die(port: int) -> None:

@@ -63,11 +63,11 @@ def page(
         found.publish("event", **lines.event(event, 65.0, {"g1": 1}))
         found.sample(Sample(4.0, Q, TAU, (0,) * 6, False))
         browser.get(found.url)
-        until(browser, lambda: "rad" in "".join(row[1] for row in cells(browser)))
+        wait_until(browser, lambda: "rad" in "".join(row[1] for row in cells(browser)))
         yield found
 
 
-def until(browser: Chrome, condition: Any) -> None:
+def wait_until(browser: Chrome, condition: Any) -> None:
     WebDriverWait(browser, 30, 0.05).until(lambda _: condition())
 
 
@@ -83,7 +83,7 @@ def give(browser: Chrome, page: Served, samples: list[Sample]) -> None:
             shown = browser.execute_script("return window.live.scene.q[0]")
             return bool(shown == pytest.approx(last.q[0], abs=1e-4))
 
-        until(browser, taken)
+        wait_until(browser, taken)
 
 
 def text(browser: Chrome, name: str) -> str:
@@ -125,14 +125,14 @@ def test_a_run_of_the_virtual_plant_says_so_and_no_other_does(
     assert text(browser, "simulated") == "SIMULATED"
     assert browser.title == "SIMULATED: Run of manutec-r15, live"
     page.publish("start", **lines.start(manutec, small_plan, None, simulated=False))
-    until(browser, lambda: not browser.find_element(By.ID, "simulated").is_displayed())
+    wait_until(browser, lambda: not browser.find_element(By.ID, "simulated").is_displayed())
 
 
 def test_the_robot_stands_as_it_was_sampled(browser: Chrome, page: Served) -> None:
     assert browser.execute_script("return window.live.scene.q") == pytest.approx(Q)
     moved = tuple(q + 0.1 for q in Q)
     page.sample(Sample(4.1, moved, TAU, (0,) * 6, False))
-    until(
+    wait_until(
         browser,
         lambda: browser.execute_script("return window.live.scene.q") == pytest.approx(moved),
     )
@@ -141,10 +141,10 @@ def test_the_robot_stands_as_it_was_sampled(browser: Chrome, page: Served) -> No
 def test_friction_so_far_stands_beside_its_axis(browser: Chrome, page: Served) -> None:
     level = {"axis": 1, "speed": 0.4, "measurement": "g1"}
     page.publish("level", **level, level=51.2, count=1, least=51.2, most=51.2)
-    until(browser, lambda: cells(browser)[1][3] == "51.2 N m at 0.40 rad/s")
+    wait_until(browser, lambda: cells(browser)[1][3] == "51.2 N m at 0.40 rad/s")
     page.publish("level", **level, level=53.2, count=2, least=51.2, most=53.2)
     wanted = "53.2 N m at 0.40 rad/s (2 so far: 51.2 to 53.2)"
-    until(browser, lambda: cells(browser)[1][3] == wanted)
+    wait_until(browser, lambda: cells(browser)[1][3] == wanted)
 
 
 PARAMETERS = [
@@ -188,7 +188,7 @@ def watched(
         found.publish("headline", text="Push the arm: drag a link")
         browser.get(found.url)
         # the headline is in the page before the robot is drawn
-        until(browser, lambda: browser.execute_script("return !!window.live?.scene?.q"))
+        wait_until(browser, lambda: browser.execute_script("return !!window.live?.scene?.q"))
         assert text(browser, "headline").startswith("Push the arm")
         yield found, plant
 
@@ -196,12 +196,12 @@ def watched(
 def test_intervals_shrink_as_recordings_come(browser: Chrome, page: Served) -> None:
     assert text(browser, "headline") == "Measuring: 1 of 3"
     page.publish("estimate", **estimate(0.5, None))
-    until(browser, lambda: "32.02 kg m²" in text(browser, "intervals"))
+    wait_until(browser, lambda: "32.02 kg m²" in text(browser, "intervals"))
     assert "12 recordings" in text(browser, "intervals")
     assert "open" in text(browser, "intervals")
     wide = browser.execute_script("return document.querySelector('.interval').style.width")
     page.publish("estimate", **estimate(0.0052, 0.1))
-    until(browser, lambda: "0.0052" in text(browser, "intervals"))
+    wait_until(browser, lambda: "0.0052" in text(browser, "intervals"))
     assert "32.0184 kg m²" in text(browser, "intervals")
     assert "open" not in text(browser, "intervals")
     narrow = browser.execute_script("return document.querySelector('.interval').style.width")
@@ -213,7 +213,7 @@ def test_a_recording_stands_beside_its_prediction(browser: Chrome, page: Served)
     t = 3.0 + 0.1 * np.arange(40)
     one = np.sin(t)[:, np.newaxis]
     page.publish("torque", **lines.torque([1], t, 40 * one, 41 * one, np.full((40, 1), np.inf)))
-    until(browser, lambda: "at its end" in label(browser, 1))
+    wait_until(browser, lambda: "at its end" in label(browser, 1))
     assert label(browser, 1).startswith("axis 2: torque, N m, over time; at its end measured")
     assert "measured" in label(browser, 1)
     assert "none yet" in label(browser, 0)
@@ -243,21 +243,25 @@ def test_one_cursor_goes_through_curves_and_robot(
         Sample(4.0 + 0.04 * k, (0.5 + 0.001 * k, *Q[1:]), TAU, (0,) * 6, False) for k in range(500)
     ]
     give(browser, page, at_once)
-    until(browser, lambda: "at its end" in label(browser, 0))
-    until(browser, lambda: browser.execute_script("return window.live.recorded.duration > 23.9"))
+    wait_until(browser, lambda: "at its end" in label(browser, 0))
+    wait_until(
+        browser, lambda: browser.execute_script("return window.live.recorded.duration > 23.9")
+    )
     look_back(browser, 19.0)
     shown = browser.execute_script("return window.live.scene.q[0]")
     assert shown == pytest.approx(0.5 + 0.001 * (19.0 - 4.0) / 0.04, abs=0.002)
-    until(browser, lambda: cursors(browser) == [True] * 12)
+    wait_until(browser, lambda: cursors(browser) == [True] * 12)
     begin, end = browser.execute_script("return window.live.curves.span")
     assert begin <= 19.0 <= end <= begin + 10.0 + 1e-9
     browser.find_element(By.CSS_SELECTOR, ".time button").click()  # the recent past is replayed
-    until(browser, lambda: browser.execute_script("return window.live.curves.player.time") > 19.1)
+    wait_until(
+        browser, lambda: browser.execute_script("return window.live.curves.player.time") > 19.1
+    )
     page.sample(Sample(24.1, Q, TAU, (0,) * 6, False))
     browser.find_element(By.CSS_SELECTOR, ".time button:last-child").click()
-    until(browser, lambda: cursors(browser) == [False] * 12)
+    wait_until(browser, lambda: cursors(browser) == [False] * 12)
     page.sample(Sample(24.2, (2.0, *Q[1:]), TAU, (0,) * 6, False))
-    until(browser, lambda: browser.execute_script("return window.live.scene.q[0]") == 2.0)
+    wait_until(browser, lambda: browser.execute_script("return window.live.scene.q[0]") == 2.0)
     assert complaints(browser) == []
 
 
@@ -281,16 +285,18 @@ def test_recordings_that_have_passed_can_be_looked_back_at(browser: Chrome, page
         page.publish("torque", **lines.torque([1, 3], t, *columns, measurement=f"g{begin:.0f}"))
     passed = [Sample(4.0 + 0.1 * k, (0.01 * k, *Q[1:]), TAU, (0,) * 6, False) for k in range(100)]
     give(browser, page, passed)
-    until(browser, lambda: browser.execute_script("return window.live.recorded.duration > 13.8"))
-    until(browser, lambda: "at its end" in label(browser, 3))
-    until(browser, lambda: spans(browser, 1) == pytest.approx([8.0, 9.9]))
+    wait_until(
+        browser, lambda: browser.execute_script("return window.live.recorded.duration > 13.8")
+    )
+    wait_until(browser, lambda: "at its end" in label(browser, 3))
+    wait_until(browser, lambda: spans(browser, 1) == pytest.approx([8.0, 9.9]))
     look_back(browser, 5.0)
-    until(browser, lambda: spans(browser, 1) == pytest.approx([4.0, 5.9]))
-    until(
+    wait_until(browser, lambda: spans(browser, 1) == pytest.approx([4.0, 5.9]))
+    wait_until(
         browser,
         lambda: cursors(browser) == [axis in (1, 3) for axis in range(6) for _ in range(2)],
     )
-    until(
+    wait_until(
         browser,
         lambda: browser.execute_script("return window.live.scene.q[0]") == pytest.approx(0.1),
     )
@@ -307,11 +313,11 @@ def test_an_event_is_looked_back_at(browser: Chrome, watched: tuple[Served, Any]
     page, _ = watched
     for k in range(3):
         page.sample(Sample(6.1 + k, (1.0 + 0.1 * k, *Q[1:]), TAU, (0,) * 6, False))
-    until(browser, lambda: browser.execute_script("return window.live.scene.q[0]") == 1.2)
+    wait_until(browser, lambda: browser.execute_script("return window.live.scene.q[0]") == 1.2)
     page.publish("alarm", push=1, axis=1, torque=-31.2, threshold=9.0, unit="N m", t=6.6)
-    until(browser, lambda: "from outside" in text(browser, "notices"))
+    wait_until(browser, lambda: "from outside" in text(browser, "notices"))
     browser.find_element(By.CSS_SELECTOR, "#notices .then").click()
-    until(
+    wait_until(
         browser,
         lambda: browser.execute_script("return window.live.scene.q[0]") == pytest.approx(1.05),
     )
@@ -334,19 +340,19 @@ def test_a_link_that_is_dragged_pushes_the_plant_and_is_let_go(
     assert 0.0 < share.max() <= 0.2 + 1e-9
     assert share[0] > 0
     assert said["torque"][3:] == [0, 0, 0] or share[3:].any()
-    until(browser, lambda: "pulling with" in force(browser))
+    wait_until(browser, lambda: "pulling with" in force(browser))
     ActionChains(browser).release().perform()
     while any(json.loads(plant.recv(4096))["torque"]):
         continue
     page.publish("alarm", push=1, axis=1, torque=-31.2, threshold=9.0, unit="N m", t=4.5)
     page.publish("alarm", push=1, axis=2, torque=12.0, threshold=5.0, unit="N m", t=4.6)
     page.publish("headline", text="Push found: axis 2, 31.2 N m", more="By currents alone.")
-    until(browser, lambda: text(browser, "headline") == "Push found: axis 2, 31.2 N m")
+    wait_until(browser, lambda: text(browser, "headline") == "Push found: axis 2, 31.2 N m")
     assert text(browser, "more") == "By currents alone."
     assert "push 1, axis 2: -31.2 N m from outside" in text(browser, "notices")
     assert "axis 3" not in text(browser, "notices")  # one push affects several axes
     page.publish("end", how="finished", text="")
-    until(browser, lambda: not browser.find_element(By.ID, "hand").text)
+    wait_until(browser, lambda: not browser.find_element(By.ID, "hand").text)
     assert complaints(browser) == []
 
 
@@ -357,7 +363,7 @@ def test_an_axis_is_pushed_without_a_mouse_too(
     browser.find_element(By.CSS_SELECTOR, "[aria-label='Push axis 4']").send_keys("\n")
     torque = json.loads(plant.recv(4096))["torque"]
     assert torque == pytest.approx([0, 0, 0, 0.2 * manutec.torque_limit[3], 0, 0])
-    until(browser, lambda: force(browser) == "pushed axis 4 with 42 N m")
+    wait_until(browser, lambda: force(browser) == "pushed axis 4 with 42 N m")
 
 
 def test_a_near_miss_takes_the_link_and_does_not_turn_the_camera(
@@ -386,9 +392,9 @@ def test_marks_wait_for_data(
     with served() as page:
         page.begin(manutec, small_plan, ideal_bus.axes)
         browser.get(page.url)
-        until(browser, lambda: browser.execute_script(marks) == [False] * 6)
+        wait_until(browser, lambda: browser.execute_script(marks) == [False] * 6)
         page.sample(Sample(4.1, Q, TAU, (0,) * 6, False))
-        until(browser, lambda: browser.execute_script(marks) == [True] * 6)
+        wait_until(browser, lambda: browser.execute_script(marks) == [True] * 6)
 
 
 def test_a_motion_is_explained_and_the_end_leads_to_the_report(
@@ -397,7 +403,7 @@ def test_a_motion_is_explained_and_the_end_leads_to_the_report(
     assert text(browser, "doing") == SEEN
     assert "gravity" in text(browser, "shows")
     page.publish("report", folder="runs/try", commands=["hil view runs/try/pushed/run"])
-    until(browser, lambda: "hil view" in text(browser, "ended"))
+    wait_until(browser, lambda: "hil view" in text(browser, "ended"))
     link = browser.find_element(By.LINK_TEXT, "Open the report")
     assert link.get_attribute("href") == f"{page.url}report"
     assert complaints(browser) == []
@@ -419,8 +425,8 @@ def test_everybody_can_use_a_page_that_is_watched_and_pushed(
     page.publish("estimate", **estimate(0.0052, None))
     page.publish("torque", **torques(4.0))
     page.publish("alarm", push=1, axis=1, torque=-31.2, threshold=9.0, unit="N m", t=4.5)
-    until(browser, lambda: "kg m²" in text(browser, "intervals"))
-    until(browser, lambda: "at its end" in label(browser, 5))
+    wait_until(browser, lambda: "kg m²" in text(browser, "intervals"))
+    wait_until(browser, lambda: "at its end" in label(browser, 5))
     browser.execute_script(AXE)
     assert browser.execute_async_script(FAULTS) == []
     assert browser.execute_script(ENDS) <= width
@@ -430,7 +436,7 @@ def test_everybody_can_use_a_page_that_is_watched_and_pushed(
 def test_a_sample_that_is_missing_is_said_to_be(browser: Chrome, page: Served) -> None:
     nan = float("nan")
     page.sample(Sample(4.1, (nan, *Q[1:]), (nan, *TAU[1:]), (1, 0, 0, 0, 0, 0), False))
-    until(browser, lambda: cells(browser)[0][1].startswith("missing"))
+    wait_until(browser, lambda: cells(browser)[0][1].startswith("missing"))
     assert cells(browser)[1][1].startswith("−0.30 rad")
 
 
@@ -440,11 +446,11 @@ def test_findings_and_faults_are_shown_with_their_remedy(
     finding = Finding("gaps", "12 samples are missing, at most 3 may; check the cable", 12, 3)
     event = GaveUp(9.0, 10.0, small_plan.measurements[0], 3, (finding,))
     page.publish("event", **lines.event(event, 30.0, {"g1": 1}))
-    until(browser, lambda: "check the cable" in text(browser, "notices"))
+    wait_until(browser, lambda: "check the cable" in text(browser, "notices"))
     page.publish("fault", text="joint 2: following error; check the brake")
     page.publish("off")
     page.publish("end", how="failed", text="joint 2: following error; check the brake")
-    until(
+    wait_until(
         browser,
         lambda: text(browser, "state") == "the run has ended with a fault, the axes are off",
     )
@@ -460,7 +466,7 @@ def test_text_of_files_and_drives_stays_text(
     page.publish("armed", **lines.armed(axes))
     page.publish("note", text=HOSTILE)
     page.publish("fault", text=HOSTILE)
-    until(browser, lambda: HOSTILE in text(browser, "notices"))
+    wait_until(browser, lambda: HOSTILE in text(browser, "notices"))
     assert text(browser, "fault") == HOSTILE
     assert browser.find_element(By.CSS_SELECTOR, "#axes tbody tr").get_attribute("title") == HOSTILE
     assert browser.find_elements(By.CSS_SELECTOR, "main img, header img") == []
@@ -468,33 +474,33 @@ def test_text_of_files_and_drives_stays_text(
 
 def test_the_button_stops_once(browser: Chrome, page: Served) -> None:
     browser.find_element(By.ID, "stop").click()
-    until(browser, lambda: page.stops == [1])
-    until(browser, lambda: text(browser, "state") == "stopping all axes")
+    wait_until(browser, lambda: page.stops == [1])
+    wait_until(browser, lambda: text(browser, "state") == "stopping all axes")
     page.publish("off")
     page.publish("end", how="stopped", text="")
-    until(browser, lambda: text(browser, "state") == "stopped, the axes are off")
+    wait_until(browser, lambda: text(browser, "state") == "stopped, the axes are off")
     assert complaints(browser) == []
 
 
 def test_a_stop_that_cannot_be_delivered_says_what_to_do(browser: Chrome, page: Served) -> None:
     page.listener._process.kill()  # type: ignore[union-attr]
-    until(browser, lambda: text(browser, "state").startswith("no connection to the run"))
+    wait_until(browser, lambda: text(browser, "state").startswith("no connection to the run"))
     browser.find_element(By.ID, "stop").click()
-    until(browser, lambda: "was not delivered" in text(browser, "fault"))
+    wait_until(browser, lambda: "was not delivered" in text(browser, "fault"))
     assert "Ctrl-C" in text(browser, "fault")
     complaints(browser)
 
 
 def test_samples_that_stay_away_are_missed(browser: Chrome, page: Served) -> None:
-    until(browser, lambda: text(browser, "state").startswith("armed, but no sample for"))
+    wait_until(browser, lambda: text(browser, "state").startswith("armed, but no sample for"))
 
 
 def test_a_page_that_is_opened_late_knows_all(browser: Chrome, page: Served) -> None:
     page.publish("note", text="joint 3 warms up")
-    until(browser, lambda: "joint 3 warms up" in text(browser, "notices"))
+    wait_until(browser, lambda: "joint 3 warms up" in text(browser, "notices"))
     browser.refresh()
-    until(browser, lambda: "joint 3 warms up" in text(browser, "notices"))
-    until(browser, lambda: any(row[1].startswith("−0.30 rad") for row in cells(browser)))
+    wait_until(browser, lambda: "joint 3 warms up" in text(browser, "notices"))
+    wait_until(browser, lambda: any(row[1].startswith("−0.30 rad") for row in cells(browser)))
     assert text(browser, "doing") == SEEN
 
 
@@ -504,9 +510,9 @@ def test_the_button_of_another_address_works_too(
     with served("0.0.0.0") as page:  # noqa: S104 - on purpose
         page.begin(manutec, small_plan, ideal_bus.axes)
         browser.get(f"http://127.0.0.1:{page.port}{page.path}")
-        until(browser, lambda: text(browser, "state").startswith("armed"))
+        wait_until(browser, lambda: text(browser, "state").startswith("armed"))
         browser.find_element(By.ID, "stop").click()
-        until(browser, lambda: page.stops == [1])
+        wait_until(browser, lambda: page.stops == [1])
     complaints(browser)
 
 
@@ -519,8 +525,8 @@ def test_everybody_can_use_it(browser: Chrome, page: Served, width: int, scheme:
     page.publish("fault", text="joint 2: following error; check the brake")
     page.publish("level", axis=1, level=51.2, speed=0.4, count=2, least=49.0, most=51.2)
     page.publish("estimate", **estimate(0.00052, None))
-    until(browser, lambda: text(browser, "fault"))
-    until(browser, lambda: "product of inertia" in text(browser, "intervals"))
+    wait_until(browser, lambda: text(browser, "fault"))
+    wait_until(browser, lambda: "product of inertia" in text(browser, "intervals"))
     browser.execute_script(AXE)
     assert browser.execute_async_script(FAULTS) == []
     assert browser.execute_script(ENDS) <= width

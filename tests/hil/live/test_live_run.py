@@ -36,9 +36,9 @@ class Run(NamedTuple):
 
     def server(self) -> int:
         """Return the process that serves the page."""
-        return self.beside("hil.live.page_server")
+        return self.find_process("hil.live.page_server")
 
-    def beside(self, module: str) -> int:
+    def find_process(self, module: str) -> int:
         """Return the process that executes a module beside the run."""
         number = self.process.pid
         children = Path(f"/proc/{number}/task/{number}/children").read_text().split()
@@ -162,7 +162,7 @@ def test_a_killed_estimate_disturbs_nothing(plan_file: Path, tmp_path: Path) -> 
     folder = tmp_path / "run"
     run = start(plan_file, folder)
     wait_for_recordings(folder, 1, run)
-    os.kill(run.beside("hil.live.estimator"), signal.SIGKILL)
+    os.kill(run.find_process("hil.live.estimator"), signal.SIGKILL)
     out, err = run.process.communicate(timeout=120)
     assert (run.process.returncode, err) == (0, "")
     assert out.count("the estimation during the run has ended") == 1

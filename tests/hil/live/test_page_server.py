@@ -43,7 +43,7 @@ def page() -> Iterator[Served]:
         yield found
 
 
-def until(condition: Any, seconds: float = 20.0) -> None:
+def wait_until(condition: Any, seconds: float = 20.0) -> None:
     ends = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < ends, "waited in vain"
@@ -65,7 +65,7 @@ def test_the_headline_is_in_the_page_before_any_script(page: Served) -> None:
     assert '<p id="headline" role="status"></p>' in page.ask("GET", "/")[2]
     page.publish("headline", text="Planning <i>the</i> measurements", more="")
     escaped = "Planning &lt;i&gt;the&lt;/i&gt; measurements"
-    until(lambda: f'<p id="headline" role="status">{escaped}</p>' in page.ask("GET", "/")[2])
+    wait_until(lambda: f'<p id="headline" role="status">{escaped}</p>' in page.ask("GET", "/")[2])
 
 
 def test_a_browser_may_load_nothing_from_elsewhere(page: Served) -> None:
@@ -119,7 +119,7 @@ def test_a_page_of_another_site_can_stop_nothing(page: Served) -> None:
 def test_our_own_page_can_stop(page: Served) -> None:
     given = {**STOP, "Origin": f"http://127.0.0.1:{page.port}"}
     assert page.ask("POST", "/stop", given)[0] == 202
-    until(lambda: page.stops)
+    wait_until(lambda: page.stops)
     page.ask("POST", "/stop", given)
     assert page.stops == [1]  # a second interrupt would disturb the shutdown by the first
 
@@ -155,7 +155,7 @@ def test_a_push_goes_to_the_plant_and_nowhere_else(tmp_path: Path) -> None:
         status, _, text = page.ask("POST", "/push", PUSH, PUSHED)
         assert (status, text) == (503, "the arm cannot be pushed now\n")
         page.publish("end", how="finished", text="")
-        until(lambda: page.ask("POST", "/push", PUSH, PUSHED)[0] == 409)
+        wait_until(lambda: page.ask("POST", "/push", PUSH, PUSHED)[0] == 409)
         assert page.stops == []
 
 
@@ -176,7 +176,7 @@ def test_the_report_is_served_once_it_is_there_under_its_own_policy(tmp_path: Pa
 def test_who_waits_for_the_last_page_to_be_closed_does_not_wait_where_none_is_open() -> None:
     with served("127.0.0.1", 0, "--while-open") as page:
         page.publish("report", folder="runs/try", commands=[])
-        until(lambda: page.stops != [])
+        wait_until(lambda: page.stops != [])
 
 
 def test_a_push_is_bounded_as_the_plant_bounds_it() -> None:
@@ -205,7 +205,7 @@ def test_a_stop_is_asked_for_once_the_last_page_is_closed(
     time.sleep(2.5)
     assert closed == []
     theirs.close()
-    until(lambda: closed == [1])
+    wait_until(lambda: closed == [1])
     os.close(outlet)
     thread.join()
     stdin.close()
@@ -226,7 +226,7 @@ def test_a_page_that_was_open_for_an_instant_asks_for_the_stop_too(
     theirs.close()
     streams.take(b'{"kind": "headline", "text": "still here"}')  # drops the page
     assert streams.pages == 0
-    until(lambda: closed == [1])
+    wait_until(lambda: closed == [1])
     os.close(outlet)
     thread.join()
     stdin.close()
@@ -307,7 +307,7 @@ def test_one_page_too_many_is_refused_and_the_others_go_on(page: Served) -> None
         assert any(line.get("text") == "still here" for line in each)
     closed = pages.pop()
     closed.shutdown(socket.SHUT_RDWR)
-    until(lambda: _is_served(page))
+    wait_until(lambda: _is_served(page))
     for each in (*streams_of, *pages, closed):
         each.close()
 

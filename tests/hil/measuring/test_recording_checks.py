@@ -167,9 +167,7 @@ def test_of_a_short_recording_one_sample_may_be_missing() -> None:
 
 
 def test_a_limit_counts_while_the_axis_moves_alone() -> None:
-    """On the way to its start and at rest an axis may be at its limit, since no data are used
-    there.
-    """
+    """An axis may be at its limit at rest and during travel, since these samples are not used."""
     sound = recording()
     stroke = sound.stroke.copy()
     stroke[:50] = IDLE

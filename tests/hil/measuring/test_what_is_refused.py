@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import any_clock
 import numpy as np
 import pytest
-from any_clock import FRICTION, GRAVITY, INERTIA, PERIOD, ROBOT, WAVE, followed, of
+from any_clock import FRICTION, GRAVITY, INERTIA, PERIOD, ROBOT, WAVE, followed, record
 
 from drivers.drive_bus import SampleFlag, Tripped
 from hil.measuring.checks.encoder_jumps import refuse_jumps
@@ -153,7 +153,7 @@ def test_a_sync_is_left_out_where_the_next_is_nearer_to_its_instant() -> None:
 
 def test_steps_of_a_coarse_encoder_are_no_jump_and_larger_ones_are() -> None:
     n, step = 1000, 1e-3
-    creeping = of(np.zeros((n, 2)), np.zeros(n), np.full(n, IDLE))
+    creeping = record(np.zeros((n, 2)), np.zeros(n), np.full(n, IDLE))
     for counts, resolution, jumps in ((1, step, False), (1, 0.0, True), (7, step, True)):
         q = creeping.q.copy()
         q[:, 0] = counts * step * (np.arange(n) // 250)

@@ -11,7 +11,7 @@ recursion = pytest.importorskip("hil.model.recursion", reason="no C compiler at 
 
 @pytest.mark.parametrize("rows", [(0, 1, 2, 3), (2,), (1, 3)])
 def test_arrays_give_what_is_compiled_to_the_last_bit(rows: tuple[int, ...]) -> None:
-    """For all parameters of all links, including prismatic joints."""
+    """Columns of all ten parameters of every link are compared, also with prismatic joints."""
     drawn = np.random.default_rng(5)
     angle = drawn.uniform(-3.0, 3.0, (37, 4))
     others = drawn.uniform(-2.0, 2.0, (3, 37, 4))

@@ -132,7 +132,7 @@ def test_frames_may_be_written_in_lengths_and_pi(chains):
         ("alpha: -pi/2", "alpha: -1.57", "-1.57 rad is a rounded -1 pi/2; write -1*pi/2"),
         ("alpha: -pi/2", "alpha: l1", "must be an angle in rad"),
         ("alpha: -pi/2", "alpha: __import__('os')", "is not an expression"),
-        ("d: l1", "d: l3", "l3 is no length; known are l1, l2 in lengths"),
+        ("d: l1", "d: l3", "l3 is not a length; known are l1, l2 in lengths"),
         ("d: l1", "d: 500", "500 m must be within +-20 m: it looks like millimetres"),
         ("d: l1", "d: l1 / l2", "is not an expression"),
         ("l1: 0.50", "l1: 500", "l1 looks like millimetres"),
@@ -175,7 +175,7 @@ def test_problems_across_fields_are_all_named_with_their_lines(text):
     ]
     at = wrong[: wrong.index("l4 + l5")].count("\n") + 1
     assert lines[1] == (
-        f"robot.yaml:{at}: joints.3.frame.r: l4 is no length; known are l1, l2 in lengths"
+        f"robot.yaml:{at}: joints.3.frame.r: l4 is not a length; known are l1, l2 in lengths"
     )
 
 

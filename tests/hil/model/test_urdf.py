@@ -266,7 +266,7 @@ def insert_xacro(element: str) -> str:
         (
             urdf("x", ROBOTS["pan-tilt"]).replace('parent link="link1"', 'parent link="lnk1"'),
             None,
-            "6: parent 'lnk1' is no link of this file",
+            "6: parent 'lnk1' is not a link of this file",
         ),
         ('<!DOCTYPE robot [<!ENTITY a "b">]>\n<robot/>', None, "1: declares an entity"),
     ],

@@ -301,7 +301,7 @@ def saved(model: Model, folder: Path) -> Path:
 def test_another_robot_is_refused_with_what_differs(tmp_path: Path) -> None:
     one = saved(machine(), tmp_path / "one")
     other = saved(stated_model(arm(gear_ratio=80.0)), tmp_path / "other")
-    with pytest.raises(Mismatch, match=r"other: is no run of the machine of .*one: .* joints"):
+    with pytest.raises(Mismatch, match=r"other: is not a run of the machine of .*one: .* joints"):
         read_history([one, other])
 
 

@@ -135,7 +135,7 @@ def test_a_run_without_couplings_is_refused_by_the_parameter_s_name(copy):
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path):
-    with pytest.raises(FileError, match=r"is no run folder; make one with: hil run"):
+    with pytest.raises(FileError, match=r"is not a run folder; make one with: hil run"):
         Run.open(tmp_path / "nothing")
 
 

@@ -130,7 +130,7 @@ def test_intervals_that_hold_far_fewer_samples_than_they_say_do_not_pass(
 
 
 def test_the_least_share_inside_is_that_of_an_error_which_all_samples_share() -> None:
-    # half of the variance is shared, and that error is at the end of its interval of 95 %
+    # half of the variance is shared; the shared error is at the end of its 95 % interval
     level, share = 1.96, np.sqrt(0.5)
     ends = (np.array([1.0, -1.0]) - share) * level / np.sqrt(1 - share**2)
     above, below = special.ndtr(ends)

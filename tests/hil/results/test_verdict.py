@@ -99,7 +99,9 @@ def limit(cause: str, axis: int, size: float | None, torque: float = 0.01) -> Li
     return Limit(cause=cause, axis=axis, part="", unit="%", size=size, torque=torque)
 
 
-def within(model: Model, *limits: Limit, usual_effect: Array | None = None) -> tuple[str, Array]:
+def reasons_within(
+    model: Model, *limits: Limit, usual_effect: Array | None = None
+) -> tuple[str, Array]:
     """Return reasons of a good model with this excluded cause, and the figures in them."""
     found = verdict(
         replace(model, excluded=Excluded(found=(), limits=limits, tests=1)), usual_effect
@@ -118,7 +120,7 @@ def effects(model: Model) -> Array:
 
 
 def test_a_note_states_what_must_be_right_since_it_does_not_show(model: Model) -> None:
-    reason, (stated, usual) = within(
+    reason, (stated, usual) = reasons_within(
         model,
         limit("torque constant", 4, None),
         limit("torque constant", 6, 30.0),
@@ -136,7 +138,9 @@ def test_a_note_states_what_must_be_right_since_it_does_not_show(model: Model) -
 
 
 def test_what_shows_in_its_usual_size_is_no_condition(model: Model) -> None:
-    reason, stated = within(model, limit("torque constant", 4, 0.1), usual_effect=effects(model))
+    reason, stated = reasons_within(
+        model, limit("torque constant", 4, 0.1), usual_effect=effects(model)
+    )
     assert len(stated) == 1
     assert "if" not in reason
 
@@ -148,13 +152,13 @@ def test_a_tolerance_counts_as_far_as_it_would_not_be_found(model: Model) -> Non
         for axis in range(1, 7)
         if (cause, axis) != ("rotor inertia", 1)
     ]  # fmt: skip
-    _, (_, alone) = within(model, hidden, *seen, usual_effect=effects(model))
-    _, (_, every) = within(model, hidden, usual_effect=effects(model))
+    _, (_, alone) = reasons_within(model, hidden, *seen, usual_effect=effects(model))
+    _, (_, every) = reasons_within(model, hidden, usual_effect=effects(model))
     assert every / alone == pytest.approx(np.sqrt(12), rel=0.1)
 
 
 def test_what_parameters_span_and_what_makes_little_torque_is_no_condition(model: Model) -> None:
-    reason, stated = within(
+    reason, stated = reasons_within(
         model, limit("joint offset", 6, None, torque=0.1), limit("backlash", 2, 1.0, torque=1e-4)
     )
     assert len(stated) == 1
@@ -173,7 +177,7 @@ def test_uncertainties_that_a_robot_file_states_take_the_place_of_usual_toleranc
     robot = Robot(file, model.robot.source, model.robot.text)
     assert not robot.usual_uncertainty.any()
     assert model.robot.usual_uncertainty == pytest.approx(0.1 / np.sqrt(3))
-    reason, _ = within(replace(model, robot=robot), limit("torque constant", 4, None))
+    reason, _ = reasons_within(replace(model, robot=robot), limit("torque constant", 4, None))
     assert reason.count("within") == 1
     assert "stated uncertainties of the drives included" in reason
 

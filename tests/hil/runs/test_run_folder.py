@@ -233,7 +233,7 @@ def test_a_plan_changed_inside_the_folder_is_refused(folder: RunFolder) -> None:
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match="is no run folder"):
+    with pytest.raises(FileError, match="is not a run folder"):
         RunFolder.open(tmp_path / "nothing")
     with pytest.raises(FileError, match=r"run.json: cannot be read"):
         RunFolder.open(tmp_path)

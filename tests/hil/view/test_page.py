@@ -102,7 +102,7 @@ def test_the_licence_of_what_is_bundled_stands_in_the_page(manutec: Robot) -> No
 
 
 def test_the_bundle_is_that_of_its_sources() -> None:
-    """If not, rebuild it by `make view-bundle`."""
+    """Remedy for a difference: `make view-bundle`."""
     web = ROOT / "web"
     sources = [
         *(f"src/{path.name}" for path in (web / "src").iterdir()),

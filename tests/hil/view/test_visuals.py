@@ -91,7 +91,7 @@ def test_a_file_that_cannot_be_read_is_refused(
 
 
 def test_a_mesh_stands_in_the_frame_of_its_link(scara: Path) -> None:
-    """Its corners are at the positions given by the URDF's own kinematics, in any configuration."""
+    """Corners of the mesh have the positions of the URDF's own kinematics in any configuration."""
     write(scara, '<mesh filename="package://scara_description/meshes/arm.stl" scale="2 2 2"/>',
           '<origin xyz="0.1 0 0.2" rpy="0.3 0.2 0.1"/>')  # fmt: skip
     robot, chain = Robot.load(scara), read_urdf(scara)

@@ -86,8 +86,8 @@ def test_with_sync0_outputs_act_and_inputs_are_latched_at_it(
     segment: Segment, master: Master
 ) -> None:
     drive = segment.nodes[0]
-    master.to_preop(0)
-    master.to_safeop(0)
+    master.enter_preop(0)
+    master.enter_safeop(0)
     align(master)
     start = times(master, 0)[0] + 5_000_000
     master.write(0, 0x990, struct.pack("<Q", start))
@@ -110,8 +110,8 @@ def test_with_sync0_outputs_act_and_inputs_are_latched_at_it(
 def test_a_sync0_cycle_that_the_drive_does_not_follow_is_refused(
     master: Master, cycle: int
 ) -> None:
-    master.to_preop(0)
-    master.to_safeop(0)
+    master.enter_preop(0)
+    master.enter_safeop(0)
     master.write(0, 0x9A0, struct.pack("<I", cycle))
     master.write(0, 0x981, b"\3")
     assert master.request(0, 8) == (0x14, 0x36)
@@ -124,8 +124,8 @@ def test_sync0_comes_once_a_cycle_while_the_clock_is_drawn(
     node = segment.nodes[1]
     node.clock.set_drift(50e-6, 0.0)
     align(master)
-    master.to_preop(1)
-    master.to_safeop(1)
+    master.enter_preop(1)
+    master.enter_safeop(1)
     node.exchange = lambda _image: counted.append(segment.time)  # type: ignore[method-assign]
     master.write(1, 0x990, struct.pack("<Q", times(master, 1)[0] + 1_000_000))
     master.write(1, 0x9A0, struct.pack("<I", 1_000_000))

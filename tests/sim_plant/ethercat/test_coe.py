@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 @pytest.fixture
 def master(segment: Segment) -> Master:
     opened = Master(segment.process)
-    opened.to_preop(0)
+    opened.enter_preop(0)
     return opened
 
 
@@ -57,7 +57,7 @@ def test_a_value_longer_than_the_mailbox_travels_in_segments(
     assert master.upload(0, 0x1008) == bytes(range(97, 117)) * 60
     master.request(0, 1)
     small = Master(segment.process, 22)
-    small.to_preop(0)
+    small.enter_preop(0)
     assert small.upload(0, 0x1008) == bytes(range(97, 117)) * 60
 
 
@@ -125,7 +125,7 @@ def test_process_data_are_what_assignment_and_mappings_say(
         master.download(0, 0x1A00, subindex, data)
     assign(master, 0, 0x1C13, 0x1A00, 0x1A02)
     assign(master, 0, 0x1C12, 0x1601)
-    master.to_safeop(0, (3, segment.nodes[0].process_data.sizes[1]))
+    master.enter_safeop(0, (3, segment.nodes[0].process_data.sizes[1]))
     assert segment.nodes[0].process_data.sizes[0] == 3
     for wrong in ((0x1C12, 0, b"\0"), (0x1A00, 0, b"\0")):
         with pytest.raises(SdoRefused, match="0x8000022"):
@@ -166,7 +166,7 @@ def test_objects_that_cannot_be_mapped_or_assigned_are_refused(master: Master) -
 def test_outputs_act_when_the_frame_has_passed_and_show_a_cycle_later(
     segment: Segment, master: Master
 ) -> None:
-    master.to_op(0)
+    master.enter_op(0)
 
     def statusword(word: int) -> int:
         answer = master.exchange([struct.pack("<Hiih", word, 0, 0, 0)])[0]
@@ -186,7 +186,7 @@ def test_a_set_point_comes_together_with_its_controlword_whatever_the_order(
     segment: Segment, master: Master
 ) -> None:
     machine = segment._machine
-    master.to_op(0)
+    master.enter_op(0)
     for word in (6, 7, 15):
         master.exchange([struct.pack("<Hiih", word, 0, 0, 0)])
     master.exchange([struct.pack("<Hiih", 0x1F, 5000, 0, 0)])
@@ -194,7 +194,7 @@ def test_a_set_point_comes_together_with_its_controlword_whatever_the_order(
 
 
 def test_process_data_act_in_op_only(segment: Segment, master: Master) -> None:
-    master.to_safeop(0)
+    master.enter_safeop(0)
     for word in (6, 7, 15):
         answer = master.exchange([struct.pack("<Hiih", word, 0, 0, 0)])[0]
         assert answer.counter == 3
@@ -206,7 +206,7 @@ def test_a_value_that_an_object_does_not_take_is_an_emergency(
     segment: Segment, master: Master
 ) -> None:
     assign(master, 0, 0x1C12, 0x1601)
-    master.to_safeop(0, (3, 12))
+    master.enter_safeop(0, (3, 12))
     assert master.request(0, OP) == (OP, 0)
     master.exchange([struct.pack("<Hb", 6, 77)])
     emergency = master.fetch(0)

@@ -36,7 +36,7 @@ def session(segment: Segment) -> tuple[list[bytes | None], int]:
         return answers[-1]
 
     master = Master(process)
-    master.to_op(*range(AXES))
+    master.enter_op(*range(AXES))
     master.write(0, reg.STATION, struct.pack("<H", ADDRESS))
     segment.nodes[2].clock.set_drift(1e-4, segment.time)
 

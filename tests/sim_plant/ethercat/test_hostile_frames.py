@@ -52,7 +52,7 @@ def test_datagrams_of_any_content_upset_no_slave(
         assert segment.process(frame_of(*datagrams)) is not None
     segment.nodes[0].restart()
     master = Master(segment.process)
-    master.to_preop(0)
+    master.enter_preop(0)
     assert master.upload(0, 0x1000) == b"\x92\1\2\0"
 
 
@@ -80,7 +80,7 @@ def test_mutated_frames_of_a_master_energise_nothing(seed: int) -> None:
         if number % 500 == 0:
             for node in segment.nodes:
                 node.restart()
-            good.to_op(0, 1)
+            good.enter_op(0, 1)
         if rng.random() < 0.5:
             data = struct.pack("<Hiih", 0, 0, 0, 0) + bytes(12)
             frame = frame_of((Command.LRW, 0, 0, data), (Command.LRW, 0x100, 0, data))
@@ -114,7 +114,7 @@ def test_among_any_frames_those_that_come_again_are_passed_as_any_frame_is(
             if number % 100 == 0:
                 for node in segment.nodes:
                     node.restart()
-                master.to_op(0, 1)
+                master.enter_op(0, 1)
                 word, target = 0, 0
             if rng.random() < 0.1:
                 word, target = rng.choice((0, 2, 6, 7, 15, 31)), rng.choice((0, 500, -500))

@@ -52,7 +52,7 @@ def run_ethercat() -> list[Row]:
     segment = Segment(load_machine("manutec-r15", SEED))
     segment.power_on()
     master = Master(segment.process)
-    master.to_op(*range(AXES))
+    master.enter_op(*range(AXES))
     seen: list[Row] = []
     for cycle in range(CYCLES + 1):
         word, target = commands(cycle)

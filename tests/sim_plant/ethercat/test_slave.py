@@ -69,11 +69,11 @@ def test_states_go_up_step_by_step_and_down_at_once(master: Master) -> None:
     assert master.request(0, PREOP) == (INIT | ERROR, 0x11), "not acknowledged"
     assert master.request(0, PREOP | ERROR) == (INIT | ERROR, 0x16), "one mailbox is missing"
     assert master.request(0, INIT | ERROR) == (INIT, 0)
-    master.to_preop(0)
+    master.enter_preop(0)
     assert master.request(0, 3) == (PREOP | ERROR, 0x13), "no bootstrap"
     assert master.request(0, 7 | ERROR) == (PREOP | ERROR, 0x12), "no such state"
     assert master.request(0, PREOP | ERROR) == (PREOP, 0)
-    master.to_safeop(0)
+    master.enter_safeop(0)
     assert master.request(0, OP) == (OP, 0)
     assert master.request(0, PREOP) == (PREOP, 0)
     assert master.request(0, INIT) == (INIT, 0)
@@ -94,8 +94,8 @@ def test_states_go_up_step_by_step_and_down_at_once(master: Master) -> None:
 def test_process_data_of_another_size_or_place_are_refused_on_the_way_to_safeop(
     master: Master, manager: int, start: int, size: int, control: int, code: int
 ) -> None:
-    master.to_preop(0)
-    master.to_safeop(0)
+    master.enter_preop(0)
+    master.enter_safeop(0)
     master.request(0, PREOP)
     master.set_manager(0, manager, start, size, control)
     assert master.request(0, SAFEOP) == (PREOP | ERROR, code)
@@ -110,7 +110,7 @@ def test_what_a_frame_asks_for_is_not_there_in_the_same_frame(master: Master) ->
 
 
 def test_fmmus_lay_single_bits_and_status_of_mailboxes_into_logical_memory(master: Master) -> None:
-    master.to_preop(0)
+    master.enter_preop(0)
     bit = struct.pack("<IHBBHBBB3x", 0x5000, 1, 6, 6, 0x80D, 3, 1, 1)
     master.write(0, 0x620, bit)
     waiting = master.send((Command.LRD, 0x5000, 0, b"\x81"))[0]
@@ -136,7 +136,7 @@ def test_a_datagram_may_cover_a_part_of_what_an_fmmu_maps(master: Master) -> Non
 def test_a_full_mailbox_takes_nothing_and_an_empty_one_gives_nothing(
     segment: Segment, master: Master
 ) -> None:
-    master.to_preop(0)
+    master.enter_preop(0)
     segment.nodes[0].mailbox.is_stuck = True
     request = struct.pack("<HBHBI", 2 << 12, 0x40, 0x1000, 0, 0)
     assert master.post(0, request) == 1
@@ -150,7 +150,7 @@ def test_a_full_mailbox_takes_nothing_and_an_empty_one_gives_nothing(
 def test_a_repeated_request_is_answered_once_and_an_answer_repeated_on_request(
     master: Master,
 ) -> None:
-    master.to_preop(0)
+    master.enter_preop(0)
     request = struct.pack("<HBHBI", 2 << 12, 0x40, 0x1000, 0, 0)
     master.post(0, request, counter=3)
     first = master.fetch(0)
@@ -173,7 +173,7 @@ def test_a_repeated_request_is_answered_once_and_an_answer_repeated_on_request(
 def test_a_mailbox_that_is_not_understood_is_answered_with_an_error(
     master: Master, service: bytes, kind: int, size: int, code: int
 ) -> None:
-    master.to_preop(0)
+    master.enter_preop(0)
     content = struct.pack("<HHBB", size, 0, 0, kind | 0x10) + service
     master.write(0, MAILBOX_OUT, content.ljust(512, b"\0"))
     answer = master.fetch(0)
@@ -207,7 +207,7 @@ def test_the_eeprom_holds_identity_and_is_written_with_leave_only(
 def test_the_watchdog_takes_a_slave_out_of_op_and_its_drive_into_a_fault(
     segment: Segment, master: Master
 ) -> None:
-    master.to_op(0)
+    master.enter_op(0)
     for word in (6, 7, 15):
         master.exchange([struct.pack("<Hiih", word, 0, 0, 0)])
     drive = segment.nodes[0]
@@ -230,7 +230,7 @@ def test_the_watchdog_takes_the_time_that_is_written_and_none_where_it_is_zero(
 ) -> None:
     master.write(0, 0x420, struct.pack("<H", 200))
     master.write(1, 0x420, bytes(2))
-    master.to_op(0, 1)
+    master.enter_op(0, 1)
     segment.elapse(0.019)
     assert master.state(0) == (OP, 0)
     segment.elapse(0.002)
@@ -242,7 +242,7 @@ def test_the_watchdog_takes_the_time_that_is_written_and_none_where_it_is_zero(
 def test_leaving_op_is_for_an_energised_drive_the_loss_of_its_master(
     segment: Segment, master: Master
 ) -> None:
-    master.to_op(0, 1)
+    master.enter_op(0, 1)
     for word in (6, 7, 15):
         master.exchange([struct.pack("<Hiih", word, 0, 0, 0)] * 2)
     master.request(0, SAFEOP)

@@ -38,7 +38,7 @@ def faulty(tmp_path: Path) -> Callable[[str], FaultySegment]:
 def energised(segment: FaultySegment) -> Master:
     """Return a master with all drives in OPERATION ENABLED."""
     master = Master(segment.process)
-    master.to_op(*range(6))
+    master.enter_op(*range(6))
     for word in (6, 7, 15, 15):
         master.exchange([struct.pack("<Hiih", word, 0, 0, 0)] * 6)
     assert {node.state for node in segment._network.nodes} == {State.OPERATION_ENABLED}

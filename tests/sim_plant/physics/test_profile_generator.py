@@ -60,8 +60,8 @@ def test_every_trapezoid_ends_at_rest_at_its_target_and_keeps_its_limits(
 def test_no_time_is_lost(
     p: float, v: float, target: float, velocity: float, acceleration: float, deceleration: float
 ) -> None:
-    """As fast as permitted, or without constant speed; the axis reverses only if braking is too
-    late.
+    """A profile reaches the permitted speed, or has no constant speed; the axis reverses only if
+    braking is too late.
     """
     *turn, change, cruise, braking = trapezoid(p, v, target, velocity, acceleration, deceleration)
     path = corners(p, v, [*turn, change, cruise, braking])

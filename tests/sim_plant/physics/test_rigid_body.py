@@ -148,7 +148,7 @@ def test_arms_that_slide_and_turn_from_any_angle_move_as_pinocchios(n: int, seed
 def test_accelerations_of_the_truth_are_those_of_pinocchios_regressor(
     truth: Arm, seed: int
 ) -> None:
-    """Its links have no mass, so Pinocchio accepts them as parameters only."""
+    """The plant's links have no mass, so Pinocchio accepts only their parameters."""
     rng = np.random.default_rng(seed)
     model = pinocchio_model(truth)
     q, qd, tau = rng.uniform(-3.0, 3.0, (3, 6)) * np.array([[1.0], [1.0], [300.0]])

@@ -113,7 +113,7 @@ def test_the_links_are_bodies(plant: Plant) -> None:
 
 
 def test_no_axis_is_overloaded_by_gravity_and_acceleration(plant: Plant) -> None:
-    """With motor and friction, at the plans' share of the acceleration limit."""
+    """Loads include motor and friction, at the plans' share of the acceleration limit."""
     drives = [axis.drive for axis in plant.file.axes]
     limit = np.array([drive.peak_torque for drive in drives])
     motor = np.array([0.6 * d.acceleration_max * d.motor_inertia for d in drives])
@@ -181,7 +181,7 @@ def test_a_direct_drive_has_no_ripple_that_looks_like_gravity(tmp_path: Path) ->
     [
         ("velocity_limit: 3\n", "velocity_limit: unknown\n", "yaml:10: joints.0.velocity_limit"),
         ("q_max: 2.8\n", "q_max: -3\n", "-3 must be greater than q_min = -2.8"),
-        ("alpha: 0}", "alpha: one}", "'one' is no sum, product or quotient of numbers, pi and"),
+        ("alpha: 0}", "alpha: one}", "'one' is not a sum, product or quotient of numbers, pi and"),
         ("joints:", "couplings: [{motor: 1, joint: 2}]\njoints:", "no coupled motors"),
         ("joints:", "ties: [Iyy9 = Ixx1]\njoints:", "must tie two parameters of links"),
         ("q_min: -2.8\n", "q_min: !state least position\n", "must be stated: least position"),
@@ -238,7 +238,7 @@ def test_frames_are_read_as_robot_files_may_write_them(text: str, value: float) 
 
 @pytest.mark.parametrize("text", ["l2", "l1**2", "__import__('os')", "1/0", "", "l1 and 2"])
 def test_nothing_else_is_evaluated(text: str) -> None:
-    with pytest.raises(ValueError, match="is no sum, product or quotient"):
+    with pytest.raises(ValueError, match="is not a sum, product or quotient"):
         value_of(text, {"l1": 0.5})
 
 
