@@ -58,7 +58,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         f"hil run plan.yaml -o runs/cell --drives drives.yaml {_CAN} --rehearse",
     ),
     "import": (
-        "hil import --draft recording.csv -o map.yaml",
+        "hil import --draft recording.csv --robot arm.urdf -o map.yaml",
         "hil import map.yaml -o runs/imported",
     ),
     "identify": ("hil identify runs/first", "hil identify runs/first --with runs/second --json"),

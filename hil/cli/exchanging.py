@@ -12,7 +12,7 @@ import typer
 
 from checked_files.foreign_text import shown
 from hil.cli.arguments import Masses, Without, body_bounds
-from hil.cli.completion import files, formats, runs
+from hil.cli.completion import files, formats, robots, runs
 from hil.cli.outputs import Status, folder_to_write, new_folder, output_option, refuse_no_folder
 from hil.terminal.console import out, say, working
 
@@ -38,6 +38,12 @@ def import_(
     draft: Annotated[
         Path | None,
         typer.Option("--draft", help="Recording to draft a first map from."),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            help="Robot file, URDF, or name of a robot, for --draft.", autocompletion=robots
+        ),
     ] = None,
     allowed: Annotated[
         list[Path] | None,
@@ -69,8 +75,10 @@ def import_(
     if (draft is None) == (not maps):
         raise typer.BadParameter("give either maps, or a recording with --draft")
     if draft is not None:
-        _draft(draft, output)
+        _draft(draft, output, robot)
         return
+    if robot is not None:
+        raise typer.BadParameter("maps name their robot; omit --robot, or draft a map by --draft")
     if workers is not None and scheduler not in (None, LOCAL):
         raise typer.BadParameter(
             "--workers applies to this machine, not to a Dask cluster; omit --workers",
@@ -108,23 +116,28 @@ def _executor(
     return execution.local(min(most, n_maps)) if min(most, n_maps) > 1 else nullcontext()
 
 
-def _draft(recording: Path, output: Path) -> None:
-    """Write a first map, with the recording's path relative to the map."""
+def _draft(recording: Path, output: Path, robot: str | None) -> None:
+    """Write a first map, with the paths of recording and robot relative to the map."""
     from checked_files.yaml_file import UNSTATED
     from hil.imports.draft import draft_map
+    from hil.model.robot import Robot
     from hil.runs.atomic_file import write_file
 
     refuse_no_folder(output)
-    name = Path(os.path.relpath(recording.resolve(), output.resolve().parent)).as_posix()
-    text = draft_map(recording, name)
+    paths = [recording, *([Path(robot)] if robot and Path(robot).is_file() else [])]
+    names = [Path(os.path.relpath(p.resolve(), output.resolve().parent)).as_posix() for p in paths]
+    known = Robot.load(robot) if robot else None
+    text = draft_map(recording, names[0], known, names[1] if len(names) > 1 else robot or "")
     write_file(output, text.encode())
-    marks = text.count(f": {UNSTATED} ")
-    say(f"{output}: {marks} lines marked {UNSTATED} must be filled in by you")
-    if name.startswith(".."):
-        say(
-            f"{output}: names {recording}, which is outside of the map's folder; import with: "
-            f"hil import {output} --files {recording.resolve().parent} -o RUN"
-        )
+    outside = [p.resolve().parent for p, n in zip(paths, names, strict=True) if n.startswith("..")]
+    options = "".join(f" --files {folder}" for folder in dict.fromkeys(outside))
+    following = f"hil import {output}{options} -o RUN"
+    if marks := text.count(f": {UNSTATED} "):
+        say(f"{output}: {marks} lines marked {UNSTATED} must be filled in by you")
+    else:
+        say(f"{output}: complete; continue with: {following}")
+    if outside and marks:
+        say(f"{output}: names files outside of its folder; import with: {following}")
 
 
 @commands.command()

@@ -1,7 +1,7 @@
 """Draft of a map from a file, with marks for values known only to the user.
 
 Columns are matched to joints by their names. A unit is written where the file states one: joint
-states of ROS, a unit in brackets in the column's name, dates. Elsewhere the unit is marked, with a
+states of ROS, a unit in the column's name, dates. Elsewhere the unit is marked, with a
 guess from names and magnitudes in the mark's text, so that no guess goes unread.
 """
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from hil.arrays import Array
     from hil.imports.tables import Table
+    from hil.model.robot import Robot
 
     Named = tuple["SeenColumn", set[str], list[str]]
     """Column, words of its name, and the numbers in the name."""
@@ -35,6 +36,8 @@ _UNIT_IN_NAME = re.compile(
     r"[\[(]\s*([^\])\d\s][^\])]*?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I
 )
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]")
+_AS_SUFFIX = re.compile(r"[ _.](deg|rad|rpm|nm|mm|sec|ms|us|ns|(?<=time.)s)$", re.I)
+"""Units at the end of a name that mean nothing else; a may also be a phase, m a motor."""
 _EPOCH = (9.4e8, 4.1e9)
 """Seconds since 1970 in 2000 and 2099."""
 _WORDS = {
@@ -58,6 +61,7 @@ _SECONDS = {"sec", "secs", "second", "seconds", "s"}
 _NANOSECONDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nsecs", "ns"}
 _SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
 _SET_POINTS |= {"action", "actions", "setpoint", "setpoints", "sp", "soll", "input", "d"}
+_ROBOT = "a robot file, a URDF, or the name of a robot"
 _OTHER = "other"
 """Kind of columns that are not measurements of a joint."""
 _FILLERS = {"actual", "measured", "meas", "act", "ist"}
@@ -72,7 +76,7 @@ LOOKED_AT = 100_000
 """Approximate number of inspected rows."""
 
 
-def draft_map(path: Path, name: str) -> str:
+def draft_map(path: Path, name: str, robot: Robot | None = None, robot_name: str = "") -> str:
     """Return the text of a first map.
 
     Parameters
@@ -81,6 +85,10 @@ def draft_map(path: Path, name: str) -> str:
         Path of a recording.
     name : str
         Name of the file in the map.
+    robot : Robot, optional
+        Robot whose joints give the order, where the columns' names contain theirs.
+    robot_name : str
+        Name or file of the robot in the map.
 
     Raises
     ------
@@ -95,6 +103,8 @@ def draft_map(path: Path, name: str) -> str:
     time = _time_of(table, columns)
     rest = [column for column in columns if column not in time]
     joints = _joints(rest)
+    if robot is not None:
+        joints = _in_order_of(robot, joints)
     others = {**_not_placed(rest, joints), **empty, **table.left_out}
     return "\n".join(
         [
@@ -105,12 +115,16 @@ def draft_map(path: Path, name: str) -> str:
             "# Columns and what they hold:",
             *(f"#   {one_line(described(column), 400)}" for column in columns),
             *_left_out_lines(others),
-            f"robot: {mark_unstated('a robot file, a URDF, or the name of a robot')}",
+            f"robot: {quoted(robot_name) if robot else mark_unstated(_ROBOT)}",
             f"files: [{quoted(name)}]",
             *_time_lines(time, from_format=bool(table.time)),
             *_segment_lines(time, looked_at),
             "joints: # in the robot's order, as many as it has",
-            *(line for joint in joints for line in _joint(joint, from_ros=bool(table.time))),
+            *(
+                line
+                for axis, joint in enumerate(joints)
+                for line in _joint(joint, robot, axis, from_ros=bool(table.time))
+            ),
             "torque_side: joint # or motor",
             "position_side: joint # or motor",
             "kind: free # or {back_and_forth: JOINT}",
@@ -251,6 +265,20 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
     ] or [{}]
 
 
+def _in_order_of(
+    robot: Robot, joints: Sequence[dict[str, SeenColumn]]
+) -> list[dict[str, SeenColumn]]:
+    """Return columns for each joint of a robot, by its name where columns have such names."""
+    found: list[dict[str, SeenColumn]] = []
+    for name in robot.joint_names:
+        words = set(words_of(name))
+        alike = [j for j in joints if j and words <= set(words_of(j["position"].name))]
+        found.append(alike[0] if len(alike) == 1 else {})
+    if not any(found):
+        found = [*joints, *({} for _ in robot.joint_names)]
+    return found[: robot.n_joints]
+
+
 def _numbered_alike(others: Sequence[Named], positions: Sequence[Named]) -> list[Named]:
     """Return columns with equal names and the numbers of the positions, if the name is unique."""
     families: dict[frozenset[str], list[Named]] = {}
@@ -276,6 +304,7 @@ def _not_placed(
         ", ".join(names): {
             "": f"{meaning}; {if_one} of its position, velocity or torque",
             _OTHER: f"set point or time, by the name; {if_one}",
+            "position": f"position by the name, of no joint of the robot; {if_one}",
         }.get(kind, f"{kind} by the name, without a position of equal number; {if_one}")
         for kind, names in found.items()
         for meaning in ["meaning of the name unknown" if any_named else "no names in the file"]
@@ -321,44 +350,53 @@ def _plain(unit: str) -> str:
 
 
 def _stated_unit(key: str, column: SeenColumn | None) -> str:
-    """Return the unit of a map that a column's name states in brackets; empty without one."""
-    stated = _IN_BRACKETS.findall(column.name) if column else ()
+    """Return the unit of a map that a column's name states; empty without one."""
+    name = column.name if column else ""
+    stated = [*_IN_BRACKETS.findall(name), *_AS_SUFFIX.findall(name)]
     return next((SPELLINGS[key][u] for u in map(_plain, stated) if u in SPELLINGS[key]), "")
 
 
-def _joint(joint: dict[str, SeenColumn], *, from_ros: bool) -> Iterator[str]:
-    start = "  - "
+def _joint(
+    joint: dict[str, SeenColumn], robot: Robot | None, axis: int, *, from_ros: bool
+) -> Iterator[str]:
+    start, name = "  - ", f" # {one_line(robot.joint_names[axis])}" if robot else ""
     for key in ("position", "velocity", "torque"):
         column = joint.get(key)
         if column is None and key == "velocity":
             continue
-        yield f"{start}{key}:"
-        start = "    "
+        yield f"{start}{key}:{name}"
+        start, name = "    ", ""
         lacking = f"number or name of the column of its {key}s"
         yield f"      column: {column.key if column else mark_unstated(lacking)}"
+        if from_ros:
+            yield f"      unit: {_ros_unit(key, robot, axis)}"
+            continue
         unit = _stated_unit(key, column)
-        yield f"      unit: {_unit(key, column, unit, from_ros=from_ros)}"
+        if column and unit:
+            yield f"      unit: {unit} # by its name; up to {column.most:.4g}"
+        else:
+            yield f"      unit: {mark_unstated(f'{_UNITS[key]}{_guess(key, column)}')}"
         if unit.startswith("counts"):
             yield f"      per_unit: {mark_unstated('rad (m) for one count')}"
-        if key == "torque" and not from_ros and unit not in ("N m", "N"):
+        if key == "torque" and unit not in ("N m", "N"):
             gain = "N m, or N, for one unit; 1 for N m and N; or unknown"
             yield f"      gain: {mark_unstated(gain)}"
 
 
-def _unit(key: str, column: SeenColumn | None, stated: str, *, from_ros: bool) -> str:
-    if from_ros:
+def _ros_unit(key: str, robot: Robot | None, axis: int) -> str:
+    """Return the unit of joint states, that of a revolute joint for an unknown robot."""
+    if robot is None:
         turning = {"position": "rad", "velocity": "rad/s", "torque": "N m"}[key]
         return f"{turning} # ROS unit of revolute joints"
-    if column and stated:
-        return f"{stated} # by its name; up to {max(abs(column.low), abs(column.high)):.4g}"
-    return mark_unstated(f"{_UNITS[key]}{_guess(key, column)}")
+    q = robot.position_unit(axis)
+    return {"position": q, "velocity": f"{q}/s", "torque": robot.torque_unit(axis)}[key]
 
 
 def _guess(key: str, column: SeenColumn | None) -> str:
     """Return a guess of the unit from name and magnitude, in words."""
     if column is None:
         return ""
-    most = max(abs(column.low), abs(column.high))
+    most = column.most
     if unit := _unit_in_name(column.name)[0]:
         return f"; up to {most:.4g}, and its name says {one_line(unit, 40)}"
     if key != "position":
@@ -384,6 +422,11 @@ class SeenColumn:
     step: float
     begins: tuple[int, ...] = ()
     held: bool = False
+
+    @property
+    def most(self) -> float:
+        """Largest absolute value."""
+        return max(abs(self.low), abs(self.high))
 
     @property
     def key(self) -> str:

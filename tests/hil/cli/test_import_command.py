@@ -45,7 +45,7 @@ def test_a_draft_names_the_recording_as_seen_from_the_map(hil: Hil, folder: Path
     assert status == 0
     assert printed.splitlines() == [
         "maps/first.yaml: 10 lines marked !state must be filled in by you",
-        "maps/first.yaml: names data.csv, which is outside of the map's folder; import with: hil"
+        "maps/first.yaml: names files outside of its folder; import with: hil"
         f" import maps/first.yaml --files {folder} -o RUN",
     ]
     assert 'files: ["../data.csv"]' in (folder / "maps" / "first.yaml").read_text()

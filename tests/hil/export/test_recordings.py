@@ -297,6 +297,8 @@ def test_a_map_drafted_from_it_leaves_the_robot_alone_to_state(
     text = draft_map(tmp_path / "out" / "run.mcap", "run.mcap")
     (unstated,) = (line for line in text.splitlines() if f": {UNSTATED}" in line)
     assert unstated.startswith("robot: ")
+    whole = draft_map(tmp_path / "out" / "run.mcap", "run.mcap", measured.robot, "manutec-r15")
+    assert UNSTATED not in whole.partition("\nrobot: ")[2]
 
 
 def test_what_is_imported_has_velocities_but_no_set_points(imported: Run, tmp_path: Path) -> None:

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 import yaml
-from small_recording import table, write_csv, write_map
+from small_recording import ROBOT, table, write_csv, write_map
 
 from checked_files.yaml_file import FileError
 from hil.imports.draft import draft_map
 from hil.imports.importing import import_recordings
 from hil.imports.map_file import load_map
+from hil.model.robot import Robot
 
 
 class _Marks(yaml.SafeLoader):
@@ -70,7 +71,7 @@ def test_units_that_names_state_are_filled_in_and_guesses_are_marks(tmp_path):
     columns = table()
     write_csv(tmp_path / "a.csv", {
         "Time (ms)": columns["t"] * 1e3, "Angle [Grad] (Axis1)": np.degrees(columns["q1"]),
-        "Current [A] (Axis1)": columns["m1"], "q2": 1e4 * columns["q2"], "tau2_nm": columns["m2"],
+        "Current [A] (Axis1)": columns["m1"], "q2": 1e4 * columns["q2"], "tau2_a": columns["m2"],
         "Position [cnt] (Axis3)": 1e4 * columns["q2"], "Torque [N·m] (Axis3)": columns["m1"],
     })  # fmt: skip
     found = drafted(tmp_path / "a.csv")
@@ -80,10 +81,21 @@ def test_units_that_names_state_are_filled_in_and_guesses_are_marks(tmp_path):
     assert first["torque"]["column"] == "Current [A] (Axis1)"
     assert first["torque"]["gain"].startswith("? N m, or N, for one unit")
     assert "looks like counts or mm" in last["position"]["unit"]
-    assert "its name says nm" in last["torque"]["unit"]
+    assert "its name says a" in last["torque"]["unit"]
     assert second["position"]["unit"] == "counts"
     assert second["position"]["per_unit"] == "? rad (m) for one count"
     assert second["torque"] == {"column": "Torque [N·m] (Axis3)", "unit": "N m"}
+
+
+def test_units_at_the_end_of_a_name_are_filled_in(tmp_path):
+    columns = table()
+    write_csv(tmp_path / "a.csv", {
+        "time_s": columns["t"], "pan_deg": np.degrees(columns["q1"]), "pan_rpm": columns["v1"],
+        "pan_Nm": columns["m1"],
+    })  # fmt: skip
+    found = drafted(tmp_path / "a.csv")
+    units = [part["unit"] for part in found["joints"][0].values()]
+    assert [found["time"]["unit"], *units] == ["s", "deg", "rpm", "N m"]
 
 
 @pytest.mark.parametrize(
@@ -217,3 +229,36 @@ def test_units_and_bare_joints_say_what_columns_are(tmp_path, names, position, t
     (joint,) = drafted(tmp_path / "a.npz")["joints"]
     assert joint["position"]["column"] == position
     assert joint["torque"]["column"] == torque
+
+
+def drafted_for(path, robot):
+    text = draft_map(path, path.name, robot, "arm.urdf")
+    return yaml.load(text, _Marks), text  # noqa: S506 - a safe loader
+
+
+def test_a_robot_gives_the_order_of_the_joints_by_their_names(tmp_path):
+    (tmp_path / "pair.yaml").write_text(
+        ROBOT.replace("- {frame", "- {name: upper arm, frame", 1).replace(
+            "- {frame", "- {name: forearm, frame", 1
+        )
+    )
+    robot = Robot.load(tmp_path / "pair.yaml")
+    assert robot.joint_names == ("upper arm", "forearm")
+    names = ("t", "forearm_pos", "upper_arm_pos", "forearm_tau", "upper_arm_tau", "gripper_pos")
+    write_csv(tmp_path / "a.csv", dict(zip(names, table().values(), strict=False)))
+    found, text = drafted_for(tmp_path / "a.csv", robot)
+    assert found["robot"] == "arm.urdf"
+    assert [[part["column"] for part in joint.values()] for joint in found["joints"]] == [
+        ["upper_arm_pos", "upper_arm_tau"], ["forearm_pos", "forearm_tau"],
+    ]  # fmt: skip
+    assert "  - position: # upper arm\n" in text
+    assert "#   gripper_pos: position by the name, of no joint of the robot" in text
+
+
+def test_without_common_names_the_joints_of_a_robot_follow_the_file(tmp_path):
+    (tmp_path / "pair.yaml").write_text(ROBOT)
+    write_csv(tmp_path / "a.csv", {name: table()[name] for name in ("t", "q1", "m1")})
+    found, _ = drafted_for(tmp_path / "a.csv", Robot.load(tmp_path / "pair.yaml"))
+    first, second = found["joints"]
+    assert (first["position"]["column"], first["torque"]["column"]) == ("q1", "m1")
+    assert second["position"]["column"] == "? number or name of the column of its positions"
