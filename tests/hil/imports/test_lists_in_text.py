@@ -12,19 +12,19 @@ COLUMNS = table(4.0)
 Q = np.stack([COLUMNS["q1"], COLUMNS["q2"]], axis=1)
 
 
-def plain(q):
+def python_list(q):
     return f'"{q.tolist()}"'
 
 
-def by_numpy(q):
+def numpy_array(q):
     return str(q)
 
 
-def over_lines(q):
+def wrapped(q):
     return '"[{!r}\n {!r}]"'.format(*q.tolist())
 
 
-def of_ros(q):
+def ros_array(q):
     return f"\"array('d', {q.tolist()})\""
 
 
@@ -33,7 +33,7 @@ def read(path, stated=None):
     return found.names, np.concatenate(list(found.blocks(range(len(found.names)))))
 
 
-@pytest.mark.parametrize("form", [plain, by_numpy, over_lines, of_ros])
+@pytest.mark.parametrize("form", [python_list, numpy_array, wrapped, ros_array])
 @pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 def test_lists_are_columns_by_number(tmp_path, form, delimiter):
     lines = [
@@ -45,7 +45,7 @@ def test_lists_are_columns_by_number(tmp_path, form, delimiter):
     found = open_table(tmp_path / "a.csv", Format())
     assert found.names == ("t [s]", "motor[0].q/1", "motor[0].q/2", "mode", "tau")
     values = np.concatenate(list(found.blocks([0, 1, 2, 4])))
-    rounding = 1e-8 if form is by_numpy else 0.0
+    rounding = 1e-8 if form is numpy_array else 0.0
     wanted = np.column_stack([COLUMNS["t"], Q, COLUMNS["m1"]])
     np.testing.assert_allclose(values, wanted, rtol=0, atol=rounding)
 
