@@ -104,7 +104,7 @@ def draft_map(path: Path, name: str, robot: Robot | None = None, robot_name: str
     rest = [column for column in columns if column not in time]
     joints = _joints(rest)
     if robot is not None:
-        joints = _in_order_of(robot, joints)
+        joints = _sort_joints(robot, joints)
     others = {**_not_placed(rest, joints), **empty, **table.left_out}
     return "\n".join(
         [
@@ -265,7 +265,7 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
     ] or [{}]
 
 
-def _in_order_of(
+def _sort_joints(
     robot: Robot, joints: Sequence[dict[str, SeenColumn]]
 ) -> list[dict[str, SeenColumn]]:
     """Return columns for each joint of a robot, by its name where columns have such names."""
