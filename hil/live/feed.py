@@ -207,13 +207,17 @@ class FedBus(BusInFront):
 
     def sample(self) -> Sample:
         """Wait for the next SYNC."""
+        return self.samples(1)[0]
+
+    def samples(self, limit: int) -> Sequence[Sample]:
+        """Wait for the next SYNCs."""
         try:
-            sample = self._bus.sample()
+            samples = self._bus.samples(limit)
         except DriveError as error:
             self._feed.publish("fault", {"text": str(error)})
             raise
         if not self._told:
             self._told = True
             self._feed.publish("armed", lines.armed(self._bus.axes))
-        self._feed.take_sample(sample, self._bus.notes)
-        return sample
+        self._feed.take_sample(samples[-1], self._bus.notes)
+        return samples

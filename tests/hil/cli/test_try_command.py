@@ -82,7 +82,7 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     folder, visitor = tmp_path / "all", Visitor(free_port())
     visitor.start()
     call = ("try", "--no-browser", "--live", visitor.page.port, "-o", folder)
-    status, out, err = hil(*call, "--speed", 1000, "--push", 13)
+    status, out, err = hil(*call, "--speed", 1000, "--push", 12)
     visitor.join(30)
     assert (status, err) == (0, "")
     assert f"continue with: hil report {folder / 'measured'}" in out
