@@ -59,6 +59,7 @@ IDENTIFYING = (
     "centres of mass and inertias that determine the motor torques. The axes are off meanwhile."
 )
 IDENTIFIED = "The next motion tests the model: it differs from all recordings."
+NOT_YET = "The arm can be pushed once it is identified"
 FURTHER = (
     "hil view {folder}/pushed/run",
     "hil plan manutec-r15 -o plan.yaml",
@@ -124,6 +125,7 @@ def try_(
         audience = Audience(shown)
         stated = left.enter_context(audience.open(out))
         audience.publish("headline", {"text": "Planning the measurements", "more": ABOUT})
+        audience.publish("hand", {"closed": NOT_YET})
         if no_browser or not _open_browser(stated):
             say("open this address in a browser; Ctrl-C ends the demonstration")
         with working("planning the measurements of the virtual robot"):

@@ -18,7 +18,7 @@ CLIENTS_MAX = 64
 DROPPABLE = frozenset({"sample", "torque"})
 """Kinds of lines skipped for a page behind."""
 _STATES = frozenset(
-    {"start", "event", "sample", "stopping", "headline", "estimate", "report", "end"}
+    {"start", "event", "sample", "stopping", "headline", "hand", "estimate", "report", "end"}
 )
 """Kinds of lines whose latest line is sent to a late page."""
 PATIENCE = 10.0

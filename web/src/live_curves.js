@@ -16,7 +16,7 @@ export class LiveCurves {
     this.label = make('span', { class: 'small' });
     this.bar = make('div', { class: 'row time' }, this.button, this.slider, this.label, make('button', { type: 'button', text: 'Now', onclick: () => this.look() }));
     host.after(this.bar);
-    const keys = ['measured', 'predicted', '95 % of what is normal'].map((text, k) => make('span', { class: `key of-${['measured', 'predicted', 'band'][k]}`, text }));
+    const keys = ['measured', 'predicted', '95 % band'].map((text, k) => make('span', { class: `key of-${['measured', 'predicted', 'band'][k]}`, text }));
     this.legend = make('p', { class: 'small legend' }, ...keys); // once, in place of one for each axis
     host.before(this.legend);
     this.player.addEventListener('time', () => this._follow());
@@ -38,7 +38,9 @@ export class LiveCurves {
     this.host.hidden = this.legend.hidden = this.bar.hidden = true;
   }
 
+  /** Mark the begin of a push in the curves of an axis. */
   alarm(alarm) {
+    if (this.alarms.some(({ push, axis }) => push === alarm.push && axis === alarm.axis)) return;
     this.alarms.push(alarm);
   }
 

@@ -70,7 +70,8 @@ export class LivePage {
     [this.watched, this.rate, this.event, this.push] = [line.watched, undefined, undefined, undefined];
     this.recorded = Recorded.growing(line.robot.joints);
     this.curves.begin(this.recorded, line.watched);
-    this.hand?.enable(line.hand);
+    this.pushed = line.hand;
+    this._hand({ closed: this.closed });
     this.headline = '';
     this.measurements = line.measurements;
     const how = line.rehearsal ? `Rehearsal at ${Math.round(100 * line.rehearsal)} %` : 'Run';
@@ -113,6 +114,19 @@ export class LivePage {
 
   _off() {
     this.power = 'off';
+    this._release();
+  }
+
+  /** Let the arm go: nothing moves that could be pushed. */
+  _release() {
+    this.pushed = false;
+    this._hand({});
+  }
+
+  /** Accept pushes of the arm, or give the reason against them. */
+  _hand({ closed = '' }) {
+    this.closed = closed;
+    this.hand?.enable(this.pushed, closed);
   }
 
   _sample(line) {
@@ -227,7 +241,7 @@ export class LivePage {
 
   _end({ how, text, at: when }) {
     this.ended = how;
-    this.hand?.enable(false);
+    this._release();
     if (how === 'failed' && at('fault').textContent !== text) this._fault({ text, at: when });
   }
 
@@ -238,12 +252,12 @@ export class LivePage {
     at('state').className = look;
     if (at('headline').textContent !== this.headline) at('headline').textContent = this.headline ?? '';
     at('none').hidden = at('notices').childElementCount > 0;
-    at('stop').disabled = Boolean(this.ended);
+    at('stop').disabled = Boolean(this.ended) || !at('ended').hidden;
     if (this.ended) at('stop').textContent = 'Stop';
     if (this.ended === 'finished') at('progress').value = 1;
     const left = Math.max(0, ((this.due ?? 0) - performance.now()) / 1000);
     const faster = this.rate > 1.5 ? `, ${this.rate.toFixed(0)} times real time` : '';
-    at('left').textContent = this.event && !this.ended ? `${clock(left)} left${faster}` : '';
+    at('left').textContent = this.event && !at('stop').disabled ? `${clock(left)} left${faster}` : '';
   }
 
   _state() {

@@ -96,6 +96,10 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     first, second = visitor.of("start")
     assert [each["watched"] for each in (first, second)] == [False, True]
     assert [each["hand"] for each in (first, second)] == [False, True]
+    learned = next(k for k, line in enumerate(visitor.lines) if line.get("text", "")[:4] == "Push")
+    closed = [line["closed"] for line in visitor.lines[:learned] if line["kind"] == "hand"]
+    assert closed[0].startswith("The arm can be pushed once")
+    assert closed[-2:] == ["Do not push yet: a push now would count as scatter of the torques", ""]
     status, _, text = visitor.report
     assert (status, (folder / "measured" / "report.html").read_text()) == (200, text)
     assert any(each.startswith("hil run") for each in visitor.of("report")[0]["commands"])

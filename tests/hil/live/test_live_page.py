@@ -62,6 +62,7 @@ def page(
         event = Travelled(3.0, 20.0, small_plan.measurements[0])
         found.publish("event", **lines.event(event, 65.0, {"g1": 1}))
         found.sample(Sample(4.0, Q, TAU, (0,) * 6, False))
+        complaints(browser)  # of the page before
         browser.get(found.url)
         until(browser, lambda: "rad" in "".join(row[1] for row in cells(browser)))
         yield found
@@ -186,6 +187,7 @@ def watched(
             q = (0.5 + 0.01 * k, *Q[1:])
             found.sample(Sample(4.0 + 0.04 * k, q, TAU, (0,) * 6, False))
         found.publish("headline", text="Push the arm: drag a link")
+        complaints(browser)  # of the page before
         browser.get(found.url)
         # the headline is in the page before the robot is drawn
         until(browser, lambda: browser.execute_script("return !!window.live?.scene?.q"))
@@ -379,6 +381,97 @@ def test_a_near_miss_takes_the_link_and_does_not_turn_the_camera(
     assert not any(json.loads(plant.recv(4096))["torque"])  # released: no more push
 
 
+def drag(browser: Chrome, link: int = 2) -> list[float]:
+    """Drag a link's joint; return the camera's displacement during the drag."""
+    begin, end = browser.execute_script(
+        "const {scene} = window.live, element = scene.renderer.domElement;"
+        "const {x, y} = scene.project(arguments[0]), {left, top} = element.getBoundingClientRect();"
+        "const go = (kind, by) => element.dispatchEvent(new PointerEvent(kind, {pointerId: 1,"
+        " clientX: x + left + by, clientY: y + top, button: 0, bubbles: true, cancelable: true}));"
+        "const begin = scene.camera.position.toArray();"
+        "element.setPointerCapture = () => {}; element.releasePointerCapture = () => {};"
+        "go('pointerdown', 0); go('pointermove', 30); scene.controls.update();"
+        "return [begin, scene.camera.position.toArray()];",
+        link,
+    )
+    return [float(b - a) for a, b in zip(begin, end, strict=True)]
+
+
+def let_go(browser: Chrome) -> None:
+    browser.execute_script(
+        "window.live.scene.renderer.domElement.dispatchEvent(new PointerEvent('pointerup',"
+        " {pointerId: 1, bubbles: true}));"
+    )
+
+
+def test_an_arm_that_cannot_be_pushed_yet_says_so_and_the_camera_stays(
+    browser: Chrome, watched: tuple[Served, Any]
+) -> None:
+    page, plant = watched
+    assert force(browser) == "Drag a link of the arm"
+    page.publish("hand", closed="Not before it is identified")
+    until(browser, lambda: not browser.find_element(By.ID, "hand").text)
+    assert drag(browser) == pytest.approx([0.0] * 3)
+    assert force(browser) == "Not before it is identified"
+    let_go(browser)
+    assert force(browser) == ""
+    page.publish("hand", closed="")
+    until(browser, lambda: "axis 6" in text(browser, "hand"))
+    plant.setblocking(False)
+    with pytest.raises(BlockingIOError):
+        plant.recv(4096)
+    plant.settimeout(30)
+    assert drag(browser) == pytest.approx([0.0] * 3)
+    assert any(json.loads(plant.recv(4096))["torque"])
+    let_go(browser)
+    while any(json.loads(plant.recv(4096))["torque"]):
+        continue
+
+
+def test_a_page_without_an_arm_to_push_is_turned_by_dragging(browser: Chrome, page: Served) -> None:
+    del page
+    assert drag(browser) != pytest.approx([0.0] * 3)
+    let_go(browser)
+
+
+def test_axes_that_are_switched_off_are_pushed_no_more(
+    browser: Chrome, watched: tuple[Served, Any]
+) -> None:
+    page, plant = watched
+    drag(browser)
+    assert any(json.loads(plant.recv(4096))["torque"])
+    page.publish("off")
+    until(browser, lambda: not browser.find_element(By.ID, "hand").text)
+    assert browser.execute_script("return window.live.hand.held === undefined")
+    while any(json.loads(plant.recv(4096))["torque"]):
+        continue
+    assert force(browser) == ""
+    assert text(browser, "notices") == ""
+
+
+def test_a_push_has_one_mark_in_the_curves_of_an_axis(
+    browser: Chrome, watched: tuple[Served, Any]
+) -> None:
+    page, _ = watched
+    page.publish("torque", **torques(4.0))
+    marks = "return window.live.curves.curves.map(([curve]) => curve.marks ?? [])"
+    for t, push, axis in ((4.5, 1, 1), (4.6, 1, 2), (5.0, 1, 1), (5.5, 2, 1)):
+        page.publish("alarm", push=push, axis=axis, torque=-9.0, threshold=5.0, unit="N m", t=t)
+    until(browser, lambda: browser.execute_script(marks)[1:3] == [[4.5, 5.5], [4.6]])
+
+
+@pytest.mark.parametrize("width", [1440, 420])
+def test_the_legend_takes_one_line(
+    browser: Chrome, watched: tuple[Served, Any], width: int
+) -> None:
+    page, _ = watched
+    resize(browser, width, 900)
+    page.publish("torque", **torques(4.0))
+    tops = "return [...document.querySelectorAll('.legend .key')].map((e) => e.offsetTop)"
+    until(browser, lambda: browser.find_element(By.CSS_SELECTOR, ".legend").is_displayed())
+    assert len(set(browser.execute_script(tops))) == 1
+
+
 def test_marks_wait_for_data(
     browser: Chrome, manutec: Robot, small_plan: Plan, ideal_bus: IdealBus
 ) -> None:
@@ -400,6 +493,8 @@ def test_a_motion_is_explained_and_the_end_leads_to_the_report(
     until(browser, lambda: "hil view" in text(browser, "ended"))
     link = browser.find_element(By.LINK_TEXT, "Open the report")
     assert link.get_attribute("href") == f"{page.url}report"
+    until(browser, lambda: not browser.find_element(By.ID, "stop").is_enabled())  # all is over
+    assert text(browser, "left") == ""
     assert complaints(browser) == []
 
 
