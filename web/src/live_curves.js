@@ -83,16 +83,18 @@ export class LiveCurves {
     player.duration = recorded.duration;
     const t = this.back ? player.time : recorded.duration;
     this.bar.hidden = !recorded.duration;
-    this.host.hidden = this.legend.hidden = !recorded.segments.length;
+    this.host.hidden = this.legend.hidden = !recorded.segments.length && !recorded.sampled;
     [this.slider.min, this.slider.max, this.slider.value] = [this.first, recorded.duration, t];
     this.label.textContent = this.back ? `${clock(recorded.duration - t)} ago` : '';
     if (this.host.hidden) return;
-    if (this.passing) this._slide(t);
+    const passing = this.passing || recorded.sampled;
+    if (passing) this._slide(t);
     this.curves.forEach((curves, j) => {
-      const [begin, end] = this.passing ? this.span : this._recording(j, t);
+      const [begin, end] = passing ? this.span : this._recording(j, t);
+      curves[1].figure.hidden = Boolean(recorded.sampled);
       const marks = this.alarms.filter(({ axis }) => axis === j).map((each) => each.t);
       for (const each of curves) {
-        each.draw(j, begin, end, { origin: this.passing ? recorded.duration : begin, marks });
+        each.draw(j, begin, end, { origin: passing ? recorded.duration : begin, marks });
         if (this.back) each.cursor(t);
         each.mark.hidden = !this.back || t < begin || t > end;
       }

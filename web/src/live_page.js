@@ -134,7 +134,7 @@ export class LivePage {
     this.sampled = performance.now();
     if (!this.sample) requestAnimationFrame(() => this._draw());
     this.sample = line;
-    this.recorded.sample(line.t, line.q);
+    this.recorded.sample(line.t, line.q, this.watched ? [] : line.tau);
     this.curves.draw();
   }
 
@@ -171,6 +171,7 @@ export class LivePage {
   _stand(q) {
     this.q = q.map((each, j) => (Number.isFinite(each) ? each : this.q?.[j] ?? 0));
     this.scene?.show(this.q);
+    this.scene?.contain();
   }
 
   _headline({ text, more }) {

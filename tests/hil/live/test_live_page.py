@@ -222,6 +222,54 @@ def test_a_recording_stands_beside_its_prediction(browser: Chrome, page: Served)
     assert complaints(browser) == []
 
 
+def test_torques_pass_by_until_there_is_a_recording(browser: Chrome, page: Served) -> None:
+    give(browser, page, [Sample(4.1 + 0.04 * k, Q, TAU, (0,) * 6, False) for k in range(40)])
+    until(browser, lambda: "at its end measured −500" in label(browser, 1))
+    assert "predicted" not in label(browser, 1)
+    shown = "return [...document.querySelectorAll('#torques figure')].map((e) => !e.hidden)"
+    assert browser.execute_script(shown) == [True, False] * 6
+    begin, end = browser.execute_script("return window.live.curves.span")
+    assert (begin, end) == pytest.approx((4.0, 4.1 + 0.04 * 39))
+    t = 4.0 + 0.1 * np.arange(15)
+    one = np.sin(t)[:, np.newaxis]
+    page.publish("torque", **lines.torque([1], t, 40 * one, 41 * one, one, measurement="g1"))
+    until(browser, lambda: "none yet" in label(browser, 0))
+    assert "at its end measured" in label(browser, 1)
+    assert browser.execute_script(shown) == [True] * 12
+
+
+LINKS = """
+const { scene } = window.live;
+const at = scene.camera.position.clone();
+return scene.robot.joints.flatMap(({ capsule: { ends } }, j) => ends.map((end) => {
+  const { x, y } = at.set(...end).applyMatrix4(scene.chain.frames[j]).project(scene.camera);
+  return Math.max(Math.abs(x), Math.abs(y));
+}));
+"""
+
+
+@pytest.mark.parametrize("width", [1440, 420])
+def test_the_arm_stays_in_the_picture_until_the_user_moves_the_camera(
+    browser: Chrome, page: Served, width: int
+) -> None:
+    resize(browser, width, 900)
+    for k, q in enumerate([(0.0,) * 6, (-0.8, 1.5, 0.0, 0.0, 0.0, 0.0), (0.8, -1.5, *(0.0,) * 4)]):
+        page.sample(Sample(4.1 + k, q, TAU, (0,) * 6, False))
+        until(
+            browser,
+            lambda q=q: browser.execute_script("return window.live.scene.q") == pytest.approx(q),
+        )
+        assert max(browser.execute_script(LINKS)) < 1.0
+    browser.execute_script("window.live.scene.orbit(0, 0, 3); window.live.scene.moved = true")
+    near = browser.execute_script("return window.live.scene.camera.position.length()")
+    page.sample(Sample(9.0, Q, TAU, (0,) * 6, False))
+    until(
+        browser,
+        lambda: browser.execute_script("return window.live.scene.q") == pytest.approx(Q),
+    )
+    assert browser.execute_script("return window.live.scene.camera.position.length()") == near
+
+
 def label(browser: Chrome, axis: int) -> str:
     name = browser.execute_script(
         "return document.querySelectorAll('#torques figure:first-child canvas')[arguments[0]]"
