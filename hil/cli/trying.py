@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import DriveBus
     from hil.live.feed import Feed
-    from hil.measuring.events import Event
+    from hil.measuring.events import Event, Recorded
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.results.model import Model
@@ -50,9 +50,10 @@ ABOUT = (
     "encoders are measured."
 )
 MEASURING = (
-    "Each short motion serves one or two unknown parameters. Before a recording is used, its "
-    "torque is predicted from earlier recordings; the coloured band contains the measured torque "
-    "with a probability of 95 % and narrows with every recording."
+    "One or two axes move at a time: the torques of their motors show masses, inertias and "
+    "friction. The dashed line predicts each torque from the motions before; the coloured band "
+    "contains the measured torque with a probability of 95 % and narrows with every motion. Once "
+    "identified, the arm can feel a push without any sensor."
 )
 IDENTIFYING = (
     "One regression over all recordings yields the base parameters: the combinations of masses, "
@@ -213,11 +214,12 @@ def _push(
     hand: str,
     ends: float,
 ) -> str:
-    """Watch the arm while it can be pushed; return a summary of the pushes.
+    """Watch the arm while it can be pushed; return residual on the new motion, and pushes.
 
     Thresholds are learned faster than in real time. Afterwards no motion starts later than `ends`
     on the monotonic clock [s].
     """
+    confirmed = ""
     with working("predicting torques"):
         from hil.cli.beside_model import keep_watch
         from hil.cli.measuring import OnBus, measure
@@ -250,7 +252,10 @@ def _push(
         with view.display(console) as show:
 
             def take(event: Event) -> None:
+                nonlocal confirmed
                 show(event)
+                if isinstance(event, Recorded) and not (confirmed or watcher.alarms):
+                    confirmed = _confirm(model, event)
                 over = time.monotonic() > ends and not watcher.learning
                 if isinstance(event, Recorded) and over:
                     raise _TimeUp
@@ -268,7 +273,19 @@ def _push(
     finally:
         keep_watch(path, plan, watcher, str(folder / "measured" / model_file.NAME))
     count = len(pushes(watcher.alarms))
-    return f"{count or 'no'} push{'es' * (count != 1)} found in {watcher.watched:.0f} s"
+    return f"{confirmed}{count or 'no'} push{'es' * (count != 1)} found in {watcher.watched:.0f} s"
+
+
+def _confirm(model: Model, event: Recorded) -> str:
+    """Compare the residual on a new motion, without pushes, with that on the measured motions."""
+    from hil.results.band_residual import band_residual
+
+    stated = model.band_residual
+    found = band_residual(model, [(event.measurement, event.recording)])
+    if stated is None or found is None:
+        return ""
+    shares = [f"{100 * each.overall:.2g} %" for each in (found, stated)]
+    return f"residual {shares[0]} of the torque on a new motion, {shares[1]} on those measured; "
 
 
 def _claim_folder(output: Path | None) -> Path:

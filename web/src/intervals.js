@@ -14,7 +14,8 @@ export class Intervals {
   take({ recordings, parameters }) {
     if (this.rows.length !== parameters.length) this._build(parameters);
     const sure = parameters.filter(({ half, share }) => half !== null && share < SURE).length;
-    this.caption.textContent = `95 % intervals from ${recordings} recordings: ${sure} of ${parameters.length} matter by less than ${100 * SURE} % of a torque limit`;
+    this.known = `${sure} of ${parameters.length} parameters known`;
+    this.caption.textContent = `From ${recordings} recordings: ${this.known}, their 95 % intervals matter by less than ${100 * SURE} % of a torque limit`;
     parameters.forEach((each, k) => this._set(this.rows[k], each));
   }
 

@@ -214,7 +214,10 @@ export class LivePage {
     if (line.total) at('progress').value = Math.min(line.t / line.total, 1);
     if (line.notice) this._note({ ...line, text: line.notice });
     const axes = line.axes ?? [];
-    if (!this.watched && line.number) this.headline = `Measuring: ${line.number} of ${this.measurements}`;
+    if (!this.watched && line.number) {
+      const known = this.intervals.known ? `, ${this.intervals.known}` : '';
+      this.headline = `Measuring: ${line.number} of ${this.measurements}${known}`;
+    }
     this.scene?.highlight(this.watched ? [] : axes);
     this.axes.highlight(axes);
   }
@@ -258,7 +261,7 @@ export class LivePage {
     if (this.ended === 'finished') at('progress').value = 1;
     const left = Math.max(0, ((this.due ?? 0) - performance.now()) / 1000);
     const faster = this.rate > 1.5 ? `, ${this.rate.toFixed(0)} times real time` : '';
-    at('left').textContent = this.event && !at('stop').disabled ? `${clock(left)} left${faster}` : '';
+    at('left').textContent = this.event && !at('stop').disabled && !this.pushed ? `${clock(left)} left${faster}` : '';
   }
 
   _state() {

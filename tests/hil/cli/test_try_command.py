@@ -128,6 +128,13 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     assert model.provenance.measurements == first["measurements"] < 47
     motions = Run.open(folder / "pushed" / "run")
     assert (motions.ids, len(motions.missing)) == (("motion-1",), 1)
+    said = trying._confirm(model, next(iter(motions)))
+    shares = re.fullmatch(
+        r"residual (\S+) % of the torque on a new motion, (\S+) % on those measured; ", said
+    )
+    assert shares
+    assert float(shares[1]) > float(shares[2])  # pushed, so that it is no test of the model
+    assert not any("on a new motion" in head for head in heads)
 
 
 class Tried:

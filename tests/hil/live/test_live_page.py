@@ -195,11 +195,18 @@ def watched(
         yield found, plant
 
 
-def test_intervals_shrink_as_recordings_come(browser: Chrome, page: Served) -> None:
+def test_intervals_shrink_as_recordings_come(
+    browser: Chrome, page: Served, small_plan: Plan
+) -> None:
     assert text(browser, "headline") == "Measuring: 1 of 3"
     page.publish("estimate", **estimate(0.5, None))
     until(browser, lambda: "32.02 kg m²" in text(browser, "intervals"))
-    assert "12 recordings" in text(browser, "intervals")
+    assert "12 recordings: 1 of 2 parameters known" in text(browser, "intervals")
+    event = Travelled(5.0, 20.0, small_plan.measurements[1])
+    page.publish("event", **lines.event(event, 65.0, {"i1": 2}))
+    until(
+        browser, lambda: text(browser, "headline") == "Measuring: 2 of 3, 1 of 2 parameters known"
+    )
     assert "open" in text(browser, "intervals")
     wide = browser.execute_script("return document.querySelector('.interval').style.width")
     page.publish("estimate", **estimate(0.0052, 0.1))
