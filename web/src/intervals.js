@@ -47,7 +47,7 @@ export class Intervals {
 /** A value with as many decimals as the interval has significant ones. */
 function rounded(value, half) {
   const places = Math.min(Math.max(1 - Math.floor(Math.log10(half || 1)), 0), 6);
-  return value.toFixed(places).replace('-', '−');
+  return value.toFixed(places).replace(/^-(?=0\.?0*$)/, '').replace('-', '−');
 }
 
 /** Two significant digits, never with an exponent. */

@@ -260,8 +260,10 @@ export class LivePage {
     if (this.ended) at('stop').textContent = 'Stop';
     if (this.ended === 'finished') at('progress').value = 1;
     const left = Math.max(0, ((this.due ?? 0) - performance.now()) / 1000);
+    // a virtual plant that runs in real time is about to be accelerated
+    const unknown = this.pushed || (!at('simulated').hidden && !(this.rate > 1.5));
     const faster = this.rate > 1.5 ? `, ${this.rate.toFixed(0)} times real time` : '';
-    at('left').textContent = this.event && !at('stop').disabled && !this.pushed ? `${clock(left)} left${faster}` : '';
+    at('left').textContent = this.event && !at('stop').disabled && !unknown ? `${clock(left)} left${faster}` : '';
   }
 
   _state() {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -106,7 +107,10 @@ def complaints(browser: Chrome) -> list[str]:
 def test_state_progress_and_axes_are_shown(browser: Chrome, page: Served) -> None:
     assert text(browser, "state") == "armed: the axes are under power"
     assert text(browser, "doing") == SEEN
-    assert text(browser, "left") in {"1:05 left", "1:04 left", "1:03 left"}
+    assert text(browser, "left") == ""  # a virtual plant is accelerated later
+    browser.execute_script("window.live.rate = 20.0")
+    until(browser, lambda: text(browser, "left").endswith(" left, 20 times real time"))
+    assert text(browser, "left")[:4] in {"1:05", "1:04", "1:03", "1:02"}
     progress = browser.execute_script("return document.getElementById('progress').value")
     assert progress == pytest.approx(4 / 23, abs=0.01)
     second = cells(browser)[1]
@@ -243,6 +247,24 @@ def test_torques_pass_by_until_there_is_a_recording(browser: Chrome, page: Serve
     until(browser, lambda: "none yet" in label(browser, 0))
     assert "at its end measured" in label(browser, 1)
     assert browser.execute_script(shown) == [True] * 12
+
+
+def test_values_are_read_under_the_pointer(browser: Chrome, watched: tuple[Served, Any]) -> None:
+    page, _ = watched
+    page.publish("torque", **torques(4.0))
+    until(browser, lambda: "at its end" in label(browser, 0))
+    point = (
+        "const canvas = document.querySelector('#torques canvas');"
+        "const {left, width} = canvas.getBoundingClientRect();"
+        "canvas.dispatchEvent(new PointerEvent(arguments[0], {clientX: left + width - 16}));"
+        "return document.querySelector('#torques .values').textContent;"
+    )
+    said = browser.execute_script(point, "pointermove")
+    measured = 100 * np.sin(browser.execute_script("return window.live.curves.span[1]"))
+    assert re.fullmatch(r"0\.0+ s, measured \S+, predicted \S+ ± 5\.0+", said.replace("−", "-"))
+    values = re.findall(r"(?:measured|predicted) ([^ ,]+)", said.replace("−", "-"))
+    assert [float(each) for each in values] == pytest.approx([measured, measured + 2], abs=0.6)
+    assert browser.execute_script(point, "pointerleave") == ""
 
 
 LINKS = """
