@@ -72,7 +72,6 @@ export class LivePage {
     this.curves.begin(this.recorded, line.watched);
     this.pushed = line.hand;
     this._hand({ closed: this.closed });
-    this.headline = '';
     this.measurements = line.measurements;
     const how = line.rehearsal ? `Rehearsal at ${Math.round(100 * line.rehearsal)} %` : 'Run';
     at('title').textContent = `${how} of ${line.robot.name}, live`;

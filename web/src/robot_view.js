@@ -95,6 +95,7 @@ export class RobotView {
 
   /** Move the camera back until all links are in the picture, unless the user has moved it. */
   contain() {
+    this.contains = true; // in a picture of another shape, too
     if (this.moved) return;
     const { camera, controls } = this;
     camera.updateMatrixWorld();
@@ -305,6 +306,7 @@ export class RobotView {
     this.renderer.setSize(this.size.width, this.size.height);
     this.camera.aspect = this.size.width / this.size.height;
     this.camera.updateProjectionMatrix();
+    if (this.contains) this.contain();
     if (this.scene) this._draw();
   }
 

@@ -267,6 +267,18 @@ def test_values_are_read_under_the_pointer(browser: Chrome, watched: tuple[Serve
     assert browser.execute_script(point, "pointerleave") == ""
 
 
+def test_a_result_is_stated_until_the_next_sentence(
+    browser: Chrome, page: Served, manutec: Robot, small_plan: Plan
+) -> None:
+    page.publish("headline", text="Identified: residual 5.8 %", more="The next motion tests it.")
+    kind = {"simulated": False, "watched": True}
+    page.publish("start", **lines.start(manutec, small_plan, None, **kind))
+    until(browser, lambda: not browser.find_element(By.ID, "simulated").is_displayed())
+    assert text(browser, "headline") == "Identified: residual 5.8 %"
+    page.publish("headline", text="Learning", more="")
+    until(browser, lambda: text(browser, "headline") == "Learning")
+
+
 LINKS = """
 const { scene } = window.live;
 const at = scene.camera.position.clone();
@@ -289,6 +301,10 @@ def test_the_arm_stays_in_the_picture_until_the_user_moves_the_camera(
             lambda q=q: browser.execute_script("return window.live.scene.q") == pytest.approx(q),
         )
         assert max(browser.execute_script(LINKS)) < 1.0
+    resize(browser, 1000, 3000)  # a high picture
+    until(browser, lambda: browser.execute_script("return window.live.scene.camera.aspect") < 1.0)
+    assert max(browser.execute_script(LINKS)) < 1.0
+    resize(browser, width, 900)
     browser.execute_script("window.live.scene.orbit(0, 0, 3); window.live.scene.moved = true")
     near = browser.execute_script("return window.live.scene.camera.position.length()")
     page.sample(Sample(9.0, Q, TAU, (0,) * 6, False))
