@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from drivers.drive_bus import DriveBus
     from hil.live.feed import Feed
-    from hil.measuring.events import Event
+    from hil.measuring.events import Event, Recorded
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
     from hil.results.model import Model
@@ -40,7 +40,7 @@ LEARNING = 25.0
 not count as scatter (`hil.watching.scatter`)."""
 LONGEST = 90.0
 """Latest start of a motion [s], once thresholds are learned: the announced duration is two minutes,
-and a motion takes 20 s. Two motions hold the learning and 15 s for pushing, on a slow computer too.
+and a motion takes 20 s. On two idle cores the arm can be pushed from 40 s on.
 """
 FASTEST_LEARNING = 8.0
 """Speed of learning relative to real time; the eye still follows the slow motion."""
@@ -50,15 +50,17 @@ ABOUT = (
     "encoders are measured."
 )
 MEASURING = (
-    "Each short motion serves one or two unknown parameters. Before a recording is used, its "
-    "torque is predicted from earlier recordings; the coloured band contains the measured torque "
-    "with a probability of 95 % and narrows with every recording."
+    "One or two axes move at a time: the torques of their motors show masses, inertias and "
+    "friction. The dashed line predicts each torque from the motions before; the coloured band "
+    "contains the measured torque with a probability of 95 % and narrows with every motion. Once "
+    "identified, the arm can feel a push without any sensor."
 )
 IDENTIFYING = (
     "One regression over all recordings yields the base parameters: the combinations of masses, "
     "centres of mass and inertias that determine the motor torques. The axes are off meanwhile."
 )
 IDENTIFIED = "The next motion tests the model: it differs from all recordings."
+NOT_YET = "The arm can be pushed once it is identified"
 FURTHER = (
     "hil view {folder}/pushed/run",
     "hil plan manutec-r15 -o plan.yaml",
@@ -92,7 +94,7 @@ def try_(
         typer.Option(
             min=1, max=1000, help="Maximum speed of the simulation, as a multiple of real time."
         ),
-    ] = 40.0,
+    ] = 60.0,
     push: Annotated[
         float | None,
         typer.Option(
@@ -124,6 +126,7 @@ def try_(
         audience = Audience(shown)
         stated = left.enter_context(audience.open(out))
         audience.publish("headline", {"text": "Planning the measurements", "more": ABOUT})
+        audience.publish("hand", {"closed": NOT_YET})
         if no_browser or not _open_browser(stated):
             say("open this address in a browser; Ctrl-C ends the demonstration")
         with working("planning the measurements of the virtual robot"):
@@ -136,7 +139,8 @@ def try_(
             feed = Feed(audience, simulated=True)
         feed.publish("headline", {"text": "Checking the drives, then power on", "more": MEASURING})
         model = _measure(robot, plan, folder / "measured", feed, speed)
-        ends = time.monotonic() + LEARNING + push if push else began + LONGEST
+        learned = time.monotonic() + LEARNING / FASTEST_LEARNING
+        ends = learned + push if push else began + LONGEST
         found = _push(robot, model, folder, feed, hand, ends)
         _report(folder, feed, found)
         say(f"{found}\nresults are in {folder}; continue with: hil report {folder / 'measured'}")
@@ -210,11 +214,12 @@ def _push(
     hand: str,
     ends: float,
 ) -> str:
-    """Watch the arm while it can be pushed; return a summary of the pushes.
+    """Watch the arm while it can be pushed; return residual on the new motion, and pushes.
 
     Thresholds are learned faster than in real time. Afterwards no motion starts later than `ends`
     on the monotonic clock [s].
     """
+    confirmed = ""
     with working("predicting torques"):
         from hil.cli.beside_model import keep_watch
         from hil.cli.measuring import OnBus, measure
@@ -231,21 +236,26 @@ def _push(
         view = WatchView(watcher, robot)
 
     def wrap(bus: DriveBus) -> DriveBus:
-        paced = PacedBus(bus, FASTEST_LEARNING)
+        paced = PacedBus(bus, FASTEST_LEARNING, ramped=False)
 
         def take(alarm: Alarm | None) -> None:
             paced.fastest = FASTEST_LEARNING if watcher.learning else 1.0
+            # samples of 20 ms are judged together, to keep this speed on a busy computer
+            watching.at_once = max(1, round(0.02 * paced.fastest / plan.sample_period))
             view.take(alarm)
 
-        # 5 samples (20 ms) are judged together, to keep real time on a busy computer
-        return WatchingBus(paced, watcher, take, at_once=5)
+        watching = WatchingBus(paced, watcher, take)
+        return watching
 
     @contextmanager
     def display(console: Console) -> Iterator[Callable[[Event], None]]:
         with view.display(console) as show:
 
             def take(event: Event) -> None:
+                nonlocal confirmed
                 show(event)
+                if isinstance(event, Recorded) and not (confirmed or watcher.alarms):
+                    confirmed = _confirm(model, event)
                 over = time.monotonic() > ends and not watcher.learning
                 if isinstance(event, Recorded) and over:
                     raise _TimeUp
@@ -263,7 +273,19 @@ def _push(
     finally:
         keep_watch(path, plan, watcher, str(folder / "measured" / model_file.NAME))
     count = len(pushes(watcher.alarms))
-    return f"{count or 'no'} push{'es' * (count != 1)} found in {watcher.watched:.0f} s"
+    return f"{confirmed}{count or 'no'} push{'es' * (count != 1)} found in {watcher.watched:.0f} s"
+
+
+def _confirm(model: Model, event: Recorded) -> str:
+    """Compare the residual on a new motion, without pushes, with that on the measured motions."""
+    from hil.results.band_residual import band_residual
+
+    stated = model.band_residual
+    found = band_residual(model, [(event.measurement, event.recording)])
+    if stated is None or found is None:
+        return ""
+    shares = [f"{100 * each.overall:.2g} %" for each in (found, stated)]
+    return f"residual {shares[0]} of the torque on a new motion, {shares[1]} on those measured; "
 
 
 def _claim_folder(output: Path | None) -> Path:

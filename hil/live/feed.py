@@ -39,6 +39,7 @@ _LEARNING = (
     "The axes follow a motion that was not used for the model. The coloured band about each "
     "predicted torque becomes as wide as the scatter of measured torques."
 )
+_NOT_YET = "Do not push yet: a push now would count as scatter of the torques"
 _WATCHING = (
     "Each measured torque is compared with its prediction. The band includes 95 % of normal "
     "torques; torque outside for long enough is an external torque."
@@ -114,6 +115,8 @@ class Feed:
         audience = self._audience
         with nullcontext() if audience.is_open else audience.open(console), shown(console) as show:
             self.publish("start", self._start)
+            if self._hand and self._watcher is not None:
+                self.publish("hand", {"closed": _NOT_YET})
 
             def take(event: Event) -> None:
                 show(event)
@@ -150,6 +153,8 @@ class Feed:
             self.publish("torque", line, droppable=True)
         if watcher.learning is not self._learning:
             self._learning = watcher.learning
+            if self._hand:
+                self.publish("hand", {"closed": _NOT_YET if watcher.learning else ""})
             self.publish("headline", self._state_of(watcher))
         begun = watcher.alarms[self._alarms :]
         self._alarms += len(begun)
@@ -207,13 +212,17 @@ class FedBus(BusInFront):
 
     def sample(self) -> Sample:
         """Wait for the next SYNC."""
+        return self.samples(1)[0]
+
+    def samples(self, limit: int) -> Sequence[Sample]:
+        """Wait for the next SYNCs."""
         try:
-            sample = self._bus.sample()
+            samples = self._bus.samples(limit)
         except DriveError as error:
             self._feed.publish("fault", {"text": str(error)})
             raise
         if not self._told:
             self._told = True
             self._feed.publish("armed", lines.armed(self._bus.axes))
-        self._feed.take_sample(sample, self._bus.notes)
-        return sample
+        self._feed.take_sample(samples[-1], self._bus.notes)
+        return samples

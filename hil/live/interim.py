@@ -73,7 +73,8 @@ class Interim:
     def take(self, motion: RecordedMotion, recording: Recording) -> Iterator[Line]:
         """Add a recording; yield the values of line ``torque`` for the moved axes.
 
-        A recording without parameters, or too short, is skipped.
+        Predicted torques are unknown until all parameters are determined. A recording without
+        parameters, or too short, is skipped.
         """
         if not shows_parameters(motion):
             return
@@ -82,8 +83,8 @@ class Interim:
             stacks = stack(self._robot, motion, s)
         except NotEnoughData:
             return
-        if not self._open.any():
-            yield from (self._predict(motion, each, s) for axes in stacks for each in axes)
+        lines_of = _measured if self._open.any() else self._predict
+        yield from (lines_of(motion, each, s) for axes in stacks for each in axes)
         if any(stacks):
             self._blocks.append(condensed_blocks(self._robot, stacks).drop(ROTOR))
 
@@ -121,11 +122,21 @@ class Interim:
         noise = sorted(before)[(len(before) - 1) // 2] if before else np.inf
         band = 1.96 * np.sqrt(variance + noise)
         before.append(float(np.mean((y + each.torques[:, 1] - predicted) ** 2)))
-        drawn = slice(None, None, -(-len(y) // POINTS))
-        shown = (y + each.torques[:, 1], predicted, band)
-        columns = (column[drawn, np.newaxis] for column in shown)
-        time = s.time[each.index[drawn]]
-        return lines.torque([each.axis], time, *columns, measurement=motion.id)
+        return _torque_line(motion, each, s, predicted, band)
+
+
+def _measured(motion: RecordedMotion, each: Stacked, s: Signals) -> Line:
+    unknown = np.full(len(each.torques), np.nan)
+    return _torque_line(motion, each, s, unknown, unknown)
+
+
+def _torque_line(
+    motion: RecordedMotion, each: Stacked, s: Signals, predicted: Array, band: Array
+) -> Line:
+    drawn = slice(None, None, -(-len(band) // POINTS))
+    columns = (column[drawn, np.newaxis] for column in (each.torques.sum(axis=1), predicted, band))
+    time = s.time[each.index[drawn]]
+    return lines.torque([each.axis], time, *columns, measurement=motion.id)
 
 
 def estimate_line(

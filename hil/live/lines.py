@@ -14,6 +14,8 @@ headline
 report
     ``folder`` of the run; ``next``: suggested command; ``there``: true if this server has the
     report.
+hand
+    ``closed``: reason why the arm cannot be pushed at present, or "". The latest line is valid.
 armed
     The axes are under power. ``axes``: a list with ``name``, ``identity``, position limits
     ``lower`` and ``upper``, and ``velocity`` limit in force on the drive.

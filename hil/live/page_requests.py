@@ -174,6 +174,8 @@ class Requests(BaseHTTPRequestHandler):
             )
         elif self.site.streams.ended:
             self._text(HTTPStatus.CONFLICT, "the run has ended already")
+        elif place == "push" and (reason := self.site.streams.closed):
+            self._text(HTTPStatus.CONFLICT, reason)
         elif place == "push":
             self._push(body)
         else:

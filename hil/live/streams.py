@@ -18,7 +18,7 @@ CLIENTS_MAX = 64
 DROPPABLE = frozenset({"sample", "torque"})
 """Kinds of lines skipped for slow pages."""
 _STATES = frozenset(
-    {"start", "event", "sample", "stopping", "headline", "estimate", "report", "end"}
+    {"start", "event", "sample", "stopping", "headline", "hand", "estimate", "report", "end"}
 )
 """Kinds of lines whose latest line is sent to a late page."""
 PATIENCE = 10.0
@@ -100,8 +100,12 @@ class Streams:
     @property
     def headline(self) -> str:
         """Text of the last headline; empty without one."""
-        chunk = self._state.get("headline", b"data: {}")
-        return str(json.loads(chunk.removeprefix(b"data: ")).get("text", ""))
+        return self._latest("headline", "text")
+
+    @property
+    def closed(self) -> str:
+        """Reason why the arm cannot be pushed at present; empty if it can."""
+        return self._latest("hand", "closed")
 
     @property
     def pages(self) -> int:
@@ -146,6 +150,10 @@ class Streams:
             for client in self._clients:
                 client.flush()
             self._sweep()
+
+    def _latest(self, kind: str, name: str) -> str:
+        chunk = self._state.get(kind, b"data: {}")
+        return str(json.loads(chunk.removeprefix(b"data: ")).get(name, ""))
 
     def _keep(self, said: dict[str, object], chunk: bytes) -> None:
         """Store a line needed by late pages."""

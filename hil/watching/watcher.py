@@ -304,8 +304,8 @@ class WatchingBus(BusInFront):
         True to stop all axes at the first alarm, raised as `Tripped`: leaving the bus with this
         error stops the axes and switches them off.
     at_once : int
-        Number of samples judged together: results are equal and faster, but an alarm waits for the
-        last sample.
+        Number of samples judged together, which may be changed during the motion: results are equal
+        and faster, but an alarm waits for the last sample.
     """
 
     def __init__(
@@ -318,7 +318,7 @@ class WatchingBus(BusInFront):
         at_once: int = 1,
     ) -> None:
         super().__init__(bus)
-        self._at_once = at_once
+        self.at_once = at_once
         self._held: list[Sample] = []
         self._watcher = watcher
         self._show = show
@@ -335,7 +335,7 @@ class WatchingBus(BusInFront):
         sample = self._bus.sample()
         self._held.append(sample)
         alarms: tuple[Alarm, ...] = ()
-        if len(self._held) == self._at_once:
+        if len(self._held) >= self.at_once:
             alarms = self._watcher.take(*self._held)
             self._held.clear()
         if alarms and self._stop:

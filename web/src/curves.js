@@ -52,13 +52,32 @@ export class Curve {
     this.mark.hidden = true;
     this.canvas.style.height = `${height}px`;
     this.mark.style.height = `${height - TOP - BOTTOM}px`;
-    this.figure.append(this.caption, this.canvas, this.mark);
+    this.values = document.createElement('span');
+    this.values.className = 'values';
+    this.values.setAttribute('aria-hidden', 'true'); // the canvas has a label of its own
+    this.figure.append(this.caption, this.canvas, this.mark, this.values);
     host.append(this.figure);
-    this.canvas.addEventListener('pointerdown', (event) => {
-      const { left, width } = this.canvas.getBoundingClientRect();
-      const share = (event.clientX - left - LEFT) / (width - LEFT - RIGHT);
-      if (this.span) seek(this.span[0] + Math.min(Math.max(share, 0), 1) * (this.span[1] - this.span[0]));
+    this.canvas.addEventListener('pointerdown', (event) => this.span && seek(this._instant(event)));
+    this.canvas.addEventListener('pointermove', (event) => this.span && this._read(this._instant(event)));
+    this.canvas.addEventListener('pointerleave', () => this.values.replaceChildren());
+  }
+
+  /** Instant under the pointer. */
+  _instant({ clientX }) {
+    const { left, width } = this.canvas.getBoundingClientRect();
+    const share = (clientX - left - LEFT) / (width - LEFT - RIGHT);
+    return this.span[0] + Math.min(Math.max(share, 0), 1) * (this.span[1] - this.span[0]);
+  }
+
+  /** Show the values of all lines at an instant. */
+  _read(t) {
+    const scale = (this.high - this.low) / 2;
+    const found = this.drawn.filter(({ name }) => name).map(({ name, value, half }) => {
+      const [known, reach] = [value(t), half?.(t)];
+      if (!Number.isFinite(known)) return '';
+      return `${name} ${shown(known, scale)}${Number.isFinite(reach) ? ` ± ${shown(reach, scale)}` : ''}`;
     });
+    this.values.textContent = [`${shown(t - this.origin, 10)} s`, ...found.filter(Boolean)].join(', ');
   }
 
   /**
@@ -69,7 +88,7 @@ export class Curve {
     this.caption.replaceChildren(...this._caption(joint));
     this.drawn = this.lines(joint).map((line) => {
       const t = line.instants(begin, end, 300);
-      return { ...line, t, y: t.map((each) => line.value(each)), band: line.band && t.map((each) => line.band(each)) };
+      return { ...line, half: line.band, t, y: t.map((each) => line.value(each)), band: line.band && t.map((each) => line.band(each)) };
     });
     this.canvas.setAttribute('aria-label', `${this.title(joint)}, over time; ${this._ends()}`);
     this._scale(joint);

@@ -8,6 +8,7 @@ const FULL = 0.25; // share of the reach by which the pointer goes for the stron
 const EVERY = 100; // interval at which a pull is repeated [ms]
 const PUSHED = 0.5; // duration of a push by a button [s]
 const LASTS = 0.3; // time after the last message until the arm is released [s]
+const HINT = 'Drag a link of the arm';
 const GRIP = [0, 14, 32]; // radii about the pointer in which a link is searched, so that a near miss does not turn the camera [pixels]
 const AROUND = 8; // directions of a ring
 
@@ -20,7 +21,7 @@ export class Hand {
     this.send = send;
     this.ray = new Raycaster();
     this.element = view.renderer.domElement;
-    const on = (name, action) => this.element.addEventListener(name, (event) => this.on && action(event), { capture: true });
+    const on = (name, action) => this.element.addEventListener(name, action, { capture: true });
     on('pointerdown', (event) => this._grip(event));
     on('pointermove', (event) => this._pull(event));
     for (const end of ['pointerup', 'pointercancel', 'lostpointercapture']) on(end, () => this._letGo());
@@ -29,15 +30,16 @@ export class Hand {
     const buttons = this.joints.map((_, j) => make('button', { type: 'button', text: `axis ${j + 1}`, 'aria-label': `Push axis ${j + 1}`, onclick: () => this._push(j) }));
     this.bar = make('div', { class: 'row', role: 'group', 'aria-label': 'Push the arm' }, make('span', { text: 'Drag a link, or push' }), ...buttons);
     host.append(this.bar);
-    this.enable(false);
+    this.enable(false, '');
   }
 
-  enable(on) {
-    this.on = on;
-    this.bar.hidden = !on;
-    this.element.classList.toggle('pushed', on);
-    if (!on) this._letGo();
-    if (!on) this.force.textContent = '';
+  /** Take pushes or not; a drag of the arm is answered by the reason why not, if there is one. */
+  enable(on, closed) {
+    this.on = on && !closed;
+    this.closed = closed;
+    this.bar.hidden = !this.on;
+    this.element.classList.toggle('pushed', this.on);
+    this._letGo();
   }
 
   /** Torque of a pull at a point, by virtual work: J' F. */
@@ -58,10 +60,12 @@ export class Hand {
   }
 
   _grip(event) {
-    const held = this._under(event);
+    const held = (this.on || this.closed) && this._under(event);
     if (!held) return;
     event.stopImmediatePropagation();
     event.preventDefault();
+    this.force.textContent = this.closed;
+    if (this.closed) return;
     this.element.setPointerCapture(event.pointerId);
     const inverse = this.view.chain.frames[held.link].clone().invert();
     this.held = { link: held.link, local: held.point.clone().applyMatrix4(inverse), depth: held.point.clone().project(this.view.camera).z };
@@ -113,12 +117,12 @@ export class Hand {
   }
 
   _letGo() {
+    this.force.textContent = this.on ? HINT : '';
     if (!this.held) return;
     clearInterval(this.timer);
     this.held = undefined;
     this.send(this.joints.map(() => 0), 0);
     this.view.pull();
     this.view.highlight([]);
-    this.force.textContent = '';
   }
 }

@@ -14,7 +14,8 @@ export class Intervals {
   take({ recordings, parameters }) {
     if (this.rows.length !== parameters.length) this._build(parameters);
     const sure = parameters.filter(({ half, share }) => half !== null && share < SURE).length;
-    this.caption.textContent = `95 % intervals from ${recordings} recordings: ${sure} of ${parameters.length} matter by less than ${100 * SURE} % of a torque limit`;
+    this.known = `${sure} of ${parameters.length} parameters known`;
+    this.caption.textContent = `From ${recordings} recordings: ${this.known}, their 95 % intervals matter by less than ${100 * SURE} % of a torque limit`;
     parameters.forEach((each, k) => this._set(this.rows[k], each));
   }
 
@@ -46,7 +47,7 @@ export class Intervals {
 /** A value with as many decimals as the interval has significant ones. */
 function rounded(value, half) {
   const places = Math.min(Math.max(1 - Math.floor(Math.log10(half || 1)), 0), 6);
-  return value.toFixed(places).replace('-', '−');
+  return value.toFixed(places).replace(/^-(?=0\.?0*$)/, '').replace('-', '−');
 }
 
 /** Two significant digits, never with an exponent. */

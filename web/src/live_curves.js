@@ -16,7 +16,7 @@ export class LiveCurves {
     this.label = make('span', { class: 'small' });
     this.bar = make('div', { class: 'row time' }, this.button, this.slider, this.label, make('button', { type: 'button', text: 'Now', onclick: () => this.look() }));
     host.after(this.bar);
-    const keys = ['measured', 'predicted', '95 % of what is normal'].map((text, k) => make('span', { class: `key of-${['measured', 'predicted', 'band'][k]}`, text }));
+    const keys = ['measured', 'predicted', '95 % band'].map((text, k) => make('span', { class: `key of-${['measured', 'predicted', 'band'][k]}`, text }));
     this.legend = make('p', { class: 'small legend' }, ...keys); // once, in place of one for each axis
     host.before(this.legend);
     this.player.addEventListener('time', () => this._follow());
@@ -38,7 +38,9 @@ export class LiveCurves {
     this.host.hidden = this.legend.hidden = this.bar.hidden = true;
   }
 
+  /** Mark the begin of a push in the curves of an axis. */
   alarm(alarm) {
+    if (this.alarms.some(({ push, axis }) => push === alarm.push && axis === alarm.axis)) return;
     this.alarms.push(alarm);
   }
 
@@ -81,16 +83,18 @@ export class LiveCurves {
     player.duration = recorded.duration;
     const t = this.back ? player.time : recorded.duration;
     this.bar.hidden = !recorded.duration;
-    this.host.hidden = this.legend.hidden = !recorded.segments.length;
+    this.host.hidden = this.legend.hidden = !recorded.segments.length && !recorded.sampled;
     [this.slider.min, this.slider.max, this.slider.value] = [this.first, recorded.duration, t];
     this.label.textContent = this.back ? `${clock(recorded.duration - t)} ago` : '';
     if (this.host.hidden) return;
-    if (this.passing) this._slide(t);
+    const passing = this.passing || recorded.sampled;
+    if (passing) this._slide(t);
     this.curves.forEach((curves, j) => {
-      const [begin, end] = this.passing ? this.span : this._recording(j, t);
+      const [begin, end] = passing ? this.span : this._recording(j, t);
+      curves[1].figure.hidden = Boolean(recorded.sampled);
       const marks = this.alarms.filter(({ axis }) => axis === j).map((each) => each.t);
       for (const each of curves) {
-        each.draw(j, begin, end, { origin: this.passing ? recorded.duration : begin, marks });
+        each.draw(j, begin, end, { origin: passing ? recorded.duration : begin, marks });
         if (this.back) each.cursor(t);
         each.mark.hidden = !this.back || t < begin || t > end;
       }

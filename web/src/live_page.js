@@ -70,8 +70,8 @@ export class LivePage {
     [this.watched, this.rate, this.event, this.push] = [line.watched, undefined, undefined, undefined];
     this.recorded = Recorded.growing(line.robot.joints);
     this.curves.begin(this.recorded, line.watched);
-    this.hand?.enable(line.hand);
-    this.headline = '';
+    this.pushed = line.hand;
+    this._hand({ closed: this.closed });
     this.measurements = line.measurements;
     const how = line.rehearsal ? `Rehearsal at ${Math.round(100 * line.rehearsal)} %` : 'Run';
     at('title').textContent = `${how} of ${line.robot.name}, live`;
@@ -113,6 +113,19 @@ export class LivePage {
 
   _off() {
     this.power = 'off';
+    this._release();
+  }
+
+  /** Let the arm go: nothing moves that could be pushed. */
+  _release() {
+    this.pushed = false;
+    this._hand({});
+  }
+
+  /** Accept pushes of the arm, or give the reason against them. */
+  _hand({ closed = '' }) {
+    this.closed = closed;
+    this.hand?.enable(this.pushed, closed);
   }
 
   _sample(line) {
@@ -120,7 +133,7 @@ export class LivePage {
     this.sampled = performance.now();
     if (!this.sample) requestAnimationFrame(() => this._draw());
     this.sample = line;
-    this.recorded.sample(line.t, line.q);
+    this.recorded.sample(line.t, line.q, this.watched ? [] : line.tau);
     this.curves.draw();
   }
 
@@ -157,6 +170,7 @@ export class LivePage {
   _stand(q) {
     this.q = q.map((each, j) => (Number.isFinite(each) ? each : this.q?.[j] ?? 0));
     this.scene?.show(this.q);
+    this.scene?.contain();
   }
 
   _headline({ text, more }) {
@@ -199,7 +213,10 @@ export class LivePage {
     if (line.total) at('progress').value = Math.min(line.t / line.total, 1);
     if (line.notice) this._note({ ...line, text: line.notice });
     const axes = line.axes ?? [];
-    if (!this.watched && line.number) this.headline = `Measuring: ${line.number} of ${this.measurements}`;
+    if (!this.watched && line.number) {
+      const known = this.intervals.known ? `, ${this.intervals.known}` : '';
+      this.headline = `Measuring: ${line.number} of ${this.measurements}${known}`;
+    }
     this.scene?.highlight(this.watched ? [] : axes);
     this.axes.highlight(axes);
   }
@@ -227,7 +244,7 @@ export class LivePage {
 
   _end({ how, text, at: when }) {
     this.ended = how;
-    this.hand?.enable(false);
+    this._release();
     if (how === 'failed' && at('fault').textContent !== text) this._fault({ text, at: when });
   }
 
@@ -238,12 +255,14 @@ export class LivePage {
     at('state').className = look;
     if (at('headline').textContent !== this.headline) at('headline').textContent = this.headline ?? '';
     at('none').hidden = at('notices').childElementCount > 0;
-    at('stop').disabled = Boolean(this.ended);
+    at('stop').disabled = Boolean(this.ended) || !at('ended').hidden;
     if (this.ended) at('stop').textContent = 'Stop';
     if (this.ended === 'finished') at('progress').value = 1;
     const left = Math.max(0, ((this.due ?? 0) - performance.now()) / 1000);
+    // a virtual plant that runs in real time is about to be accelerated
+    const unknown = this.pushed || (!at('simulated').hidden && !(this.rate > 1.5));
     const faster = this.rate > 1.5 ? `, ${this.rate.toFixed(0)} times real time` : '';
-    at('left').textContent = this.event && !this.ended ? `${clock(left)} left${faster}` : '';
+    at('left').textContent = this.event && !at('stop').disabled && !unknown ? `${clock(left)} left${faster}` : '';
   }
 
   _state() {

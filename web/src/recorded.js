@@ -35,16 +35,21 @@ export class Recorded {
     return Object.assign(new Recorded({ segments: [] }), { measured: each(), torque: each(), predicted: each(), band: each() });
   }
 
-  /** Take the positions of one instant, null for a missing joint. */
-  sample(t, q) {
+  /** Take the positions of one instant, null for a missing joint, and torques until there is a recording. */
+  sample(t, q, tau) {
     q.forEach((value, j) => this.measured[j].extend([t], [value ?? NaN]));
     this.duration = t;
+    if (this.segments.length) return;
+    tau.forEach((value, j) => this.torque[j].extend([t], [value ?? NaN]));
+    this.sampled = t > this.torque[0].time[0];
   }
 
   /** Append torques of a recording, or current torques of all axes. */
   take({ axes, measurement, ...lines }) {
     const [{ time: instants }] = tracks(lines.torque);
     if (!instants.length) return;
+    if (!this.segments.length) this.torque.forEach((_, j) => { this.torque[j] = new Track(); });
+    this.sampled = false;
     for (const name of ['torque', 'predicted', 'band']) {
       tracks(lines[name]).forEach(({ time, value }, i) => this[name][axes[i]].extend(time, value));
     }

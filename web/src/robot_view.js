@@ -12,6 +12,7 @@ const THEMES = {
   light: { ground: '#f5f7fa', link: '#8a97a6', line: '#9aa5b1', grid: '#cbd2d9', axis: '#b44d12', box: '#a3191f', mesh: '#aab4bf' },
   dark: { ground: '#11161c', link: '#8593a3', line: '#7b8794', grid: '#323f4b', axis: '#ffab70', box: '#ff8080', mesh: '#9fb0c0' },
 };
+const ROOM = 1.08; // share of the picture about the links
 const DIRECTIONS = { oblique: [1, -1.1, 0.7], front: [1, 0, 0.05], side: [0, -1, 0.05], top: [0.01, 0, 1] };
 
 // Links are drawn in full also inside their swept volume: their pixels are marked.
@@ -92,8 +93,27 @@ export class RobotView {
     this._draw();
   }
 
+  /** Move the camera back until all links are in the picture, unless the user has moved it. */
+  contain() {
+    this.contains = true; // in a picture of another shape, too
+    if (this.moved) return;
+    const { camera, controls } = this;
+    camera.updateMatrixWorld();
+    const high = Math.tan((camera.fov * Math.PI) / 360);
+    const back = this.robot.joints.flatMap(({ capsule: { ends, radius } }, j) => ends.map((end) => {
+      const { x, y, z } = new Vector3(...end).applyMatrix4(this.chain.frames[j]).applyMatrix4(camera.matrixWorldInverse);
+      const beside = Math.max((Math.abs(y) + radius) / high, (Math.abs(x) + radius) / (high * camera.aspect));
+      return ROOM * beside + z;
+    }));
+    const by = Math.max(...back);
+    if (by <= 0) return;
+    camera.position.addScaledVector(camera.position.clone().sub(controls.target).normalize(), by);
+    controls.update();
+  }
+
   /** Look at the whole robot from a side: oblique, front, side, top. */
   look(from) {
+    this.moved = false;
     const { middle, size } = this._extent();
     const turn = new Quaternion().setFromUnitVectors(new Vector3(0, 0, 1), this.up);
     const way = new Vector3(...DIRECTIONS[from]).normalize().applyQuaternion(turn);
@@ -147,6 +167,7 @@ export class RobotView {
     this.camera.up.copy(this.up);
     this.controls = new OrbitControls(this.camera, domElement);
     this.controls.addEventListener('change', () => this._draw());
+    this.controls.addEventListener('start', () => { this.moved = true; });
     domElement.addEventListener('keydown', (event) => this._key(event));
     this._fit();
   }
@@ -156,6 +177,7 @@ export class RobotView {
       ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, 0.1], ArrowDown: [0, -0.1], '+': [0, 0, 1.15], '-': [0, 0, 1 / 1.15],
     }[event.key];
     if (!by) return;
+    this.moved = true;
     this.orbit(...by);
     event.preventDefault();
     event.stopPropagation();
@@ -284,6 +306,7 @@ export class RobotView {
     this.renderer.setSize(this.size.width, this.size.height);
     this.camera.aspect = this.size.width / this.size.height;
     this.camera.updateProjectionMatrix();
+    if (this.contains) this.contain();
     if (this.scene) this._draw();
   }
 

@@ -82,7 +82,7 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     folder, visitor = tmp_path / "all", Visitor(free_port())
     visitor.start()
     call = ("try", "--no-browser", "--live", visitor.page.port, "-o", folder)
-    status, out, err = hil(*call, "--speed", 1000, "--push", 13)
+    status, out, err = hil(*call, "--speed", 1000, "--push", 12)
     visitor.join(30)
     assert (status, err) == (0, "")
     assert f"continue with: hil report {folder / 'measured'}" in out
@@ -96,6 +96,10 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     first, second = visitor.select("start")
     assert [each["watched"] for each in (first, second)] == [False, True]
     assert [each["hand"] for each in (first, second)] == [False, True]
+    learned = next(k for k, line in enumerate(visitor.lines) if line.get("text", "")[:4] == "Push")
+    closed = [line["closed"] for line in visitor.lines[:learned] if line["kind"] == "hand"]
+    assert closed[0].startswith("The arm can be pushed once")
+    assert closed[-2:] == ["Do not push yet: a push now would count as scatter of the torques", ""]
     status, _, text = visitor.report
     assert (status, (folder / "measured" / "report.html").read_text()) == (200, text)
     assert any(each.startswith("hil run") for each in visitor.select("report")[0]["commands"])
@@ -124,6 +128,13 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     assert model.provenance.measurements == first["measurements"] < 47
     motions = Run.open(folder / "pushed" / "run")
     assert (motions.ids, len(motions.missing)) == (("motion-1",), 1)
+    said = trying._confirm(model, next(iter(motions)))
+    shares = re.fullmatch(
+        r"residual (\S+) % of the torque on a new motion, (\S+) % on those measured; ", said
+    )
+    assert shares
+    assert float(shares[1]) > float(shares[2])  # pushed, so that it is no test of the model
+    assert not any("on a new motion" in head for head in heads)
 
 
 class Tried:

@@ -16,6 +16,8 @@ from trajectory_run import recorded as periods
 from trajectory_run import some_trajectory
 
 from hil.cli.measuring import OnBus, measure
+from hil.live.audience import Audience
+from hil.live.feed import FedBus, Feed
 from hil.live.lines import level, level_of
 from hil.live.listener import Listener, ListenerFailed
 from hil.planning.measurement import Gravity
@@ -25,6 +27,11 @@ from hil.runs.run_folder import RunFolder
 from hil.terminal.interruption import STATUS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from conftest import IdealBus
+
+    from drivers.drive_bus import Sample
     from hil.model.robot import Robot
     from hil.planning.plan import Plan
 
@@ -94,6 +101,25 @@ def test_samples_are_those_of_the_run_and_few(
     for line, (q, tau) in compared:
         np.testing.assert_allclose(line["q"], q, atol=1e-6)
         np.testing.assert_allclose(line["tau"], tau, atol=1e-4)
+
+
+def test_a_live_run_takes_as_many_samples_at_once_as_any_other(
+    ideal_bus: IdealBus, manutec: Robot, small_plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    feed = Feed(Audience([]), simulated=True)
+    feed.turn_to(manutec, small_plan, None, hand=False, watcher=None)
+    asked: list[int] = []
+
+    def samples(limit: int) -> Sequence[Sample]:
+        asked.append(limit)
+        return [ideal_bus.sample() for _ in range(limit)]
+
+    monkeypatch.setattr(ideal_bus, "samples", samples)
+    with FedBus(ideal_bus, feed) as bus:
+        taken = bus.samples(9)
+        assert (len(taken), taken[-1].time) == (9, ideal_bus.time)
+        assert bus.sample().time == ideal_bus.time
+    assert asked == [9, 1]
 
 
 def test_friction_so_far_is_that_of_the_measured_axes(

@@ -78,6 +78,14 @@ def test_torques_are_predicted_before_they_are_used_and_lie_in_their_band(
     json.dumps(torques, allow_nan=False)
 
 
+def test_torques_are_shown_from_the_first_recording_on(shown: tuple[list[Any], list[Any]]) -> None:
+    _, torques = shown
+    known = [np.isfinite(unpacked(line["predicted"][0]["value"])).all() for line in torques]
+    assert (known[0], known[-1]) == (False, True)
+    assert np.isfinite(unpacked(torques[0]["torque"][0]["value"])).all()
+    assert unpacked(torques[0]["torque"][0]["value"]).any()
+
+
 def test_the_process_reads_what_lines_name_and_passes_over_the_rest(
     run: Run, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

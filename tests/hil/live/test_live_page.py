@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -62,6 +63,7 @@ def page(
         event = Travelled(3.0, 20.0, small_plan.measurements[0])
         found.publish("event", **lines.event(event, 65.0, {"g1": 1}))
         found.sample(Sample(4.0, Q, TAU, (0,) * 6, False))
+        complaints(browser)  # of the page before
         browser.get(found.url)
         wait_until(browser, lambda: "rad" in "".join(row[1] for row in cells(browser)))
         yield found
@@ -105,7 +107,10 @@ def complaints(browser: Chrome) -> list[str]:
 def test_state_progress_and_axes_are_shown(browser: Chrome, page: Served) -> None:
     assert text(browser, "state") == "armed: the axes are under power"
     assert text(browser, "doing") == SEEN
-    assert text(browser, "left") in {"1:05 left", "1:04 left", "1:03 left"}
+    assert text(browser, "left") == ""  # a virtual plant is accelerated later
+    browser.execute_script("window.live.rate = 20.0")
+    wait_until(browser, lambda: text(browser, "left").endswith(" left, 20 times real time"))
+    assert text(browser, "left")[:4] in {"1:05", "1:04", "1:03", "1:02"}
     progress = browser.execute_script("return document.getElementById('progress').value")
     assert progress == pytest.approx(4 / 23, abs=0.01)
     second = cells(browser)[1]
@@ -186,6 +191,7 @@ def watched(
             q = (0.5 + 0.01 * k, *Q[1:])
             found.sample(Sample(4.0 + 0.04 * k, q, TAU, (0,) * 6, False))
         found.publish("headline", text="Push the arm: drag a link")
+        complaints(browser)  # of the page before
         browser.get(found.url)
         # the headline is in the page before the robot is drawn
         wait_until(browser, lambda: browser.execute_script("return !!window.live?.scene?.q"))
@@ -193,11 +199,18 @@ def watched(
         yield found, plant
 
 
-def test_intervals_shrink_as_recordings_come(browser: Chrome, page: Served) -> None:
+def test_intervals_shrink_as_recordings_come(
+    browser: Chrome, page: Served, small_plan: Plan
+) -> None:
     assert text(browser, "headline") == "Measuring: 1 of 3"
     page.publish("estimate", **estimate(0.5, None))
     wait_until(browser, lambda: "32.02 kg m²" in text(browser, "intervals"))
-    assert "12 recordings" in text(browser, "intervals")
+    assert "12 recordings: 1 of 2 parameters known" in text(browser, "intervals")
+    event = Travelled(5.0, 20.0, small_plan.measurements[1])
+    page.publish("event", **lines.event(event, 65.0, {"i1": 2}))
+    wait_until(
+        browser, lambda: text(browser, "headline") == "Measuring: 2 of 3, 1 of 2 parameters known"
+    )
     assert "open" in text(browser, "intervals")
     wide = browser.execute_script("return document.querySelector('.interval').style.width")
     page.publish("estimate", **estimate(0.0052, 0.1))
@@ -218,6 +231,88 @@ def test_a_recording_stands_beside_its_prediction(browser: Chrome, page: Served)
     assert "measured" in label(browser, 1)
     assert "none yet" in label(browser, 0)
     assert complaints(browser) == []
+
+
+def test_torques_pass_by_until_there_is_a_recording(browser: Chrome, page: Served) -> None:
+    give(browser, page, [Sample(4.1 + 0.04 * k, Q, TAU, (0,) * 6, False) for k in range(40)])
+    wait_until(browser, lambda: "at its end measured −500" in label(browser, 1))
+    assert "predicted" not in label(browser, 1)
+    shown = "return [...document.querySelectorAll('#torques figure')].map((e) => !e.hidden)"
+    assert browser.execute_script(shown) == [True, False] * 6
+    begin, end = browser.execute_script("return window.live.curves.span")
+    assert (begin, end) == pytest.approx((4.0, 4.1 + 0.04 * 39))
+    t = 4.0 + 0.1 * np.arange(15)
+    one = np.sin(t)[:, np.newaxis]
+    page.publish("torque", **lines.torque([1], t, 40 * one, 41 * one, one, measurement="g1"))
+    wait_until(browser, lambda: "none yet" in label(browser, 0))
+    assert "at its end measured" in label(browser, 1)
+    assert browser.execute_script(shown) == [True] * 12
+
+
+def test_values_are_read_under_the_pointer(browser: Chrome, watched: tuple[Served, Any]) -> None:
+    page, _ = watched
+    page.publish("torque", **torques(4.0))
+    wait_until(browser, lambda: "at its end" in label(browser, 0))
+    point = (
+        "const canvas = document.querySelector('#torques canvas');"
+        "const {left, width} = canvas.getBoundingClientRect();"
+        "canvas.dispatchEvent(new PointerEvent(arguments[0], {clientX: left + width - 16}));"
+        "return document.querySelector('#torques .values').textContent;"
+    )
+    said = browser.execute_script(point, "pointermove")
+    measured = 100 * np.sin(browser.execute_script("return window.live.curves.span[1]"))
+    assert re.fullmatch(r"0\.0+ s, measured \S+, predicted \S+ ± 5\.0+", said.replace("−", "-"))
+    values = re.findall(r"(?:measured|predicted) ([^ ,]+)", said.replace("−", "-"))
+    assert [float(each) for each in values] == pytest.approx([measured, measured + 2], abs=0.6)
+    assert browser.execute_script(point, "pointerleave") == ""
+
+
+def test_a_result_is_stated_until_the_next_sentence(
+    browser: Chrome, page: Served, manutec: Robot, small_plan: Plan
+) -> None:
+    page.publish("headline", text="Identified: residual 5.8 %", more="The next motion tests it.")
+    kind = {"simulated": False, "watched": True}
+    page.publish("start", **lines.start(manutec, small_plan, None, **kind))
+    wait_until(browser, lambda: not browser.find_element(By.ID, "simulated").is_displayed())
+    assert text(browser, "headline") == "Identified: residual 5.8 %"
+    page.publish("headline", text="Learning", more="")
+    wait_until(browser, lambda: text(browser, "headline") == "Learning")
+
+
+LINKS = """
+const { scene } = window.live;
+const at = scene.camera.position.clone();
+return scene.robot.joints.flatMap(({ capsule: { ends } }, j) => ends.map((end) => {
+  const { x, y } = at.set(...end).applyMatrix4(scene.chain.frames[j]).project(scene.camera);
+  return Math.max(Math.abs(x), Math.abs(y));
+}));
+"""
+
+
+@pytest.mark.parametrize("width", [1440, 420])
+def test_the_arm_stays_in_the_picture_until_the_user_moves_the_camera(
+    browser: Chrome, page: Served, width: int
+) -> None:
+    resize(browser, width, 900)
+    for k, q in enumerate([(0.0,) * 6, (-0.8, 1.5, 0.0, 0.0, 0.0, 0.0), (0.8, -1.5, *(0.0,) * 4)]):
+        page.sample(Sample(4.1 + k, q, TAU, (0,) * 6, False))
+        wait_until(
+            browser,
+            lambda q=q: browser.execute_script("return window.live.scene.q") == pytest.approx(q),
+        )
+        assert max(browser.execute_script(LINKS)) < 1.0
+    resize(browser, 1000, 3000)  # a high picture
+    wait_until(browser, lambda: browser.execute_script("return window.live.scene.camera.aspect") < 1.0)
+    assert max(browser.execute_script(LINKS)) < 1.0
+    resize(browser, width, 900)
+    browser.execute_script("window.live.scene.orbit(0, 0, 3); window.live.scene.moved = true")
+    near = browser.execute_script("return window.live.scene.camera.position.length()")
+    page.sample(Sample(9.0, Q, TAU, (0,) * 6, False))
+    wait_until(
+        browser,
+        lambda: browser.execute_script("return window.live.scene.q") == pytest.approx(Q),
+    )
+    assert browser.execute_script("return window.live.scene.camera.position.length()") == near
 
 
 def label(browser: Chrome, axis: int) -> str:
@@ -385,6 +480,97 @@ def test_a_near_miss_takes_the_link_and_does_not_turn_the_camera(
     assert not any(json.loads(plant.recv(4096))["torque"])  # released: no more push
 
 
+def drag(browser: Chrome, link: int = 2) -> list[float]:
+    """Drag a link's joint; return the camera's displacement during the drag."""
+    begin, end = browser.execute_script(
+        "const {scene} = window.live, element = scene.renderer.domElement;"
+        "const {x, y} = scene.project(arguments[0]), {left, top} = element.getBoundingClientRect();"
+        "const go = (kind, by) => element.dispatchEvent(new PointerEvent(kind, {pointerId: 1,"
+        " clientX: x + left + by, clientY: y + top, button: 0, bubbles: true, cancelable: true}));"
+        "const begin = scene.camera.position.toArray();"
+        "element.setPointerCapture = () => {}; element.releasePointerCapture = () => {};"
+        "go('pointerdown', 0); go('pointermove', 30); scene.controls.update();"
+        "return [begin, scene.camera.position.toArray()];",
+        link,
+    )
+    return [float(b - a) for a, b in zip(begin, end, strict=True)]
+
+
+def let_go(browser: Chrome) -> None:
+    browser.execute_script(
+        "window.live.scene.renderer.domElement.dispatchEvent(new PointerEvent('pointerup',"
+        " {pointerId: 1, bubbles: true}));"
+    )
+
+
+def test_an_arm_that_cannot_be_pushed_yet_says_so_and_the_camera_stays(
+    browser: Chrome, watched: tuple[Served, Any]
+) -> None:
+    page, plant = watched
+    assert force(browser) == "Drag a link of the arm"
+    page.publish("hand", closed="Not before it is identified")
+    wait_until(browser, lambda: not browser.find_element(By.ID, "hand").text)
+    assert drag(browser) == pytest.approx([0.0] * 3)
+    assert force(browser) == "Not before it is identified"
+    let_go(browser)
+    assert force(browser) == ""
+    page.publish("hand", closed="")
+    wait_until(browser, lambda: "axis 6" in text(browser, "hand"))
+    plant.setblocking(False)
+    with pytest.raises(BlockingIOError):
+        plant.recv(4096)
+    plant.settimeout(30)
+    assert drag(browser) == pytest.approx([0.0] * 3)
+    assert any(json.loads(plant.recv(4096))["torque"])
+    let_go(browser)
+    while any(json.loads(plant.recv(4096))["torque"]):
+        continue
+
+
+def test_a_page_without_an_arm_to_push_is_turned_by_dragging(browser: Chrome, page: Served) -> None:
+    del page
+    assert drag(browser) != pytest.approx([0.0] * 3)
+    let_go(browser)
+
+
+def test_axes_that_are_switched_off_are_pushed_no_more(
+    browser: Chrome, watched: tuple[Served, Any]
+) -> None:
+    page, plant = watched
+    drag(browser)
+    assert any(json.loads(plant.recv(4096))["torque"])
+    page.publish("off")
+    wait_until(browser, lambda: not browser.find_element(By.ID, "hand").text)
+    assert browser.execute_script("return window.live.hand.held === undefined")
+    while any(json.loads(plant.recv(4096))["torque"]):
+        continue
+    assert force(browser) == ""
+    assert text(browser, "notices") == ""
+
+
+def test_a_push_has_one_mark_in_the_curves_of_an_axis(
+    browser: Chrome, watched: tuple[Served, Any]
+) -> None:
+    page, _ = watched
+    page.publish("torque", **torques(4.0))
+    marks = "return window.live.curves.curves.map(([curve]) => curve.marks ?? [])"
+    for t, push, axis in ((4.5, 1, 1), (4.6, 1, 2), (5.0, 1, 1), (5.5, 2, 1)):
+        page.publish("alarm", push=push, axis=axis, torque=-9.0, threshold=5.0, unit="N m", t=t)
+    wait_until(browser, lambda: browser.execute_script(marks)[1:3] == [[4.5, 5.5], [4.6]])
+
+
+@pytest.mark.parametrize("width", [1440, 420])
+def test_the_legend_takes_one_line(
+    browser: Chrome, watched: tuple[Served, Any], width: int
+) -> None:
+    page, _ = watched
+    resize(browser, width, 900)
+    page.publish("torque", **torques(4.0))
+    tops = "return [...document.querySelectorAll('.legend .key')].map((e) => e.offsetTop)"
+    wait_until(browser, lambda: browser.find_element(By.CSS_SELECTOR, ".legend").is_displayed())
+    assert len(set(browser.execute_script(tops))) == 1
+
+
 def test_marks_wait_for_data(
     browser: Chrome, manutec: Robot, small_plan: Plan, ideal_bus: IdealBus
 ) -> None:
@@ -406,6 +592,8 @@ def test_a_motion_is_explained_and_the_end_leads_to_the_report(
     wait_until(browser, lambda: "hil view" in text(browser, "ended"))
     link = browser.find_element(By.LINK_TEXT, "Open the report")
     assert link.get_attribute("href") == f"{page.url}report"
+    wait_until(browser, lambda: not browser.find_element(By.ID, "stop").is_enabled())  # all is over
+    assert text(browser, "left") == ""
     assert complaints(browser) == []
 
 
