@@ -30,7 +30,7 @@ from hil.errors import NotIdentifiable, UnknownName
 from hil.estimation.excluded.battery import LEVEL, NOTHING, SPAN
 from hil.estimation.excluded.causes import CAUSES, FITTED, SHOWN_BY
 from hil.estimation.excluded.columns import Column, columns
-from hil.estimation.excluded.finding import SAME, TOGETHER
+from hil.estimation.excluded.finding import SAME, TOGETHER, finite_limit
 from hil.estimation.excluded.foreseen import expected_evidence, foreseen_tests, recorded
 from hil.estimation.excluded.limits import (
     POWER,
@@ -316,7 +316,7 @@ class _Search:
             limit_at = partial(
                 limit_of, self.robot, self.battery, (cause, axis), part, torque=float(torque[k])
             )
-            limit = limit_at(float(shown[k]))
+            limit = finite_limit(self.robot, self.p, self.battery, limit_at(float(shown[k])))
             others = [j for j in range(len(self.keys)) if j != self.cause[k]]
             like = min(others, key=lambda j: float(left[k, j]), default=None)
             distinct = 0.0
