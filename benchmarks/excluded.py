@@ -34,11 +34,11 @@ from excluded_cases import (
     Case,
     Said,
     campaign,
-    of_parts,
-    of_run,
+    judge_run,
     said,
     shares,
     smallest,
+    smallest_parts,
 )
 from figures import Figure, keep
 from planted_flaws import PLANTS
@@ -85,7 +85,7 @@ def show_flaws(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -
     clean = {}
     for twin in dict.fromkeys(twin for twin, *_ in FLAWS):
         clean[twin] = said(folder, Case(twin, "", 0, 0.0, 0.0, seed)).proof
-    own = of_parts(folder, seed)
+    own = smallest_parts(folder, seed)
     least = [own.get((cause, axis)) or smallest(clean[twin], cause, axis)
              for twin, cause, axis in FLAWS]  # fmt: skip
     cases = [
@@ -160,7 +160,7 @@ def show_runs(kept: Kept, folder: Path, pool: ProcessPoolExecutor) -> Iterator[S
             continue
         if not any(shows_parameters(motion) for motion, _ in Pooled([Run.open(runs[0])])):
             continue
-        every = list(pool.map(of_run, runs))
+        every = list(pool.map(judge_run, runs))
         alarms = [each for each in every if each.found]
         print(f"{plant.parent.name}: causes found in {len(alarms)} of {len(every)},"
               f" {sum(each.word == 'good' for each in every)} good", flush=True)  # fmt: skip

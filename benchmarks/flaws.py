@@ -27,7 +27,7 @@ from sim_plant.plant_file import PlantFile, load_plant_file
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from sim_plant.plant_file import Axis
+    from sim_plant.plant_file import PlantAxis
 
 BIG, HAND = 20.0, 40.0
 """Natural frequencies of axes 1 to 3 and of the hand's axes on their gears, motors blocked [Hz]."""
@@ -37,23 +37,23 @@ LAG = 0.004
 """Lag of the current reading [s]."""
 
 
-def every_axis(file: PlantFile, change: Callable[[int, Axis], Axis]) -> PlantFile:
+def every_axis(file: PlantFile, change: Callable[[int, PlantAxis], PlantAxis]) -> PlantFile:
     """Apply a change to every axis of a plant file."""
     axes = tuple(change(k, axis) for k, axis in enumerate(file.axes))
     return file.model_copy(update={"axes": axes})
 
 
-def drive(axis: Axis, **keys: float) -> Axis:
+def drive(axis: PlantAxis, **keys: float) -> PlantAxis:
     """Change keys of a drive."""
     return axis.model_copy(update={"drive": axis.drive.model_copy(update=keys)})
 
 
-def friction(axis: Axis, **keys: float) -> Axis:
+def friction(axis: PlantAxis, **keys: float) -> PlantAxis:
     """Change keys of an axis's friction."""
     return axis.model_copy(update={"friction": axis.friction.model_copy(update=keys)})
 
 
-def stiffness(k: int, axis: Axis) -> float:
+def stiffness(k: int, axis: PlantAxis) -> float:
     """Return the stiffness for the natural frequency of an axis [N m/rad]."""
     return axis.drive.load_inertia * (math.tau * (BIG if k < 3 else HAND)) ** 2
 

@@ -20,6 +20,7 @@ whole plan by the battery (`foreseen`); the search repeats until the battery agr
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -29,10 +30,16 @@ from hil.errors import NotIdentifiable, UnknownName
 from hil.estimation.excluded.battery import LEVEL, NOTHING, SPAN
 from hil.estimation.excluded.causes import CAUSES, FITTED, SHOWN_BY
 from hil.estimation.excluded.columns import Column, columns
-from hil.estimation.excluded.finding import SAME, TOGETHER
+from hil.estimation.excluded.finding import SAME, TOGETHER, finite_limit
 from hil.estimation.excluded.foreseen import expected_evidence, foreseen_tests, recorded
-from hil.estimation.excluded.limits import POWER, noncentrality, smallest
-from hil.estimation.excluded.words import describe_cause, name_of, unit_of
+from hil.estimation.excluded.limits import (
+    POWER,
+    limit_of,
+    noncentrality,
+    smallest,
+    torque_shares,
+)
+from hil.estimation.excluded.words import describe_cause, name_of
 from hil.estimation.signals import signals
 from hil.planning.design.by_minutes import assign_ids, order_by_travel, total_duration
 from hil.planning.design.candidates import strokes
@@ -95,6 +102,8 @@ class Reached(NamedTuple):
         Most similar of the other named causes; empty if there are none.
     remedy : str
         Evidence that would show the cause, if no candidate does; empty if one does.
+    resting : int
+        Axis from 1 that moves too little for the cause, see `Limit.testable`; 0 if it moves enough.
     """
 
     name: str
@@ -104,6 +113,7 @@ class Reached(NamedTuple):
     distinct: float
     like: str
     remedy: str
+    resting: int
 
     @property
     def enough(self) -> bool:
@@ -301,21 +311,28 @@ class _Search:
         """Return the visibility of named causes in the plan, by the battery."""
         information, shown, phi = self._sizes()
         left, found = self._left(self.battery.gram(self.columns)), list[Reached]()
+        torque = torque_shares(self.battery)[self.columns]
         for k, (cause, axis, part) in enumerate(self.names):
+            limit_at = partial(
+                limit_of, self.robot, self.battery, (cause, axis), part, torque=float(torque[k])
+            )
+            limit = finite_limit(self.robot, self.p, self.battery, limit_at(float(shown[k])))
             others = [j for j in range(len(self.keys)) if j != self.cause[k]]
             like = min(others, key=lambda j: float(left[k, j]), default=None)
             distinct = 0.0
             if like is not None:
-                apart = np.isfinite(shown[k]) and left[k, like] >= APART * information[k]
+                apart = limit.size is not None and left[k, like] >= APART * information[k]
                 distinct = LEAD * float(np.sqrt(phi[k] / left[k, like])) if apart else np.inf
+                distinct = _or_none(limit_at(distinct).size)
             found.append(Reached(
                 name=describe_cause((cause, axis), part),
-                unit=unit_of(self.robot, (cause, axis), part),
+                unit=limit.unit,
                 usual=float(self.usual[k]),
-                shown=float(shown[k]),
+                shown=_or_none(limit.size),
                 distinct=distinct,
                 like="" if like is None else describe_cause(self.keys[like]),
                 remedy="" if self.visible[k] else SHOWN_BY.get(cause, NEVER),
+                resting=0 if limit.testable else limit.axis,
             ))  # fmt: skip
         return tuple(found)
 
@@ -369,6 +386,11 @@ class _Search:
                             _excess(least, left))  # fmt: skip
         found: Array = _excess(wanted, own).sum(axis=-1) + distinct.sum(axis=(-2, -1))
         return found
+
+
+def _or_none(size: float | None) -> float:
+    """Return a size, infinite for none."""
+    return np.inf if size is None else size
 
 
 def _excess(wanted: Array, there: Array) -> Array:

@@ -45,20 +45,12 @@ def limits(
     robot: Robot, battery: Battery, every: Columns, n_tests: int, leaves: float = 1.0
 ) -> tuple[Limit, ...]:
     """Return the smallest detectable sizes; `leaves` as in `finding.excluded`."""
-    torque = _torque(battery)
+    torque = torque_shares(battery)
     found = [
-        Limit(
-            cause=name_of(key),
-            axis=key[1] + 1,
-            part=part,
-            unit=unit_of(robot, key, part),
-            size=size if np.isfinite(size) else None,
-            torque=each,
-        )
+        limit_of(robot, battery, key, part, size, each)
         for key, at in every.tests.items()
         if key[0] not in every.free and not _is_fitted(battery, key)
-        for part, first, each in _sizes(battery, key, at, torque, n_tests, leaves)
-        for size in [_true_size(robot, battery, key, first)]
+        for part, size, each in _sizes(battery, key, at, torque, n_tests, leaves)
     ]
     hardest: dict[tuple[str, int, str], Limit] = {}  # size of torque ripple over all orders
     for each in sorted(found, key=lambda each: rank_of(each.cause, each.axis)):
@@ -68,6 +60,21 @@ def limits(
         if at not in hardest or rank * _hard(each) > rank * _hard(hardest[at]):
             hardest[at] = each
     return tuple(hardest.values())
+
+
+def limit_of(
+    robot: Robot, battery: Battery, key: Key, part: str, size: float, torque: float
+) -> Limit:
+    """Return the limit of a cause with a first-order size, and the torque share of a unit."""
+    size = _true_size(robot, battery, key, size)
+    return Limit(
+        cause=name_of(key),
+        axis=key[1] + 1,
+        part=part,
+        unit=unit_of(robot, key, part),
+        size=size if np.isfinite(size) else None,
+        torque=torque,
+    )
 
 
 def _true_size(robot: Robot, battery: Battery, key: Key, size: float) -> float:
@@ -155,7 +162,7 @@ def noncentrality(rank: int, degrees: float, level: float) -> float:
     return float(optimize.brentq(missed, 0.0, 4.0 * (limit + 10.0 * rank), rtol=1e-4))
 
 
-def _torque(battery: Battery) -> Array:
+def torque_shares(battery: Battery) -> Array:
     """Return the share of recorded torque due to a unit of each column, largest over axes."""
     e, found = battery.evidence, np.zeros(len(battery.columns.names))
     for axis in np.unique(e.axis):

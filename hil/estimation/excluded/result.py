@@ -5,10 +5,10 @@ Error terms state the part of each cause in the known error of an estimate.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, model_validator
 
 from checked_files.yaml_file import FileModel
 from hil.estimation.excluded.causes import CAUSES
@@ -102,9 +102,13 @@ class Limit(FileModel):
         Column of the cause; empty if all columns are alike.
     unit : str
     size : float or None
-        Size that would be found with a probability of 80 %; None if the cause never shows.
+        Size that would be found with a probability of 80 %; None if the cause never shows, or is
+        not testable.
     torque : float
         Share of the recorded torque due to one unit, on the axis with the largest share.
+    testable : bool
+        False if the torque of the smallest detectable size exceeds the recorded torque (rms): the
+        cause is a part of this torque, so no such size occurs in these motions.
 
     Examples
     --------
@@ -119,6 +123,13 @@ class Limit(FileModel):
     unit: str
     size: float | None
     torque: float
+    testable: bool = True
+
+    @model_validator(mode="before")
+    @classmethod
+    def _drop_impossible_size(cls, values: dict[str, Any]) -> dict[str, Any]:
+        impossible = values["torque"] * (values["size"] or 0.0) > 1.0
+        return {**values, "size": None, "testable": False} if impossible else values
 
     @property
     def usual(self) -> float:

@@ -16,17 +16,24 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.result import Excluded, Limit
     from hil.show.table import Row
 
-NEVER, FOUND = "-", "found"
-"""Cells in place of a size, for an invisible cause and for a found cause."""
+NEVER, FOUND, UNTESTED = "-", "found", "?"
+"""Cells in place of a size, for an invisible, a found and an untestable cause."""
 
 
+MORE = "measure more (--gravity, --inertia, --coupling)"
 KEY = f"{NEVER}: invisible at any size; in brackets: larger than usual"
 
 
 def excluded(
-    proof: Excluded, n_joints: int, title: str = "What these recordings exclude", note: str = KEY
+    proof: Excluded,
+    n_joints: int,
+    title: str = "What these recordings exclude",
+    note: str = KEY,
+    source: str = "these recordings",
 ) -> Table:
     """Return the smallest detectable sizes of causes, axis by axis."""
+    resting = sorted({each.axis for each in proof.limits if not each.testable})
+    untested = [f"{UNTESTED}: {untestable(resting, source)}"] if resting else []
     axes = (f"axis {axis}" for axis in range(1, n_joints + 1))
     return table(
         title,
@@ -34,14 +41,20 @@ def excluded(
         _rows(proof, n_joints),
         "Sizes found with a probability of 80 %, at a probability of 5 % for a false alarm in "
         f"{proof.tests} tests together; effect: largest torque of a cause of this size.",
-        (note,),
+        (note, *untested),
     )
+
+
+def untestable(axes: Sequence[int], source: str) -> str:
+    """Return the reason why causes of axes, from 1, have no size; axis 0 stands for the arm."""
+    which = " and ".join(f"axis {axis}" if axis else "the arm" for axis in axes)
+    return f"not testable with {source}: {which} hardly move{'s' * (len(axes) == 1)}"
 
 
 def foreseen(proof: Excluded, n_joints: int, source: str) -> Table:
     """Return the detectable sizes for a plan; `source`: origin of the expected base parameters."""
     note = f"sizes found with a probability of 80 %; {KEY}; noise as above, parameters {source}"
-    return excluded(proof, n_joints, "What this plan will exclude", note)
+    return excluded(proof, n_joints, "What this plan will exclude", note, "this plan")
 
 
 def change_by_cause(
@@ -84,7 +97,7 @@ def _cell(limits: Sequence[Limit]) -> str:
         return ""
     sizes = [each.size for each in limits if each.size is not None]
     if len(sizes) < len(limits):
-        return NEVER
+        return UNTESTED if not all(each.testable for each in limits) else NEVER
     text = significant(max(sizes), 2)
     return text if all(each.visible for each in limits) else f"({text})"
 
@@ -133,11 +146,13 @@ def distinguishing(found: Distinguished) -> Iterator[str]:
     for each in found.after:
         if each.remedy:
             yield f"{each.name}: invisible in measurements of strokes; {each.remedy}"
+        elif each.resting:
+            yield f"{each.name}: {untestable([each.resting], 'this plan')}; {MORE}"
         elif not each.enough:
             size = f"{significant(each.usual, 2)} {each.unit}" if each.usual else "a visible size"
             yield (
                 f"{each.name}: {size} cannot be distinguished from {each.like or 'no effect'}, "
-                "even in twice the plan's time; measure more (--gravity, --inertia, --coupling)"
+                f"even in twice the plan's time; {MORE}"
             )
 
 

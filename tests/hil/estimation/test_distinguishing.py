@@ -12,6 +12,7 @@ from hil.estimation.excluded.foreseen import foreseen
 from hil.planning.design.by_counts import design
 from hil.planning.dry_run import measurement_problems
 from hil.planning.prediction.noise import stated_noise
+from hil.results.tables.excluded import distinguishing
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +76,17 @@ def test_what_no_motion_shows_is_stated_with_what_would_show_it(plan, manutec):
 
 def test_a_plan_that_shows_what_is_usual_stays_as_it_is(plan, manutec):
     assert reached_of(plan, manutec, "joint offset of axis 2").plan == plan
+
+
+def test_an_axis_that_hardly_moves_is_stated_in_place_of_an_impossible_size(manutec):
+    few = design(manutec, {"gravity": 4, "inertia": 14, "coupling": 3})
+    reached = reached_of(few, manutec, "spring of axis 6, spring of axis 5")
+    sizes = {each.name: each for each in reached.before}
+    assert (sizes["spring of axis 5"].resting, sizes["spring of axis 6"].resting) == (0, 6)
+    assert sizes["spring of axis 6"].shown == sizes["spring of axis 6"].distinct == np.inf
+    still = next(each for each in reached.after if each.name == "spring of axis 6")
+    words = "spring of axis 6: not testable with this plan: axis 6 hardly moves"
+    assert any(each.startswith(words) for each in distinguishing(reached)) == (still.resting == 6)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from hil.planning.measurement import Friction
 from hil.planning.prediction.noise import stated_noise
 from hil.planning.prediction.precision import whole_range
 from hil.planning.trajectory import Trajectory
+from hil.results.tables import excluded
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +77,16 @@ def test_a_trajectory_passes_from_period_to_period_without_a_jump(manutec, sampl
 def test_bodies_are_expected_as_heavy_as_the_drives_can_move(manutec):
     torque = np.abs(inverse_dynamics(manutec, sized_bodies(manutec), *whole_range(manutec)))
     assert (torque / manutec.torque_limit).max() == pytest.approx(1.0)
+
+
+def test_no_size_makes_more_torque_than_expected_recordings_have(manutec):
+    few = design(manutec, {"gravity": 4, "inertia": 14, "coupling": 3})
+    noise, p = stated_noise(manutec), sized_bodies(manutec)
+    proof = foreseen(few, manutec, noise, p)
+    untestable = [each for each in proof.limits if not each.testable]
+    assert [(each.cause, each.axis, each.size) for each in untestable] == [("spring", 6, None)]
+    assert all((each.size or 0.0) * each.torque <= 1.0 for each in proof.limits)
+    shown = excluded.foreseen(proof, manutec.n_joints, "of rods")
+    cells = {row[0]: row[2:] for row in shown.parts[0].rows}
+    assert cells["spring"][5] == excluded.UNTESTED
+    assert any("not testable with this plan: axis 6 hardly moves" in note for note in shown.notes)

@@ -302,7 +302,9 @@ def test_the_arm_stays_in_the_picture_until_the_user_moves_the_camera(
         )
         assert max(browser.execute_script(LINKS)) < 1.0
     resize(browser, 1000, 3000)  # a high picture
-    wait_until(browser, lambda: browser.execute_script("return window.live.scene.camera.aspect") < 1.0)
+    wait_until(
+        browser, lambda: browser.execute_script("return window.live.scene.camera.aspect") < 1.0
+    )
     assert max(browser.execute_script(LINKS)) < 1.0
     resize(browser, width, 900)
     browser.execute_script("window.live.scene.orbit(0, 0, 3); window.live.scene.moved = true")

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from hil.estimation.excluded.result import Excluded, Found, Limit
-from hil.results.tables.excluded import FOUND, excluded
+from hil.results.tables.excluded import FOUND, UNTESTED, excluded
 from hil.show.html import html
 from hil.show.outcome import Outcome
 from hil.show.table import Column, Marked, Part, Table, figures
@@ -135,3 +135,14 @@ def test_no_limit_is_stated_beside_a_cause_that_was_found() -> None:
     (row,) = excluded(proof, 2).parts[0].rows
     assert row[2:4] == ("(2.9)", FOUND)
     assert [each.axis for each in proof.invisible] == [1]
+
+
+def test_a_size_with_more_torque_than_the_recorded_one_is_no_limit() -> None:
+    limits = tuple(
+        Limit(cause="spring", axis=axis, part="", unit="N m/rad", size=size, torque=0.01)
+        for axis, size in ((1, 3.5), (2, 550e3))
+    )
+    shown = excluded(Excluded(found=(), limits=limits, tests=1), 2)
+    (row,) = shown.parts[0].rows
+    assert row[2:] == ("3.5", UNTESTED, "3.5")
+    assert any("these recordings: axis 2 hardly moves" in note for note in shown.notes)
