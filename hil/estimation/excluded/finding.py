@@ -30,7 +30,7 @@ from hil.estimation.excluded.deviation import Deviation, parts_of
 from hil.estimation.excluded.encoder_noise import EncoderNoise
 from hil.estimation.excluded.finite_size import FINITE, misread_battery
 from hil.estimation.excluded.friction_change import friction_changes
-from hil.estimation.excluded.limits import SETTLED, limits
+from hil.estimation.excluded.limits import limits
 from hil.estimation.excluded.result import Excluded, Found, Limit, located
 from hil.estimation.excluded.words import axes_of, describe_reading, describe_size, name_of, rank_of
 
@@ -51,6 +51,9 @@ LEAVES = 0.5
 """Maximum share of an axis's mean square that a cause leaves, to be distinguished from model error.
 Eliminated friction contradicts every model a little where samples are slow or motion turns often
 (public recordings of five machines: 0.75 and more)."""
+NEXT = 0.05
+"""Share of the next order beside the first that sizes may neglect: a quarter of what separates a
+size found with 80 % from one found with 50 %."""
 ENLARGED = (1.0, 1.2, 1.44)
 """Factors of a size to first order, tried in turn. The tests find a size with a probability of 80 %
 because it exceeds the size found with 50 % by some 20 %, which the next order may take."""
@@ -157,16 +160,16 @@ def finite_limit(
 ) -> Limit:
     """Return a limit with a size that is found, in either direction, in the readings that it makes.
 
-    Only small sizes are proportional to a first-order column; sizes are stated to `SETTLED`, and
-    a size below, in rad or as a share, changes the column by less. A size that its own readings
-    hide is enlarged by `ENLARGED` in turn; without a size if none of these is found. `leaves` as in
-    `excluded`.
+    Only small sizes are proportional to a first-order column: at the largest one the next term of
+    the series is `FIRST_ORDER` of the first. A size with a next term below `NEXT` stands untested.
+    A size that its own readings hide is enlarged by `ENLARGED` in turn; without a size if none of
+    these is found. `leaves` as in `excluded`.
     """
     if limit.cause not in FINITE or limit.size is None:
         return limit
     hours = float(np.ptp(battery.evidence.time)) / 3600.0
     largest = CAUSES[limit.cause].largest(robot, limit.axis - 1, hours)
-    if limit.size < SETTLED / FIRST_ORDER * largest < np.inf:
+    if limit.size < NEXT / FIRST_ORDER * largest < np.inf:
         return limit
     key = limit.cause, limit.axis - 1
     k = min(battery.columns.tests[key], key=lambda k: float(battery.information[k]))

@@ -163,10 +163,10 @@ def test_a_push_is_refused_while_it_would_spoil_what_is_learned(tmp_path: Path) 
     path = tmp_path / "hand"
     with hand(path) as plant, served("127.0.0.1", 0, "--hand", str(path)) as page:
         page.publish("hand", closed="Do not push yet")
-        until(lambda: page.ask("POST", "/push", PUSH, PUSHED)[0] == 409)
+        wait_until(lambda: page.ask("POST", "/push", PUSH, PUSHED)[0] == 409)
         assert page.ask("POST", "/push", PUSH, PUSHED)[2] == "Do not push yet\n"
         page.publish("hand", closed="")
-        until(lambda: page.ask("POST", "/push", PUSH, PUSHED)[0] == 202)
+        wait_until(lambda: page.ask("POST", "/push", PUSH, PUSHED)[0] == 202)
         assert plant.recv(4096).decode() == PUSHED
 
 
