@@ -110,7 +110,7 @@ def _motions(
     """
     # predictions of the other axes' friction would be wasted
     model = replace(model, friction_law=model.friction_law.restricted(axes))
-    whole = np.flatnonzero(np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(1))
+    whole = np.flatnonzero(recording.fresh)
     time = recording.time[whole]
     if len(whole) < 2:
         return
