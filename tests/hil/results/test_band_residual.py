@@ -108,6 +108,23 @@ def test_samples_that_the_estimation_leaves_out_do_not_count(
     assert found.relative == pytest.approx(whole.relative, rel=0.01)
 
 
+@pytest.mark.parametrize("size", [3, 9])
+def test_the_interpolation_of_left_out_samples_does_not_count(
+    model: Model, data: FreeRecorded, size: int
+) -> None:
+    whole = band_residual(model, data)
+    parted = []
+    for motion, recording in data:
+        place = np.arange(recording.n_samples)
+        kept = (place % 250 >= size) | (place < size)
+        arrays = {name: each[kept] for name, each in recording.arrays.items()}
+        parted.append((motion, replace(recording, **arrays)))
+    found = band_residual(model, parted)
+    assert whole is not None
+    assert found is not None
+    assert found.relative == pytest.approx(whole.relative, rel=0.1)
+
+
 def test_friction_that_jumps_at_a_reversal_is_no_residual_of_a_model_that_is_right(
     model: Model,
 ) -> None:
