@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 import tempfile
 import time
@@ -25,7 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import yaml
 from figures import Figure, keep
-from plant_process import load
+from plant_process import load, served
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
@@ -156,16 +155,8 @@ def run_beside_plant(interface: str, jumps: int) -> Found:
             arguments = ("--jumps", str(jumps), "--beside", THEIRS)
             text = carried_out(__file__, *arguments, options=options, timeout=30.0 + 6.0 * jumps)
             return Found(**json.loads(text.splitlines()[-1]))
-        place = ("--interface", interface, "--channel", "jumps")
-        rest = ("--clock", "wall", "--faults", plan.name)
-        command = (sys.executable, "-m", "sim_plant", *place, *rest)
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as plant:
-            try:
-                assert plant.stdout is not None
-                assert plant.stdout.readline(), "the plant did not start"
-                return measured(interface, "jumps", jumps)
-            finally:
-                plant.kill()
+        with served(interface, "jumps", "--clock", "wall", "--faults", plan.name):
+            return measured(interface, "jumps", jumps)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""The virtual plant as a separate process on the wall clock, in real time; processes as load."""
+"""The virtual plant as a separate process, also in real time; processes as load."""
 
 from __future__ import annotations
 
@@ -15,23 +15,36 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def plant(
-    interface: str, channel: str, warm_up: Callable[[], object] = lambda: None
-) -> Iterator[None]:
-    """Serve the plant; `warm_up` runs before the switch to the real-time class."""
+def served(interface: str, channel: str, *options: str) -> Iterator[subprocess.Popen[str]]:
+    """Serve the plant from another process, which is ready when this function yields."""
     place = ("--interface", interface, "--channel", channel)
-    command = (sys.executable, "-m", "sim_plant", *place, "--clock", "wall")
+    command = (sys.executable, "-m", "sim_plant", *place, *options)
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
             assert process.stdout.readline(), "the plant did not start"
-            warm_up()
-            os.sched_setscheduler(process.pid, os.SCHED_FIFO, os.sched_param(PRIORITY))
-            yield
-        except PermissionError as error:
-            sys.exit(f"the plant must have real time: {error}")
+            yield process
         finally:
             process.kill()
+
+
+@contextmanager
+def plant(
+    interface: str, channel: str, warm_up: Callable[[], object] = lambda: None
+) -> Iterator[None]:
+    """Serve the plant in real time; `warm_up` runs before the switch to the real-time class."""
+    with served(interface, channel, "--clock", "wall") as process:
+        warm_up()
+        make_real_time(process.pid)
+        yield
+
+
+def make_real_time(process: int) -> None:
+    """Give a process the real-time class."""
+    try:
+        os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except PermissionError as error:
+        sys.exit(f"the plant must have real time: {error}")
 
 
 @contextmanager

@@ -10,12 +10,12 @@ vcan0, if present::
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import time
 from pathlib import Path
 
 from figures import Figure, keep
+from plant_process import served
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 
@@ -44,14 +44,8 @@ def cycles_per_second(interface: str, channel: str) -> Figure:
 
 def apart(interface: str, channel: str) -> Figure:
     """Return the rate with the plant in another process."""
-    command = [sys.executable, "-m", "sim_plant", "--interface", interface, "--channel", channel]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as plant:
-        try:
-            assert plant.stdout is not None
-            assert plant.stdout.readline(), "the plant did not start"
-            return cycles_per_second(interface, channel)
-        finally:
-            plant.kill()
+    with served(interface, channel):
+        return cycles_per_second(interface, channel)
 
 
 def measure_ethercat() -> Figure:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from drivers.drive_bus import DriveRefused, NodeSilent
+from drivers.drive_bus import NodeSilent, Tripped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -85,7 +85,7 @@ class OutputsSent:
         elif self._data.now() >= self._looks:
             self._looks = self._data.now() + self._period
             if unwatched := self._data.find_unwatched():
-                self.trouble = DriveRefused(
+                self.trouble = Tripped(
                     f"{unwatched}: another master or tool changed it, and the axis would keep "
                     "moving after a crash of this program; stop that master or tool first"
                 )

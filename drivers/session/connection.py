@@ -134,17 +134,17 @@ class Connection(ABC):
         """Remove our part from the bus, which stays open."""
 
     def cycle(self) -> None:
-        """Let a SYNC pass.
+        """Let a SYNC pass before the axes are in operation.
 
         Raises
         ------
-        NodeSilent, BusUnavailable
-            The life sign of a drive is missing; the bus has failed.
+        DriveRefused, NodeSilent, BusUnavailable
+            Another master is at work; the life sign of a drive is missing; the bus has failed.
         """
         self.process_data.sync()
         self.life_sign.service()
-        if self.life_sign.trouble:
-            raise self.life_sign.trouble
+        if trouble := self.life_sign.trouble:  # nothing moves that could trip
+            raise DriveRefused(str(trouble)) if isinstance(trouble, Tripped) else trouble
 
     def beating_cycle(self) -> None:
         """Let a SYNC pass, even without life signs of drives."""

@@ -24,7 +24,7 @@ from hil.cli.arguments import (
     Interface,
     refuse_no_channel,
 )
-from hil.cli.outputs import new_file, output_option
+from hil.cli.outputs import folder_to_write, new_file, output_option, refuse_existing
 from hil.planning import BITRATE
 from hil.runs import SIMULATED
 from hil.show.table import Column, Marked, table
@@ -124,6 +124,29 @@ def new(
         say(f"joint {', '.join(numbers)}: current {why}")
     marks = text.count(f": {UNSTATED} ")
     say(f"{len(axes)} axes in {output}; {marks} lines marked {UNSTATED} must be filled in by you")
+
+
+@drives_commands.command()
+def example(
+    output: Annotated[Path, output_option(folder_to_write, "Folder to write both files into.")],
+) -> None:
+    """Write drives file and data sheet of the virtual drives, to try the other commands."""
+    from importlib.resources import files
+
+    from hil.model.robot import ROBOTS
+    from hil.runs.atomic_file import write_file
+
+    sources = {
+        output / "drives.yaml": ROBOTS / "manutec-r15.drives.yaml",
+        # a file of the virtual plant, whose code stays a separate program
+        output / "cia402_drive.eds": files("sim_plant") / "canopen" / "cia402_drive.eds",
+    }
+    for path in sources:
+        refuse_existing(path)
+    output.mkdir(parents=True, exist_ok=True)
+    for path, source in sources.items():
+        write_file(path, source.read_bytes())
+    say(f"{' and '.join(map(str, sources))}: the virtual drives of manutec-r15")
 
 
 for _command in (

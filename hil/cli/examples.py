@@ -45,6 +45,7 @@ EXAMPLES: dict[str, tuple[str, str]] = {
         "hil drives new --eds drive.eds --nodes 1-6 -o drives.yaml",
         f"hil drives new {_CAN} -o drives.yaml",
     ),
+    "drives example": ("hil drives example -o .", "hil drives example -o box"),
     "drives restore": (
         "hil drives restore runs/first/found-settings.yaml",
         f"hil drives restore runs/first/found-settings.yaml {_CAN} --other-bus",

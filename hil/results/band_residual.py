@@ -32,6 +32,11 @@ SHORTEST = 2.0
 """Shortest usable motion [s]."""
 GAP = 10.0
 """Gap between two samples that ends a motion, in sampling periods."""
+COARSE = 0.1
+"""Longest interpolation that counts, in periods of the cut-off: linear interpolation of an
+oscillation there is off by at most (pi COARSE)^2 / 2 = 5 %. In slow recordings, `LONGER` sampling
+periods."""
+LONGER = 1.5
 FINE = 32.0
 """Minimum number of samples kept per period of the cut-off, for faster recordings."""
 
@@ -110,7 +115,7 @@ def _motions(
     """
     # predictions of the other axes' friction would be wasted
     model = replace(model, friction_law=model.friction_law.restricted(axes))
-    whole = np.flatnonzero(np.isfinite(recording.q).all(axis=1) & np.isfinite(recording.tau).all(1))
+    whole = np.flatnonzero(recording.fresh)
     time = recording.time[whole]
     if len(whole) < 2:
         return
@@ -134,6 +139,9 @@ def _motions(
         counts[edge : len(counts) - edge] = moving([extent(q, period)])[axes]
         nearest = np.searchsorted(recording.time, even[::every], side="right") - 1
         counts &= used[nearest][:, np.newaxis]
+        long = np.diff(own, append=own[-1]) > max(COARSE / BAND, LONGER * period)
+        lost = long[np.searchsorted(own, even[::every], side="right") - 1]
+        counts &= ~widen(lost, round(1.0 / (BAND * every * period)))[:, np.newaxis]
         limit = model.robot.velocity_limit[axes]
         rests = _resting(motions[0][1][:, axes], limit, every * period)
         yield _Samples(filtered, tau[::every], narrow, smoothed, counts, rests)

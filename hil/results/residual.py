@@ -23,7 +23,8 @@ there. An axis is at rest if it is slower than the share `SLOW` of its speed lim
 the band.
 
 For each axis the recordings with motion of the axis count; for strokes and trajectories measured
-here, the samples under way. A gap ends a motion.
+here, the samples under way. Samples that the estimation leaves out do not count, nor those near a
+long interpolation (`hil.results.band_residual`). A gap ends a motion.
 """
 
 from __future__ import annotations

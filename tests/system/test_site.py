@@ -23,9 +23,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(ROOT / "docs", made / "docs")
     shutil.copy(ROOT / "pyproject.toml", made)
     shutil.copytree(ROOT / "benchmarks", made / "benchmarks")
-    for linked in ("hil/robots/manutec-r15.drives.yaml", "sim_plant/canopen/cia402_drive.eds"):
-        (made / linked).parent.mkdir(parents=True)
-        shutil.copy(ROOT / linked, made / linked)
     # test_notebooks.py runs the notebooks
     once = ["-q", "-W", "--keep-going", "-D", "carry_out=0"]
     command = [sys.executable, "-m", "sphinx", *once, made / "docs", made]

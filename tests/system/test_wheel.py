@@ -68,6 +68,8 @@ def test_the_program_starts_from_it_alone(wheel: Path, tmp_path: Path) -> None:
     for arguments, printed in (
         (["--version"], f"hil {wheel.name.split('-')[1]}"),
         (["robot", "manutec-r15"], "14 base parameters"),
+        (["drives", "example", "-o", "."], "drives.yaml and cia402_drive.eds"),
+        (["drives", "new", "--eds", "cia402_drive.eds", "-o", "draft.yaml"], "axes in draft.yaml"),
     ):
         done = subprocess.run(  # noqa: S603 - our own program
             [sys.executable, "-c", PROGRAM, *arguments],

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import can
 import pytest
-from local_bench import all_off, build
+from local_bench import all_off, build, never_energised
 
-from drivers.drive_bus import Move, NodeSilent, Tripped
+from drivers.drive_bus import DriveRefused, Move, NodeSilent, Tripped
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -62,6 +62,24 @@ def test_a_foreign_command_stops_all_axes_and_is_the_reason(
         assert all_off(can_bus)
     assert str(caught.value).startswith(cause)
     assert "stop the other master or tool first" in str(caught.value)
+
+
+@pytest.mark.parametrize(("identifier", "data", "cause"), COMMANDS)
+def test_a_foreign_command_before_power_on_is_refused(
+    identifier: int, data: str, cause: str
+) -> None:
+    can_bus, drive_bus = build()
+    foreign = [frame(identifier, data)]
+
+    def joined(sent: can.Message) -> list[can.Message]:
+        return [*foreign, sent] if sent.arbitration_id == 0x181 else [sent]
+
+    can_bus.outgoing = joined
+    with can_bus:
+        with pytest.raises(DriveRefused) as caught, drive_bus:
+            pytest.fail("the axes were powered on")
+        assert never_energised(can_bus)
+    assert str(caught.value).startswith(cause)
 
 
 @pytest.mark.parametrize(("identifier", "data", "remark"), HARMLESS)

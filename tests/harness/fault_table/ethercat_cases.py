@@ -118,7 +118,7 @@ ETHERCAT_CASES = (
     *(
         Case(
             f"another participant {what}", f"restores the register within 0.1 s and {_STOPS}",
-            (), DriveRefused, "master or tool changed it", unnoticed=drives.heartbeat_period,
+            (), Tripped, "master or tool changed it", unnoticed=drives.heartbeat_period,
             changed=partial(_put, place, size, value),
         )
         for what, place, size, value in (

@@ -10,6 +10,7 @@ import pytest
 from free_run import TRUTH, arm, recorded
 from scipy import signal
 
+from drivers.drive_bus import SampleFlag
 from hil.errors import InvalidValue
 from hil.estimation.options import Options
 from hil.friction.law import AxisLaw, FrictionLaw, TermValue
@@ -88,6 +89,40 @@ def test_it_is_the_same_however_the_model_was_found_and_a_gap_or_a_missing_sampl
     found = band_residual(replace(model, residual=np.full(2, np.nan)), parted)
     assert found is not None
     assert found.overall == pytest.approx(whole.overall, rel=0.05)
+
+
+@pytest.mark.parametrize("flag", [SampleFlag.UNTIMED, SampleFlag.OLD])
+def test_samples_that_the_estimation_leaves_out_do_not_count(
+    model: Model, data: FreeRecorded, flag: SampleFlag
+) -> None:
+    whole = band_residual(model, data)
+    disturbed = []
+    for motion, recording in data:
+        time, flags = recording.time.copy(), recording.flags.copy()
+        time[50::100] += 0.9 * recording.period
+        flags[50::100] = flag.value
+        disturbed.append((motion, replace(recording, time=time, flags=flags)))
+    found = band_residual(model, disturbed)
+    assert whole is not None
+    assert found is not None
+    assert found.relative == pytest.approx(whole.relative, rel=0.01)
+
+
+@pytest.mark.parametrize("size", [3, 9])
+def test_the_interpolation_of_left_out_samples_does_not_count(
+    model: Model, data: FreeRecorded, size: int
+) -> None:
+    whole = band_residual(model, data)
+    parted = []
+    for motion, recording in data:
+        place = np.arange(recording.n_samples)
+        kept = (place % 250 >= size) | (place < size)
+        arrays = {name: each[kept] for name, each in recording.arrays.items()}
+        parted.append((motion, replace(recording, **arrays)))
+    found = band_residual(model, parted)
+    assert whole is not None
+    assert found is not None
+    assert found.relative == pytest.approx(whole.relative, rel=0.1)
 
 
 def test_friction_that_jumps_at_a_reversal_is_no_residual_of_a_model_that_is_right(
