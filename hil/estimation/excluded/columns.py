@@ -12,19 +12,13 @@ estimate, and e_k the axis k, the column of axis i is, per unit of
     rotor inertia of k     H qdd_i where i = k
     late torque of k       (tau_i(t - T) - tau_i(t + T)) / 2T where i = k: all motion shifted
     late position of k     (tau_i(t + T) - tau_i(t - T)) / 2T with the motion of k alone shifted
-    compliance of k        d tau_i by the twist of a gear that is fitted as soft, with the torque
-                           tau_k of the motor's motion
+    compliance of k        d tau_i by the twist of a gear that is fitted as soft, per unit of it
     backlash of k          d tau_i by the displacement of the link within the gap (`backlash`)
     slip of k              d tau_i / d q_k from an instant on
     direction of gravity   d tau_i by a rotation about either axis across gravity
     a load                 the regressor's columns of the last link's parameters that are left out
     spring, torque ripple over the angle, friction of the load: q_i; sin, cos of n q_i; |A p| times
                            the sign of the speed
-
-Links are placed by measured torques T + e with noise e (`hil.estimation.drive_train`). With them
-the column -M c (T'' + e'') of a compliance c would hold the noise of the torque T + e that it
-explains: its size would be biased by sum e'^2 M c / I, and the column, free beside all others,
-would leave a wrong position delay (-0.9 ms for gears of 45 Hz). The motion holds no torque noise.
 
 A column within the span of the base parameters, the channel's own columns or friction is
 *invisible*: these absorb the cause.
@@ -198,19 +192,14 @@ class EvidenceRows:
         by_motion = self.partials(axis)
         return [(by_motion * each).sum(axis=0) for each in moved]
 
-    @cached_property
-    def transmitted(self) -> Array:
-        """Torque of soft gears by the motors' motion, with two derivatives, (3, n, n_joints).
-
-        Smoothed twice, as its second derivative holds the fourth one of encoder noise.
-        """
-        e, found = self.evidence, np.zeros((3, *self.q.shape))
+    def twist(self, axis: int) -> Array:
+        """Return twist of an axis's gear and its two derivatives, smoothed, shape (3, n)."""
+        e, found = self.evidence, np.zeros((3, len(self.evidence.axis)))
         for k, s in enumerate(e.signals):
             if s.twist is not None:
-                load = inverse_dynamics(self.robot, self.p, s.q, s.qd, s.qdd)
-                load, rows = s.smoothed(s.smoothed(load)), e.source == k
-                each = np.stack([load, *derivatives(load, s.period)])
-                found[:, rows] = np.where(s.twist.any(axis=0), each[:, e.sample[rows]], 0.0)
+                own = s.twist[:, axis]
+                each = np.column_stack([own, *derivatives(own[:, None], s.period)])
+                found[:, e.source == k] = s.smoothed(each)[e.sample[e.source == k]].T
         return found
 
     @cached_property
@@ -364,10 +353,11 @@ def _common_columns(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:
 
 
 def _soft(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:
-    """Yield the column of each fitted compliance, per 1e-6 rad/(N m)."""
-    for axis in np.flatnonzero(rows.transmitted.any(axis=(0, 1))).tolist():
-        twist = 1e-6 * rows.transmitted[..., axis]
-        yield Column("soft gears", axis), -(rows.partials(axis) * twist).sum(axis=0)
+    """Yield the column of each fitted compliance, per 1 % of the twist."""
+    for axis in range(rows.robot.n_joints):
+        moved = rows.twist(axis)
+        if moved.any():
+            yield Column("soft gears", axis), -0.01 * (rows.partials(axis) * moved).sum(axis=0)
 
 
 def _gap_columns(

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from free_run import TRUTH, arm, recorded
 
 from hil.estimation.excluded import proof
-from hil.estimation.excluded.columns import Column, columns
-from hil.estimation.excluded.evidence import Evidence, measured
-from hil.estimation.signals import signals
-from hil.estimation.simultaneous import SimultaneousFit
+from hil.estimation.excluded.evidence import Evidence
 
 
 def evidence(n_parts: int, rows: int, rank: int, n_own: int = 2) -> Evidence:
@@ -77,23 +72,3 @@ def test_of_many_free_motions_every_so_many_are_looked_at_whole(
     assert len(found) == kept
     assert len(set(np.diff(places))) <= 1
     assert all(len(s.time) == len(data[0][1].time) for _, s in found)
-
-
-def test_the_column_of_a_compliance_holds_no_noise_of_the_torque_that_places_the_link() -> None:
-    robot, compliance = arm(), 1e-4
-    rows = []
-    for noise in (0.0, 1.0):
-        data = recorded(robot, TRUTH, n=1, duration=20.0, noise=noise)
-        prepared = [
-            (motion, replace(s, twist=compliance * s.tau))
-            for motion, recording in data
-            for s in [signals(recording)]
-        ]
-        rows.append(measured(robot, SimultaneousFit(robot, prepared), prepared))
-    noise = rows[1].recorded - rows[0].recorded
-    every = columns(robot, TRUTH, rows[1])
-    for axis in range(robot.n_joints):
-        column = every.values[:, every.names.index(Column("soft gears", axis))]
-        mine = rows[1].axis == axis
-        assert np.ptp(column[mine]) > 0.0
-        assert abs(np.corrcoef(column[mine], noise[mine])[0, 1]) < 0.1
