@@ -207,7 +207,7 @@ def _jointly(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
 
 
 def _beforehand(cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
-    """Return friction measured in this session, and in another one."""
+    """Yield estimates with friction compensated as measured in the same and in another session."""
     warm = " after warm-up" if cell.kind == "warmed" else ""
     measured = trajectories(recorded(folder))
     sessions = {"same session": cell.run, "other session": cell.earlier_run}

@@ -73,11 +73,11 @@ class BusRules(RestoringOrder):
     asked : tuple of Entry
         Further objects to read from a live drive, besides the objects in `mappings`.
     review_process_data : callable
-        Reviews the capacity of the process data, for the usable current objects.
+        Checks that the process data have room for the usable motor current objects.
     remarks : callable
         Yields further findings on objects of the bus.
     unwatched : callable
-        Returns the reason why a drive cannot supervise us; None without one, or if unknown.
+        Returns why a drive cannot supervise the master; None if it can, or if unknown.
     """
 
     requirements: Mapping[Entry, Requirement]

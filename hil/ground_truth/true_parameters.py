@@ -181,11 +181,10 @@ def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> 
     if missed > ROUNDED_OFF * np.abs(true).max():
         names = robot.standard_parameters
         absent = [n for n, v in zip(names, standard, strict=True) if v and n not in robot.present]
-        raise FileError(
-            f"{path}: no base parameters of {robot.name} give this plant's torques: "
-            f"{', '.join(absent) or 'a tied parameter differs from the one it is tied to'}; add "
-            "these parameters to the robot file and plan anew"
-        )
+        cause = "the plant's parameters differ where the robot file ties them; remove the tie"
+        if absent:
+            cause = f"the robot file lacks parameters of the plant: {', '.join(absent)}; add them"
+        raise FileError(f"{path}: {cause} in the file of {robot.name}, and plan anew")
 
 
 def refuse_other_machine(robot: Robot, plant: Plant, path: Path) -> None:

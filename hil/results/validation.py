@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 OUTSIDE = 2.0 * special.ndtr(-TWICE)
 """Share of samples outside correct 95 % intervals; an axis needs enough samples for one outside."""
 SURE = special.ndtri(1.0 - SIGNIFICANT / 2.0)
-"""Standard errors for a gain to differ significantly."""
+"""Smallest significant difference of a gain from 1 [standard errors]."""
 
 
 class AxisScore(FileModel):

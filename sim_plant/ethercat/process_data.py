@@ -1,8 +1,8 @@
 """Process data of a drive: mappings assigned by 1C12h and 1C13h, sizes, exchange of values.
 
 Assignment and mappings are changed in PREOP, with the number of entries set to zero first, and
-applied on the way to SAFEOP. From then on every cycle writes and reads all of them. The controlword
-acts last, after the other values of its frame.
+applied on the way to SAFEOP. From SAFEOP on every cycle exchanges all mapped objects. The
+controlword acts last, after the other values of its frame.
 """
 
 from __future__ import annotations

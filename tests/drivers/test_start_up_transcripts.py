@@ -32,8 +32,8 @@ def test_what_is_said_to_a_drive_is_what_its_transcript_holds(name: str) -> None
 @pytest.mark.parametrize("name", NAMES)
 def test_a_scan_asks_for_all_that_start_up_reads(name: str) -> None:
     started, _, scanned = text_of(name).split("# ")[1:]
-    # read for streamed paths only; also as a maker's object
-    streamed, measured = {0x60B1, 0x60B2, 0x60C2}, {0x30D1}
+    streamed = {0x60B1, 0x60B2, 0x60C2}  # objects read for streamed paths only
+    measured = {0x30D1}  # motor current in a manufacturer-specific object
     pdos, watched = range(0x1400, 0x1C00), 0x1016  # PDOs other than ours; all entries of 1016
     missed = {
         place

@@ -221,8 +221,9 @@ def _levels(u: Array, pairs: Pairs) -> Array:
 def _others_still(motion: Motion, axis: int) -> tuple[Mask, Motion]:
     """Find the axes at rest, and replace the motion of axes at rest by the mean position.
 
-    The small motion allowed by the controllers is in the torque, and so in the columns. In the
-    excitation, this motion would make base parameters appear excited by mistake.
+    The control deviation of axes at rest affects the measured torque, so the columns of the fit
+    keep this motion. The test of the excitation takes the mean position instead: with the control
+    deviation, base parameters would appear excited.
     """
     ways = np.ptp(motion.q, axis=0)
     # largest motion of an axis at rest, as a share of the moving axis's distance: control deviation

@@ -187,8 +187,8 @@ def _describe_coarse(axes: Indices, lost: Array) -> str:
     listed = ", ".join(str(axis + 1) for axis in axes)
     shares = ", ".join(f"{100 * lost[axis]:.2g}" for axis in axes)
     return (
-        f"; encoder increments are a larger noise at axis {listed}, and make inertias there "
-        f"about {shares} % too small, not included in standard deviations"
+        f"; axis {listed}: encoder increments make more noise than torques, and inertias about "
+        f"{shares} % too small, a bias that standard deviations do not include"
     )
 
 

@@ -46,7 +46,7 @@ _STOPS = "stops"
 
 
 def powering_up(frame: can.Message) -> bool:
-    """Return True if a frame commands the third axis to enable operation, after two others."""
+    """Return True if a frame commands axis 3 to enable operation; two are on already."""
     if frame.arbitration_id != _ENABLE[0]:
         return False
     return bool(_RPDO.unpack(frame.data)[1] == _ENABLE[1])
