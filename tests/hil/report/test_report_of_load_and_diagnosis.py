@@ -219,7 +219,7 @@ class TestDiagnosis:
 
 def test_the_report_states_each_axiss_drive_train(bare_page):
     text = text_of(bare_page)
-    section = text[text.index("Drive trains Drives filter") :][:1600]
+    section = text[text.index("Drive trains Drives delay") :][:1600]
     figure = r"(?: (−?\d+\.?\d*) (\d+\.?\d*)| not identifiable)"
     rows = re.findall(rf" ([1-6]){figure}{figure}{figure}(?= )", section)
     assert len(rows) == 6
