@@ -181,10 +181,10 @@ def _refuse_other_links(robot: Robot, standard: Array, p: Array, path: Path) -> 
     if missed > ROUNDED_OFF * np.abs(true).max():
         names = robot.standard_parameters
         absent = [n for n, v in zip(names, standard, strict=True) if v and n not in robot.present]
-        cause = "the plant's parameters differ where the robot file ties them; remove the tie"
+        fault = "ties parameters that differ in the plant; remove the tie"
         if absent:
-            cause = f"the robot file lacks parameters of the plant: {', '.join(absent)}; add them"
-        raise FileError(f"{path}: {cause} in the file of {robot.name}, and plan anew")
+            fault = f"lacks parameters of the plant: {', '.join(absent)}; add them"
+        raise FileError(f"{path}: the file of {robot.name} {fault} and plan anew")
 
 
 def refuse_other_machine(robot: Robot, plant: Plant, path: Path) -> None:

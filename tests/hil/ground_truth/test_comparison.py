@@ -72,7 +72,7 @@ class TestTruth:
 
     def test_a_link_that_the_robot_file_calls_absent_is_refused_by_name(self, manutec, tmp_path):
         plant = plant_file(tmp_path, "{Ixx: 0.0, Izz: 0.0443}", "{sx: 0.3, Izz: 0.0443}")
-        with pytest.raises(FileError, match="lacks parameters of the plant: sx4; add them in the file of"):
+        with pytest.raises(FileError, match="lacks parameters of the plant: sx4; add them and"):
             true_parameters(manutec, plant)
 
     def test_parameters_that_show_in_no_torque_do_not_matter(self, manutec, tmp_path):
