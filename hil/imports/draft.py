@@ -1,8 +1,8 @@
 """Draft of a map from a file, with marks for values known only to the user.
 
 Columns are matched to joints by their names. A unit is written where the file states one: joint
-states of ROS, a unit in the column's name, dates. Elsewhere the unit is marked, with a
-guess from names and magnitudes in the mark's text, so that no guess goes unread.
+states of ROS, a unit in the column's name, dates. Elsewhere the unit is marked, with a guess from
+names and magnitudes in the mark's text, so that no guess goes unread.
 """
 
 from __future__ import annotations
@@ -17,9 +17,19 @@ import numpy as np
 from checked_files.foreign_text import one_line
 from checked_files.yaml_file import UNSTATED, FileError
 from checked_files.yaml_text import comment, mark_unstated, quoted
+from hil.imports.column_names import (
+    NANOSECOND_WORDS,
+    OTHER,
+    SECOND_WORDS,
+    is_time,
+    meaning_of,
+    stated_unit,
+    unit_in,
+    words_of,
+)
 from hil.imports.map_file import Format
 from hil.imports.readers import open_table
-from hil.imports.tables import SECONDS, SPELLINGS, listed
+from hil.imports.tables import SECONDS, listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -32,39 +42,9 @@ if TYPE_CHECKING:
     Named = tuple["SeenColumn", set[str], list[str]]
     """Column, words of its name, and the numbers in the name."""
 
-_UNIT_IN_NAME = re.compile(
-    r"[\[(]\s*([^\])\d\s][^\])]*?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I
-)
-_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]")
-_AS_SUFFIX = re.compile(r"[ _.](deg|rad|rpm|nm|mm|sec|ms|us|ns|(?<=time.)s)$", re.I)
-"""Units at the end of a name that mean nothing else; a may also be a phase, m a motor."""
 _EPOCH = (9.4e8, 4.1e9)
 """Seconds since 1970 in 2000 and 2099."""
-_WORDS = {
-    "position": {"position", "positions", "pos", "q", "theta", "angle", "x", "winkel"},
-    "velocity": {
-        *("velocity", "velocities", "vel", "velo", "qd", "dq", "qdot", "dtheta", "speed", "omega"),
-        *("v", "geschwindigkeit", "drehzahl"),
-    },
-    "torque": {
-        *("torque", "torques", "tau", "effort", "eff", "current", "currents", "curr", "cur"),
-        *("force", "i", "u", "f", "tq", "voltage", "moment", "drehmoment", "strom"),
-    },
-}
-"""Words in the names of columns, by kind."""
-_JOINTS = {"joint", "axis", "motor", "j"}
-_TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "seconds", "ipoc"}
-_TIMES |= {"tout", "duration", "zeit"}
-_TIME_AXIS = "x_value"
-"""Name of the time axis in measurement files of LabVIEW, in small letters."""
-_SECONDS = {"sec", "secs", "second", "seconds", "s"}
-_NANOSECONDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nsecs", "ns"}
-_SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
-_SET_POINTS |= {"action", "actions", "setpoint", "setpoints", "sp", "soll", "input", "d"}
 _ROBOT = "a robot file, a URDF, or the name of a robot"
-_OTHER = "other"
-"""Kind of columns that are not measurements of a joint."""
-_FILLERS = {"actual", "measured", "meas", "act", "ist"}
 _UNITS = {
     "position": "rad, deg, m, mm, turns or counts",
     "velocity": "rad/s, deg/s, rpm, m/s, mm/s, turns/s or counts/s",
@@ -148,32 +128,29 @@ def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, .
     rising = [column for column in columns if column.rises]
     # stamps that restart with each episode rise otherwise
     again = [column for column in columns if column.begins]
-    named = [c for c in (*rising, *again) if _is_time(c)]
+    named = [c for c in (*rising, *again) if is_time(c.name)]
     # the first column of an array, as written by Simulink
     unnamed = [column for column in rising if not column.name or column.name.endswith("/1")]
     return tuple([*named, *unnamed][:1])
 
 
-def _is_time(column: SeenColumn) -> bool:
-    return column.name.lower() == _TIME_AXIS or bool(_TIMES.intersection(words_of(column.name)))
-
-
 def _stamp_in_two(columns: Sequence[SeenColumn]) -> tuple[SeenColumn, ...]:
-    """Return columns of seconds and nanoseconds with otherwise equal names."""
+    """Return columns of seconds and nanoseconds with otherwise equal names, or without names."""
     seconds = {}
     for column in columns:
         words = words_of(column.name)
-        if _SECONDS.intersection(words):
-            seconds[tuple(word for word in words if word not in _SECONDS)] = column
+        if SECOND_WORDS.intersection(words):
+            seconds[tuple(word for word in words if word not in SECOND_WORDS)] = column
     for column in columns:
         words = words_of(column.name)
-        rest = tuple(word for word in words if word not in _NANOSECONDS)
+        rest = tuple(word for word in words if word not in NANOSECOND_WORDS)
         is_part = 0 <= column.low <= column.high < 1e9
         if len(rest) < len(words) and is_part and rest in seconds:
             return seconds[rest], column
-    for first, second in pairwise(columns):  # without names, as by ros2 topic echo --csv
+    for first, second in pairwise(columns):  # as by ros2 topic echo --csv
         whole = first.held and first.rises and _EPOCH[0] < first.low < first.high < _EPOCH[1]
-        if whole and not second.name and 0 <= second.low < 1e8 < second.high < 1e9:
+        named = first.name or second.name
+        if whole and not named and 0 <= second.low < 1e8 < second.high < 1e9:
             return first, second
     return ()
 
@@ -195,7 +172,7 @@ def _time_lines(time: Sequence[SeenColumn], *, from_format: bool) -> Iterator[st
         step = time[0].step
         rates = {unit: 1 / (step * s) for unit, s in SECONDS.items() if step > 0}
         likely = {unit: f"{rate:.4g} Hz" for unit, rate in rates.items() if 15 < rate < 1e5}
-        by_name = _stated_unit("time", time[0])
+        by_name = stated_unit("time", time[0].name)
         dates = [unit for unit in likely if _EPOCH[0] < time[0].low * SECONDS[unit] < _EPOCH[1]]
         yield "time:"
         yield f"  column: {time[0].key}"
@@ -236,7 +213,7 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
     """
     kinds: dict[str, list[Named]] = {}
     for column in columns:
-        kind, rest = _meaning(column)
+        kind, rest = meaning_of(column.name, rises=column.rises)
         numbers = [each for each in rest if each.isdigit()]
         kinds.setdefault(kind, []).append((column, set(rest), numbers))
     if "torque" not in kinds:
@@ -297,63 +274,20 @@ def _not_placed(
     found: dict[str, list[str]] = {}
     for column in columns:
         if column.number not in placed:
-            found.setdefault(_meaning(column)[0], []).append(column.name or str(column.number))
-    any_named = any(column.name for column in columns)
+            found.setdefault(meaning_of(column.name, rises=column.rises)[0], []).append(
+                column.name or str(column.number)
+            )
     if_one = "name a measured signal of a joint above, as column"
-    return {
-        ", ".join(names): {
-            "": f"{meaning}; {if_one} of its position, velocity or torque",
-            _OTHER: f"set point or time, by the name; {if_one}",
-            "position": f"position by the name, of no joint of the robot; {if_one}",
-        }.get(kind, f"{kind} by the name, without a position of equal number; {if_one}")
-        for kind, names in found.items()
-        for meaning in ["meaning of the name unknown" if any_named else "no names in the file"]
+    named = any(column.name for column in columns)
+    unknown = "meaning of the name unknown" if named else "no names in the file"
+    reasons = {
+        "": f"{unknown}; {if_one} of its position, velocity or torque",
+        OTHER: f"set point or time, by the name; {if_one}",
+        "position": "position by the name, without a torque of equal number or a joint of the "
+        f"robot; {if_one}",
     }
-
-
-def _meaning(column: SeenColumn) -> tuple[str, list[str]]:
-    """Return the kind of a column (empty if unknown) and the remaining words of its name."""
-    unit, rest = _unit_in_name(column.name)
-    words = words_of(rest)
-    kind, word = _kind(column, words, unit)
-    kind = _OTHER if (_SET_POINTS | _TIMES).intersection(words) else kind
-    return kind, [each for each in words if each not in {word, *_FILLERS}]
-
-
-def _kind(column: SeenColumn, words: Sequence[str], unit: str) -> tuple[str, str]:
-    """Return the kind of a column by a word of the name, the unit, or a plain joint name."""
-    for key, known in _WORDS.items():
-        for word in words:
-            if word in known:
-                return key, word
-    if unit:
-        return next((key for key in _WORDS if _plain(unit) in SPELLINGS[key]), ""), ""
-    if "state" in words:  # of observations in data sets for learning
-        return "position", "state"
-    alone = bool(words) and all(word.isdigit() or word in _JOINTS for word in words)
-    return ("position" if alone and not column.rises else ""), ""
-
-
-def _unit_in_name(name: str) -> tuple[str, str]:
-    """Return the unit in a name, a known one first, and the name without it."""
-    for found in _IN_BRACKETS.finditer(name):
-        if any(_plain(found[1]) in known for known in SPELLINGS.values()):
-            return found[1].strip(), name[: found.start()] + name[found.end() :]
-    found_last = _UNIT_IN_NAME.search(name)
-    if found_last is None:
-        return "", name
-    return found_last[1] or found_last[2], name[: found_last.start()]
-
-
-def _plain(unit: str) -> str:
-    return unit.lower().replace(" ", "")
-
-
-def _stated_unit(key: str, column: SeenColumn | None) -> str:
-    """Return the unit of a map that a column's name states; empty without one."""
-    name = column.name if column else ""
-    stated = [*_IN_BRACKETS.findall(name), *_AS_SUFFIX.findall(name)]
-    return next((SPELLINGS[key][u] for u in map(_plain, stated) if u in SPELLINGS[key]), "")
+    alone = f"by the name, without a position of equal number; {if_one}"
+    return {", ".join(names): reasons.get(kind, f"{kind} {alone}") for kind, names in found.items()}
 
 
 def _joint(
@@ -371,7 +305,7 @@ def _joint(
         if from_ros:
             yield f"      unit: {_ros_unit(key, robot, axis)}"
             continue
-        unit = _stated_unit(key, column)
+        unit = stated_unit(key, column.name) if column else ""
         if column and unit:
             yield f"      unit: {unit} # by its name; up to {column.most:.4g}"
         else:
@@ -397,10 +331,14 @@ def _guess(key: str, column: SeenColumn | None) -> str:
     if column is None:
         return ""
     most = column.most
-    if unit := _unit_in_name(column.name)[0]:
+    if unit := unit_in(column.name)[0]:
         return f"; up to {most:.4g}, and its name says {one_line(unit, 40)}"
     if key != "position":
-        guessed = "" if _meaning(column)[0] else ", guessed: numbered like the positions"
+        guessed = (
+            ""
+            if meaning_of(column.name, rises=column.rises)[0]
+            else ", guessed: numbered like the positions"
+        )
         return f"; up to {most:.4g}{guessed}"
     likely = "rad or m" if most < 7 else "deg" if most <= 400 else "counts or mm"
     return f"; up to {most:.4g} looks like {likely}"
@@ -495,9 +433,3 @@ def described(column: SeenColumn) -> str:
     name = f" {one_line(column.name)}" if column.name else ""
     rising = ", rising" if column.rises else ""
     return f"{column.number}{name}: {column.low:.6g} to {column.high:.6g}{rising}"
-
-
-def words_of(name: str) -> list[str]:
-    """Split a name into lower-case words and numbers; a capital begins a word."""
-    name = re.sub("(?i)(nano)_?(?=s)", r"\1", name).replace("NanoS", "Nanos")
-    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)]

@@ -57,6 +57,7 @@ SPELLINGS: dict[str, dict[str, str]] = {
         **dict.fromkeys(("ms", "msec", "millisec", "milliseconds"), "ms"),
         **dict.fromkeys(("us", "\u00b5s", "\u03bcs", "usec", "microseconds"), "us"),
         **dict.fromkeys(("ns", "nsec", "nanoseconds"), "ns"),
+        "min": "min",
     },
     "position": {
         **dict.fromkeys(("rad", "radian", "radians"), "rad"),
@@ -69,7 +70,7 @@ SPELLINGS: dict[str, dict[str, str]] = {
     "velocity": {
         **dict.fromkeys(("rad/s", "rad/sec"), "rad/s"),
         **dict.fromkeys(("deg/s", "deg/sec", "°/s", "grad/s"), "deg/s"),
-        **dict.fromkeys(("turn/s", "turns/s", "rev/s", "rev/sec", "1/s"), "turns/s"),
+        **dict.fromkeys(("turn/s", "turns/s", "rev/s", "rev/sec"), "turns/s"),
         **dict.fromkeys(("rpm", "1/min", "u/min", "rev/min"), "rpm"),
         "m/s": "m/s",
         "mm/s": "mm/s",

@@ -25,7 +25,7 @@ _END_OF_SETTINGS = "***End_of_Header***"
 _LOOKED_AT = 30
 _ABOVE = 5
 """Rows above the numbers that may hold the names, since comments, types and units follow names."""
-_UNITS = {"", "-", "1", "%", "min", "ma", "mv", "rad/s^2", "rad/s2", "m/s^2", "m/s2"}.union(
+_UNITS = {"", "-", "1", "%", "ma", "mv", "rad/s^2", "rad/s2", "m/s^2", "m/s2"}.union(
     *SPELLINGS.values()
 )
 """Units in the row below the names, in small letters without blanks."""
@@ -166,6 +166,8 @@ def _first_row(
         if len(rows) <= stated.header:
             raise NoNumbers("has a header and no rows")
         return int(stated.header)
+    if not whole and _lacks_names([row for _, row in rows[:2]], decimal):
+        return 0
     for index, (_, row) in enumerate(rows):
         numbers = sum(_is_number(cell, decimal) for cell in row)
         if numbers and all(_is_number(c, decimal) or c.lower() in MISSING for c in row):
@@ -175,11 +177,13 @@ def _first_row(
         as_wide = index + 1 == len(rows) or len(row) >= len(rows[index + 1][1])
         if index and numbers >= 2 and as_wide and not whole:
             return index
-        # no names: numbers and text of the first row stand where those of the second do
-        following = [_is_number(cell, decimal) for cell in rows[1][1]] if len(rows) > 1 else []
-        if numbers >= 2 and [_is_number(cell, decimal) for cell in row] == following:
-            return index
     raise NoNumbers("has no row of numbers in its first lines")
+
+
+def _lacks_names(rows: Sequence[Sequence[str]], decimal: str) -> bool:
+    """Return True if numbers and text of the first row stand where those of the second do."""
+    first, *others = ([_is_number(cell, decimal) for cell in row] for row in rows)
+    return sum(first) > 1 and others == [first]
 
 
 def _is_number(cell: str, decimal: str) -> bool:

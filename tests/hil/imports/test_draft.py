@@ -252,7 +252,7 @@ def test_a_robot_gives_the_order_of_the_joints_by_their_names(tmp_path):
         ["upper_arm_pos", "upper_arm_tau"], ["forearm_pos", "forearm_tau"],
     ]  # fmt: skip
     assert "  - position: # upper arm\n" in text
-    assert "#   gripper_pos: position by the name, of no joint of the robot" in text
+    assert "#   gripper_pos: position by the name, without a torque of equal number or" in text
 
 
 def test_without_common_names_the_joints_of_a_robot_follow_the_file(tmp_path):

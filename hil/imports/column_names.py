@@ -1,0 +1,97 @@
+"""Interpretation of the names of columns: kind of signal, unit, numbers."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from hil.imports.tables import SPELLINGS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_LAST_UNIT = re.compile(
+    r"[\[(]\s*([^\])\d\s][^\])]*?)\s*[\])]\s*$|_(rad|deg|mm|m|nm|a|v|rpm)$", re.I
+)
+_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]")
+_SUFFIX = re.compile(r"[ _.](deg|rad|rpm|nm|mm|sec|ms|us|ns|(?<=time.)s)$", re.I)
+"""Units at the end of a name without another meaning; a may also be a phase, m a motor."""
+_WORDS = {
+    "position": {"position", "positions", "pos", "q", "theta", "angle", "x", "winkel"},
+    "velocity": {
+        *("velocity", "velocities", "vel", "velo", "qd", "dq", "qdot", "dtheta", "speed", "omega"),
+        *("v", "geschwindigkeit", "drehzahl"),
+    },
+    "torque": {
+        *("torque", "torques", "tau", "effort", "eff", "current", "currents", "curr", "cur"),
+        *("force", "i", "u", "f", "tq", "voltage", "moment", "drehmoment", "strom"),
+    },
+}
+"""Words in the names of columns, by kind."""
+OTHER = "other"
+"""Kind of columns that are not measurements of a joint."""
+_JOINTS = {"joint", "axis", "motor", "j"}
+_TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "secs", "seconds", "ipoc"}
+_TIMES |= {"tout", "duration", "zeit"}
+_TIME_AXIS = "x_value"
+"""Name of the time axis in measurement files of LabVIEW, in small letters."""
+SECOND_WORDS = {"sec", "secs", "second", "seconds", "s"}
+NANOSECOND_WORDS = {"nanosec", "nanosecs", "nanosecond", "nanoseconds", "nsec", "nsecs", "ns"}
+_SET_POINTS = {"ref", "reference", "des", "desired", "cmd", "command", "target", "set", "goal"}
+_SET_POINTS |= {"action", "actions", "setpoint", "setpoints", "sp", "soll", "input", "d"}
+_FILLERS = {"actual", "measured", "meas", "act", "ist"}
+
+
+def words_of(name: str) -> list[str]:
+    """Split a name into lower-case words and numbers; a capital begins a word."""
+    name = re.sub("(?i)nano_?s", "Nanos", name)
+    return [word.lower() for word in re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)]
+
+
+def is_time(name: str) -> bool:
+    """Return True for a name of time stamps."""
+    return name.lower() == _TIME_AXIS or bool(_TIMES.intersection(words_of(name)))
+
+
+def meaning_of(name: str, *, rises: bool) -> tuple[str, list[str]]:
+    """Return the kind of a column (empty if unknown) and the remaining words of its name."""
+    unit, rest = unit_in(name)
+    words = words_of(rest)
+    kind, word = _kind(words, unit, rises=rises)
+    kind = OTHER if (_SET_POINTS | _TIMES).intersection(words) else kind
+    return kind, [each for each in words if each not in {word, *_FILLERS}]
+
+
+def _kind(words: Sequence[str], unit: str, *, rises: bool) -> tuple[str, str]:
+    """Return the kind of a column by a word of the name, the unit, or a plain joint name."""
+    for key, known in _WORDS.items():
+        for word in words:
+            if word in known:
+                return key, word
+    if unit:
+        return next((key for key in _WORDS if _plain(unit) in SPELLINGS[key]), ""), ""
+    if "state" in words:  # of observations in data sets for learning
+        return "position", "state"
+    alone = bool(words) and all(word.isdigit() or word in _JOINTS for word in words)
+    return ("position" if alone and not rises else ""), ""
+
+
+def unit_in(name: str) -> tuple[str, str]:
+    """Return the unit in a name as spelled, a known one first, and the name without it."""
+    known = {spelling for spellings in SPELLINGS.values() for spelling in spellings}
+    brackets = (each for each in _IN_BRACKETS.finditer(name) if _plain(each[1]) in known)
+    found = next(brackets, None) or _LAST_UNIT.search(name)
+    if found is None:
+        return "", name
+    unit = next(group for group in found.groups() if group is not None)
+    return unit.strip(), name[: found.start()] + name[found.end() :]
+
+
+def stated_unit(key: str, name: str) -> str:
+    """Return the unit of a map that a name states for time or a kind of column; else empty."""
+    stated = map(_plain, [*_IN_BRACKETS.findall(name), *_SUFFIX.findall(name)])
+    return next((SPELLINGS[key][unit] for unit in stated if unit in SPELLINGS[key]), "")
+
+
+def _plain(unit: str) -> str:
+    return unit.lower().replace(" ", "")
