@@ -116,6 +116,11 @@ def _executor(
     return execution.local(min(most, n_maps)) if min(most, n_maps) > 1 else nullcontext()
 
 
+def _relative(path: Path, output: Path) -> str:
+    """Return a path relative to the folder of `output`."""
+    return Path(os.path.relpath(path.resolve(), output.resolve().parent)).as_posix()
+
+
 def _draft(recording: Path, output: Path, robot: str | None) -> None:
     """Write a first map, with the paths of recording and robot relative to the map."""
     from checked_files.yaml_file import UNSTATED
@@ -124,13 +129,14 @@ def _draft(recording: Path, output: Path, robot: str | None) -> None:
     from hil.runs.atomic_file import write_file
 
     refuse_no_folder(output)
-    paths = [recording, *([Path(robot)] if robot and Path(robot).is_file() else [])]
-    names = [Path(os.path.relpath(p.resolve(), output.resolve().parent)).as_posix() for p in paths]
+    paths, robot_name = {recording: _relative(recording, output)}, robot or ""
+    if Path(robot_name).is_file():
+        robot_name = paths[Path(robot_name)] = _relative(Path(robot_name), output)
     known = Robot.load(robot) if robot else None
-    text = draft_map(recording, names[0], known, names[1] if len(names) > 1 else robot or "")
+    text = draft_map(recording, paths[recording], known, robot_name)
     write_file(output, text.encode())
-    outside = [p.resolve().parent for p, n in zip(paths, names, strict=True) if n.startswith("..")]
-    options = "".join(f" --files {folder}" for folder in dict.fromkeys(outside))
+    outside = {p.resolve().parent for p, name in paths.items() if name.startswith("..")}
+    options = "".join(f" --files {folder}" for folder in sorted(outside))
     following = f"hil import {output}{options} -o RUN"
     if marks := text.count(f": {UNSTATED} "):
         say(f"{output}: {marks} lines marked {UNSTATED} must be filled in by you")

@@ -34,9 +34,9 @@ GAP = 10.0
 """Gap between two samples that ends a motion, in sampling periods."""
 COARSE = 0.1
 """Longest interpolation that counts, in periods of the cut-off: linear interpolation of an
-oscillation there is off by at most (pi COARSE)^2 / 2 = 5 %. In slow recordings, `LONGER` sampling
-periods."""
+oscillation there is off by at most (pi COARSE)^2 / 2 = 5 %."""
 LONGER = 1.5
+"""Longest interval without a lost sample, in sampling periods; counts in slow recordings, too."""
 FINE = 32.0
 """Minimum number of samples kept per period of the cut-off, for faster recordings."""
 

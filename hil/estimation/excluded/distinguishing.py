@@ -30,7 +30,7 @@ from hil.errors import NotIdentifiable, UnknownName
 from hil.estimation.excluded.battery import LEVEL, NOTHING, SPAN
 from hil.estimation.excluded.causes import CAUSES, FITTED, SHOWN_BY
 from hil.estimation.excluded.columns import Column, columns
-from hil.estimation.excluded.finding import SAME, TOGETHER, finite_limit
+from hil.estimation.excluded.finding import SAME, TOGETHER
 from hil.estimation.excluded.foreseen import expected_evidence, foreseen_tests, recorded
 from hil.estimation.excluded.limits import (
     POWER,
@@ -316,19 +316,19 @@ class _Search:
             limit_at = partial(
                 limit_of, self.robot, self.battery, (cause, axis), part, torque=float(torque[k])
             )
-            limit = finite_limit(self.robot, self.p, self.battery, limit_at(float(shown[k])))
+            limit = limit_at(float(shown[k]))
             others = [j for j in range(len(self.keys)) if j != self.cause[k]]
             like = min(others, key=lambda j: float(left[k, j]), default=None)
             distinct = 0.0
             if like is not None:
                 apart = limit.size is not None and left[k, like] >= APART * information[k]
                 distinct = LEAD * float(np.sqrt(phi[k] / left[k, like])) if apart else np.inf
-                distinct = _or_none(limit_at(distinct).size)
+                distinct = _size_or_inf(limit_at(distinct).size)
             found.append(Reached(
                 name=describe_cause((cause, axis), part),
                 unit=limit.unit,
                 usual=float(self.usual[k]),
-                shown=_or_none(limit.size),
+                shown=_size_or_inf(limit.size),
                 distinct=distinct,
                 like="" if like is None else describe_cause(self.keys[like]),
                 remedy="" if self.visible[k] else SHOWN_BY.get(cause, NEVER),
@@ -388,8 +388,8 @@ class _Search:
         return found
 
 
-def _or_none(size: float | None) -> float:
-    """Return a size, infinite for none."""
+def _size_or_inf(size: float | None) -> float:
+    """Return a size; infinity if there is none."""
     return np.inf if size is None else size
 
 

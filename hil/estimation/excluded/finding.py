@@ -30,8 +30,8 @@ from hil.estimation.excluded.deviation import Deviation, parts_of
 from hil.estimation.excluded.encoder_noise import EncoderNoise
 from hil.estimation.excluded.finite_size import FINITE, misread_battery
 from hil.estimation.excluded.friction_change import friction_changes
-from hil.estimation.excluded.limits import limits
-from hil.estimation.excluded.result import Excluded, Found, Limit, located
+from hil.estimation.excluded.limits import SETTLED, limits
+from hil.estimation.excluded.result import Excluded, Found, located
 from hil.estimation.excluded.words import axes_of, describe_reading, describe_size, name_of, rank_of
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from hil.estimation.excluded.causes import Key
     from hil.estimation.excluded.dispersion import Common
     from hil.estimation.excluded.evidence import Evidence
+    from hil.estimation.excluded.result import Limit
     from hil.model.robot import Robot
 
     Tests = dict[Key, list[int]]
@@ -51,12 +52,6 @@ LEAVES = 0.5
 """Maximum share of an axis's mean square that a cause leaves, to be distinguished from model error.
 Eliminated friction contradicts every model a little where samples are slow or motion turns often
 (public recordings of five machines: 0.75 and more)."""
-NEXT = 0.05
-"""Share of the next order beside the first that sizes may neglect: a quarter of what separates a
-size found with 80 % from one found with 50 %."""
-ENLARGED = (1.0, 1.2, 1.44)
-"""Factors of a size to first order, tried in turn. The tests find a size with a probability of 80 %
-because it exceeds the size found with 50 % by some 20 %, which the next order may take."""
 MOST = 5
 """Maximum number of found causes; with more, the model is wrong as a whole."""
 LARGE = 0.95
@@ -144,8 +139,8 @@ def excluded(
     causes, stated = instead.found, limits(robot, battery, every, len(tests), leaves)
     if evidence.later is not None and not instead.shows_changes:
         stated = tuple(each.model_copy(update={"size": None}) for each in stated)
-    else:
-        stated = tuple(finite_limit(robot, p, battery, each, leaves) for each in stated)
+    elif evidence.later is not None:
+        stated = tuple(_testable(robot, p, battery, each) for each in stated)
     if evidence.later is not None and not instead.deviates:
         friction, more = friction_changes(robot, p if both is None else both, evidence)
         # a change of all torques of an axis includes its friction
@@ -155,42 +150,29 @@ def excluded(
     return Excluded(found=causes, limits=stated, tests=len(tests))
 
 
-def finite_limit(
-    robot: Robot, p: Array, battery: Battery, limit: Limit, leaves: float = 1.0
-) -> Limit:
-    """Return a limit with a size that is found, in either direction, in the readings that it makes.
+def _testable(robot: Robot, p: Array, battery: Battery, limit: Limit) -> Limit:
+    """Return a limit; remove its size if recordings misread by this size would not show the cause.
 
-    Only small sizes are proportional to a first-order column: at the largest one the next term of
-    the series is `FIRST_ORDER` of the first. A size with a next term below `NEXT` stands untested.
-    A size that its own readings hide is enlarged by `ENLARGED` in turn; without a size if none of
-    these is found. `leaves` as in `excluded`.
+    Only small sizes are proportional to a first-order column; sizes are stated to `SETTLED`, and
+    a size below, in rad or as a share, changes the column by less.
     """
     if limit.cause not in FINITE or limit.size is None:
         return limit
     hours = float(np.ptp(battery.evidence.time)) / 3600.0
     largest = CAUSES[limit.cause].largest(robot, limit.axis - 1, hours)
-    if limit.size < NEXT / FIRST_ORDER * largest < np.inf:
+    if limit.size < SETTLED / FIRST_ORDER * largest < np.inf:
         return limit
     key = limit.cause, limit.axis - 1
     k = min(battery.columns.tests[key], key=lambda k: float(battery.information[k]))
-    for size in (limit.size * each for each in ENLARGED):
-        both = size, -size
-        if size <= largest and all(_shown(robot, p, battery, k, each, leaves) for each in both):
-            return Limit(**{**limit.model_dump(), "size": size})
-    return limit.model_copy(update={"size": None})
-
-
-def _shown(robot: Robot, p: Array, battery: Battery, k: int, size: float, leaves: float) -> bool:
-    """Return True if tests find the cause of a column in the readings that a size of it makes."""
-    read, key = misread_battery(robot, p, battery, k, size), battery.columns.names[k][:2]
-    tests = {each: at for each, at in read.columns.tests.items() if read.visible[at].any()}
-    level = battery.level / len(battery.columns.tests)
-    likely = likeliest(read, tests, level, partial(possible, robot, read.evidence))
-    if likely is None:
-        return False
-    explains = explained_by(read, tests, likely[1].dispersion)
-    left = read.extend(likely[1].columns.tolist()).left / read.left
-    return key in explains and alike(explains[key], explains[likely[0]]) and left.min() <= leaves
+    for size in (limit.size, -limit.size):
+        read = misread_battery(robot, p, battery, k, size)
+        tests = {key: at for key, at in read.columns.tests.items() if read.visible[at].any()}
+        level = battery.level / len(battery.columns.tests)
+        likely = likeliest(read, tests, level, partial(possible, robot, read.evidence))
+        explains = explained_by(read, tests, likely[1].dispersion) if likely else {}
+        if not likely or key not in explains or not alike(explains[key], explains[likely[0]]):
+            return limit.model_copy(update={"size": None})
+    return limit
 
 
 def explained_by(battery: Battery, tests: Tests, dispersion: float) -> dict[Key, float]:

@@ -44,21 +44,11 @@ TORQUE = 3
 def misread_battery(robot: Robot, p: Array, battery: Battery, k: int, size: float) -> Battery:
     """Return the tests with readings changed by the cause of column `k`, by a size in its unit.
 
-    Causes of other axes are left out. The stated size of a change includes the insignificant size
-    that recordings show; without a change that size is taken out of the torque.
+    Causes of other axes are left out.
     """
-    every, name, evidence = battery.columns, battery.columns.names[k], battery.evidence
-    if evidence.later is None:
-        shown = every.values[:, k] * battery.alone([k])
-        evidence = replace(
-            evidence, torque=evidence.torque - shown, recorded=evidence.recorded - shown
-        )
-    read = misread(robot, evidence, name, size)
-    if evidence.later is None:  # the estimate is that of the changed readings, too
-        fixed = [*battery.given]
-        free = Columns(tuple(every.names[j] for j in fixed), every.values[:, fixed], every.free)
-        p = Battery(read, free, range(len(fixed))).solution
-    rows = EvidenceRows(robot, p, read, evidence)
+    every, name = battery.columns, battery.columns.names[k]
+    read = misread(robot, battery.evidence, name, size)
+    rows = EvidenceRows(robot, p, read, battery.evidence)
     moved = dict(chain(columns_of(rows, name.axis), columns_of(rows, -1)))
     near = [
         (j, each)

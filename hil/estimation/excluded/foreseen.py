@@ -20,7 +20,6 @@ from hil.estimation.condensed import stack
 from hil.estimation.excluded.battery import Battery
 from hil.estimation.excluded.columns import columns
 from hil.estimation.excluded.evidence import rows_of
-from hil.estimation.excluded.finding import finite_limit
 from hil.estimation.excluded.limits import limits
 from hil.estimation.excluded.result import Excluded
 from hil.estimation.signals import signals
@@ -58,12 +57,7 @@ def foreseen(plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0) ->
     if found is None:
         return None
     battery, tests = found
-    stated = limits(robot, battery, battery.columns, tests)
-    return Excluded(
-        found=(),
-        limits=tuple(finite_limit(robot, p, battery, each) for each in stated),
-        tests=tests,
-    )
+    return Excluded(found=(), limits=limits(robot, battery, battery.columns, tests), tests=tests)
 
 
 def foreseen_tests(

@@ -127,9 +127,12 @@ class Limit(FileModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _drop_impossible_size(cls, values: dict[str, Any]) -> dict[str, Any]:
-        impossible = values["torque"] * (values["size"] or 0.0) > 1.0
-        return {**values, "size": None, "testable": False} if impossible else values
+    def _drop_impossible_size(cls, values: Any) -> Any:
+        match values:
+            case {"torque": int() | float() as torque, "size": int() | float() as size}:
+                if torque * size > 1.0:
+                    return {**values, "size": None, "testable": False}
+        return values
 
     @property
     def usual(self) -> float:

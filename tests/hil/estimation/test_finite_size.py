@@ -9,22 +9,18 @@ import numpy as np
 import pytest
 from free_run import TRUTH, arm, recorded
 
-from hil.estimation.excluded import finding
 from hil.estimation.excluded.columns import Column
 from hil.estimation.excluded.evidence import measured
 from hil.estimation.excluded.finite_size import misread
-from hil.estimation.excluded.proof import changed, proved
+from hil.estimation.excluded.proof import changed
 from hil.estimation.signals import signals
 from hil.estimation.simultaneous import SimultaneousFit
 from hil.model.robot import parse_robot
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from free_run import FreeRecorded
 
     from hil.estimation.excluded.evidence import Evidence
-    from hil.estimation.excluded.result import Found
 
 AXIS = 1
 """Axis with the cause, from 0."""
@@ -98,44 +94,8 @@ def test_a_size_is_stated_only_if_the_readings_that_it_makes_show_it(
     assert (limit.size is not None) == stated
     for size in () if limit.size is None else (limit.size, -limit.size):
         found = changed(robot, before, planted(after, "joint offset", size)).found
-        assert named(found, "joint offset")
-
-
-def test_recordings_without_a_change_state_sizes_that_their_readings_show(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    cause = "joint offset"
-    # readings without a derivative are searched after the columns, for minutes
-    monkeypatch.setattr(finding, "alternatives", lambda *_: [])
-    robot = parse_robot(arm().text.replace("  - sy\n", ""), "arm.yaml")
-    data = recorded(robot, TRUTH[[0, 1, 3, 4]], n=3, duration=12.0, noise=5.0, seed=200)
-
-    def size() -> float:
-        (limit,) = (
-            each
-            for each in proved(robot, data).limits
-            if (each.cause, each.axis) == (cause, AXIS + 1)
+        assert any(
+            (each.cause, each.axes) == ("joint offset", (AXIS + 1,))
+            or any(f"axis {AXIS + 1}: " in other for other in each.others)
+            for each in found
         )
-        assert limit.size
-        return limit.size
-
-    def shown(size: float) -> bool:
-        both = (proved(robot, planted(data, cause, each)).found for each in (size, -size))
-        return all(named(found, cause) for found in both)
-
-    with monkeypatch.context() as first_order:
-        first_order.setattr(finding, "finite_limit", lambda *each: each[3])
-        first = size()
-    found = size()
-    assert first < found
-    assert not shown(first)
-    assert shown(found)
-
-
-def named(found: Sequence[Found], cause: str) -> bool:
-    """Return True if the cause is found, alone or with others."""
-    return any(
-        (each.cause, each.axes) == (cause, (AXIS + 1,))
-        or any(f"axis {AXIS + 1}: " in other for other in each.others)
-        for each in found
-    )

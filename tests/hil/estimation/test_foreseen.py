@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from hil.estimation.consistent.likely_bodies import sized_bodies
 from hil.estimation.excluded.foreseen import foreseen, recorded
+from hil.estimation.excluded.result import Limit
 from hil.model.dynamics import inverse_dynamics
 from hil.planning.design.by_counts import design
 from hil.planning.measurement import Friction
@@ -90,3 +92,9 @@ def test_no_size_makes_more_torque_than_expected_recordings_have(manutec):
     cells = {row[0]: row[2:] for row in shown.parts[0].rows}
     assert cells["spring"][5] == excluded.UNTESTED
     assert any("not testable with this plan: axis 6 hardly moves" in note for note in shown.notes)
+
+
+@pytest.mark.parametrize("content", [{}, {"torque": "a", "size": 1.0}, [1.0], None])
+def test_a_limit_of_a_damaged_file_is_refused_by_its_fields(content: object) -> None:
+    with pytest.raises(ValidationError):
+        Limit.model_validate(content)
