@@ -129,6 +129,8 @@ class Table(Protocol):
 def column_of(table: Table, column: int | str) -> int:
     """Return the index, from 0, of a column given by number from 1 or by name.
 
+    A name may omit the unit, `` [UNIT]``.
+
     Raises
     ------
     NoColumn
@@ -138,7 +140,9 @@ def column_of(table: Table, column: int | str) -> int:
         if column <= len(table.names):
             return column - 1
         raise NoColumn(f"{table.path} has {len(table.names)} columns, but no column {column}")
-    found = [index for index, name in enumerate(table.names) if name == column]
+    names = list(enumerate(table.names))
+    found = [index for index, name in names if name == column]
+    found = found or [index for index, name in names if name.rpartition(" [")[0] == column]
     if len(found) == 1:
         return found[0]
     quoted = f"'{whole_line(column)}'"  # escaped names are not escaped again

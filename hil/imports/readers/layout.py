@@ -45,7 +45,7 @@ class Layout:
     delimiter, decimal, comment : str
         A delimiter of one space stands for any number of blanks.
     names : tuple of str
-        Names of the columns; empty without a header.
+        Names of the columns, ``NAME [UNIT]`` with a row of units below; empty without a header.
     skipped : int
         Lines before the first row.
     width : int
@@ -101,7 +101,8 @@ def layout_of(text: str, stated: Format) -> Layout:
     skipped, width = rows[first][0], len(rows[first][1])
     if scope:
         # a scope may end its file with EOF
-        return Layout(delimiter, decimal, "EOF", *_channels(scope, width, skipped))
+        units = next((row for _, row in rows if row[0] == "Unit"), ())
+        return Layout(delimiter, decimal, "EOF", *_channels(scope, units, width, skipped))
     above = [row for _, row in rows[max(0, first - _ABOVE) : first]]
     names = _names(above) if first else _find_comment_names(lines, rows[0][0], stated)
     if len(names) != width and not (first and stated.header):
@@ -194,21 +195,26 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 def _names(above: Sequence[Sequence[str]]) -> tuple[str, ...]:
     """Return the names in the rows above the numbers: the last row that has no units or types."""
-    chosen = above[-1]
+    chosen, units = list(above[-1]), [""] * len(above[-1])
     for lower, row in zip(above[::-1], above[-2::-1], strict=False):
-        if len(row) != len(lower) or not _follow_names(lower, row):
+        if len(row) != len(lower):
             break
-        chosen = row
-    return tuple(chosen[1:] if chosen[0] in _COMMENTS else chosen)
+        if _has_units(lower):
+            units = [cell.strip("[]() ") for cell in lower]
+        elif not (len(set(row)) == len(row) and all(row) and len(set(lower)) < len(lower)):
+            break  # comments or types repeat words below distinct names
+        chosen = list(row)
+    return tuple(map(_with_unit, chosen, units))[chosen[0] in _COMMENTS :]
 
 
-def _follow_names(row: Sequence[str], above: Sequence[str]) -> bool:
-    """Return True if a row has only units, or repeated words, below distinct names."""
-    units = all(
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if name and unit and not _IN_BRACKETS.search(name) else name
+
+
+def _has_units(row: Sequence[str]) -> bool:
+    return all(
         cell.lower().replace(" ", "") in _UNITS or _IN_BRACKETS.fullmatch(cell) for cell in row
     )
-    distinct = len(set(above)) == len(above) and all(above)
-    return units or (distinct and len(set(row)) < len(row))
 
 
 def _find_scope_row(rows: Sequence[Sequence[str]]) -> Sequence[str]:
@@ -224,15 +230,20 @@ def _find_scope_row(rows: Sequence[Sequence[str]]) -> Sequence[str]:
 
 
 def _channels(
-    row: Sequence[str], width: int, skipped: int
+    row: Sequence[str], units: Sequence[str], width: int, skipped: int
 ) -> tuple[tuple[str, ...], int, int, tuple[int, ...]]:
-    """Return names, lines before the first row, width, and stamp columns of a scope's channels."""
-    row = (*row, *[""] * width)[:width]
+    """Return names, lines before the first row, width, and stamp columns of a scope's channels.
+
+    The row of units has pairs of the word Unit and a unit with its kind, such as deg (Angle).
+    """
+    row, units = ((*each, *[""] * width)[:width] for each in (row, units))
     clocks: list[int] = []
     for column, cell in enumerate(row):
         clocks.append(column if cell == "Name" else clocks[-1])
     names = tuple(
-        f"{row[column + 1]}/time" if clock == column and column + 1 < width else cell
+        f"{row[column + 1]}/time"
+        if clock == column and column + 1 < width
+        else _with_unit(cell, units[column].partition("(")[0].strip())
         for column, (cell, clock) in enumerate(zip(row, clocks, strict=True))
     )
     return names, skipped, width, tuple(clocks)

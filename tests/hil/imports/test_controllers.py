@@ -39,7 +39,10 @@ def twincat():
     settings = [("SymbolComment", ""), ("Data-Type", "REAL64"), ("SampleTime[ms]", "5"),
                 ("SymbolName", "Main.x"), ("Port", "501"), ("Offset", "0"), ("Unit", "deg (Angle)"),
                 ("Unit Offset", "0")]  # fmt: skip
-    pairs = "".join("\t".join(f"{key}\t{value}" for _ in names) + "\r\n" for key, value in settings)
+    settings = [(key, [value] * len(names)) for key, value in settings]
+    settings[-2] = ("Unit", ["deg (Angle)"] * 2 + ["deg/s (Speed)"] * 2 + ["%", ""])
+    pairs = "".join("\t".join(f"{key}\t{value}" for value in values) + "\r\n"
+                    for key, values in settings)  # fmt: skip
     columns = [x for name in PARTS for x in (T * 1e3, COLUMNS[name])]
     body = delimited([c for n in names for c in ("Name", n)], columns, "\t", ",")
     header, rows = body.split("\r\n", 1)
@@ -146,6 +149,8 @@ FILES = {
     "odrive.csv": odrive, "odrive_columns.csv": odrive_columns,
     "moteus.jsonl": moteus, "moteus.csv": moteus_csv, "libfranka.csv": libfranka,
 }  # fmt: skip
+UNITS = {"twincat.csv": ["deg", "deg/s", None], "siemens.csv": ["deg", "deg/s", "N m"]}
+"""Units in the file, by name; the twincat file has a torque in percent."""
 
 
 class _Marks(yaml.SafeLoader):
@@ -164,6 +169,9 @@ def test_exports_are_drafted_and_a_draft_that_is_filled_in_imports(tmp_path, nam
     times = {"twincat": "ms", "codesys": "us", "siemens": "ms", "rsi.xml": "ms", "libfranka": "ms"}
     unit = next((unit for begin, unit in times.items() if name.startswith(begin)), "s")
     assert len(content["joints"]) == 2
+    if name in UNITS:
+        units = [[part["unit"] for part in joint.values()] for joint in content["joints"]]
+        assert units == [UNITS[name]] * 2
     for joint in content["joints"]:
         joint["position"]["unit"] = "deg" if name.startswith("rsi") else "rad"
         if "velocity" in joint:
