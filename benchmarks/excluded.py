@@ -69,12 +69,18 @@ FAR = (
     ("wrong sign of a position", 2, 0.0), ("wrong sign of a position", 5, 0.0),
     ("wrong sign of a torque", 3, 0.0), ("wrong sign of a torque", 4, 0.0),
     ("two axes exchanged", 2, 0.0), ("two axes exchanged", 4, 0.0), ("two axes exchanged", 5, 0.0),
-    ("zero", 3, 20.0), ("zero", 5, 90.0), ("gravity", 0, 90.0), ("gear ratio", 2, -50.0),
-    ("torque constant", 2, 30.0), ("torque at its limit", 2, 700.0), ("slip", 3, 5.0),
+    ("joint offset", 3, 20.0), ("joint offset", 5, 90.0), ("gravity", 0, 90.0),
+    ("gear ratio", 2, -50.0), ("torque constant", 2, 30.0), ("torque at its limit", 2, 700.0),
+    ("slip", 3, 5.0),
 )  # fmt: skip
 """Cause, axis and size of flaws beyond a linearisation."""
 
-CONFUSED = (("zero", 4, 5.0), ("zero", 5, 4.0), ("zero", 5, -4.0), ("load", 0, 0.03))
+CONFUSED = (
+    ("joint offset", 4, 5.0),
+    ("joint offset", 5, 4.0),
+    ("joint offset", 5, -4.0),
+    ("load", 0, 0.03),
+)
 """Cause, axis and size of flaws that the usual plan does not show on seed 1, or confuses with a
 joint offset.
 """
@@ -204,8 +210,9 @@ def show_sizes(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -
 def show_axes(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -> None:
     """Print the effect of a mistake on each axis of a clean run."""
     for cause, size in (("wrong direction of an axis", 0.0), ("wrong sign of a position", 0.0),
-                        ("wrong sign of a torque", 0.0), ("zero", 20.0), ("gear ratio", 1.0),
-                        ("gear ratio", -50.0), ("torque constant", 30.0)):  # fmt: skip
+                        ("wrong sign of a torque", 0.0), ("joint offset", 20.0),
+                        ("gear ratio", 1.0), ("gear ratio", -50.0),
+                        ("torque constant", 30.0)):  # fmt: skip
         cases = [Case("", cause, axis, np.inf, size, seed) for axis in range(1, 7)]
         names = []
         for case, each in zip(cases, pool.map(partial(said, folder), cases), strict=True):

@@ -190,6 +190,8 @@ def imported(folder: Path, case: Case) -> Run:
 
 def said(folder: Path, case: Case) -> Said:
     """Measure, import or change a case, identify it, and judge the result."""
+    if case.cause and case.cause not in {*PLANTS, *RECORDED, *STATED}:
+        raise KeyError(case.cause)
     if case.twin:
         run = imported(folder, case)
         return judged(run, run.robot, list(Pooled([run])), _twin(case.twin).truth)

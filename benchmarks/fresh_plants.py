@@ -60,7 +60,7 @@ PROPERTIES = {
     "SYNC, ms:": Property("", (4, 8, 16)),
     "encoder increments:": Property("encoders", (256, 512, 1024)),
     "gears, Hz:": Property("gears", (25, 45, 80)),
-    "backlash, mrad:": Property("play", (0.5, 1.0, 2.0)),
+    "backlash, mrad:": Property("backlash", (0.5, 1.0, 2.0)),
 }
 
 
@@ -75,8 +75,8 @@ class Trial(NamedTuple):
     def case(self) -> Case:
         """Case for the judgement by `excluded_cases`."""
         cause = PROPERTIES[self.what].cause
-        axis = 1 + self.seed % 6 if cause in ("play", "torque constant") else 0
-        size = self.size / 2 * DEGREES if cause == "play" else self.size
+        axis = 1 + self.seed % 6 if cause in ("backlash", "torque constant") else 0
+        size = self.size / 2 * DEGREES if cause == "backlash" else self.size
         return Case("", cause, axis, 1.0, size, self.seed)
 
 

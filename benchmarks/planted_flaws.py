@@ -89,11 +89,11 @@ def _swap(q: Array, tau: Array, _time: Array, k: int, _size: float) -> None:
 
 
 RECORDED: dict[str, Change] = {
-    "zero": _zero, "position scale": _scale, "gear ratio": _gear, "torque constant": _constant,
-    "drift of torque constant": _drift, "late position": _late, "slip": _slip, "spring": _spring,
-    "repeats": _mesh, "torque at its limit": _clip, "wrong direction of an axis": _flip(0, 1),
-    "wrong sign of a position": _flip(0), "wrong sign of a torque": _flip(1),
-    "two axes exchanged": _swap,
+    "joint offset": _zero, "position scale": _scale, "gear ratio": _gear,
+    "torque constant": _constant, "drift of torque constant": _drift, "position delay": _late,
+    "slip": _slip, "spring": _spring, "torque ripple": _mesh, "torque at its limit": _clip,
+    "wrong direction of an axis": _flip(0, 1), "wrong sign of a position": _flip(0),
+    "wrong sign of a torque": _flip(1), "two axes exchanged": _swap,
 }  # fmt: skip
 
 
@@ -146,6 +146,6 @@ def _coarsen(plant: Plant, _axis: int, size: float) -> None:
 
 
 PLANTS: dict[str, Callable[[Plant, int, float], None]] = {
-    "load": _load, "play": _play, "friction of the load": _rub, "gears": _soften,
+    "load": _load, "backlash": _play, "friction of the load": _rub, "gears": _soften,
     "encoders": _coarsen,
 }  # fmt: skip

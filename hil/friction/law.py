@@ -27,7 +27,7 @@ from hil.friction.direction import (
     sign_direction,
 )
 from hil.friction.terms import DIRECTED, coupled_friction, friction_columns, motor_angle
-from hil.friction.warmth import Exposure, Warmth, states_at
+from hil.friction.warmth import Exposure, Warmth
 from hil.least_squares.uncertainty import TWICE
 
 if TYPE_CHECKING:
@@ -384,8 +384,7 @@ def level_along(law: FrictionLaw, past: History, time: Array) -> Array:
     found = np.full((len(time), len(law.axes)), np.nan)
     for axis, each in enumerate(law.axes):
         if each is not None and each.exposure is not None:
-            distance = each.exposure.distance(states_at(past, axis, time))
-            found[:, axis] = each.exposure.deviation(distance)
+            found[:, axis] = each.exposure.level_along(past, axis, time)
     return found
 
 

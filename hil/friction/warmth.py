@@ -32,14 +32,23 @@ random walks were accepted; on four axes of a virtual plant the warmth of one ca
 
 Most campaigns identify no warmth. The friction in other motions is then uncertain, the more so the
 more the history of the axis differs from that of the measurements (`Exposure`). With the states w_m
-for time constants m of a grid and their means over the measurements, the level of the law deviates
-by a standard deviation u of
+for n_m pairs of time constants and their differences x_m = w_m - mean w_m from the means over the
+measurements, the level of the law deviates by a standard deviation u of
 
-    u^2 = s^2 + S^2 D^2,    D^2 = mean over m of (w_m - mean w_m)^2,
+    u^2 = s^2 + S^2 D^2,    D^2 = mean over m of x_m^2,
 
 with the scatter s of the levels of the measurements about the law. S, the change of the level from
 cold to warm, is `COLD_TO_WARM` or the change observed in the measurements if larger: the root of
 the sum of their squared deviations over the sum of their D^2.
+
+S is an assumption. The measurements replace it where they passed through the same states: for
+slopes b_m of independent prior variance S^2 / n_m, their levels, X b + e, leave the variance
+
+    v^2 = x' (n_m I / S^2 + X' X / s^2)^-1 x
+
+of the level at x. The measurements cover a motion with v < s on all of its path but the share that
+correct 95 % intervals leave out. Then u^2 = s^2 + v^2. Other motions reach states outside those of
+the measurements, where linear slopes do not hold: S applies to all of their samples.
 """
 
 from __future__ import annotations
@@ -47,10 +56,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 from scipy.linalg.lapack import dtbtrs
 
 from checked_files.yaml_file import FileModel
@@ -58,6 +67,7 @@ from hil.friction.terms import DIRECTED
 from hil.least_squares.choice import FOLDS, folds, simplest
 from hil.least_squares.regression import Regression
 from hil.least_squares.solving import solve_each
+from hil.least_squares.uncertainty import OUTSIDE
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -81,6 +91,8 @@ COLD_TO_WARM = 0.4
 follow published measurements of gears, have 0.2 to 0.6 (`sim_plant.physics.friction`). Intervals
 contained 72 to 100 % of the levels of other motions with 0.3, and 83 to 100 % with 0.4 (by axis,
 three plants, strokes and trajectories)."""
+LEAST_REDUCTION = 1e-3
+"""Smallest stated reduction of a direction's variance; smaller ones change v by 0.05 % at most."""
 STEPS = 4
 """Number of Gauss-Newton steps; each squares the relative error of the slope."""
 
@@ -167,18 +179,28 @@ class Exposure(FileModel):
     ----------
     states : tuple of float
         Mean warmth for each of `COURSES`.
-    widest : float
-        Largest D of a measurement.
     scatter : float
         Relative standard deviation of the levels of measurements about the law.
     slope : float
         S, relative to the level.
+    explored : tuple of tuples of float
+        Directions of the states of measurements, r of them, shape (r, n_courses). The squared
+        length of each is the reduction of the prior variance by the measurements, below 1. Empty
+        in files of earlier versions.
     """
 
     states: tuple[float, ...]
-    widest: float
     scatter: float
     slope: float
+    explored: tuple[tuple[float, ...], ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _drop_widest(cls, stated: Any) -> Any:
+        """Drop the largest distance of a measurement, stated in files of earlier versions."""
+        if isinstance(stated, dict):
+            stated = {name: value for name, value in stated.items() if name != "widest"}
+        return stated
 
     @classmethod
     def compute(cls, states: Array, deviations: Array, n_terms: int) -> Self:
@@ -193,14 +215,20 @@ class Exposure(FileModel):
         n_terms : int
             Number of terms of the level, fitted to the same measurements.
         """
-        away, square = np.mean((states - states.mean(axis=0)) ** 2, axis=1), deviations @ deviations
-        seen = math.sqrt(square / max(float(away.sum()), np.finfo(float).tiny))
+        X, square = states - states.mean(axis=0), deviations @ deviations
+        seen = math.sqrt(square / max(float(np.mean(X**2, axis=1).sum()), np.finfo(float).tiny))
+        scatter = math.sqrt(square / max(len(deviations) - n_terms, 1))
+        # warmth can at most make friction vanish
+        slope = min(max(COLD_TO_WARM, seen), 1.0)
+        information, directions = np.linalg.eigh(X.T @ X)
+        prior = X.shape[1] * (scatter / slope) ** 2
+        reduction = information.clip(0.0) / (information.clip(0.0) + max(prior, 1e-12))
+        explored = (np.sqrt(reduction) * directions).T[reduction > LEAST_REDUCTION]
         return cls(
             states=tuple(states.mean(axis=0).tolist()),
-            widest=math.sqrt(float(away.max())),
-            scatter=math.sqrt(square / max(len(deviations) - n_terms, 1)),
-            # warmth can at most make friction vanish
-            slope=min(max(COLD_TO_WARM, seen), 1.0),
+            scatter=scatter,
+            slope=slope,
+            explored=tuple(tuple(each) for each in explored.round(4).tolist()),
         )
 
     def distance(self, states: Array) -> Array:
@@ -210,6 +238,26 @@ class Exposure(FileModel):
     def deviation(self, distance: ArrayLike) -> Array:
         """Return the standard deviation u of the level at a distance D, shape of `distance`."""
         return np.asarray(np.hypot(self.scatter, self.slope * np.asarray(distance)))
+
+    def unexplored(self, states: Array) -> Array:
+        """Return the standard deviation v of the level at states, shape (n, n_courses): (n,)."""
+        x = states - np.array(self.states)
+        known = x @ np.reshape(self.explored, (-1, x.shape[1])).T
+        square = np.sum(x**2, axis=1) - np.sum(known**2, axis=1)
+        return np.asarray(self.slope * np.sqrt(square.clip(0.0) / x.shape[1]))
+
+    def covers(self, past: History, axis: int) -> bool:
+        """Return True if the measurements cover the motion of an axis in a history."""
+        beyond = self.unexplored(states_at(past, axis, past.end)) > self.scatter
+        path = np.diff(past.end, prepend=past.begin) * past.speed[:, axis]
+        return bool(path @ beyond <= OUTSIDE * path.sum())
+
+    def level_along(self, past: History, axis: int, time: Array) -> Array:
+        """Return the standard deviation u of an axis's level at instants [s] of a history."""
+        states = states_at(past, axis, time)
+        if self.covers(past, axis):
+            return np.hypot(self.scatter, self.unexplored(states))
+        return self.deviation(self.distance(states))
 
     @property
     def anywhere(self) -> float:

@@ -32,6 +32,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy import special
 
 from hil.least_squares.solving import inverse, inverse_root, solved, undetermined
 
@@ -41,6 +42,8 @@ if TYPE_CHECKING:
 
 TWICE = 1.96
 """Half-width of a 95 % interval in standard errors, for a known variance."""
+OUTSIDE = 2.0 * special.ndtr(-TWICE)
+"""Share of samples outside correct 95 % intervals."""
 UNCERTAIN = 0.5
 """Ratio of standard error to value above which a parameter may count as not identifiable: the 95 %
 interval contains zero."""

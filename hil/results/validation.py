@@ -20,8 +20,7 @@ from hil.estimation.friction.history import history
 from hil.estimation.intervals import SIGNIFICANT
 from hil.estimation.options import ACCURACY
 from hil.friction.law import level_at
-from hil.friction.warmth import states_at
-from hil.least_squares.uncertainty import TWICE
+from hil.least_squares.uncertainty import OUTSIDE, TWICE
 from hil.results.band_residual import band_residual
 from hil.results.judgement import (
     HALF,
@@ -56,8 +55,6 @@ if TYPE_CHECKING:
 
     Scores = Sequence["AxisScore"]
 
-OUTSIDE = 2.0 * special.ndtr(-TWICE)
-"""Share of samples outside correct 95 % intervals; an axis needs enough samples for one outside."""
 SURE = special.ndtri(1.0 - SIGNIFICANT / 2.0)
 """Smallest significant difference of a gain from 1 [standard errors]."""
 
@@ -333,14 +330,12 @@ def _uncovered(
             said.append(f"{share:.0%} of the samples are {which}")
     if law.exposure is None:
         return "; ".join(said)
-    if past is not None:
-        distance = law.exposure.distance(states_at(past, axis, time))
-        if np.mean(distance > law.exposure.widest) > HALF:
-            most = float(TWICE * np.sqrt(np.mean(law.exposure.deviation(distance) ** 2)))
-            said.append(
-                "more motion, or longer rest, than in any of these recordings: friction may "
-                f"differ by {most:.0%}"
-            )
+    if past is not None and not law.exposure.covers(past, axis):
+        most = TWICE * _rms(law.exposure.level_along(past, axis, time))
+        said.append(
+            "more motion, or longer rest, than in these recordings: friction may differ by "
+            f"{most:.0%}, an assumption"
+        )
     # samples of both directions: gravity and asymmetric friction cancel
     level, _ = level_at(law, float(np.clip(speed.mean(), low, high)))
     off = float(np.mean(left * np.sign(qd))) / level if level > 0 else 0.0

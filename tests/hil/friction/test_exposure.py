@@ -120,6 +120,41 @@ def test_measurements_that_showed_more_change_widen_intervals_more() -> None:
     assert wild.deviation(0.1) > calm.deviation(0.1) > calm.deviation(0.0) == calm.scatter
 
 
+def test_a_motion_through_the_states_of_the_measurements_has_the_interval_that_they_show() -> None:
+    end = 60.0 * np.arange(1, 41)
+    past = History(end, np.full((len(end), 1), 0.3), 0.0)
+    states, rng = states_at(past, 0, end), np.random.default_rng(3)
+    found = Exposure.compute(states, 0.02 * rng.standard_normal(len(end)), 2)
+    assert found.covers(past, 0)
+    again = found.level_along(past, 0, end)
+    assert (again < 1.5 * found.scatter).all()
+    assert (found.deviation(found.distance(states)) > again).all()
+
+    faster = History(end, np.full((len(end), 1), 0.9), 0.0)
+    assert not found.covers(faster, 0)
+    assumed = found.deviation(found.distance(states_at(faster, 0, end)))
+    np.testing.assert_array_equal(found.level_along(faster, 0, end), assumed)
+
+
+def test_what_measurements_left_open_agrees_with_the_posterior_of_independent_slopes() -> None:
+    rng = np.random.default_rng(4)
+    states = rng.uniform(0.0, 0.3, (30, len(COURSES)))
+    found = Exposure.compute(states, 0.01 * rng.standard_normal(30), 3)
+    X, x = states - states.mean(axis=0), rng.uniform(0.0, 0.5, (5, len(COURSES)))
+    prior = np.eye(len(COURSES)) * len(COURSES) / found.slope**2
+    posterior = np.linalg.inv(prior + X.T @ X / found.scatter**2)
+    x -= states.mean(axis=0)
+    expected = np.sqrt(np.einsum("nk,kl,nl->n", x, posterior, x))
+    np.testing.assert_allclose(found.unexplored(x + states.mean(axis=0)), expected, rtol=0.05)
+
+
+def test_files_of_earlier_versions_cover_no_motion_to_another_warmth() -> None:
+    stated = {"states": [0.1] * len(COURSES), "widest": 0.3, "scatter": 0.02, "slope": 0.4}
+    found = Exposure.model_validate(stated)
+    past = History(np.array([60.0, 120.0]), np.full((2, 1), 0.9), 0.0)
+    assert not found.covers(past, 0)
+
+
 def test_the_state_of_an_axis_is_cold_where_its_history_begins() -> None:
     past = History(np.array([100.0]), np.array([[0.5]]), 0.0)
     assert states_at(past, 0, np.array([0.0])) == pytest.approx(0.0)
