@@ -204,10 +204,10 @@ def _names(above: Sequence[Sequence[str]]) -> tuple[str, ...]:
         elif not (len(set(row)) == len(row) and all(row) and len(set(lower)) < len(lower)):
             break  # comments or types repeat words below distinct names
         chosen = list(row)
-    return tuple(map(_with_unit, chosen, units))[chosen[0] in _COMMENTS :]
+    return tuple(map(_add_unit, chosen, units))[chosen[0] in _COMMENTS :]
 
 
-def _with_unit(name: str, unit: str) -> str:
+def _add_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if name and unit and not _IN_BRACKETS.search(name) else name
 
 
@@ -243,7 +243,7 @@ def _channels(
     names = tuple(
         f"{row[column + 1]}/time"
         if clock == column and column + 1 < width
-        else _with_unit(cell, units[column].partition("(")[0].strip())
+        else _add_unit(cell, units[column].partition("(")[0].strip())
         for column, (cell, clock) in enumerate(zip(row, clocks, strict=True))
     )
     return names, skipped, width, tuple(clocks)
