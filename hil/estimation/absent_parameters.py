@@ -48,7 +48,7 @@ SIGNIFICANCE = 0.001
 ALIKE = 0.98
 """Smallest correlation between indistinguishable candidates."""
 _SEEN = 1e-4
-"""Smallest share of a direction's information independent of the stated parameters."""
+"""Smallest share of information on a visible direction that the stated parameters do not share."""
 _SAME = 1e-6
 
 
@@ -187,13 +187,13 @@ def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tu
 
 
 class _Measured(NamedTuple):
-    """Measurements' contributions to the normal equations of `complete`'s base parameters."""
+    """Contributions of the measurements to the normal equations of the complete robot."""
 
     shares: Array
     sides: Array
 
     def information(self, basis: Array, directions: Array) -> tuple[Array, Array]:
-        """Return information on `directions`, (k, k): independent of `basis`, and in total."""
+        """Return information on `directions`, (k, k): with `basis` estimated too, and alone."""
         X, k = np.column_stack([directions, basis]), directions.shape[1]
         N = X.T @ self.shares.sum(axis=0) @ X
         return eliminated(N, basis.shape[1])[0], N[:k, :k]

@@ -324,12 +324,12 @@ def _smooth_load(
 def _transmitted(robot: Robot, p: Array, s: Signals, compliance: Array | float = 0.0) -> Array:
     """Return the torque transmitted by the gears, shape (n, n_joints).
 
-    For a stroke the motor torque is used, less the rotor torque and friction: half the difference,
-    between the two directions of an axis, of measured minus calculated torque, reduced near
+    For a stroke this is the motor torque less rotor torque and friction. Friction is half the
+    difference between the directions of an axis in measured minus calculated torque, reduced near
     reversals. For motion in one direction friction is kept: a constant does not change the rate of
-    twist. If all axes move at once, acceleration noise of all rotors would add up in each torque,
-    and position noise would be on either side of the equation: then the torque is calculated, from
-    the motion of the links as far as `compliance` is known.
+    twist. If all axes move at once, the torque is calculated, from the motion of the links as far
+    as `compliance` is known: in a measured torque the acceleration noise of all rotors would add
+    up, and position noise would be on both sides of the equation.
     """
     calculated = inverse_dynamics(robot, p, s.q, s.qd, s.qdd)
     if s.group is not None:

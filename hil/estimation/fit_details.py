@@ -1,4 +1,4 @@
-"""Details of a fit beside base parameters and friction laws, by the kind of its recordings."""
+"""Details of a fit other than base parameters and friction laws, by the kind of its recordings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hil.friction.law import TermValue
 
 
 class MeasurementFit(FileModel):
-    """Details of a fit to strokes and trajectories, which has none.
+    """Empty details of a fit to strokes and trajectories.
 
     Friction is fitted anew in each measurement, and the lags and gears of a drive train are not
     part of the model.

@@ -1,9 +1,9 @@
 r"""Nearest base parameters of physical bodies, and such bodies.
 
-Standard parameters with the torques of base parameters p' are ``phi = P p' + Z z``: P puts base
-parameters into the standard parameters that head them, Z spans the directions without torque (the
-null space of K of all links' parameters), z is free. Parameters left out of a robot file are zero
-in the torques, not in the bodies: no body lacks Ixx. Consider all p' with a phi that meets the
+Standard parameters with the torques of base parameters p' are ``phi = P p' + Z z``: P puts each
+base parameter into the first standard parameter of its sum, Z spans the directions without torque
+(the null space of K of all links' parameters), z is free. Parameters left out of a robot file are
+zero in the torques, not in the bodies: no body lacks Ixx. Consider all p' with a phi that meets the
 conditions (`hil.estimation.consistent.conditions`). The nearest to the estimate p by its covariance
 V,
 

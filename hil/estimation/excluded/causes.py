@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 Key = tuple[str, int]
-"""Cause and axis, from 0; -1 for a cause of no axis. Names of repeating torques include the order.
+"""Cause and axis, from 0; -1 for a cause of no axis. Names of torque ripple include the order.
 """
 FIRST_ORDER = 0.5
 """Largest size described by a first-order column, as a share (of the travel of a prismatic joint)

@@ -1,15 +1,15 @@
 r"""Additional measurements of a plan for visible and distinguishable causes.
 
-Beside another named cause, a column keeps the share s^2 = I' / I of its information, where I' is
-the information beside base parameters and all columns of the other cause. For a flaw theta of the
-column, with z^2 = theta^2 I / phi, its own column explains the sum of squares (z + e)^2; the other
-cause explains less, by z^2 s^2 + 2 z s e', with e and e' standard normal. The two are distinguished
-if this difference exceeds `finding.TOGETHER`, with the probability `limits.POWER` from
+A column has the information I adjusted for base parameters, and I' adjusted for all columns of
+another named cause, too; the share s^2 = I' / I remains. A cause of size theta, with
+z^2 = theta^2 I / phi, explains the sum of squares (z + e)^2 by its own column; the other cause
+explains less, by z^2 s^2 + 2 z s e', with e and e' standard normal. The causes are distinguished if
+this difference exceeds `finding.TOGETHER`. The probability of that is `limits.POWER` for the size
 
     theta = a sqrt(phi / I'),    a^2 - 2 a Phi^-1(.8) = 3.84,
 
-on, if s^2 is at least twice the share that a correlation of `finding.SAME` leaves. For less, the
-lead must be a share of the explained sum of squares, and theta grows beyond all bounds.
+if s^2 is at least twice the share that a correlation of `finding.SAME` leaves. For a smaller s^2
+the necessary difference grows with the explained sum of squares, and no size is large enough.
 
 Inner products of candidates add up (`hil.least_squares.blocks`). So the search adds candidates one
 by one: in each step the candidate with the largest decrease, per time, of the logarithms of
@@ -91,7 +91,7 @@ class Reached(NamedTuple):
     Attributes
     ----------
     name, unit : str
-        Name of the cause, such as ``zero of axis 4``, and unit of its size.
+        Name of the cause, such as ``joint offset of axis 4``, and unit of its size.
     usual : float
         Usual size, 0 if none is known.
     shown : float
@@ -117,7 +117,8 @@ class Reached(NamedTuple):
 
     @property
     def enough(self) -> bool:
-        """True if the cause is found and distinguished at its usual size, or at any without one."""
+        """True if the cause is found and distinguished at its usual size, or any if none is known.
+        """
         return max(self.shown, self.distinct) <= (self.usual or self.shown) < np.inf
 
 
@@ -143,7 +144,7 @@ class Distinguished(NamedTuple):
 
 
 def causes_named(robot: Robot, text: str) -> list[Key]:
-    """Parse causes such as ``load, zero of axis 4``; axes count from 0, -1 for any axis.
+    """Parse causes such as ``load, joint offset of axis 4``; return axes from 0, -1 for any axis.
 
     Raises
     ------
@@ -399,7 +400,7 @@ def _excess(wanted: Array, there: Array) -> Array:
 
 
 def _extend_plan(robot: Robot, plan: Plan, more: Sequence[ElementMeasurement]) -> Plan:
-    """Append measurements to a plan; a guarded workspace takes one tour of all."""
+    """Append measurements to a plan; in a guarded workspace, plan a single tour of all."""
     named = assign_ids(order_by_travel(robot, more), {each.id for each in plan.measurements})
     every = [*plan.measurements, *named]
     if plan.workspace is not None:

@@ -8,7 +8,7 @@ the score of a column D~, adjusted for the estimated columns, has the bias
 
 (W. A. Fuller, Measurement Error Models, 1987, section 2.2): rows whose acceleration is mostly noise
 show less inertia than others. If a control loop follows its encoder, the axis moves with the
-encoder steps, and there is no error. The share is unknown between 0 and 1, as in
+encoder steps, and there is no error. An unknown share of beta, between 0 and 1, is present, as in
 `SimultaneousFit.steps`: scores are corrected by beta / 2, with the variance beta^2 / 12.
 """
 
@@ -37,14 +37,14 @@ uncertainty.
 
 
 class _Accelerated(NamedTuple):
-    """Rows with one unit of acceleration more of a joint.
+    """Rows with the acceleration of a joint increased by one unit.
 
     Attributes
     ----------
     joint : int
     rows : EvidenceRows
     error : ndarray, shape (n,)
-        Product of s_j^2, d tau / d qdd_j, and the number of rows that the row stands for.
+        Product of s_j^2, d tau / d qdd_j, and the number of evidence rows that the row represents.
     """
 
     joint: int

@@ -51,7 +51,8 @@ def foreseen(plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0) ->
         Expected noise of torques.
     p : ndarray, shape (n_base,)
         Expected base parameters.
-    seed : int Seed of the noise.
+    seed : int
+        Seed of the noise.
     """
     found = foreseen_tests(plan, robot, noise, p, seed)
     if found is None:

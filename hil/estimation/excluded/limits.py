@@ -150,7 +150,8 @@ def noncentrality(rank: int, degrees: float, level: float) -> float:
     r"""Return the squared size, over the estimated variance, for detection with `POWER`.
 
     Noncentral F assumes a known variance. Here size and limit use the same estimate of the
-    variance, :math:`s` times the true one, with :math:`d s` distributed as chi square,
+    variance, :math:`s` times the true one, with :math:`d s` distributed as chi square with
+    :math:`d` degrees of freedom,
 
     .. math:: P = \int P(\chi'^2_r(\lambda s) > r F s) \, p(s) \, ds ,
 
