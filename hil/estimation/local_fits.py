@@ -215,7 +215,7 @@ class _Filtered(NamedTuple):
     sides : ndarray, shape (n, k)
         Nonzero columns of the right-hand side: see `LocalFit`.
     place : ndarray of int, shape (k,)
-        Indices of these columns among all.
+        Indices of the columns of `sides` among all columns.
     v : ndarray, shape (n,)
         Velocity [rad/s].
     columns : ndarray, shape (n, m)

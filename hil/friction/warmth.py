@@ -67,7 +67,7 @@ if TYPE_CHECKING:
 
 
 REFERENCE = 0.5
-"""Mean speed, as a share of the limit, of the time constant `warming`: a convention."""
+"""Mean speed at which `warming` is the time constant, as a share of the limit: a convention."""
 TIMES = (
     (10.0, 30.0, 90.0, 270.0, 810.0, 2430.0),
     (60.0, 180.0, 540.0, 1620.0, 4860.0),

@@ -6,8 +6,8 @@ residual of its own normal equations at the solution of all, ``s_k - S_k x``.
 sandwich
     To first order the solution changes by N^-1 times the right-hand side's error. So with the
     covariance M of that error (the meat), the covariance of x is N^-1 M N^-1. The scores estimate
-    it, M = sum of score score' (Huber, Proc. 5th Berkeley Symp. 1 (1967) 221-233), for any noise
-    within a measurement; for white noise of variance s^2, M = s^2 N and s^2 N^-1 remains.
+    M = sum of score score' (Huber, Proc. 5th Berkeley Symp. 1 (1967) 221-233), for any noise within
+    a measurement; for white noise of variance s^2, M = s^2 N and s^2 N^-1 remains.
 jackknife
     The exact change of the solution without a measurement,
     ``x_(k) - x = -(N - S_k)^-1 (s_k - S_k x)``, needs no first order: the covariance is
@@ -16,11 +16,11 @@ jackknife
     too large for few influential measurements: the solution without one of them is worse than
     the solution itself.
 bias-reduced
-    In between: scores enlarged to undo the fit to them, by the root of their variance's remaining
-    share for white noise, for which the result is unbiased (CR2 of Bell and McCaffrey, Survey
+    The fit makes scores too small. Each is divided by the root of the share of its variance that
+    remains for white noise, for which the result is unbiased (CR2 of Bell and McCaffrey, Survey
     Methodology 28 (2002) 169-181). For white noise and B of ``B'N B = 1`` measurement k has the
     share ``H = B'S_k B`` of the solution, and changes it by ``B (1 - H)^(-1/2) B'(s_k - S_k x)``;
-    the jackknife has (1 - H)^-1 and the sandwich 1.
+    in place of (1 - H)^(-1/2) the jackknife has (1 - H)^-1 and the sandwich 1.
 
 The accuracy of such a covariance depends on the number of measurements that carry an unknown. With
 the shares v_k of a variance, it has the effective degrees of freedom ``(sum v)^2 / sum v^2 - 1``
@@ -75,8 +75,8 @@ def scatter(scores: Array, *, few: bool = False) -> Array:
     ----------
     scores : ndarray, shape (n_measurements, n)
     few : bool
-        Subtract the scores' mean and correct by n / (n - 1), which matters where there are few or
-        where the solution does not make their sum zero.
+        Subtract the scores' mean and correct by n / (n - 1), which matters for few measurements, or
+        if the sum of the scores is not zero.
 
     Returns
     -------
@@ -156,8 +156,8 @@ def degrees_if_white(inverse: Array, shares: Array, fewest: float = FEWEST) -> A
     """Compute effective degrees of freedom from the shares of measurements in white noise.
 
     After Bell and McCaffrey, Survey Methodology 28 (2002) 169-181. Shares from the residuals are as
-    uncertain as the variance itself: a ratio of 14 between an unknown and its standard error then
-    looked random.
+    uncertain as the variance itself: with these, an unknown of 14 standard errors was not
+    significant.
 
     Parameters
     ----------

@@ -5,9 +5,9 @@ Each alternative is another reading of the recordings. Joint i is read from chan
     q = sign_q scale q_read + zero,    tau_read = sign_tau gain (A p + H qdd) + friction,
 
 so that a gear ratio N that is stated as N' has scale, gain and gear N' / N, and the rotor inertia H
-is the stated one over gear^2. Base parameters are fitted anew for each reading. Readings are compared
-by the likelihood of white noise of unknown variance on each axis, sum n_a log s_a^2; they have as
-many unknowns as the stated reading, or one more. Two results are impossible beyond noise,
+is the stated one over gear^2. All base parameters are fitted anew for each reading. Readings are
+compared by the likelihood of white noise of unknown variance on each axis, sum n_a log s_a^2; they
+have as many unknowns as the stated reading, or one more. Two results are impossible beyond noise,
 regardless of the residual: friction that drives its axis, and motion of negative kinetic energy.
 """
 

@@ -117,8 +117,7 @@ class Reached(NamedTuple):
 
     @property
     def enough(self) -> bool:
-        """True if the cause is found and distinguished at its usual size, or any if none is known.
-        """
+        """True if the cause is found and distinguished at its usual size, or at any if unknown."""
         return max(self.shown, self.distinct) <= (self.usual or self.shown) < np.inf
 
 

@@ -210,7 +210,7 @@ class Motion:
     recording : Recording
         Source of the motion.
     offset : int
-        Half of the samples used, as of `filtered_motion`.
+        Half of the samples used, see `filtered_motion`.
     """
 
     processing: Processing
@@ -230,7 +230,7 @@ class Motion:
         return low_passed(q, self.rates.period, self.processing.cut_off)[0]
 
     def half(self, offset: int) -> Motion:
-        """Return the motion from half of the samples of the recording, as of `filtered_motion`."""
+        """Return the motion from half of the samples of the recording, see `filtered_motion`."""
         return filtered_motion(self.recording, self.processing, offset)
 
     @property

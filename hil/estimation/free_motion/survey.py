@@ -39,7 +39,7 @@ class Survey:
     Attributes
     ----------
     stretches : tuple of Recording
-        Parts of recordings, `STRETCHES` together.
+        Parts of recordings, with a total duration of at most `STRETCHES`.
     speed : ndarray, shape (n_joints,)
         Reference speed of each axis, exceeded by few samples [rad/s or m/s].
     still : tuple of int
