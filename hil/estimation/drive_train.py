@@ -177,7 +177,7 @@ def directly_driven(robot: Robot) -> DriveTrain:
 
 
 def compliance_units(robot: Robot) -> str:
-    """Return the unit of a column of compliances of the joints, in millionths."""
+    """Return the unit for a table column of the joints' compliances, in millionths."""
     each = ("µrad/(N m)" if robot.revolute[axis] else "µm/N" for axis in range(robot.n_joints))
     return " or ".join(dict.fromkeys(each))
 
@@ -207,10 +207,10 @@ def find_drive_train(
         train = replace(found, soft=soft)
         change = np.abs(train.soft_compliance - placed)
         if (change <= np.nan_to_num(train.compliance_error)).all():
-            break  # compliances agree with those of the link positions
+            break  # compliances agree with those used for the link positions
         placed = train.soft_compliance
         found = _found(robot, accelerated, loaded, train)
-        soft = soft | found.soft  # otherwise two gears might alternate forever
+        soft = soft | found.soft  # soft gears stay soft, or two gears might alternate forever
     if (soft & ~found.soft).any():
         again = _found(robot, accelerated, loaded, found)
         return replace(again, soft=again.soft & found.soft)
@@ -287,7 +287,7 @@ def _add_gear_columns(
     *,
     calculated: bool,
 ) -> Iterator[list[Stacked]]:
-    """Add columns of load friction, and columns K after those of p."""
+    """Add columns of load friction, and columns K after the base-parameter columns."""
     transmitted = [_smooth_load(robot, s, p, loaded, calculated=calculated) for s, _ in stacks]
     rows = [
         np.stack([x[each.index] for x in (*s.link, *twist)])
@@ -311,7 +311,7 @@ def _add_gear_columns(
 def _smooth_load(
     robot: Robot, s: Signals, p: Array, loaded: Mask, *, calculated: bool
 ) -> tuple[tuple[Array, Array, Array], Array]:
-    """Return transmitted torques, smoothed with two derivatives, and the load of friction."""
+    """Return transmitted torques, smoothed, with two derivatives, and the load for friction."""
     load = of_links = inverse_dynamics(robot, p, *s.link)
     if s.twist is None and not calculated:
         load = _transmitted(robot, p, s)

@@ -129,7 +129,7 @@ class Estimate:
 
     @property
     def standard_error(self) -> Array:
-        """Standard errors of `p` from both kinds of error, shape (n_base,)."""
+        """Standard errors of `p` from scatter of the data and errors of drive values, (n_base,)."""
         return np.sqrt(np.diag(self.covariance) + np.diag(self.drive_covariance))
 
     @property

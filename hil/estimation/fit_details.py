@@ -18,7 +18,7 @@ class MeasurementFit(FileModel):
     """
 
     file_key: ClassVar[str | None] = None
-    """Key of these details in `model.yaml`; None if nothing is written."""
+    """Key of the details in `model.yaml`; None if nothing is written."""
     with_law: ClassVar[bool] = False
     """True if the friction law was estimated together with the base parameters."""
     blocks: ClassVar[None] = None
@@ -29,7 +29,7 @@ class MeasurementFit(FileModel):
     not_identified: ClassVar[tuple[str, ...]] = ()
 
     def sum_of(self, _name: str) -> str:
-        """Return an empty sum, since every parameter is identified by itself."""
+        """Return an empty sum, since every parameter is identified individually."""
         return ""
 
 

@@ -55,7 +55,7 @@ class Levels(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """Data of an axis in a measurement: measured, and expected."""
+    """Measured normal equations of an axis in a measurement, and the expected information."""
 
     kind: str
     axis: int

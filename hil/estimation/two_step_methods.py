@@ -223,7 +223,7 @@ def _believed(
 
 
 def _left_out_in_turn(solver: TwoStep) -> tuple[Array, Array]:
-    """Return base parameters, and changes by leaving out every measurement."""
+    """Return base parameters, and changes by leaving out one measurement at a time."""
     p = solver.solve()
     return p, np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
 

@@ -103,7 +103,7 @@ class Halves:
 
     @cached_property
     def _products(self) -> Array:
-        """Inner products of the columns of `rows` and of `alone`, by half, shape (2, 2, m, m)."""
+        """Inner products of `rows` and `alone` for half-sums and half-differences, (2, 2, m, m)."""
         return np.stack([np.swapaxes(x, 1, 2) @ x for x in (self.rows, self.alone)])
 
     def eliminate_levels(self, weights: Array, n: int, *, alone: bool = False) -> Array:

@@ -99,7 +99,7 @@ class Reading:
         return self.true_motion(evidence.motion[1], evidence.time)
 
     def true_motion(self, read: Array, time: Array) -> tuple[Array, Array, Array]:
-        """Return true q, qd and qdd for the recorded ones at instants, shape (3, n, n_joints)."""
+        """Convert recorded q, qd, qdd at instants to the true motion, shape (3, n, n_joints)."""
         factor = self.sign_q * self.scale
         q, qd, qdd = (x[:, self.order] * factor for x in read)
         q = q + self.zero
@@ -323,7 +323,7 @@ def _beyond(n: int) -> float:
 
 
 def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable[[float], Reading]:
-    """Return the readings of a cause as a function of size, in the unit of the table."""
+    """Return the readings of a cause as a function of size, in the unit of the table of causes."""
     stated = Reading.stated(robot)
     unit = np.pi / 180 if axis < 0 or robot.revolute[axis] else 1e-3
 

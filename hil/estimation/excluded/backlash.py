@@ -96,7 +96,7 @@ class Driven(NamedTuple):
         """Compute torque and inertia of several recordings, from motion and base parameters."""
         torques = [s.smoothed(inverse_dynamics(robot, p, *s.link)) for s in signals]
         some = [np.append(np.arange(0, len(x) - 1, SPARSE), len(x) - 1) for x in torques]
-        # a single call takes as long as some hundred samples
+        # a single call: the overhead of a call equals some hundred samples
         q = np.concatenate([s.q[at] for s, at in zip(signals, some, strict=True)])
         inertia = np.einsum("nii->ni", mass_matrix(robot, p, q))
         ends = np.cumsum([len(at) for at in some])[:-1]

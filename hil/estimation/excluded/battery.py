@@ -170,7 +170,7 @@ class Battery:
         self._y, self._X, self._own = (
             e.project_out_friction(x)[order] for x in (e.torque[:, None], e.X, e.own)
         )
-        # only a few of the many columns are used repeatedly
+        # stored column by column, since only a few of the many columns are used repeatedly
         self._D = np.asfortranarray(e.project_out_friction(columns.values)[order])
         self._channel, group = e.axis[order], e.group[order]
         self._starts = np.flatnonzero(np.diff(group, prepend=-1))
@@ -211,7 +211,7 @@ class Battery:
         Z *= root[:, None]
         self._coefficients = inverse_root(regression.normal.information)
         Q = Z @ self._coefficients
-        del Z, rows, shared  # as large as the columns
+        del Z, rows, shared  # free the memory: each is as large as the columns
         y, D = self._y[:, 0] * root, self._D * root[:, None]
         self._Q, self._root = Q, root
         self._residual = y - Q @ (Q.T @ y)
@@ -308,7 +308,7 @@ class Battery:
         return at, orthonormal(self._left[:, at].T @ self._left[:, at])
 
     def gram(self, columns: Sequence[int]) -> Array:
-        """Return inner products of columns adjusted for the estimated columns, or zero."""
+        """Return inner products of columns adjusted for the estimated columns; 0 if invisible."""
         left = self._left[:, columns] * self.visible[list(columns)]
         return left.T @ left
 
@@ -333,7 +333,7 @@ class Battery:
         return found
 
     def squares(self, columns: Indices) -> Array:
-        """Return the sum of squares per unit of columns by axis, shape (n_channels, n)."""
+        """Return sums of squares of columns, adjusted and weighted, by axis, (n_channels, n)."""
         found = np.zeros((self.evidence.n_channels, len(columns)))
         np.add.at(found, self._channel, self._left[:, columns] ** 2)
         return found

@@ -245,7 +245,7 @@ named first. A load precedes a joint offset: homing an axis that only carries a 
 correct offset.
 """
 FITTED = ("torque delay", "soft gears")
-"""Causes fitted and accounted for by every estimate; they remain free while others are tested."""
+"""Causes fitted and accounted for by every estimate, and fitted together with tested causes."""
 SHOWN_BY = {
     "load": "two runs, without and with the load, would show it (hil payload)",
     "joint offset": "base parameters absorb the offset, without any change of predicted torques",

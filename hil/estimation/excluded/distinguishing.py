@@ -117,7 +117,7 @@ class Reached(NamedTuple):
 
     @property
     def enough(self) -> bool:
-        """True if the cause is found and distinguished at its usual size, or at any if unknown."""
+        """True if the cause is found and distinguished at `usual`, or at `shown` if `usual` is 0."""
         return max(self.shown, self.distinct) <= (self.usual or self.shown) < np.inf
 
 
@@ -172,7 +172,7 @@ def causes_named(robot: Robot, text: str) -> list[Key]:
 def distinguish(
     plan: Plan, robot: Robot, noise: Noise, p: Array, named: Sequence[Key]
 ) -> Distinguished:
-    """Add measurements to a plan, with at most the duration of the plan.
+    """Add measurements to a plan that take at most as long as the plan.
 
     Parameters
     ----------
@@ -362,7 +362,7 @@ class _Search:
         return bool(chosen)
 
     def _wanted(self) -> tuple[Array, Array, Array]:
-        """Return wanted information, alone and adjusted for other causes, and least share."""
+        """Return wanted information, alone and adjusted for other causes, and the minimum share."""
         information, shown, phi = self._sizes()
         now, seen = np.diag(self._project(self.there)), np.isfinite(shown)
         known = (self.usual > 0) & self.visible
@@ -377,7 +377,7 @@ class _Search:
         return need * each, LEAD**2 * each, np.where(self.visible, share, 0.0)
 
     def _lacking(self, N: Array, wanted: Array, apart: Array, share: Array) -> Array:
-        """Return the sum of the logarithms of sizes over wanted sizes, shape (...)."""
+        """Return the sum of the logarithms of detectable over wanted sizes, shape (...)."""
         S = self._project(N)
         own = np.maximum(np.einsum("...ii->...i", S), TINY)
         left = self._left(S)
@@ -394,7 +394,7 @@ def _size_or_inf(size: float | None) -> float:
 
 
 def _excess(wanted: Array, there: Array) -> Array:
-    """Return the logarithm of a size over the wanted size, from information on both."""
+    """Return the logarithm of detectable over wanted size, at least 0, from the information."""
     return np.maximum(np.log(np.maximum(wanted, TINY) / there), 0.0) / 2
 
 

@@ -1,11 +1,11 @@
 """Effects of untested causes on an estimate: fitted causes, and sources of scatter.
 
-The effect of a fitted cause is the change of the base parameters if it is ignored: soft gears,
-friction of the load, friction that differs by direction. Torque ripple of orders outside the
-regression changes the parameters to first order. Two causes make parameters scatter more than noise
-of the torque readings does: encoders of few increments, with noisy second differences, and a SYNC
-period too long for smoothing. Only significant effects count; `hil.results.advice` states their
-meaning in torques.
+Fitted causes are soft gears, friction of the load, and friction that differs by direction. Their
+effect is the change of the base parameters if the cause is ignored. Torque ripple of orders outside
+the regression changes the parameters to first order. Two causes make parameters scatter more than
+by noise of the torque readings: encoders of few increments, with noisy second differences, and a
+SYNC period too long for smoothing. Only significant effects count; `hil.results.advice` states the
+effects in torques.
 """
 
 from __future__ import annotations

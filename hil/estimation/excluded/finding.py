@@ -264,7 +264,7 @@ class Step:
         )
 
     def _change(self, key: Key, test: Test) -> tuple[float, ...]:
-        """Return the change of the base parameters when a cause is fitted, too."""
+        """Return the change of the base parameters by fitting a cause in addition."""
         beside = self.beside if key == self.key else self.battery.extend(test.columns.tolist())
         return tuple((beside.solution - self.battery.solution).tolist())
 
@@ -360,7 +360,7 @@ class _Instead:
         return (Found(cause="unknown", axes=(), detail=words),)
 
     def _find_change(self, deviation: Deviation) -> tuple[Found, ...]:
-        """Return the change, if later recordings are then similar to the earlier ones."""
+        """Return the change that makes later recordings similar to earlier recordings, if any."""
         thin, _ = self._thin
         if self.causes and self.shows_changes:
             return self.causes
@@ -408,7 +408,7 @@ class _Instead:
         return max(slips, key=lambda key: self.first.drop(self.battery.columns.tests[key]))[1]
 
     def _explain(self, given: Sequence[int]) -> Explained:
-        """Fit the stated reading with some columns."""
+        """Fit the stated reading with the given columns."""
         thin, values = self._thin
         stated, more = Reading.stated(self.robot), values[:, list(given)]
         return explained(self.robot, thin, stated, more, dispersion=self._scatter)
@@ -424,7 +424,7 @@ class _Instead:
         return explains - chance(n, len(self.tests)) if n else explains
 
     def _likeliest(self) -> Found | None:
-        """Return the best reading with equally good ones, unless columns explain more."""
+        """Return the best reading and equally good readings, unless columns explain more."""
         every = [
             (self._gain(each.explained, int(not np.isnan(each.size))), each)
             for each in alternatives(self._stated, self.first.sizes, self._slipped)

@@ -93,7 +93,7 @@ def misread(robot: Robot, evidence: Evidence, name: Column, size: float) -> Evid
 
 
 def _delayed(evidence: Evidence, axis: int, kind: int, delay: float) -> Array:
-    """Return a signal delayed by ms at the samples before, of and after each row, shape (3, n).
+    """Return a signal with a delay [ms] at the samples before, of and after each row, (3, n).
 
     `kind` is 0 to 2 for position, velocity and acceleration, or `TORQUE`.
     """

@@ -122,7 +122,8 @@ def _sizes(
 def smallest(battery: Battery, at: Sequence[int], n_tests: int, leaves: float = 1.0) -> Array:
     """Return the smallest size found with `POWER` for each column of a cause, acting alone.
 
-    A cause that leaves no more than a share of a mean square adds 1 / share - 1 of the remainder.
+    A cause that leaves at most the share `leaves` of some axis's mean square adds at least
+    1 / leaves - 1 times the mean square without the cause.
     """
     change = battery.evidence.later is not None
     test, found = battery.test(at, itself=change), np.full(len(at), np.inf)

@@ -164,7 +164,7 @@ def _find_soft_gears(
         twist_edge(robot, axis, twist[axis])
         for axis in np.flatnonzero((twist >= MOST_TWIST) & (compliance > CERTAIN * error)).tolist()
     ]
-    possible = twist[found.soft] < MOST_TWIST  # False without a known limit
+    possible = twist[found.soft] < MOST_TWIST  # False for an unknown limit (NaN)
     return found if found.soft.any() and possible.all() else state, edges
 
 

@@ -145,7 +145,7 @@ class JointRuns:
         self.whole = self._regression(self._joined([run.blocks for run in self._every]))
 
     def _solve(self, blocks: Blocks) -> None:
-        """Alternate between gains, weights and solution until they agree."""
+        """Iterate gains, weights and solution until convergence."""
         n, own = len(self._every), self.places("gain")
         counts = np.maximum(blocks.counts[:n], 1.0)
         left = blocks.products[:n, :, 0, 0] / counts
