@@ -10,10 +10,10 @@ effect at the corners of the trapezoids, which the estimate itself leaves out, b
 compliance would have to be known there. Errors come from the scores of the measurements; the effect
 of lag errors on the base parameters is returned, so that it can be included in their errors.
 
-The twist of a gear follows from the transmitted torque, and the motor torque shows that torque:
-less rotor torque and friction it is the torque on the arm, including vibrations of the arm on its
-gears, which no torque calculated from motor motion contains. Links are therefore positioned by
-measured torques. The existence of soft gears is tested with columns of calculated torques: with
+The twist of a gear follows from the transmitted torque, which is the motor torque less rotor torque
+and friction. Measured torques contain vibrations of the arm on its gears, torques calculated from
+motor motion do not. Links are therefore positioned by measured torques. The existence of soft gears
+is tested with columns of calculated torques: with
 measured torques, noise would make such a column similar to the explained torque. If a gear is soft,
 compliances are first estimated with measured torques, which contain the vibrations, then again from
 corrected link positions, with columns of the torque calculated from link motion.
@@ -266,7 +266,7 @@ def _shows_lag(measurement: ParameterMotion) -> bool:
 
 
 def _stacked(robot: Robot, m: ParameterMotion, s: Signals, shifts: Indices) -> list[list[Stacked]]:
-    """Stack torques at integer shifts, the motor's part after the first, and all columns."""
+    """Stack torques shifted by whole samples, the motor's part in second place, and all columns."""
     reach = int(np.abs(shifts).max()) + (PASSES - 1) * half_window(s.period)
     motors = motor_torque(robot, s.q, s.qd, s.qdd)
 

@@ -114,7 +114,8 @@ class Warmth(FileModel):
     cooling : float
         Time constant of cooling at rest [s].
     slope, slope_error : float
-        Relative change of the level from w = 0 to 1, of the level at `reference`; standard error.
+        Change of the level from w = 0 to 1, as a share of the level at `reference`, and its
+        standard error.
     reference : float
         Warmth of the law's coefficients.
     seen : tuple of two floats

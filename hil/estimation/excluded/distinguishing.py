@@ -117,7 +117,7 @@ class Reached(NamedTuple):
 
     @property
     def enough(self) -> bool:
-        """True if the cause is found and distinguished at `usual`, or at `shown` if `usual` is 0."""
+        """True if the cause is found and distinguished at `usual`, or at `shown` for `usual` 0."""
         return max(self.shown, self.distinct) <= (self.usual or self.shown) < np.inf
 
 

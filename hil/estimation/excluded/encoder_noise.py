@@ -103,7 +103,7 @@ class EncoderNoise:
 
     @cached_property
     def _accelerated(self) -> list[_Accelerated]:
-        """Rows for each joint with encoder noise."""
+        """Rows with increased acceleration, for each joint with encoder noise."""
         rows, e, n_joints = self._rows, self._rows.evidence, self._robot.n_joints
         whole, thin = (np.bincount(each.axis, minlength=n_joints) for each in (self._evidence, e))
         stands_for = (whole / np.maximum(thin, 1))[e.axis]

@@ -1,4 +1,4 @@
-r"""Finite sizes of causes: tests with the readings that a cause of a size makes.
+r"""Finite sizes of causes: tests with readings changed by a cause of a given size.
 
 The column of a cause is the derivative of the torque at the readings, so it holds for small sizes.
 A cause of a finite size :math:`s` changes the readings of the motion: all columns are then those of
@@ -38,7 +38,7 @@ FINITE = ("joint offset", "slip", "position scale", "gear ratio", "position dela
 """
 
 TORQUE = 3
-"""Kind of signal after position, velocity and acceleration, 0 to 2."""
+"""Index of the torque among the kinds of signal, after position, velocity and acceleration."""
 
 
 def misread_battery(robot: Robot, p: Array, battery: Battery, k: int, size: float) -> Battery:

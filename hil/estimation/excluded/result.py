@@ -224,8 +224,8 @@ class ErrorTerm(FileModel):
     found : str
         Finding, with its figure.
     torque : float
-        Error of the torques on a free motion: mean over joints of its root mean square over that of
-        the torque. For an accounted cause, the error without the correction.
+        Root mean square error of the torques on a free motion, over that of the torques; mean over
+        joints. For an accounted cause, the error without the correction.
     share : float
         Share of the sum of squares.
     accounted : bool
