@@ -48,7 +48,7 @@ SIGNIFICANCE = 0.001
 ALIKE = 0.98
 """Smallest correlation between indistinguishable candidates."""
 _SEEN = 1e-4
-"""Smallest share of information on a visible direction that the stated parameters do not share."""
+"""Smallest share of a visible direction's information left when stated parameters are estimated."""
 _SAME = 1e-6
 
 

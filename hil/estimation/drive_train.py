@@ -74,7 +74,7 @@ parameters so weakly that these would fit the corners of the motion in place of 
 CERTAIN = 5.0
 """Smallest significant ratio of compliance or load friction to its standard error."""
 MOST_TWIST = 0.05
-"""Largest twist of a gear at the torque limit [rad]; a larger one is an artefact of noise in few
+"""Largest twist of a gear at the torque limit [rad]; a larger twist is an artefact of noise in few
 measurements.
 """
 LAG_OF_TORQUE = "lag of the torque"
@@ -159,7 +159,7 @@ def twist_edge(robot: Robot, axis: int, twist: float) -> Edge:
 class LoadFriction(NamedTuple):
     """Share of the transmitted torque lost to friction, with standard error, by axis.
 
-    Both of shape (n_joints,); NaN without a transmitted torque.
+    Share and error have shape (n_joints,); NaN without a transmitted torque.
     """
 
     mu: Array
@@ -348,8 +348,8 @@ def _smooth_absolute(s: Signals, load: Array) -> Array:
     """Return absolute values of the transmitted torque, smoothed.
 
     At sign changes, frequent at corners, the absolute value of the smoothed torque dips over the
-    length of the window, which resembles a lag; that of the unsmoothed torque rectifies noise. So
-    only the sign is taken from the smoothed torque.
+    length of the window, which resembles a lag. The absolute value of the unsmoothed torque contains
+    rectified noise. So only the sign is taken from the smoothed torque.
     """
     friction = load * np.sign(s.smoothed(load))
     for _ in range(PASSES):

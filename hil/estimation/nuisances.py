@@ -251,7 +251,7 @@ class Search:
     def edges(self, state: State) -> dict[int, float]:
         """Return lags [s] at a bound of the search range with certainly better predictions.
 
-        These lags are rejected by `add_lag`: beyond the bound the prediction might be better yet.
+        `add_lag` rejects such lags: beyond the bound the prediction might improve further.
         """
         found = {}
         for axis in [axis for axis in self._ended if not state.late[axis]]:

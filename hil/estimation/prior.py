@@ -98,7 +98,7 @@ class Prior:
     bodies : ndarray, shape (n_joints, 10)
         Standard parameters in the frames of the robot file [kg m^2, kg m, kg].
     relative : float
-        Standard deviation of a link's mass and moments, as a share of them.
+        Relative standard deviation of a link's mass and moments.
     source : str
         Source of the bodies.
 

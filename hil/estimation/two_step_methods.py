@@ -116,7 +116,7 @@ def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) ->
     if drive_train.soft.any() or loaded.any():
         # transmitted torques, and the axes with load friction, are now known better than from
         # measurements of inertia alone; doubtful load friction would bias the lag, since few
-        # measurements of inertia distinguish the two
+        # measurements of inertia distinguish load friction from a lag
         known = replace(drive_train, p=solver.solve())
         drive_train = restrict_drive_train(find_drive_train(robot, raw, loaded, known), nuisance)
         drive_train = replace(drive_train, p=known.p)

@@ -340,9 +340,10 @@ def friction_variance(
 ) -> Array:
     """Return the variance of `friction_torque`, shape of `q` [(N m)^2 or N^2].
 
-    The default holds for motions like those of the fit. `level` is the relative standard deviation
-    of the level in other motions; it broadcasts to the shape of `q` and is NaN for axes without an
-    exposure (`level_along`, `level_anywhere`). Other parameters as in `friction_torque`.
+    Without `level` the variance is that for motions like those of the fit. `level` is the relative
+    standard deviation of the level in other motions; it broadcasts to the shape of `q` and is NaN
+    for axes without an exposure (`level_along`, `level_anywhere`). Other parameters are those of
+    `friction_torque`.
     """
     q_rows, qd_rows, loads, warm = _rows(robot, q, qd, load, warmth)
     found = np.zeros(q_rows.shape)

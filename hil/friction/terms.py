@@ -79,8 +79,8 @@ _OTHERS = {
     LOAD_BY_DIRECTION: Term("|load|", lambda s: np.abs(s.load), directed=False),
     DRIFT: Term("", lambda s: s.direction.sign * s.gone, directed=True),
 }
-"""Changes of Coulomb friction with the logarithm of the presliding distance, with the load by
-direction, and with the distance of the axis."""
+"""Terms for changes of Coulomb friction: with the logarithm of the presliding distance, with the
+load by direction, and with the travelled distance of the axis."""
 WAVES = ("cosine", "sine")
 RIPPLE = tuple(f"{wave} {order}" for order in RIPPLE_ORDERS for wave in WAVES)
 """Torque ripple over the motor angle, order by order."""

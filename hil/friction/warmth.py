@@ -173,7 +173,7 @@ class Exposure(FileModel):
     scatter : float
         Relative standard deviation of the levels of measurements about the law.
     slope : float
-        S, relative to the level.
+        S: relative change of the level from cold to warm.
     """
 
     states: tuple[float, ...]

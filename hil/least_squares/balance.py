@@ -70,7 +70,7 @@ class Balanced(NamedTuple):
     ----------
     whole : Kind
     parts : tuple of ndarray, shape (n, n)
-        Contribution of each kind's own estimate to the shared unknowns; the sum is 1.
+        Contribution of each kind's own estimate to the shared unknowns; the sum over kinds is 1.
     """
 
     whole: Kind
@@ -221,7 +221,7 @@ def _shares(part: Regression, shared: Sequence[str]) -> _Equations:
     of = [(to, place[name]) for to, name in enumerate(shared) if name in place]
     to, at = np.array(of, dtype=np.intp).T
     own = np.setdiff1d(np.arange(len(part.kept)), at)
-    # own unknowns are `alone` for zero shared unknowns, and depend on these by T
+    # own unknowns are `alone` for zero shared unknowns, and depend on shared unknowns by T
     T, alone = np.zeros((len(N), len(shared))), np.zeros(len(N))
     own_inverse = inverse(N[np.ix_(own, own)])
     T[at, to] = 1.0

@@ -112,7 +112,7 @@ def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> Mas
 def undetermined_beside(N: Array, n: int) -> Mask:
     """Return True for the first `n` unknowns not `IDENTIFIABLE` beside the rest, shape (n,).
 
-    The information after elimination of the others is compared with the information before.
+    The information after elimination of the rest is compared with the information before.
 
     Parameters
     ----------

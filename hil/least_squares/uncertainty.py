@@ -10,7 +10,7 @@ sandwich
     a measurement; for white noise of variance s^2, M = s^2 N and s^2 N^-1 remains.
 jackknife
     The exact change of the solution without a measurement,
-    ``x_(k) - x = -(N - S_k)^-1 (s_k - S_k x)``, needs no first order: the covariance is
+    ``x_(k) - x = -(N - S_k)^-1 (s_k - S_k x)``, needs no linearisation: the covariance is
     (n - 1) / n times the sum of the squared changes (Efron and Tibshirani, *An Introduction to
     the Bootstrap*, 1993, chapter 11). It includes all differences between measurements, but is
     too large for few influential measurements: the solution without one of them is worse than
@@ -114,14 +114,14 @@ def jackknife(changes: Array) -> Array:
     Parameters
     ----------
     changes : ndarray, shape (n_measurements, n)
-        Changes of x without one measurement each.
+        Changes of x by leaving out one measurement at a time.
     """
     n = len(changes)
     return (n - 1) / n * (changes.T @ changes)
 
 
 def leave_out(shares: Array, scores: Array) -> Array:
-    """Compute the change of x without every single measurement, shape (n_measurements, n).
+    """Compute changes of x by leaving out one measurement at a time, shape (n_measurements, n).
 
     Parameters
     ----------
@@ -190,8 +190,8 @@ def leave_one_out(shares: Array, sides: Array) -> Solved:
 def bias_reduced(shares: Array, sides: Array) -> Solved:
     """Solve normal equations with nearly white noise of variance 1.
 
-    No variance is less than that of such noise: a direction determined by a single measurement
-    leaves no score. Degrees of freedom are those of `degrees_if_white`.
+    No variance is less than for white noise of variance 1, since a direction determined by a single
+    measurement leaves no score. Degrees of freedom are those of `degrees_if_white`.
 
     Parameters
     ----------

@@ -59,8 +59,8 @@ FASTEST = 0.3
 MOST_STEPS = 64
 """Maximum number of steps in a period of the samples."""
 MOST_EVENTS = 50
-"""Maximum number of events in a step; beyond it, elements that change direction stop at the step's
-end.
+"""Maximum number of events in a step; beyond this number, elements that change direction stop at
+the end of the step.
 """
 SHORTEST = 1e-3
 """Shortest part of a step ended by an event: a lower bound that guarantees progress."""

@@ -176,8 +176,8 @@ class Explained:
     def instead_below(self, reading: Reading, most: float) -> Explained | None:
         """Fit another reading; return None if the misfit is at least `most`.
 
-        Separate base parameters for each channel leave a smaller residual than common ones, without
-        iterated weights; even so, few wrong readings come below `most`.
+        Separate base parameters for each channel give a lower bound of the misfit, without iterated
+        weights. Few wrong readings have a bound below `most`.
         """
         if reading.key not in self._regressors and len(self._regressors) > 1:
             self._regressors.popitem()

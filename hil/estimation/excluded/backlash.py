@@ -84,7 +84,7 @@ class Driven(NamedTuple):
     inertia : ndarray, shape (n_some, n_joints)
         Diagonal of the mass matrix without rotors, at one of `SPARSE` samples.
     some : ndarray of int, shape (n_some,)
-        Indices of these samples.
+        Indices of the samples of `inertia`.
     """
 
     torque: Array

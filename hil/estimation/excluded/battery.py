@@ -94,9 +94,9 @@ FAMILIES = 3
 """Number of families of tests for a change, which share `LEVEL` (Bonferroni): columns, finite
 readings, and friction."""
 SPAN = 1e-4
-"""Share of a column's square beside the estimated columns, below which the column is within their
-span. Columns use the smoothed motion, those of the base parameters are smoothed themselves, and the
-two differ by some 1e-3; a share of less than ten times this difference shows nothing."""
+"""Share of a column's square left after adjustment for the estimated columns, below which the
+column is within their span. Columns use the smoothed motion, columns of base parameters are smoothed
+themselves. The two differ by some 1e-3; an amplitude of less than ten times that shows nothing."""
 NOTHING = 1e-10
 """Largest root mean square of a column of rounding errors, relative to the largest column."""
 
@@ -121,7 +121,7 @@ class Test(NamedTuple):
     dispersion : float
         Moderated dispersion.
     white : float
-        Dispersion of white noise, its lower limit.
+        Dispersion of white noise, the lower limit of `dispersion`.
     """
 
     columns: Indices

@@ -141,7 +141,7 @@ class EvidenceRows:
     def partials(self, axis: int) -> Array:
         """Return derivatives of the rigid bodies' torque by motion of an axis, shape (3, n).
 
-        By its position, speed and acceleration; the torque is linear in accelerations.
+        Derivatives by position, speed and acceleration; the torque is linear in accelerations.
         """
         if self._of_axis[0] != axis:
             q, qd, qdd = (x.copy() for x in (self.q, self.qd, self.qdd))
@@ -369,7 +369,7 @@ def _gap_columns(
 
 
 def _load(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:
-    """Yield columns of the last link's missing parameters, or of all for a later load."""
+    """Yield columns of the last link's missing parameters; of all parameters for a later load."""
     robot, evidence = rows.robot, rows.evidence
     complete = robot.free_links([robot.n_joints - 1])
     stated, all_of_it = base_parameters(robot), base_parameters(complete)

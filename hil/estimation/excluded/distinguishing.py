@@ -60,8 +60,8 @@ if TYPE_CHECKING:
     from hil.planning.prediction.noise import Noise
 
 EACH = 12
-"""Number of candidates per element: judging one takes some 50 ms, and with more candidates the
-choice remains among the first ones, which cover all ranges.
+"""Number of candidates per element: the test of a candidate takes some 50 ms, and with more
+candidates the choice remains among the first ones, which cover all ranges.
 """
 QUANTILE = float(special.ndtri(POWER))
 LEAD = QUANTILE + float(np.sqrt(QUANTILE**2 + TOGETHER))

@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 MOST = 200
-"""Approximate number of rows of a channel for the expected products. They differ by a tenth from
-the products over all rows (seed 3106 of `benchmarks/fresh_plants.py`), less than the share's
-uncertainty.
+"""Approximate number of rows of a channel for the expected products. The products differ by a tenth
+from those over all rows (seed 3106 of `benchmarks/fresh_plants.py`), which is less than the
+uncertainty of the share of beta.
 """
 
 

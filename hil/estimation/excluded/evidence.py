@@ -63,7 +63,7 @@ class Evidence:
     torque : ndarray, shape (n,)
         Torque without that of rotors of known inertia [N m].
     recorded : ndarray, shape (n,)
-        Torque including these rotors [N m].
+        Torque including rotors of known inertia [N m].
     rate : ndarray, shape (n,)
         Time derivative of `recorded` [N m/s]; zero if changes are not tested.
     X : ndarray, shape (n, n_base)

@@ -309,13 +309,14 @@ def likeliest(
     level: float,
     admit: Callable[[Key, Test], bool] = lambda *_: True,
 ) -> tuple[Key, Test] | None:
-    """Return the best admissible cause among significant ones, each with its own dispersion."""
+    """Return the best admissible significant cause; each cause is tested with its own dispersion.
+    """
     best: tuple[Key, Test] | None = None
     gain, white, n = 0.0, 1.0, len(tests)
     each = {key: battery.drop(at) for key, at in tests.items()}
     for key, (drop, rank) in sorted(each.items(), key=lambda item: -item[1][0]):
         if drop / white - chance(rank, n) <= gain:
-            continue  # not even with the least possible dispersion
+            continue  # not significant even with the least possible dispersion
         test = battery.test(tests[key], itself=True)
         if test and test.p < level:
             test = battery.confirm(test)

@@ -102,7 +102,7 @@ def expected_evidence(
     stacked = []
     for motion, s in prepared:
         stacked += [(s, axes) for axes in stack(robot, motion, s)]
-        s.kept.clear()  # holds all samples; the rows are some of them
+        s.kept.clear()  # frees the cache of all samples, since the rows use few of them
     if not stacked:
         raise NotIdentifiable("no measurement is long enough to identify parameters")
     return rows_of(robot, stacked, np.zeros(robot.n_joints, dtype=bool))

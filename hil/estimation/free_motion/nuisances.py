@@ -95,7 +95,7 @@ def find_nuisances(
 ) -> Nuisances:
     """Find lags, soft gears and presliding distances of the moving axes.
 
-    With unknown gains, none are estimated.
+    With unknown gains, no nuisances are estimated.
     """
     none = Nuisances(processing, np.zeros(robot.n_joints))
     motions = [filtered_motion(each, processing) for each in found.stretches]

@@ -48,8 +48,8 @@ def enlarge_covariance(
     V : ndarray, shape (n, n)
         Covariance; 0 for terms not in a law.
     metric : ndarray, shape (n, n)
-        Inverse of the normal equations, 0 likewise: its columns are the directions of least change
-        of the torques.
+        Inverse of the normal equations; 0 for terms not in a law. Its columns are the directions of
+        least change of the torques.
 
     Returns
     -------

@@ -394,8 +394,8 @@ def found_gains(robot: Robot, scaling: Scaling, fit: Fit) -> tuple[GainValue, ..
 def effect_of_drives(recorded: Products, scaling: Scaling, choice: Choice) -> Array:
     """Return the change of the unknowns per relative change of drive values.
 
-    The drive values are torque constants, then rotor inertias. An unknown gain is estimated, for
-    any constant.
+    The drive values are torque constants, then rotor inertias. An unknown gain is estimated, and
+    absorbs a change of the torque constant.
 
     Parameters
     ----------

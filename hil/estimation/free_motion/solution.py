@@ -188,8 +188,8 @@ def _possible(robot: Robot, pieces: Regression, fit: Fit, configurations: Array)
     """Enlarge unusual offsets' errors, and make the mass matrix positive if possible.
 
     The move minimises the increase of the torque residuals: its metric is that of the normal
-    equations. If a residual grows by more than `MATERIAL` on any axis, there is another error, and
-    the parameters stay unchanged.
+    equations. If a residual grows by more than `MATERIAL` on any axis, the model has another error,
+    and the parameters stay unchanged.
     """
     metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x))
     covariance, unusual = enlarge_covariance(fit.x, fit.covariance, metric, fit.layout)
