@@ -348,8 +348,8 @@ def _smooth_absolute(s: Signals, load: Array) -> Array:
     """Return absolute values of the transmitted torque, smoothed.
 
     At sign changes, frequent at corners, the absolute value of the smoothed torque dips over the
-    length of the window, which resembles a lag. The absolute value of the unsmoothed torque contains
-    rectified noise. So only the sign is taken from the smoothed torque.
+    length of the window, which resembles a lag. The absolute value of the unsmoothed torque
+    contains rectified noise. So only the sign is taken from the smoothed torque.
     """
     friction = load * np.sign(s.smoothed(load))
     for _ in range(PASSES):

@@ -95,8 +95,9 @@ FAMILIES = 3
 readings, and friction."""
 SPAN = 1e-4
 """Share of a column's square left after adjustment for the estimated columns, below which the
-column is within their span. Columns use the smoothed motion, columns of base parameters are smoothed
-themselves. The two differ by some 1e-3; an amplitude of less than ten times that shows nothing."""
+column is within their span. Columns use the smoothed motion, columns of base parameters are
+smoothed themselves. The two differ by some 1e-3; an amplitude of less than ten times that shows
+nothing."""
 NOTHING = 1e-10
 """Largest root mean square of a column of rounding errors, relative to the largest column."""
 

@@ -153,7 +153,7 @@ CAUSES = {
         "correct rotor_inertia in the robot file; brake and coupling are part of it",
         least=-100.0,
     ),
-    # usual drift: NdFeB loses 0.11 % of its flux per kelvin, and motors warm by some 20 K in an hour
+    # usual drift: NdFeB loses 0.11 % of its flux per kelvin; motors warm by some 20 K in an hour
     "drift of torque constant": Cause(
         "torque constant drifts by", "%/h", "%/h", 2.2,
         "let the motors reach their temperature before measuring (magnets weaken as they warm), "

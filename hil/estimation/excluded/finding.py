@@ -309,8 +309,7 @@ def likeliest(
     level: float,
     admit: Callable[[Key, Test], bool] = lambda *_: True,
 ) -> tuple[Key, Test] | None:
-    """Return the best admissible significant cause; each cause is tested with its own dispersion.
-    """
+    """Return the best admissible significant cause, tested with its own dispersion."""
     best: tuple[Key, Test] | None = None
     gain, white, n = 0.0, 1.0, len(tests)
     each = {key: battery.drop(at) for key, at in tests.items()}
