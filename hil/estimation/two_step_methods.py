@@ -5,10 +5,9 @@ published
     p_g compensated, then for p_Mod.
 improved
     The condensed measurements of all kinds are summed and solved for all groups at once
-    (`hil.estimation.simultaneous`).
-    Before, torque lags and soft gears are estimated from the same measurements and compensated
-    (`hil.estimation.drive_train`); their remaining uncertainty is added. Trajectories are used in
-    addition to strokes, period by period.
+    (`hil.estimation.simultaneous`). Torque lags and soft gears are estimated beforehand from the
+    same measurements and compensated (`hil.estimation.drive_train`); the remaining uncertainty of
+    lags and gears is added. Trajectories are used in addition to strokes, period by period.
 
 Standard errors come from leaving out one measurement at a time (the jackknife of
 `hil.least_squares.uncertainty`): they include any difference between measurements, noise, drift or

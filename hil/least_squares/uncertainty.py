@@ -22,9 +22,9 @@ bias-reduced
     share ``H = B'S_k B`` of the solution, and changes it by ``B (1 - H)^(-1/2) B'(s_k - S_k x)``;
     in place of (1 - H)^(-1/2) the jackknife has (1 - H)^-1 and the sandwich 1.
 
-The accuracy of such a covariance depends on the number of measurements that carry an unknown. With
-the shares v_k of a variance, it has the effective degrees of freedom ``(sum v)^2 / sum v^2 - 1``
-(Satterthwaite, Biometrics Bull. 2 (1946) 110-114).
+The accuracy of a covariance from scatter depends on the number of measurements that carry an
+unknown. A variance to which measurement k contributes the share v_k has the effective degrees of
+freedom ``(sum v)^2 / sum v^2 - 1`` (Satterthwaite, Biometrics Bull. 2 (1946) 110-114).
 """
 
 from __future__ import annotations

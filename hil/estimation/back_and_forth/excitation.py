@@ -1,10 +1,10 @@
 """Base parameters excited by motions of single axes, alone or in combination.
 
 An axis moving alone shows the diagonal of the mass matrix, and gravity, but no couplings. Motion in
-few configurations shows only sums of parameters. Linearly dependent columns of the regression
-are found by Cholesky factorisation with pivoting of the scaled normal equations (Gautier, J.
-Robotic Syst. 8 (1991) 485-506, does the same by the QR decomposition). Of a dependent set some
-parameters are kept, and each represents itself and a share of the dropped ones:
+few configurations shows only sums of parameters. Linearly dependent columns of the regression are
+found by Cholesky factorisation with pivoting of the scaled normal equations (Gautier, J. Robotic
+Syst. 8 (1991) 485-506, does the same by the QR decomposition). Of a dependent set some parameters
+are kept, and each represents itself and a share of the dropped ones:
 
     W_d = W_k B   so   W_k p_k + W_d p_d = W_k (p_k + B p_d).
 

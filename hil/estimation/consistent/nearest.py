@@ -14,9 +14,9 @@ program. With the normal equations N p = v of an estimate that is linear in p, a
 
     |y - X p'|_W^2 = |y - X p|_W^2 + (p' - p)' N (p' - p),
 
-since the residual of p is W-orthogonal to X; so its constrained minimum is the projection of p with
-V = s^2 N^-1, for any scale s. Unknowns without conditions (friction) are minimised over by
-taking their rows out of V = N^-1, which leaves N's Schur complement.
+since the residual of p is W-orthogonal to X. So the constrained least-squares solution is the
+projection of p with V = s^2 N^-1, for any scale s. Unknowns without conditions (friction) are
+minimised over by taking their rows out of V = N^-1, which leaves N's Schur complement.
 
 This program determines p' and leaves z open; `hil.estimation.consistent.likeliest` chooses z. The
 program demands twice the thickness, to leave room for this choice.
