@@ -14,8 +14,9 @@ the necessary difference grows with the explained sum of squares, and no size is
 Inner products of candidates add up (`hil.least_squares.blocks`). So the search adds candidates one
 by one: in each step the candidate with the largest decrease, per time, of the logarithms of
 detectable over wanted sizes. The wanted size of a cause is its usual size or, if there is none, a
-size at which a found cause is also distinguished from the others. The stated sizes are those of the
-whole plan by the battery (`foreseen`); the search repeats until the battery agrees.
+size at which a found cause is also distinguished from the other named causes. Stated sizes come
+from tests of the whole plan by the battery (`foreseen`); the search repeats until these tests
+confirm the wanted sizes.
 """
 
 from __future__ import annotations

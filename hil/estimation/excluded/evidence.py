@@ -1,7 +1,8 @@
 """Thinned samples of recordings: the rows for the tests of causes.
 
-A row is a sample of a channel, the torque of an axis in recordings of one kind. It holds the
-torque, the columns of the base parameters and of the channel, and the motion, all smoothed alike.
+A channel is the torque of an axis in recordings of one kind; a row is a sample of a channel, with
+the torque, the columns of the base parameters and of the channel, and the motion, all smoothed
+alike.
 Friction of a part (a measurement, a period) is projected out within the part, so that no cause is
 tested by an effect of friction. Parts are cut into groups for the covariance. The error of a
 friction law in a trajectory repeats in each period, so periods share their groups.

@@ -7,8 +7,8 @@ tested with the found ones included, until none is significant. Causes that expl
 well are named together with the found cause.
 
 Columns are of the first order. Other readings of the recordings are tried too (`alternatives`) if a
-found cause is large, if groups contradict each other for any reason, or if friction would
-drive an axis. A reading that explains as much as all columns together replaces the columns.
+found cause is large, if groups contradict each other for any reason, or if friction would drive an
+axis. A reading that explains as much as all columns together replaces the columns.
 """
 
 from __future__ import annotations

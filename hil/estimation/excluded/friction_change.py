@@ -9,10 +9,10 @@ each axis. For part k of the earlier or later recordings, the regression
 gives the level g_k. The variance of a level among the earlier parts and among the later parts is
 moderated over the axes (`moderated`) and is at least the variance due to e. Recordings as a whole
 may differ by as much as their parts do. Warmth changes friction of all axes together
-(`hil.results.changes`). So for
-three axes or more, the median of the other axes' relative changes is subtracted from each change,
-and the rest is tested. The median of m others with standard deviations s_j has the variance (pi /
-2) m / (sum 1 / s_j)^2, as for normal distributions with one mean.
+(`hil.results.changes`). So for three axes or more, the median of the other axes' relative changes
+is subtracted from each change, and the rest is tested. The median of m other axes with standard
+deviations s_j has the variance (pi / 2) m / (sum 1 / s_j)^2, as for normal distributions with one
+mean.
 """
 
 from __future__ import annotations

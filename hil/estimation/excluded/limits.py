@@ -1,9 +1,9 @@
 """Exclusion limits: smallest detectable sizes of causes, and the torque at these sizes.
 
-A limit is found with a probability of 80 %, from the noncentral F of the cause's own test. For a
-change, the insignificant size that recordings show is added: it hides a change of the other sign,
-and models of real machines are never exact. A cause within the span of the estimated columns never
-shows.
+A cause at its limit is found with a probability of 80 %, from the noncentral F of the cause's own
+test. For a change, the insignificant size that recordings show is added: this size hides a change
+of the other sign, and models of real machines are never exact. A cause within the span of the
+estimated columns never shows.
 """
 
 from __future__ import annotations
