@@ -17,9 +17,9 @@ groups gives the factor of the variance 1 / I_j, the *dispersion* of the cause,
 where r_k is enlarged by (1 - Q_k Q_k')^(-1/2) as for CR2 (`hil.least_squares.uncertainty`). The
 power of 1 - I_kj / I_j is 1, as in the jackknife: wandering friction adds to a score in proportion
 to I_kj, not to its root, so a group with a large share of I_j leaves a small difference (at a
-dispersion of 4, the power 1/2 gives p < 0.01 in 3 % of clean tests, the power 1 in 1 %). Residuals
-are *adjusted for the cause itself*, r_k less D~_kj theta_j: a cause of any size changes neither the
-dispersion nor the variance 1 of white noise.
+dispersion of 4, the power 1/2 gives p < 0.01 in 3 % of tests on clean runs, the power 1 in 1 %).
+Residuals are *adjusted for the cause itself*, r_k less D~_kj theta_j: a cause of any size changes
+neither the dispersion nor the variance 1 of white noise.
 
 Dispersion has few degrees of freedom if few groups carry a cause: with two groups and a hundred
 tests nothing is ever found. But all causes of an axis have the same noise. So variances are
