@@ -44,11 +44,11 @@ if TYPE_CHECKING:
 
 
 SIGNIFICANCE = 0.001
-"""Probability of any finding for a complete robot file."""
+"""Probability of a false finding for a complete robot file."""
 ALIKE = 0.98
 """Smallest correlation between indistinguishable candidates."""
 _SEEN = 1e-4
-"""Smallest share of a direction's information independent of the stated parameters."""
+"""Smallest share of a visible direction's information left when stated parameters are estimated."""
 _SAME = 1e-6
 
 
@@ -133,7 +133,7 @@ class ModelErrors:
 
 
 def examine(robot: Robot, prepared: Prepared) -> ModelErrors:
-    """Test the link parameters missing in `robot`, and the stated ones."""
+    """Test the link parameters that the robot file does not state, and those that it states."""
     whole = robot.free_links()
     K = base_parameters(whole).matrix
     stated = K @ base_parameters(robot).placement
@@ -187,13 +187,13 @@ def _absent(robot: Robot, K: Array, stated: Array) -> tuple[dict[str, Array], tu
 
 
 class _Measured(NamedTuple):
-    """Measurements' contributions to the normal equations of `complete`'s base parameters."""
+    """Contributions of the measurements to the normal equations of the complete robot."""
 
     shares: Array
     sides: Array
 
     def information(self, basis: Array, directions: Array) -> tuple[Array, Array]:
-        """Return information on `directions`, (k, k): independent of `basis`, and in total."""
+        """Return information on `directions`, (k, k): adjusted for `basis`, and not adjusted."""
         X, k = np.column_stack([directions, basis]), directions.shape[1]
         N = X.T @ self.shares.sum(axis=0) @ X
         return eliminated(N, basis.shape[1])[0], N[:k, :k]

@@ -41,7 +41,7 @@ def campaign_friction(
     ----------
     robot : Robot
     p : ndarray, shape (n_base,)
-        Base parameters from these measurements.
+        Base parameters from the measurements of `stacks`.
     stacks : iterable of sequence of Stacked
         Moving axes of each measurement, or period of a trajectory.
     past : History, optional

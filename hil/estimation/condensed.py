@@ -58,7 +58,7 @@ class Condensed(NamedTuple):
     Attributes
     ----------
     product : ndarray, shape (k + n_base + N_COMMON, k + n_base + N_COMMON)
-        Inner products of all columns: the left-hand sides; X, base parameters and common terms.
+        Inner products of all columns: left-hand sides, base parameters, common terms.
     n : int
         Samples less eliminated coefficients.
     """
@@ -69,7 +69,7 @@ class Condensed(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stacked:
-    """Smoothed columns of an axis in a measurement, samples `APART`.
+    """Smoothed columns of an axis in a measurement, one row every `APART` seconds.
 
     Attributes
     ----------
@@ -186,8 +186,8 @@ def quantisation_bias(
     """Return the expected bias of X'y - X'X p of an axis, by encoder quantisation.
 
     A position with the quantisation step d has an error of variance d^2 / 12, independent from
-    sample to sample, turned into an acceleration error by differentiation and window. All factors
-    of an acceleration share this error, and inertias are underestimated unless the bias is removed
+    sample to sample, turned into an acceleration error by differentiation and window. All columns
+    with an acceleration share its error, and inertias are underestimated unless the bias is removed
     (W. A. Fuller, Measurement Error Models, 1987, section 2.2).
 
     Parameters
@@ -234,7 +234,7 @@ def stack_axes(
     Parameters
     ----------
     part : callable
-        Function from an axis to its left-hand sides and usable samples, as of `stack_axis`.
+        Function from an axis to `torques` and `used` of `stack_axis`.
     """
     periods = list(groups(s))
     found: list[list[Stacked]] = [[] for _ in periods]
@@ -261,7 +261,7 @@ def stack_axis(
     torques : ndarray, shape (n, k)
         Unsmoothed torques.
     used : ndarray of bool, shape (n,)
-        Samples beyond the reach of smoothing from both ends.
+        Usable samples; none so close to an end that smoothing would reach past it.
     periods : list of ndarray of bool, shape (n,)
     passes : int
         Number of smoothing passes.

@@ -10,10 +10,10 @@ effect at the corners of the trapezoids, which the estimate itself leaves out, b
 compliance would have to be known there. Errors come from the scores of the measurements; the effect
 of lag errors on the base parameters is returned, so that it can be included in their errors.
 
-The twist of a gear follows from the transmitted torque, and the motor torque shows that torque:
-less rotor torque and friction it is the torque on the arm, including vibrations of the arm on its
-gears, which no torque calculated from motor motion contains. Links are therefore positioned by
-measured torques. The existence of soft gears is tested with columns of calculated torques: with
+The twist of a gear follows from the transmitted torque, which is the motor torque less rotor torque
+and friction. Measured torques contain vibrations of the arm on its gears, torques calculated from
+motor motion do not. Links are therefore positioned by measured torques. The existence of soft gears
+is tested with columns of calculated torques: with
 measured torques, noise would make such a column similar to the explained torque. If a gear is soft,
 compliances are first estimated with measured torques, which contain the vibrations, then again from
 corrected link positions, with columns of the torque calculated from link motion.
@@ -74,7 +74,7 @@ parameters so weakly that these would fit the corners of the motion in place of 
 CERTAIN = 5.0
 """Smallest significant ratio of compliance or load friction to its standard error."""
 MOST_TWIST = 0.05
-"""Largest twist of a gear at the torque limit [rad]; a larger one is an artefact of noise in few
+"""Largest twist of a gear at the torque limit [rad]; a larger twist is an artefact of noise in few
 measurements.
 """
 LAG_OF_TORQUE = "lag of the torque"
@@ -159,7 +159,7 @@ def twist_edge(robot: Robot, axis: int, twist: float) -> Edge:
 class LoadFriction(NamedTuple):
     """Share of the transmitted torque lost to friction, with standard error, by axis.
 
-    Both of shape (n_joints,); NaN without a transmitted torque.
+    Share and error have shape (n_joints,); NaN without a transmitted torque.
     """
 
     mu: Array
@@ -177,7 +177,7 @@ def directly_driven(robot: Robot) -> DriveTrain:
 
 
 def compliance_units(robot: Robot) -> str:
-    """Return the unit of a column of compliances of the joints, in millionths."""
+    """Return the unit for a table column of the joints' compliances, in millionths."""
     each = ("µrad/(N m)" if robot.revolute[axis] else "µm/N" for axis in range(robot.n_joints))
     return " or ".join(dict.fromkeys(each))
 
@@ -207,10 +207,10 @@ def find_drive_train(
         train = replace(found, soft=soft)
         change = np.abs(train.soft_compliance - placed)
         if (change <= np.nan_to_num(train.compliance_error)).all():
-            break  # compliances agree with those of the link positions
+            break  # compliances agree with those used for the link positions
         placed = train.soft_compliance
         found = _found(robot, accelerated, loaded, train)
-        soft = soft | found.soft  # otherwise two gears might alternate forever
+        soft = soft | found.soft  # soft gears stay soft, or two gears might alternate forever
     if (soft & ~found.soft).any():
         again = _found(robot, accelerated, loaded, found)
         return replace(again, soft=again.soft & found.soft)
@@ -266,7 +266,7 @@ def _shows_lag(measurement: ParameterMotion) -> bool:
 
 
 def _stacked(robot: Robot, m: ParameterMotion, s: Signals, shifts: Indices) -> list[list[Stacked]]:
-    """Stack torques at integer shifts, the motor's part after the first, and all columns."""
+    """Stack torques shifted by whole samples, the motor's part in second place, and all columns."""
     reach = int(np.abs(shifts).max()) + (PASSES - 1) * half_window(s.period)
     motors = motor_torque(robot, s.q, s.qd, s.qdd)
 
@@ -287,7 +287,7 @@ def _add_gear_columns(
     *,
     calculated: bool,
 ) -> Iterator[list[Stacked]]:
-    """Add columns of load friction, and columns K after those of p."""
+    """Add columns of load friction, and columns K after the base-parameter columns."""
     transmitted = [_smooth_load(robot, s, p, loaded, calculated=calculated) for s, _ in stacks]
     rows = [
         np.stack([x[each.index] for x in (*s.link, *twist)])
@@ -311,7 +311,7 @@ def _add_gear_columns(
 def _smooth_load(
     robot: Robot, s: Signals, p: Array, loaded: Mask, *, calculated: bool
 ) -> tuple[tuple[Array, Array, Array], Array]:
-    """Return transmitted torques, smoothed with two derivatives, and the load of friction."""
+    """Return transmitted torques, smoothed, with two derivatives, and the load for friction."""
     load = of_links = inverse_dynamics(robot, p, *s.link)
     if s.twist is None and not calculated:
         load = _transmitted(robot, p, s)
@@ -324,12 +324,12 @@ def _smooth_load(
 def _transmitted(robot: Robot, p: Array, s: Signals, compliance: Array | float = 0.0) -> Array:
     """Return the torque transmitted by the gears, shape (n, n_joints).
 
-    For a stroke the motor torque is used, less the rotor torque and friction: half the difference,
-    between the two directions of an axis, of measured minus calculated torque, reduced near
+    For a stroke this is the motor torque less rotor torque and friction. Friction is half the
+    difference between the directions of an axis in measured minus calculated torque, reduced near
     reversals. For motion in one direction friction is kept: a constant does not change the rate of
-    twist. If all axes move at once, acceleration noise of all rotors would add up in each torque,
-    and position noise would be on either side of the equation: then the torque is calculated, from
-    the motion of the links as far as `compliance` is known.
+    twist. If all axes move at once, the torque is calculated, from the motion of the links as far
+    as `compliance` is known: in a measured torque the acceleration noise of all rotors would add
+    up, and position noise would be on both sides of the equation.
     """
     calculated = inverse_dynamics(robot, p, s.q, s.qd, s.qdd)
     if s.group is not None:
@@ -348,8 +348,8 @@ def _smooth_absolute(s: Signals, load: Array) -> Array:
     """Return absolute values of the transmitted torque, smoothed.
 
     At sign changes, frequent at corners, the absolute value of the smoothed torque dips over the
-    length of the window, which resembles a lag; that of the unsmoothed torque rectifies noise. So
-    only the sign is taken from the smoothed torque.
+    length of the window, which resembles a lag. The absolute value of the unsmoothed torque
+    contains rectified noise. So only the sign is taken from the smoothed torque.
     """
     friction = load * np.sign(s.smoothed(load))
     for _ in range(PASSES):

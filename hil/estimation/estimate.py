@@ -50,8 +50,8 @@ class Estimate:
         Change of p per relative change of each torque constant, then of each rotor inertia, whose
         errors are not visible in the data.
     stated, usual : ndarray, shape (2 n_joints,)
-        Standard deviations of these drive values from the robot file, and from usual tolerances for
-        values without one (`Robot.usual_uncertainty`).
+        Standard deviations of torque constants and rotor inertias, from the robot file, and from
+        usual tolerances for values without one (`Robot.usual_uncertainty`).
     residual : ndarray, shape (n_joints,)
         Root mean square of each axis's torque residual, with friction fitted and signals filtered
         as in the method; for the published method that of the local models of inertia and coupling
@@ -77,12 +77,12 @@ class Estimate:
     details : FreeMotionFit, BackAndForthFit or MeasurementFit
         Settings and further results, by the kind of recordings.
     half_sums : tuple of HalfSums
-        Step 1 of these motions: rigid-body torque over the positions of each recording.
+        Step 1 of motions back and forth: rigid-body torque over the positions of each recording.
     combination : ndarray, shape (n_base, n_base), optional
         ``combination @ truth`` is the quantity estimated by `p`; None for each parameter itself.
     prior_share : ndarray, shape (n_base,), optional
-        Share of each variance by the data from undetermined directions decided by a prior, if given
-        (`hil.estimation.prior`).
+        Share of each variance, as the data alone give it, from the directions that a prior decides
+        (`hil.estimation.prior`); None without a prior.
     joint : Joint, optional
         Regression of all samples of the improved method, for further evaluations.
     edges : tuple of Edge
@@ -129,7 +129,7 @@ class Estimate:
 
     @property
     def standard_error(self) -> Array:
-        """Standard errors of `p` from both kinds of error, shape (n_base,)."""
+        """Standard errors of `p` from scatter of the data and errors of drive values, (n_base,)."""
         return np.sqrt(np.diag(self.covariance) + np.diag(self.drive_covariance))
 
     @property

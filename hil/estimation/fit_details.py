@@ -1,4 +1,4 @@
-"""Details of a fit beside base parameters and friction laws, by the kind of its recordings."""
+"""Details of a fit other than base parameters and friction laws, by the kind of its recordings."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from hil.friction.law import TermValue
 
 
 class MeasurementFit(FileModel):
-    """Details of a fit to strokes and trajectories, which has none.
+    """Empty details of a fit to strokes and trajectories.
 
     Friction is fitted anew in each measurement, and the lags and gears of a drive train are not
     part of the model.
     """
 
     file_key: ClassVar[str | None] = None
-    """Key of these details in `model.yaml`; None if nothing is written."""
+    """Key of the details in `model.yaml`; None if nothing is written."""
     with_law: ClassVar[bool] = False
     """True if the friction law was estimated together with the base parameters."""
     blocks: ClassVar[None] = None
@@ -29,7 +29,7 @@ class MeasurementFit(FileModel):
     not_identified: ClassVar[tuple[str, ...]] = ()
 
     def sum_of(self, _name: str) -> str:
-        """Return an empty sum, since every parameter is identified by itself."""
+        """Return an empty sum, since every parameter is identified individually."""
         return ""
 
 

@@ -67,7 +67,7 @@ class Phase:
     stated, extended : Sinusoid
         Sinusoid of the robot file, and sinusoid with the missing parameters.
     angle, torque : ndarray, shape (n,)
-        Measurements of the axis, transferred to this configuration [rad], [N m].
+        Measurements of the axis, transferred to configuration `q` [rad], [N m].
     standard_error : ndarray, shape (n,)
         Standard errors by the scatter within each measurement; NaN if unknown [N m].
     """

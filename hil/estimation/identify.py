@@ -45,13 +45,13 @@ def _free_motion(name: str) -> Identify:
 
 
 def _joint(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
-    from hil.estimation.mixed import fit_joint  # noqa: PLC0415 - the same
+    from hil.estimation.mixed import fit_joint  # noqa: PLC0415 - slow import
 
     return fit_joint(robot, recorded, options)
 
 
 def _back_and_forth(robot: Robot, recorded: Recorded, options: Options) -> Estimate:
-    from hil.estimation.back_and_forth_method import fit_back_and_forth  # noqa: PLC0415 - the same
+    from hil.estimation.back_and_forth_method import fit_back_and_forth  # noqa: PLC0415 - slow import
 
     # friction is estimated without a law, and gears are rigid
     return fit_back_and_forth(robot, recorded, options.covariance)

@@ -74,7 +74,7 @@ def believed_fit(
 ) -> LocalFit:
     """Evaluate a measurement after subtraction of effects found by the improved method.
 
-    Subtracted are the terms common to the axis's measurements, and the rigid-body torque except
+    The terms common to the axis's measurements are subtracted, and the rigid-body torque except
     gravity and the element itself. The friction terms of the measurement are those of the improved
     method.
 
@@ -215,7 +215,7 @@ class _Filtered(NamedTuple):
     sides : ndarray, shape (n, k)
         Nonzero columns of the right-hand side: see `LocalFit`.
     place : ndarray of int, shape (k,)
-        Indices of these columns among all.
+        Indices of the columns of `sides` among all columns.
     v : ndarray, shape (n,)
         Velocity [rad/s].
     columns : ndarray, shape (n, m)

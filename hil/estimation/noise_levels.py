@@ -8,8 +8,8 @@ normal equations at the joint solution,
 
 with both matrices as for a prediction (`hil.planning.prediction.information`). Scores are weighted
 by their effect on the base parameters, in the metric of the information, and summed over the
-measurements of a kind. From these sums, chi-squared with the degrees of freedom given by the
-covariances, a and b of each axis are the most likely values. The prior is log-normal and wide: for
+measurements of a kind. The sums are chi-squared, with degrees of freedom from the covariances; the
+most likely a and b of each axis are taken. The prior is log-normal and wide: for
 a around the level of the residuals, for b around the expectation before the campaign
 (`hil.planning.prediction.noise`).
 """
@@ -55,7 +55,7 @@ class Levels(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """Data of an axis in a measurement: measured, and expected."""
+    """Measured normal equations of an axis in a measurement, and the expected information."""
 
     kind: str
     axis: int
@@ -67,8 +67,8 @@ class _Piece(NamedTuple):
 class _Sums(NamedTuple):
     """Sums over measurements of a kind and axis: squared scores and expected contributions.
 
-    The expectation is a `white` + b `wander`; `freedom` is that of the squares as a chi-squared
-    variable.
+    The expectation is a `white` + b `wander`; `freedom` is the number of degrees of freedom of
+    `squares`, as a chi-squared variable.
     """
 
     squares: float

@@ -158,7 +158,7 @@ class Search:
         self._terms = tuple(x for x in blocks.own if not x.startswith((f"{_SHIFT} ", f"{_OVER} ")))
         self._over = blocks.place(*direction_names(self._distances))
         self._names = tuple(name for name in blocks.shared if name != ROTOR)
-        # compared states differ on one axis
+        # products are cached by axis, since compared states differ on one axis
         self._seen: list[dict[tuple[float, int], Array]] = [{} for _ in range(blocks.n_channels)]
         self.weights = self.weighed(State.start(blocks.n_channels))
         self._ended: dict[int, State] = {}
@@ -251,7 +251,7 @@ class Search:
     def edges(self, state: State) -> dict[int, float]:
         """Return lags [s] at a bound of the search range with certainly better predictions.
 
-        These lags are rejected by `add_lag`: beyond the bound the prediction might be better yet.
+        `add_lag` rejects such lags: beyond the bound the prediction might improve further.
         """
         found = {}
         for axis in [axis for axis in self._ended if not state.late[axis]]:
@@ -279,8 +279,8 @@ class Search:
     def add_presliding(self, state: State, axis: int) -> State | None:
         """Return the state with the best presliding distance of an axis.
 
-        None if presliding does not reduce the residual of the axis with the classical law: the
-        final law may differ from all terms, or have no presliding.
+        None if presliding does not reduce the residual of the axis with the classical law, too: the
+        search fits all terms of friction, but the final law may have few.
         """
         tried = [state.change_axis("direction", axis, k + 1) for k in range(len(self._over))]
         best = min(tried, key=lambda other: float(self.weights @ self._left(other)))

@@ -1,7 +1,7 @@
 r"""Complete undetermined parameters by a prior from CAD or URDF.
 
-A link's figures are given as pseudo-inertia J_0 = B B' (`hil.model.frames.pseudo_inertia`), and the
-true one is
+A link's figures are given as pseudo-inertia J_0 = B B' (`hil.model.frames.pseudo_inertia`). The
+true pseudo-inertia is
 
     J = B (1 + r E) B',
 
@@ -23,9 +23,9 @@ Recordings give A p = b: A is the inverse of the covariance, in the determined d
 1 / lambda by the data and 1 by the prior. If the data uncertainty is below the whole size of CAD's
 figure, 1 / lambda < 1 / r^2, the data value is kept unchanged; else the prior's value, 0 +- 1, is
 used. So only the part of a base parameter's error from the latter directions is replaced. Let f be
-its share of the variance by the data. Then the parameter moves by the data's own error there and,
-if CAD is wrong by its whole size, |u| = 1 / r, by at most the root of f standard errors. Parameters
-determined by data have no such part, and stay.
+the share of this part in the parameter's variance by the data. Then the parameter changes by the
+data's own error in these directions and, if CAD is wrong by its whole size, |u| = 1 / r, by at most
+the root of f standard errors. Parameters determined by data do not change.
 """
 
 from __future__ import annotations
@@ -80,7 +80,8 @@ class Completed(NamedTuple):
     p : ndarray, shape (n_base,)
     covariance : ndarray, shape (n_base, n_base)
     share : ndarray, shape (n_base,)
-        f: share of each variance by the data from directions taken from the prior.
+        f: share of each variance, as the data alone give it, from directions that the prior
+        decides.
     """
 
     p: Array
@@ -97,7 +98,7 @@ class Prior:
     bodies : ndarray, shape (n_joints, 10)
         Standard parameters in the frames of the robot file [kg m^2, kg m, kg].
     relative : float
-        Standard deviation of a link's mass and moments, as a share of them.
+        Relative standard deviation of a link's mass and moments.
     source : str
         Source of the bodies.
 

@@ -4,8 +4,8 @@ The regression contains the first six multiples of the motor angle theta. Furthe
 searched for in the residuals of each axis: cos n theta and sin n theta, smoothed like all signals
 and with friction of each measurement projected out, are fitted to the residuals measurement by
 measurement. The phase differs between measurements: the servo compensates a part of the ripple,
-depending on the speed. Most orders explain no more than any two columns explain of noise, so the
-median is the noise level; the order with the largest explained part counts if noise is an unlikely
+depending on the speed. Most orders explain only noise, as any two columns do, so the median over
+orders is the noise level; the order with the largest explained part counts if noise is an unlikely
 cause (chi-square with two degrees of freedom a measurement), corrected for the number of tested
 orders and axes (Bonferroni). Then the next order is searched for in the remainder.
 

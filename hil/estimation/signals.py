@@ -152,8 +152,8 @@ class Signals:
     def error_of_sum(self, weights: Array) -> float:
         """Return the standard error of a weighted sum of filtered samples, per sample error.
 
-        For white noise before the filter h, the error of the sum of a_i (h * e)_i is |h * a|, that
-        of one sample |h|.
+        For white noise before the filter h, the error of the sum of a_i (h * e)_i is |h * a|, and
+        the error of one sample is |h|.
         """
         one = np.zeros_like(weights)
         one[len(one) // 2] = 1.0

@@ -92,7 +92,7 @@ class SimultaneousFit:
         self._keep(loaded)
 
     def _keep(self, loaded: NDArray[np.bool_]) -> None:
-        """Weigh with load friction on some axes only, shape (n_joints,)."""
+        """Weight the axes, with load friction on the axes of a mask only, shape (n_joints,)."""
         self.loaded = loaded
         """Axes with load friction, shape (n_joints,)."""
         blocks = self.blocks.drop(ROTOR)
@@ -186,8 +186,8 @@ class SimultaneousFit:
 
         If a control loop follows its encoder, the axis moves with the encoder steps, and no
         correction is needed; beyond the bandwidth of the loop the full correction is needed. The
-        share of an axis is unknown between 0 and 1: half the correction is applied, with the
-        variance 1/12 of the share.
+        share needed is unknown between 0 and 1 for each axis: half the correction is applied, with
+        the variance 1/12 of the share.
         """
         sides = np.zeros((len(self.information), self._n_joints))
         for axis, weight in enumerate(self.weight):

@@ -1,8 +1,9 @@
 """Fit parameter groups by successive weighted least squares, as in the paper, eq. (14)-(18).
 
 Gravity measurements give p_g. The moments of inertia, less the contributions of p_g (and of the
-gravity torque during the measurement), give p_Md; the coupling inertias, less both, give p_Mod.
-Each row is weighted with the reciprocal of its axis's largest torque, eq. (16).
+gravity torque during the measurement), give p_Md. The coupling inertias, less the contributions of
+p_g and p_Md, give p_Mod. Each row is weighted with the reciprocal of its axis's largest torque,
+eq. (16).
 
 The whole chain is linear in the measured values, which is used twice: to leave a measurement out,
 and to compute the effect of an error of a torque constant or of a rotor inertia.

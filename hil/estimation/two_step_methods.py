@@ -5,10 +5,9 @@ published
     p_g compensated, then for p_Mod.
 improved
     The condensed measurements of all kinds are summed and solved for all groups at once
-    (`hil.estimation.simultaneous`).
-    Before, torque lags and soft gears are estimated from the same measurements and compensated
-    (`hil.estimation.drive_train`); their remaining uncertainty is added. Trajectories are used in
-    addition to strokes, period by period.
+    (`hil.estimation.simultaneous`). Torque lags and soft gears are estimated beforehand from the
+    same measurements and compensated (`hil.estimation.drive_train`); the remaining uncertainty of
+    lags and gears is added. Trajectories are used in addition to strokes, period by period.
 
 Standard errors come from leaving out one measurement at a time (the jackknife of
 `hil.least_squares.uncertainty`): they include any difference between measurements, noise, drift or
@@ -116,7 +115,7 @@ def joint(robot: Robot, raw: Prepared, nuisance: Collection[str] = NUISANCES) ->
     if drive_train.soft.any() or loaded.any():
         # transmitted torques, and the axes with load friction, are now known better than from
         # measurements of inertia alone; doubtful load friction would bias the lag, since few
-        # measurements of inertia distinguish the two
+        # measurements of inertia distinguish load friction from a lag
         known = replace(drive_train, p=solver.solve())
         drive_train = restrict_drive_train(find_drive_train(robot, raw, loaded, known), nuisance)
         drive_train = replace(drive_train, p=known.p)
@@ -223,7 +222,7 @@ def _believed(
 
 
 def _left_out_in_turn(solver: TwoStep) -> tuple[Array, Array]:
-    """Return base parameters, and changes by leaving out every measurement."""
+    """Return base parameters, and changes by leaving out one measurement at a time."""
     p = solver.solve()
     return p, np.array([solver.solve(without) for without in range(solver.n_measurements)]) - p
 

@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 
 
 AT_REST = 0.01
-"""Mean speed below which the lubricant settles, as a share of the limit: that of a travel between
-two recordings.
+"""Mean speed below which the lubricant settles, as a share of the limit: the mean speed of a travel
+between two recordings.
 """
 BOUNDS = {"warm-up": (120.0, 14400.0), "settling": (10.0, 3600.0), "stirring": (1.0, 600.0)}
 """Bounds of the time constants, from the duration of a measurement to that of a shift [s]."""

@@ -108,7 +108,7 @@ class AxisLaw(FileModel):
     presliding : float
         Distance of presliding after a reversal [rad or m]; 0 without presliding.
     bend : TermValue
-        Coefficient of the derivative of the direction by the logarithm of this distance [N m or N].
+        Coefficient of the direction's derivative by the logarithm of `presliding` [N m or N].
     held_out : dict of str to float
         Root mean square error on held-out groups by law, relative to the chosen law; of all axes
         if fitted together; empty without a choice.
@@ -207,7 +207,7 @@ class AxisLaw(FileModel):
         return self.warmth.factor(warmth)
 
     def deviation(self, warmth: Array | None) -> Array:
-        """Return the relative standard deviation of the level, shape as of `factor`."""
+        """Return the relative standard deviation of the level, shape of `factor`."""
         if self.warmth is None or warmth is None:
             return np.asarray(self.wander)
         return self.warmth.deviation(warmth)
@@ -317,7 +317,7 @@ def _sliding_level(
     Dahl's direction is within -1 and 1, so presliding never exceeds sliding friction. The columns
     of the fit obey this bound for Coulomb friction alone: terms of speed follow the velocity at
     once, and `bend` is a linear correction of the distance. Below the slowest sample of the fit the
-    bound stays at least as large as there: an axis about to slide holds as much.
+    bound stays at least as large as at this sample: an axis about to slide holds as much.
     """
     forward, found = Direction(np.ones(len(q)), np.zeros(len(q))), []
     for least in (0.0, law.speeds[0] if law.speeds else SLOWEST * law.speed):
@@ -340,9 +340,10 @@ def friction_variance(
 ) -> Array:
     """Return the variance of `friction_torque`, shape of `q` [(N m)^2 or N^2].
 
-    The default holds for motions like those of the fit. `level` is the relative standard deviation
-    of the level in other motions; it broadcasts to the shape of `q` and is NaN for axes without an
-    exposure (`level_along`, `level_anywhere`). Other parameters as of `friction_torque`.
+    Without `level` the variance is that for motions like those of the fit. `level` is the relative
+    standard deviation of the level in other motions; it broadcasts to the shape of `q` and is NaN
+    for axes without an exposure (`level_along`, `level_anywhere`). Other parameters are those of
+    `friction_torque`.
     """
     q_rows, qd_rows, loads, warm = _rows(robot, q, qd, load, warmth)
     found = np.zeros(q_rows.shape)

@@ -26,7 +26,7 @@ RIPPLE_ORDERS = range(1, 7)
 
 
 def ripple_orders(robot: Robot, axis: int) -> tuple[int, ...]:
-    """Return the orders of `RIPPLE_ORDERS` that an axis (from 0) allows to distinguish."""
+    """Return the orders of `RIPPLE_ORDERS` that are distinguishable on an axis (from 0)."""
     gear = float(robot.gear_ratio[axis])
     turns = gear * float(robot.q_max[axis] - robot.q_min[axis]) / math.tau
     # with less than one turn of the motor, the orders resemble each other

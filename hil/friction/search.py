@@ -130,7 +130,7 @@ def unseen(
     """
     low, high = speeds
     chosen, *_ = tried
-    # the laws bend most near rest, the cube root at every scale
+    # dense near rest, where the laws bend most; the cube root bends at every scale
     slow = low * np.array([0.0, 0.05, 0.15, 0.4, 0.7, 1.0])
     fast = np.linspace(high, max(high, BEYOND * speed), 4)
     v, nearest = np.append(slow, fast), np.repeat([low, high], [len(slow), len(fast)])

@@ -79,8 +79,8 @@ _OTHERS = {
     LOAD_BY_DIRECTION: Term("|load|", lambda s: np.abs(s.load), directed=False),
     DRIFT: Term("", lambda s: s.direction.sign * s.gone, directed=True),
 }
-"""Changes of Coulomb friction with the logarithm of the presliding distance, with the load by
-direction, and with the distance of the axis."""
+"""Terms for changes of Coulomb friction: with the logarithm of the presliding distance, with the
+load by direction, and with the travelled distance of the axis."""
 WAVES = ("cosine", "sine")
 RIPPLE = tuple(f"{wave} {order}" for order in RIPPLE_ORDERS for wave in WAVES)
 """Torque ripple over the motor angle, order by order."""
@@ -132,8 +132,8 @@ def friction_columns(
     angle : ndarray, shape (n,), optional
         Motor angle [rad]; no ripple if 0 throughout, the default.
     rate : ndarray, shape (n,), optional
-        Speed of the motor as a share of the largest speed that the sample rate resolves. Ripple
-        above 1 is left out, since the low-pass removes it anyway.
+        Speed of the motor as a share of the largest speed that the sample rate resolves. Ripple of
+        order n is 0 if n times this share is 1 or more, since the low-pass removes the ripple.
     gone : ndarray, shape (n,), optional
         Distance of the axis, in any unit.
     terms : sequence of str

@@ -77,7 +77,7 @@ if TYPE_CHECKING:
 
 
 REFERENCE = 0.5
-"""Mean speed, as a share of the limit, of the time constant `warming`: a convention."""
+"""Mean speed at which `warming` is the time constant, as a share of the limit: a convention."""
 TIMES = (
     (10.0, 30.0, 90.0, 270.0, 810.0, 2430.0),
     (60.0, 180.0, 540.0, 1620.0, 4860.0),
@@ -126,7 +126,8 @@ class Warmth(FileModel):
     cooling : float
         Time constant of cooling at rest [s].
     slope, slope_error : float
-        Relative change of the level from w = 0 to 1, of the level at `reference`; standard error.
+        Change of the level from w = 0 to 1, as a share of the level at `reference`, and its
+        standard error.
     reference : float
         Warmth of the law's coefficients.
     seen : tuple of two floats
@@ -182,7 +183,7 @@ class Exposure(FileModel):
     scatter : float
         Relative standard deviation of the levels of measurements about the law.
     slope : float
-        S, relative to the level.
+        S: relative change of the level from cold to warm.
     explored : tuple of tuples of float
         Directions of the states of measurements, r of them, shape (r, n_courses). The squared
         length of each is the reduction of the prior variance by the measurements, below 1. Empty

@@ -50,7 +50,7 @@ class ModelComparison:
         Standard errors of the difference, for independent errors of both models.
     torque : ndarray, shape (n_joints,)
         Root mean square of the difference of predicted rigid-body torques on a free motion,
-        relative to the second torque; NaN for a joint without torque.
+        relative to the torque of the second model; NaN for a joint without torque.
 
     Examples
     --------

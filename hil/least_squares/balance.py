@@ -9,11 +9,11 @@ groups are left out in turn,
     sum over kinds k of (n_k - 1) / n_k, sum over groups g of k:  d_g' Q d_g,
     d_g = (N - c_k S_g)^-1 c_k (s_g - S_g x),    N x = v,    N = sum_k c_k N_k,
 
-the jackknife's variance of that torque (`hil.least_squares.uncertainty`). It also accounts for the
-weight of single groups: a kind with few groups for an unknown gets a smaller weight than its
+the jackknife's variance of that torque (`hil.least_squares.uncertainty`). This variance includes
+the weight of single groups: a kind with few groups for an unknown gets a smaller weight than its
 residuals suggest. Errors that repeat with the motion show in no group of time, but in cells of
-states; noise is in both, so of a kind with cells the larger variance counts; intervals add both, to
-be too wide rather than too narrow. The additional uncertainty of a kind alone, B_k, propagates to
+states; noise shows in both. So for a kind with cells the larger of both variances counts; intervals
+add the variances, and are rather too wide. The additional uncertainty of a kind, B_k, propagates to
 N^-1 c_k N_k B_k (N^-1 c_k N_k)'. Q has the inner products of the recorded columns, each channel
 divided by the square of its torque. The own unknowns of each kind are eliminated first.
 """
@@ -53,8 +53,8 @@ class Kind(NamedTuple):
         Covariance of the first shared unknowns by this kind alone that does not appear between
         groups, such as from the choice of a friction law; none if n is 0.
     effect : ndarray, shape (n, m)
-        Change of these unknowns per unit of another invisible quantity, such as a torque constant;
-        none if n is 0.
+        Change of the first shared unknowns per unit of an invisible quantity, such as a torque
+        constant; none if n is 0.
     """
 
     regression: Regression
@@ -70,7 +70,7 @@ class Balanced(NamedTuple):
     ----------
     whole : Kind
     parts : tuple of ndarray, shape (n, n)
-        Contribution of each kind's own estimate to the shared unknowns; the sum is 1.
+        Contribution of each kind's own estimate to the shared unknowns; the sum over kinds is 1.
     """
 
     whole: Kind
@@ -221,7 +221,7 @@ def _shares(part: Regression, shared: Sequence[str]) -> _Equations:
     of = [(to, place[name]) for to, name in enumerate(shared) if name in place]
     to, at = np.array(of, dtype=np.intp).T
     own = np.setdiff1d(np.arange(len(part.kept)), at)
-    # own unknowns are `alone` for zero shared unknowns, and depend on these by T
+    # own unknowns are `alone` for zero shared unknowns, and depend on shared unknowns by T
     T, alone = np.zeros((len(N), len(shared))), np.zeros(len(N))
     own_inverse = inverse(N[np.ix_(own, own)])
     T[at, to] = 1.0

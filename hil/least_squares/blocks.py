@@ -197,9 +197,10 @@ class Blocks:
         Parameters
         ----------
         torque : ndarray, shape (n_channels, m), optional
-            Dependent variable, by the columns of `products`; by default the torque.
+            Dependent variable, as a combination of the columns of `products`; by default the
+            torque.
         added : mapping of str to ndarray, shape (n_channels, m) or (n_groups, n_channels, m)
-            Shared columns to be appended, as combinations as well.
+            Shared columns to be appended, as combinations of the columns of `products`.
         dropped : sequence of str
             Shared columns to be removed.
         """

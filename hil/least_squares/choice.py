@@ -36,15 +36,15 @@ exact Coulomb and viscous friction (two axes, white noise)."""
 
 
 def simplest(errors: Mapping[str, Array], n_channels: int = 1) -> str:
-    """Return the simplest alternative that no other alternative predicts significantly better than.
+    """Return the simplest alternative without a significantly better alternative.
 
     Parameters
     ----------
     errors : mapping of name to ndarray, shape (n_blocks,)
         Squared errors on held-out blocks by alternative, the simplest first.
     n_channels : int
-        Number of equally weighted channels in the errors, if the alternatives concern only one: the
-        residual of this channel is an n-th.
+        Number of equally weighted channels in the errors, if the alternatives concern only one
+        channel: its share of the residual is 1 / `n_channels`.
     """
     names, squares = list(errors), np.array(list(errors.values()))
     total = sums = squares.sum(axis=1)

@@ -18,13 +18,13 @@ white
     white residuals: for predictions and for comparison.
 
 Model error, such as a missing shape of friction, repeats with the motion and shows in no group of
-time. But it differs between parts of the state space. Cells of that space are for model error what
-groups of time are for noise: each leaves a score, and with a complete model these would be small.
-So with cells the covariance is the sum of two,
+time. But it differs between parts of the state space. Cells of that space show model error as
+groups of time show noise: each cell has a score, which is small for a complete model. With cells
+the covariance is the sum of two,
 
     V = V_groups + N^-1 (sum of score score' over cells) N^-1,
 
-with the degrees of freedom of the groups. It is too large rather than too small: noise is in both.
+with the degrees of freedom of the groups. The sum is rather too large, since both contain noise.
 """
 
 from __future__ import annotations

@@ -112,7 +112,7 @@ def undetermined(N: Array, rank: float = RANK, size: Array | None = None) -> Mas
 def undetermined_beside(N: Array, n: int) -> Mask:
     """Return True for the first `n` unknowns not `IDENTIFIABLE` beside the rest, shape (n,).
 
-    The information after elimination of the others is compared with the information before.
+    The information after elimination of the rest is compared with the information before.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def fitted(W: Array, y: Array) -> Array:
 
 
 def eliminated(product: Array, k: int) -> tuple[Array, int]:
-    """Eliminate the last `k` columns from inner products; return these and the eliminated rank.
+    """Eliminate the last `k` columns from inner products; return the rest and the eliminated rank.
 
     Parameters
     ----------
@@ -216,7 +216,8 @@ def nuisance_elimination(N: Array, n: int) -> Array:
 def shares_without_nuisance(shares: Array, sides: Array, n: int) -> tuple[Array, Array]:
     """Compute the measurements' normal equations for the first `n` unknowns.
 
-    Their sums are the normal equations without nuisance, which is fixed at the solution of all.
+    The sums over measurements are the normal equations with the nuisances eliminated. Nuisances are
+    fixed at the joint solution.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ def extent(q: Array, period: float) -> Extent:
     spans = q[: len(q) // span * span].reshape(-1, span, q.shape[1])
     basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, span), 3))
     left = spans - np.einsum("tb,sb,nsj->ntj", basis, basis, spans, optimize=True)
-    size = max(float(np.abs(left).max()), np.finfo(float).tiny)  # squares of these may overflow
+    size = max(float(np.abs(left).max()), np.finfo(float).tiny)  # scaled: squares may overflow
     scatter = size * np.sqrt(((left / size) ** 2).sum(axis=(0, 1)) / (len(spans) * (span - 3)))
     means = spans.mean(axis=1)
     noise = np.maximum(scatter, [increment(each) / np.sqrt(12.0) for each in q.T])

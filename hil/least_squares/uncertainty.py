@@ -6,25 +6,25 @@ residual of its own normal equations at the solution of all, ``s_k - S_k x``.
 sandwich
     To first order the solution changes by N^-1 times the right-hand side's error. So with the
     covariance M of that error (the meat), the covariance of x is N^-1 M N^-1. The scores estimate
-    it, M = sum of score score' (Huber, Proc. 5th Berkeley Symp. 1 (1967) 221-233), for any noise
-    within a measurement; for white noise of variance s^2, M = s^2 N and s^2 N^-1 remains.
+    M = sum of score score' (Huber, Proc. 5th Berkeley Symp. 1 (1967) 221-233), for any noise within
+    a measurement; for white noise of variance s^2, M = s^2 N and s^2 N^-1 remains.
 jackknife
     The exact change of the solution without a measurement,
-    ``x_(k) - x = -(N - S_k)^-1 (s_k - S_k x)``, needs no first order: the covariance is
+    ``x_(k) - x = -(N - S_k)^-1 (s_k - S_k x)``, needs no linearisation: the covariance is
     (n - 1) / n times the sum of the squared changes (Efron and Tibshirani, *An Introduction to
     the Bootstrap*, 1993, chapter 11). It includes all differences between measurements, but is
     too large for few influential measurements: the solution without one of them is worse than
     the solution itself.
 bias-reduced
-    In between: scores enlarged to undo the fit to them, by the root of their variance's remaining
-    share for white noise, for which the result is unbiased (CR2 of Bell and McCaffrey, Survey
+    The fit makes scores too small. Each is divided by the root of the share of its variance that
+    remains for white noise, for which the result is unbiased (CR2 of Bell and McCaffrey, Survey
     Methodology 28 (2002) 169-181). For white noise and B of ``B'N B = 1`` measurement k has the
     share ``H = B'S_k B`` of the solution, and changes it by ``B (1 - H)^(-1/2) B'(s_k - S_k x)``;
-    the jackknife has (1 - H)^-1 and the sandwich 1.
+    in place of (1 - H)^(-1/2) the jackknife has (1 - H)^-1 and the sandwich 1.
 
-The accuracy of such a covariance depends on the number of measurements that carry an unknown. With
-the shares v_k of a variance, it has the effective degrees of freedom ``(sum v)^2 / sum v^2 - 1``
-(Satterthwaite, Biometrics Bull. 2 (1946) 110-114).
+The accuracy of a covariance from scatter depends on the number of measurements that carry an
+unknown. A variance to which measurement k contributes the share v_k has the effective degrees of
+freedom ``(sum v)^2 / sum v^2 - 1`` (Satterthwaite, Biometrics Bull. 2 (1946) 110-114).
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ def scatter(scores: Array, *, few: bool = False) -> Array:
     ----------
     scores : ndarray, shape (n_measurements, n)
     few : bool
-        Subtract the scores' mean and correct by n / (n - 1), which matters where there are few or
-        where the solution does not make their sum zero.
+        Subtract the scores' mean and correct by n / (n - 1), which matters for few measurements, or
+        if the sum of the scores is not zero.
 
     Returns
     -------
@@ -117,14 +117,14 @@ def jackknife(changes: Array) -> Array:
     Parameters
     ----------
     changes : ndarray, shape (n_measurements, n)
-        Changes of x without one measurement each.
+        Changes of x by leaving out one measurement at a time.
     """
     n = len(changes)
     return (n - 1) / n * (changes.T @ changes)
 
 
 def leave_out(shares: Array, scores: Array) -> Array:
-    """Compute the change of x without every single measurement, shape (n_measurements, n).
+    """Compute changes of x by leaving out one measurement at a time, shape (n_measurements, n).
 
     Parameters
     ----------
@@ -159,8 +159,8 @@ def degrees_if_white(inverse: Array, shares: Array, fewest: float = FEWEST) -> A
     """Compute effective degrees of freedom from the shares of measurements in white noise.
 
     After Bell and McCaffrey, Survey Methodology 28 (2002) 169-181. Shares from the residuals are as
-    uncertain as the variance itself: a ratio of 14 between an unknown and its standard error then
-    looked random.
+    uncertain as the variance itself: with these, an unknown of 14 standard errors was not
+    significant.
 
     Parameters
     ----------
@@ -193,8 +193,8 @@ def leave_one_out(shares: Array, sides: Array) -> Solved:
 def bias_reduced(shares: Array, sides: Array) -> Solved:
     """Solve normal equations with nearly white noise of variance 1.
 
-    No variance is less than that of such noise: a direction determined by a single measurement
-    leaves no score. Degrees of freedom are those of `degrees_if_white`.
+    No variance is less than for white noise of variance 1, since a direction determined by a single
+    measurement leaves no score. Degrees of freedom are those of `degrees_if_white`.
 
     Parameters
     ----------

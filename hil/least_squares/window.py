@@ -1,8 +1,8 @@
 """Low-pass of the improved method, a Blackman window, and differences for velocities.
 
 The window is phase-neutral and ends after `HALF_WIDTH`: a sample further than that from a reversal
-is not affected by it. Recordings and predictions pass the same window. It uses NumPy alone, since
-importing SciPy would take longer than a plan or dry run.
+is not affected by it. Recordings and predictions pass the same window. This module uses NumPy
+alone, since importing SciPy would take longer than a plan or dry run.
 
 The differences are of fourth order in the sampling period. The estimator applies them
 (`hil.estimation.signals`); predictions compute their effect on encoder increments

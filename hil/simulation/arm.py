@@ -14,8 +14,8 @@ constraints w_e qdd = 0, whose multipliers are their friction. Modes change at t
 
 - A sliding element stops. The instant is the root of the quadratic through the step's velocity,
   whose error is of order h^3; the step ends there.
-- An element at rest needs more than F_e. It leaves at the begin of the next step, so late by h at
-  most, with a velocity wrong by order h^2.
+- An element at rest needs more than F_e. The element starts to slide at the beginning of the next
+  step, at most h late, with a velocity error of order h^2.
 
 At an event the next modes follow from Gauss's principle: accelerations of the elements at rest are
 those of least constraint,
@@ -27,7 +27,7 @@ accelerations are unique since M is positive definite. An element within its bou
 bound slides against it. So the whole scheme is of order h^2 through any number of stops and
 reversals (tested against closed solutions).
 
-Presliding is left out: friction turns round at once.
+Presliding is left out: friction reverses at once.
 """
 
 from __future__ import annotations
@@ -59,16 +59,16 @@ FASTEST = 0.3
 MOST_STEPS = 64
 """Maximum number of steps in a period of the samples."""
 MOST_EVENTS = 50
-"""Maximum number of events in a step; beyond it, elements that change direction stop at the step's
-end.
+"""Maximum number of events in a step; beyond this number, elements that change direction stop at
+the end of the step.
 """
 SHORTEST = 1e-3
 """Shortest part of a step ended by an event: a lower bound that guarantees progress."""
 ROUNDS = 200
-"""Maximum number of corrections by friction of the load, each leaving its share of the load."""
+"""Maximum number of corrections of accelerations for friction of the load."""
 SETTLED = 1e-9
-"""Change of accelerations at convergence of these corrections, relative to their size and 1
-rad/s^2.
+"""Change of accelerations at convergence of the corrections for friction of the load, relative to
+the accelerations and 1 rad/s^2.
 """
 SOME = 30
 """Number of positions and speeds for the choice of the step."""

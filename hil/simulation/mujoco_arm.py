@@ -1,8 +1,8 @@
 """Simulation of a model by MuJoCo, from the file of `hil export --to mjcf`.
 
 Friction is Coulomb's and viscous, as MuJoCo has it, and an offset is the bias of an actuator. Joint
-limits are left out, since the recorded motion kept them. MuJoCo's scheme is of first order in the
-step.
+limits are left out, since the recorded motion stays within them. MuJoCo's scheme is of first order
+in the step.
 """
 
 from __future__ import annotations

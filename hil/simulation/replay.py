@@ -2,11 +2,11 @@
 
 Drives repeat their recorded torques, or hold the recorded positions with a stated PD controller. A
 stretch of a recording begins with `INITIAL` samples; a parabola fitted to these samples gives the
-initial state of the simulation, in their middle; the samples after them are scored. The benchmark
-of EMPS is scored in this way: the whole record from the command and its first 20 samples, root mean
-square of the position. Errors of a free simulation add up, and an arm that gravity turns over
-falls: a recording may be simulated in several stretches, each of which starts from a recorded
-state.
+initial state of the simulation, in their middle; the samples after them are scored. The EMPS
+benchmark is scored in this way, by the root mean square position error of the whole record,
+simulated from the command and the first 20 positions. Errors of a free simulation add up, and an
+upright arm falls. So a recording may be simulated in several stretches, each of which starts from a
+recorded state.
 """
 
 from __future__ import annotations

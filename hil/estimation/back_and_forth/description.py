@@ -1,9 +1,9 @@
 """Describe a solution as in `model.yaml`: friction curves, residuals, restrictions.
 
-A half-difference less its rigid-body part is the friction at the mean of both speeds. Each pair
-gives one value in each class of speed; mean and confidence interval over pairs, by Student's t, are
-the curve. Friction that drifts from pair to pair widens the interval, as intended: the interval is
-that of the mean over these recordings.
+A half-difference less its rigid-body part is the friction at the mean of the speeds forth and back.
+Each pair gives one value in each class of speed. The curve is the mean over pairs, with a
+confidence interval by Student's t. Friction that drifts from pair to pair widens the interval, as
+intended: the interval is that of the mean over the given recordings.
 
 The half-sums of each bin are averaged over pairs, less residual friction and the part that depends
 on the direction; the rest is the rigid-body torque, which is gravity where the axis moves at
@@ -153,7 +153,7 @@ def samples(robot: Robot, recordings: Sequence[Halves]) -> Blocks:
 
 
 def residuals(whole: Blocks, recordings: Sequence[Halves], solution: Solution) -> Residuals:
-    """Return the residuals of a solution, with levels of friction, over the used samples."""
+    """Return the residuals of a solution over the used samples, levels of friction fitted."""
     left = np.zeros(whole.n_channels)
     for each in recordings:
         around = solution.eliminate_levels(each) @ solution.residual_row(each.axis)
@@ -167,7 +167,7 @@ def residuals(whole: Blocks, recordings: Sequence[Halves], solution: Solution) -
 
 
 def combinations(robot: Robot, excited: Excitation) -> tuple[Combination, ...]:
-    """Write the parameter sums behind jointly identified parameters."""
+    """Return the sums of parameters that are identified in place of single parameters."""
     names = base_parameters(robot).names
     found = []
     for k in excited.kept.tolist():

@@ -1,16 +1,16 @@
 """Base parameters excited by motions of single axes, alone or in combination.
 
-An axis moving alone shows the diagonal of the mass matrix, and gravity; it never shows couplings,
-and few configurations show sums of parameters only. Linearly dependent columns of the regression
-are found by Cholesky factorisation with pivoting of the scaled normal equations (Gautier, J.
-Robotic Syst. 8 (1991) 485-506, does the same by the QR decomposition). Of a dependent set some
-parameters are kept, and each represents itself and a share of the dropped ones:
+An axis moving alone shows the diagonal of the mass matrix, and gravity, but no couplings. Motion in
+few configurations shows only sums of parameters. Linearly dependent columns of the regression are
+found by Cholesky factorisation with pivoting of the scaled normal equations (Gautier, J. Robotic
+Syst. 8 (1991) 485-506, does the same by the QR decomposition). Of a dependent set some parameters
+are kept, and each represents itself and a share of the dropped ones:
 
     W_d = W_k B   so   W_k p_k + W_d p_d = W_k (p_k + B p_d).
 
-Each step keeps the parameter with the longest remaining column: of p30 + 1.8e7 p35, p35 is the
-visible one. If p35 itself must be dropped, p30 is dropped too, since p30 would still represent p35:
-a kept parameter represents no more than `LARGEST` of another one.
+Each step keeps the parameter with the longest remaining column, p35 in the sum p30 + 1.8e7 p35. If
+p35 must be dropped for another reason, p30 is dropped too, since p30 would represent 1.8e7 p35: a
+kept parameter represents at most `LARGEST` times another one.
 
 A nearly dependent column is dropped too if noise alone would make the torque of its parameter, over
 the recorded motion, uncertain by more than the share `LOOSE` of the torque: for rows of unit
@@ -74,7 +74,7 @@ class Excitation:
 
 
 def excitation(N: Array, n: int, square: float) -> Excitation:
-    """Determine the excited ones among the first `n` unknowns; the others are nuisances.
+    """Determine the excited parameters among the first `n` unknowns; the rest are nuisances.
 
     Parameters
     ----------

@@ -2,9 +2,9 @@
 
 All columns of the regression are condensed alike: torque, known rotor torque, the base parameters'
 rows, direction-dependent terms, and friction. In half-sums friction cancels if both strokes pass at
-equal speeds; in half-differences everything else cancels if both strokes accelerate alike. The
-remainders are in the columns. No friction law is assumed, friction is any odd function of the
-velocity,
+equal speeds; in half-differences everything else cancels if both strokes accelerate alike. If
+speeds or accelerations differ, the columns contain the remainders. No friction law is assumed:
+friction is any odd function of the velocity,
 
     f = sign(v) sum_j c_j h_j(|v|) + sum_k T_k(t) (a_k sign(v) + b_k v).
 
@@ -68,16 +68,16 @@ class Halves:
     pairs : Pairs
     rows : ndarray, shape (2, n, 1 + n_known + n_levels)
         Half-sums and half-differences of the torque less that of known rotors, of `known` columns
-        and of levels of friction, at unit variance for samples of variance 1.
+        and of levels of friction, scaled to variance 1 for samples of variance 1.
     alone : ndarray, shape of `rows`
-        `rows` with all other axes at rest: the content of such motions without accidental
-        excitation; the column of the known rotors, which is no unknown, is 0.
+        `rows` for motion with all other axes at rest, hence without accidental excitation; the
+        column of the known rotors, which is no unknown, is 0.
     q : ndarray, shape (n, n_joints)
         Mean positions [rad or m].
     speed : ndarray, shape (n,)
         Mean speed of both strokes [rad/s or m/s].
     samples : ndarray
-        Inner products of these columns over all samples of the pairs.
+        Inner products of the columns of `rows` over all samples of the pairs.
     whole : ndarray, shape (n_pairs, m, m)
         Inner products of the torque, base parameters and `CLASSICAL` friction over all samples of
         each pair, including slow samples.
@@ -103,14 +103,14 @@ class Halves:
 
     @cached_property
     def _products(self) -> Array:
-        """Inner products of the columns by kind and half, shape (2, 2, m, m)."""
+        """Inner products of `rows` and `alone` for half-sums and half-differences, (2, 2, m, m)."""
         return np.stack([np.swapaxes(x, 1, 2) @ x for x in (self.rows, self.alone)])
 
     def eliminate_levels(self, weights: Array, n: int, *, alone: bool = False) -> Array:
         """Return column combinations, shape (m, n), that eliminate the levels of friction.
 
-        The first `n` columns are kept. Both halves share the levels, so the eliminated part depends
-        on the weights of the halves, shape (2,).
+        The first `n` columns are kept. Half-sums and half-differences share the levels, so the
+        eliminated part depends on the weights of both, shape (2,).
         """
         both = np.tensordot(weights, self._products[int(alone)], 1)
         return np.vstack([np.eye(n), -inverse(both[n:, n:]) @ both[n:, :n]])
@@ -186,7 +186,7 @@ def _processing(motion: FreeMotion, recording: Recording) -> tuple[Processing, s
 
 
 def _columns(robot: Robot, motion: Motion, axis: int) -> dict[str, Array]:
-    """Return torque less that of rotors, filtered columns, and friction per velocity."""
+    """Return filtered columns by name: torque without rotors, friction per unit of velocity."""
     rows = regressor(robot, motion.q, motion.qd, motion.qdd, [axis])[:, 0]
     columns = motion.passed(axis_columns(robot, motion, axis, rows, np.zeros(rows.shape[1])))
     names = (*shared_names(robot), ROTOR, *COLUMNS)
@@ -207,7 +207,7 @@ def _levels(u: Array, pairs: Pairs) -> Array:
     # the friction curve has at most as many interpolation speeds as a recording has bins of
     # position (`hil.estimation.back_and_forth.pairs.BINS`)
     for speed in np.quantile(np.abs(u[pairs.used]), np.linspace(0.0, 1.0, 8)).tolist():
-        # with closer speeds, less than half of the bend of friction would be resolved
+        # a finer resolution than half of the bend of friction is not needed
         if not knots or speed >= knots[-1] + BEND / 2:
             knots.append(speed)
     curve = np.column_stack([np.interp(np.abs(u), knots, unit) for unit in np.eye(len(knots))])

@@ -71,7 +71,7 @@ class Pairs:
 
     @property
     def weights(self) -> Array:
-        """Inverse variances of the halves, shape (n_rows,), for unit sample variance."""
+        """Inverse variance of each row for unit sample variance, shape (n_rows,)."""
         forth, back = map(np.bincount, self.rows)
         return 4.0 / (1.0 / forth + 1.0 / back)
 

@@ -80,7 +80,7 @@ class BackAndForthFit(FileModel):
     not_identified : tuple of str
         Base parameters not excited by the motions; zero in the model.
     combinations : tuple of Combination
-        Parameters identified together with some of these.
+        Sums of parameters identified in place of single parameters.
     remarks : tuple of str
         Restrictions of the estimate.
     """

@@ -1,8 +1,9 @@
 """Physical consistency of standard parameters, as linear matrix inequalities.
 
 The pseudo-inertia [[S, s], [s', m]] of every link (`hil.model.frames.pseudo_inertia`) must be
-positive definite. A bound with a physical meaning keeps it well inside: the mass of a link must
-spread by at least a length t, the thickness, in every direction about its centre:
+positive definite. A bound with a physical meaning keeps the pseudo-inertia away from singularity:
+the mass of a link must spread by at least a length t, the thickness, in every direction about its
+centre:
 
     [[S - t^2 m 1, s], [s', m]] >= 0,
 

@@ -1,10 +1,10 @@
 """Likely bodies of links by shape, for combinations of parameters that data do not determine.
 
-Torques show only combinations of the links' parameters; the rest is chosen nearest to these bodies.
-Bodies stated in a URDF take precedence. Otherwise a link is a rod with rounded ends: the capsule in
-the robot file, or the line from its frame to the next one; its mass is proportional to its volume.
-The common scale of mass and size is left to the data (`hil.estimation.consistent.likeliest`); here
-all links have the density of water.
+Torques show only combinations of the links' parameters; the rest is chosen nearest to likely
+bodies. Bodies stated in a URDF take precedence. Otherwise a link is a rod with rounded ends: the
+capsule in the robot file, or the line from its frame to the next one; its mass is proportional to
+its volume. The common scale of mass and size is left to the data
+(`hil.estimation.consistent.likeliest`); here all links have the density of water.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 r"""Nearest base parameters of physical bodies, and such bodies.
 
-Standard parameters with the torques of base parameters p' are ``phi = P p' + Z z``: P puts base
-parameters into the standard parameters that head them, Z spans the directions without torque (the
-null space of K of all links' parameters), z is free. Parameters left out of a robot file are zero
-in the torques, not in the bodies: no body lacks Ixx. Consider all p' with a phi that meets the
+Standard parameters with the torques of base parameters p' are ``phi = P p' + Z z``: P puts each
+base parameter into the first standard parameter of its sum, Z spans the directions without torque
+(the null space of K of all links' parameters), z is free. Parameters left out of a robot file are
+zero in the torques, not in the bodies: no body lacks Ixx. Consider all p' with a phi that meets the
 conditions (`hil.estimation.consistent.conditions`). The nearest to the estimate p by its covariance
 V,
 
@@ -14,9 +14,9 @@ program. With the normal equations N p = v of an estimate that is linear in p, a
 
     |y - X p'|_W^2 = |y - X p|_W^2 + (p' - p)' N (p' - p),
 
-since the residual of p is W-orthogonal to X; so its constrained minimum is the projection of p with
-V = s^2 N^-1, for any scale s. Unknowns without conditions (friction) are minimised over by
-taking their rows out of V = N^-1, which leaves N's Schur complement.
+since the residual of p is W-orthogonal to X. So the constrained least-squares solution is the
+projection of p with V = s^2 N^-1, for any scale s. Unknowns without conditions (friction) are
+minimised over by taking their rows out of V = N^-1, which leaves N's Schur complement.
 
 This program determines p' and leaves z open; `hil.estimation.consistent.likeliest` chooses z. The
 program demands twice the thickness, to leave room for this choice.

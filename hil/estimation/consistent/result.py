@@ -76,7 +76,7 @@ class ConsistentRobot(FileModel):
     masses : dict of int to (float, float)
         Demanded bounds of masses, by link from 1 [kg].
     likely : str
-        Source of the likely bodies, which decide where no torque does.
+        Source of the likely bodies, which decide what torques do not determine.
     open_masses : tuple of int
         Links, from 1, with a mass that no torque determines.
     links : tuple of LinkBody

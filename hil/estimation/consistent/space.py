@@ -1,9 +1,9 @@
 """Candidate standard parameters of an estimate, and their units in the programs.
 
-The parameters are ``phi = P (p + L x) + Z z``: P puts base parameters into the standard parameters
-that head them, L L' is the covariance of p, so that x counts standard errors, and Z spans the
-directions without torque. The likely bodies of the links are the units, which makes all numbers
-alike in size.
+The parameters are ``phi = P (p + L x) + Z z``: P puts each base parameter into the first standard
+parameter of its sum, L L' is the covariance of p, so that x counts standard errors, and Z spans the
+directions without torque. The likely bodies of the links are the units, so that all numbers have
+similar size.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Test of recordings for causes of error: found, excluded and invisible ones."""
+"""Test of recordings for causes of error: found, excluded and invisible causes."""

@@ -4,10 +4,10 @@ Each alternative is another reading of the recordings. Joint i is read from chan
 
     q = sign_q scale q_read + zero,    tau_read = sign_tau gain (A p + H qdd) + friction,
 
-so that a gear ratio N that is stated as N' has scale, gain and gear N' / N, and the motor's H is
-that stated over gear^2. All base parameters are fitted anew for each reading. Readings are compared
-by the likelihood of white noise of unknown variance on each axis, sum n_a log s_a^2; they have as
-many unknowns as the stated reading, or one more. Two results are impossible beyond noise,
+so that a gear ratio N that is stated as N' has scale, gain and gear N' / N, and the rotor inertia H
+is the stated one over gear^2. All base parameters are fitted anew for each reading. Readings are
+compared by the likelihood of white noise of unknown variance on each axis, sum n_a log s_a^2; they
+have as many unknowns as the stated reading, or one more. Two results are impossible beyond noise,
 regardless of the residual: friction that drives its axis, and motion of negative kinetic energy.
 """
 
@@ -99,7 +99,7 @@ class Reading:
         return self.true_motion(evidence.motion[1], evidence.time)
 
     def true_motion(self, read: Array, time: Array) -> tuple[Array, Array, Array]:
-        """Return true q, qd and qdd for those read at instants, shape (3, n, n_joints)."""
+        """Convert recorded q, qd, qdd at instants to the true motion, shape (3, n, n_joints)."""
         factor = self.sign_q * self.scale
         q, qd, qdd = (x[:, self.order] * factor for x in read)
         q = q + self.zero
@@ -111,7 +111,7 @@ class Reading:
     def rows(
         self, robot: Robot, evidence: Evidence, known: dict[tuple[int, int], Array] | None = None
     ) -> tuple[Array, Array]:
-        """Return torque less motor torque, and base-parameter columns, in recorded torque.
+        """Return torque less motor torque, and base-parameter columns, as recorded by the channel.
 
         `known` are regressor rows of this motion by channel and joint; missing ones are added.
         """
@@ -138,7 +138,9 @@ class Explained:
     robot, evidence, reading
         Inputs; channels' own columns are projected out of the evidence.
     more : ndarray, shape (n, k), optional
-        Further free columns. misfit : float sum n_a log s_a^2; differences are chi squares.
+        Further free columns.
+    misfit : float
+        sum n_a log s_a^2; differences are chi squares.
     left : ndarray, shape (n_channels,)
         s_a^2, the residual mean squares.
     p : ndarray, shape (n_base,)
@@ -174,8 +176,8 @@ class Explained:
     def instead_below(self, reading: Reading, most: float) -> Explained | None:
         """Fit another reading; return None if the misfit is at least `most`.
 
-        Separate base parameters for each channel leave a smaller residual than common ones, without
-        iterated weights; even so, few wrong readings come below `most`.
+        Separate base parameters for each channel give a lower bound of the misfit, without iterated
+        weights. Few wrong readings have a bound below `most`.
         """
         if reading.key not in self._regressors and len(self._regressors) > 1:
             self._regressors.popitem()
@@ -196,7 +198,7 @@ class Explained:
     def driven(self) -> Array:
         """Share of residual mean squares along friction that drives an axis, shape (n_channels,).
 
-        It refers to the later recordings, if a change is tested.
+        If a change is tested, the share is that of the later recordings.
         """
         found, evidence, reading = np.zeros(len(self.left)), self.evidence, self.reading
         for channel in np.unique(evidence.axis):
@@ -216,7 +218,7 @@ class Explained:
     @cached_property
     def possible(self) -> bool:
         """True if friction dissipates power and all motion has positive energy, within noise."""
-        # of n samples of noise a share r^2 follows a direction with n r^2 / (1 - r^2) about 1
+        # noise of n samples has a share r^2 along a given direction, with n r^2 / (1 - r^2) about 1
         most = self.dispersion * _beyond(len(self.driven)) * (1.0 - self.driven)
         return not (self.counts * self.driven > most).any() and not self._negative
 
@@ -321,7 +323,7 @@ def _beyond(n: int) -> float:
 
 
 def sized(robot: Robot, cause: str, axis: int, instant: float = 0.0) -> Callable[[float], Reading]:
-    """Return the readings of a cause as a function of size, in the unit of the table."""
+    """Return the readings of a cause as a function of size, in the unit of the table of causes."""
     stated = Reading.stated(robot)
     unit = np.pi / 180 if axis < 0 or robot.revolute[axis] else 1e-3
 
@@ -356,9 +358,9 @@ def alternatives(
         Fit of the stated reading, on some `ROWS` of each channel; its dispersion is that of
         misfits, enlarged by noise that is not white.
     sizes : dict
-        Sizes of causes to first order, which are tried too. A cause of one column without a size is
-        within the span of the estimate: another size would only explain the difference between
-        smoothed motions and smoothed regressors, many times over.
+        Sizes of causes to first order, used as further start values. A single-column cause without
+        a size is within the span of the estimate: any size would only explain the difference
+        between smoothed motions and smoothed regressors.
     slipped : int
         Axis whose slip explains most to first order; slips of other axes are not tried.
     """

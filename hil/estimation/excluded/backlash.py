@@ -10,8 +10,8 @@ contact is lost and the link moves freely,
 until it meets the other side. It stays there, since the motor and the losses of the gear absorb the
 impact (restitution of 0). So the gap is crossed in :math:`\sqrt{4 b M_{kk} / |T_k|}` after a step
 of the torque, in :math:`(12 b M_{kk} / |\dot T_k|)^{1/3}` after a steady change of sign; meanwhile
-the motor lacks the link's torque, and the impact brings back the momentum. Both follow from the
-same derivative: the torque of all axes changes by that of a motion changed by :math:`\delta`,
+the motor lacks the link's torque, and the impact brings back the momentum. One derivative gives
+both effects: the torque of all axes changes as for a motion changed by :math:`\delta`,
 :math:`\dot\delta` and :math:`\ddot\delta`. In contact :math:`\delta = -b \operatorname{sign} T_k`.
 
 A soft gear adds :math:`-c T_k`. Fitted without the gap, a compliance takes part of the gap: least
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 HALF_GAPS = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3)
 """Tested half gaps, each twice the previous one [rad or m]: 0.3 to 5.5 arc minutes."""
 WITHIN = 2.0
-"""Largest factor between a size and the half gap of its column; beyond, others are nearer."""
+"""Largest ratio of a size to the half gap of its column; beyond, another column is valid."""
 PIECE, LEAD = 768, 256
 """Samples of a piece of a recording, and of the lead before it: pieces are simulated in parallel,
 and the first change of sign makes a piece independent of its start."""
@@ -84,7 +84,7 @@ class Driven(NamedTuple):
     inertia : ndarray, shape (n_some, n_joints)
         Diagonal of the mass matrix without rotors, at one of `SPARSE` samples.
     some : ndarray of int, shape (n_some,)
-        Indices of these samples.
+        Indices of the samples of `inertia`.
     """
 
     torque: Array
@@ -96,7 +96,7 @@ class Driven(NamedTuple):
         """Compute torque and inertia of several recordings, from motion and base parameters."""
         torques = [s.smoothed(inverse_dynamics(robot, p, *s.link)) for s in signals]
         some = [np.append(np.arange(0, len(x) - 1, SPARSE), len(x) - 1) for x in torques]
-        # a single call takes as long as some hundred samples
+        # a single call: the overhead of a call equals some hundred samples
         q = np.concatenate([s.q[at] for s, at in zip(signals, some, strict=True)])
         inertia = np.einsum("nii->ni", mass_matrix(robot, p, q))
         ends = np.cumsum([len(at) for at in some])[:-1]

@@ -15,10 +15,10 @@ groups gives the factor of the variance 1 / I_j, the *dispersion* of the cause,
     phi_j = sum_k ((s_kj - I_kj theta_j) / (1 - I_kj / I_j))^2 / I_j,
 
 where r_k is enlarged by (1 - Q_k Q_k')^(-1/2) as for CR2 (`hil.least_squares.uncertainty`). The
-size is enlarged by the group's full share, as in the jackknife: wandering friction adds to a score
-in proportion to I_kj, not to its root, so groups that carry a size leave least of it (where
-dispersion is 4, powers of 1, 1/2 and of 1 find p < 0.01 in 3 and in 1 % of clean runs 300 to 307).
-Everything is taken *beside the cause itself*, r_k less D~_kj theta_j: a flaw of any size changes
+power of 1 - I_kj / I_j is 1, as in the jackknife: wandering friction adds to a score in proportion
+to I_kj, not to its root, so a group with a large share of I_j leaves a small difference (at a
+dispersion of 4, the power 1/2 gives p < 0.01 in 3 % of tests on clean runs, the power 1 in 1 %).
+Residuals are *adjusted for the cause itself*, r_k less D~_kj theta_j: a cause of any size changes
 neither the dispersion nor the variance 1 of white noise.
 
 Dispersion has few degrees of freedom if few groups carry a cause: with two groups and a hundred
@@ -38,9 +38,9 @@ Models of real machines are not exact. Model error is a smooth function of the s
 the same motion repeat it, so they do not scatter by it. Two other scales show model error, and a
 cause counts only if it exceeds these as well as phi.
 
-Model error does not prefer one cause to another. The mean that the other causes of an axis explain,
-beside the cause under test, is the scale (the empirical null of Efron, J. Am. Stat. Assoc. 99
-(2004) 96)
+Model error does not prefer one cause to another. The first scale is the mean square explained by
+the other causes of an axis, adjusted for the cause under test (the empirical null of Efron, J. Am.
+Stat. Assoc. 99 (2004) 96)
 
     psi = (1 / m) sum_j z_j^2,   z_j^2 = (sum_k s_kj)^2 / I_j,   d = m^2 / sum_ij R_ij^2,
 
@@ -48,7 +48,7 @@ over m columns of correlations R, with the degrees of freedom of a quadratic for
 correlated normals.
 
 Model error also makes parts of unchanged recordings differ. Let the cause act in one of K parts
-alone. With its columns D~_k beside Z, the part explains z_jk^2. If nothing changed, that is model
+alone: its columns D~_k, adjusted for Z, explain z_jk^2. If nothing changed, z_jk^2 is due to model
 error and noise, so
 
     omega_j = (d psi_0 + K r_j mean_k z_jk^2 / r_j) / (d + K r_j)
@@ -94,11 +94,12 @@ FAMILIES = 3
 """Number of families of tests for a change, which share `LEVEL` (Bonferroni): columns, finite
 readings, and friction."""
 SPAN = 1e-4
-"""Share of a column's square beside the estimated columns, below which the column is within their
-span. Columns use the smoothed motion, those of the base parameters are smoothed themselves, and the
-two differ by some 1e-3; a share of less than ten times this difference shows nothing."""
+"""Share of a column's square left after adjustment for the estimated columns, below which the
+column is within their span. Columns use the smoothed motion, columns of base parameters are
+smoothed themselves. The two differ by some 1e-3; an amplitude of less than ten times that shows
+nothing."""
 NOTHING = 1e-10
-"""Root mean square of a column of rounding errors, at most, relative to the largest column."""
+"""Largest root mean square of a column of rounding errors, relative to the largest column."""
 
 
 class Test(NamedTuple):
@@ -118,9 +119,10 @@ class Test(NamedTuple):
         Probability of a size at least as large by chance.
     rank : int
         Number of independent columns.
-    dispersion : float Moderated dispersion.
+    dispersion : float
+        Moderated dispersion.
     white : float
-        Dispersion of white noise, its lower limit.
+        Dispersion of white noise, the lower limit of `dispersion`.
     """
 
     columns: Indices
@@ -135,11 +137,11 @@ class Test(NamedTuple):
 
 
 class _AxisColumns(NamedTuple):
-    """Columns for the noise of an axis; axis -1 has the columns of all axes.
+    """Visible columns of an axis, for the axis's noise; axis -1 has the columns of all axes.
 
-    `left` holds their rows beside the estimated columns, `alike` the correlations of their
+    `left` holds the columns adjusted for the estimated columns, `alike` the correlations of their
     dispersions for white noise within groups, `n_groups` the number of groups with rows of the
-    axis, and `products` their inner products.
+    axis, and `products` the inner products of `left`.
     """
 
     columns: Indices
@@ -169,7 +171,7 @@ class Battery:
         self._y, self._X, self._own = (
             e.project_out_friction(x)[order] for x in (e.torque[:, None], e.X, e.own)
         )
-        # only a few of the many columns are used repeatedly
+        # stored column by column, since only a few of the many columns are used repeatedly
         self._D = np.asfortranarray(e.project_out_friction(columns.values)[order])
         self._channel, group = e.axis[order], e.group[order]
         self._starts = np.flatnonzero(np.diff(group, prepend=-1))
@@ -210,7 +212,7 @@ class Battery:
         Z *= root[:, None]
         self._coefficients = inverse_root(regression.normal.information)
         Q = Z @ self._coefficients
-        del Z, rows, shared  # as large as the columns
+        del Z, rows, shared  # free the memory: each is as large as the columns
         y, D = self._y[:, 0] * root, self._D * root[:, None]
         self._Q, self._root = Q, root
         self._residual = y - Q @ (Q.T @ y)
@@ -235,11 +237,11 @@ class Battery:
     def _respond(self, left: Array, root: Array) -> None:
         """Scale columns of delays to the effect of a delay on the recorded torques.
 
-        Columns use the modelled torque, but a delay moves all of the torque. The residuals of the
-        two beside friction and base parameters may differ. So the column of a delay is an
-        instrument (Wooldridge, Introductory Econometrics, 15.1) for the derivative of the recorded
-        torque; the noise of this derivative would hide a delay if it were the column itself. The
-        rest of the derivative adds to the mean square of the axis.
+        Columns use the modelled torque, but a delay moves all of the torque. Adjusted for friction
+        and base parameters, the derivatives of modelled and recorded torque may differ. So the
+        column of a delay is an instrument (Wooldridge, Introductory Econometrics, 15.1) for the
+        derivative of the recorded torque, which is too noisy to be the column itself. The rest of
+        this derivative adds to the mean square of the axis.
         """
         self.elsewhere = np.zeros(left.shape[1])
         """Effect of a unit of each cause outside its column, as a share of its axis's mean square.
@@ -307,7 +309,7 @@ class Battery:
         return at, orthonormal(self._left[:, at].T @ self._left[:, at])
 
     def gram(self, columns: Sequence[int]) -> Array:
-        """Return inner products of columns adjusted for the estimated columns, or zero."""
+        """Return inner products of columns adjusted for the estimated columns; 0 if invisible."""
         left = self._left[:, columns] * self.visible[list(columns)]
         return left.T @ left
 
@@ -332,7 +334,7 @@ class Battery:
         return found
 
     def squares(self, columns: Indices) -> Array:
-        """Return the sum of squares per unit of columns by axis, shape (n_channels, n)."""
+        """Return sums of squares of columns, adjusted and weighted, by axis, (n_channels, n)."""
         found = np.zeros((self.evidence.n_channels, len(columns)))
         np.add.at(found, self._channel, self._left[:, columns] ** 2)
         return found
@@ -346,8 +348,8 @@ class Battery:
         """Return the ratio of the errors of causes at a size to the errors at small sizes.
 
         Axes are weighted by their residual torques, which include a cause of several axes until it
-        is found. With weights w_a in place of 1, the error of its size is larger by sqrt(sum_a I_a
-        sum_a I_a w_a^2) / sum_a I_a w_a.
+        is found. With weights w_a in place of 1, the error of the cause's size is larger by
+        sqrt(sum_a I_a sum_a I_a w_a^2) / sum_a I_a w_a.
 
         Parameters
         ----------
@@ -389,7 +391,7 @@ class Battery:
         # wandering noise is the same in all columns of a group
         degrees = min(degrees, max(self._axes[axis].n_groups - 1.0, ALMOST_NONE))
         noise = Common(max(float(phi), white), degrees)
-        # relative to the residual, which excludes the change
+        # omega is relative to the residual, here to that without the cause
         omega = self.unchanged.get(nearest(self.columns.names[at[0]][:2]))
         parts = noise if omega is None else Common(white * omega.dispersion, omega.degrees)
         # the largest critical value of the three scales (F quantile)
@@ -471,7 +473,7 @@ class Battery:
         )
 
     def _others(self, axis: int, at: Indices, U: Array | None) -> Common:
-        """Return psi: mean of the parts explained by an axis's other columns, adjusted for `U`."""
+        """Return psi: mean square explained by an axis's other columns, adjusted for `U`."""
         own, D, *_, products = self._axes[axis]
         other = ~np.isin(own, at)
         own, products, scores = own[other], products[np.ix_(other, other)], self._scores[own[other]]
@@ -487,7 +489,7 @@ class Battery:
         return Common(float(z2.mean()), freedom(products[np.ix_(seen, seen)]))
 
     def part_scales(self, part: Indices) -> dict[Key, Common]:
-        """Return omega of causes: explained parts of unchanged recordings.
+        """Return omega of each cause, from parts of unchanged recordings.
 
         Parameters
         ----------

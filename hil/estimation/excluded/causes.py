@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 Key = tuple[str, int]
-"""Cause and axis, from 0; -1 for a cause of no axis. Names of repeating torques include the order.
+"""Cause and axis, from 0; -1 for a cause of no axis. Names of torque ripple include the order.
 """
 FIRST_ORDER = 0.5
 """Largest size described by a first-order column, as a share (of the travel of a prismatic joint)
@@ -123,7 +123,7 @@ CAUSES = {
         "a load on the last link, or link parameters missing in the robot file",
         "SI", "SI", 0.0, LEFT_OUT,
     ),
-    # homing by eye or against a stop
+    # usual error: homing by eye or against a stop
     "joint offset": Cause(
         "joint offset error", "degrees", "mm", 0.5,
         "correct zero in the drives file (hil drives home), offset in the map, or theta in the "
@@ -139,7 +139,7 @@ CAUSES = {
         "weigh a known mass (hil payload --mass); correct the unit or the gain of all torques",
         least=-100.0,
     ),
-    # numbers of teeth are exact; an error by one tooth is 1 in 100
+    # usual error: numbers of teeth are exact; an error by one tooth is 1 in 100
     "gear ratio": Cause(
         "gear ratio greater than stated by", "%", "%", 1.0,
         "correct its gear_ratio in robot file and drives file", least=-100.0,
@@ -153,7 +153,7 @@ CAUSES = {
         "correct rotor_inertia in the robot file; brake and coupling are part of it",
         least=-100.0,
     ),
-    # NdFeB loses 0.11 % of its flux per kelvin, and motors warm by some 20 K in an hour
+    # usual drift: NdFeB loses 0.11 % of its flux per kelvin; motors warm by some 20 K in an hour
     "drift of torque constant": Cause(
         "torque constant drifts by", "%/h", "%/h", 2.2,
         "let the motors reach their temperature before measuring (magnets weaken as they warm), "
@@ -163,7 +163,7 @@ CAUSES = {
         "coupling slipped by", "degrees", "mm", 0.0,
         "fasten the coupling, home the axis and measure again",
     ),
-    # unevenness of mounting plates levelled by a spirit level, 1 mm/m, on a floor
+    # usual tilt: mounting plates levelled by a spirit level, 1 mm/m, on a floor
     "gravity": Cause(
         "gravity direction error", "degrees", "degrees", 0.1,
         "correct gravity in the robot file: how is the base mounted?",
@@ -188,7 +188,7 @@ CAUSES = {
         "no action: it is fitted; methods without this term find other parameters", accounted=True,
         least=0.0,
     ),
-    # one cycle of a current controller
+    # usual delay: one cycle of a current controller
     "torque delay": Cause(
         "torque delay", "ms", "ms", 1.0,
         "record torque and position at the same instant, or shift the torque column by the delay",
@@ -197,13 +197,13 @@ CAUSES = {
         "position delay", "ms", "ms", 1.0,
         "record positions of all axes at the same instant",
     ),
-    # one arc minute, as data sheets of precision gears state
+    # usual backlash: one arc minute, as data sheets of precision gears state
     "backlash": Cause(
         "gear backlash, half of the width", "degrees", "mm", 1 / 120,
         "no action: link and motor positions differ by at most this",
         least=0.0,
     ),
-    # parts of the estimate's own error (see `effects`)
+    # from here on, parts of the estimate's own error (see `effects`)
     "soft gears": Cause(
         "", "", "", 0.0,
         "no action: link positions include the gears' elastic twist; a simulator or a "
@@ -245,7 +245,7 @@ named first. A load precedes a joint offset: homing an axis that only carries a 
 correct offset.
 """
 FITTED = ("torque delay", "soft gears")
-"""Causes fitted and accounted for by every estimate; they remain free while others are tested."""
+"""Causes fitted and accounted for by every estimate, and fitted together with tested causes."""
 SHOWN_BY = {
     "load": "two runs, without and with the load, would show it (hil payload)",
     "joint offset": "base parameters absorb the offset, without any change of predicted torques",

@@ -1,18 +1,18 @@
 """Columns of causes that may spoil an identification: torque per unit of each cause.
 
-A small cause enters the torque linearly. With tau(q, qd, qdd) = A p + H qdd the torque of the
-estimate, and e_k the axis k, the column of axis i is, per unit of
+A small cause enters the torque linearly. With tau(q, qd, qdd) = A p + H qdd, the torque of the
+estimate, the column of axis i is, per unit of
 
     joint offset of k      d tau_i / d q_k: the link is further on than its reading
     position scale of k    (q_k d/dq_k + qd_k d/dqd_k + qdd_k d/dqdd_k) tau_i
     gear ratio of k        minus position scale of the rigid bodies, minus their torque where i = k
     torque constant of k   -tau_i where i = k, with the channel's own columns as fitted, since an
-                           uncertain part of A p may cancel them; its drift as much times the time
-    torques of all axes    -tau_i, likewise
+                           uncertain part of A p may cancel them; for its drift, times the time
+    torques of all axes    -tau_i, with the channel's own columns
     rotor inertia of k     H qdd_i where i = k
-    late torque of k       (tau_i(t - T) - tau_i(t + T)) / 2T where i = k: all motion shifted
-    late position of k     (tau_i(t + T) - tau_i(t - T)) / 2T with the motion of k alone shifted
-    compliance of k        d tau_i by the twist of a gear that is fitted as soft, per unit of it
+    torque delay of k      (tau_i(t - T) - tau_i(t + T)) / 2T where i = k: all motion shifted
+    position delay of k    (tau_i(t + T) - tau_i(t - T)) / 2T with the motion of k alone shifted
+    compliance of k        d tau_i by the twist of a gear that is fitted as soft, per 1 % of twist
     backlash of k          d tau_i by the displacement of the link within the gap (`backlash`)
     slip of k              d tau_i / d q_k from an instant on
     direction of gravity   d tau_i by a rotation about either axis across gravity
@@ -77,7 +77,7 @@ class Columns:
     values : ndarray, shape (n, n_columns)
         Torque per unit of each column; the unit is that of the cause.
     free : sequence of str
-        Causes that stay free beside the others.
+        Causes fitted together with every tested cause.
     """
 
     names: tuple[Column, ...]
@@ -113,7 +113,7 @@ class EvidenceRows:
     ) -> None:
         self.robot, self.p, self.evidence = robot, p, evidence
         self.whole_evidence = evidence if whole is None else whole
-        """Evidence that these rows are a part of."""
+        """Evidence that contains the rows."""
         self.before, (self.q, self.qd, self.qdd), self.after = evidence.motion
         self.bodies = inverse_dynamics(robot, p, self.q, self.qd, self.qdd)
         self.rigid = self._own(self.bodies)
@@ -121,7 +121,7 @@ class EvidenceRows:
         self._of_axis = -1, np.empty((3, 0))
 
     def accelerated(self, joint: int) -> EvidenceRows:
-        """Return the rows with one unit of acceleration more of a joint."""
+        """Return the rows with the acceleration of a joint increased by one unit."""
         motion = self.evidence.motion.copy()
         motion[:, 2, :, joint] += 1.0
         moved = replace(self.evidence, motion=motion)
@@ -141,7 +141,7 @@ class EvidenceRows:
     def partials(self, axis: int) -> Array:
         """Return derivatives of the rigid bodies' torque by motion of an axis, shape (3, n).
 
-        By its position, speed and acceleration; the torque is linear in accelerations.
+        Derivatives by position, speed and acceleration; the torque is linear in accelerations.
         """
         if self._of_axis[0] != axis:
             q, qd, qdd = (x.copy() for x in (self.q, self.qd, self.qdd))
@@ -369,7 +369,7 @@ def _gap_columns(
 
 
 def _load(rows: EvidenceRows) -> Iterator[tuple[Column, Array]]:
-    """Yield columns of the last link's missing parameters, or of all for a later load."""
+    """Yield columns of the last link's missing parameters; of all parameters for a later load."""
     robot, evidence = rows.robot, rows.evidence
     complete = robot.free_links([robot.n_joints - 1])
     stated, all_of_it = base_parameters(robot), base_parameters(complete)

@@ -3,7 +3,7 @@
 A model of a real machine is never exact. Its residuals in two parts of the recordings differ by
 model error as well as by noise, though nothing changed. So the earlier recordings are cut into
 `PARTS` of equal duration, and base parameters of all parts leave the mean squares s_ak^2 of axis a
-in part k. With n_a axes and their pooled variance of log s_ak^2,
+in part k. With n_a axes and the pooled standard deviation sigma of log s_ak^2,
 
     t_a = (log s_a^2 - mean_k log s_ak^2) / (sigma sqrt(1 + 1 / PARTS))
 
@@ -34,8 +34,8 @@ PARTS = 4
 error, and each axis has three degrees of freedom.
 """
 FEWEST = 10
-"""Minimum number of rows of an axis in a part; with fewer, the mean square is too uncertain (half
-of its logarithm).
+"""Minimum number of rows of an axis in a part; with fewer, the standard deviation of a logarithm
+of the mean square exceeds about one half.
 """
 
 

@@ -28,9 +28,9 @@ class Common(NamedTuple):
 def moderated(phi: Array, degrees: Array, correlation: Array) -> Common:
     """Return common dispersion and degrees of freedom, after Smyth (2004), section 6.2.
 
-    In that paper, thousands of dispersions scatter independently about the common one. Here some
-    tens are correlated: their scatter is less than their uncertainty, and the common one is
-    uncertain, too.
+    In that paper, thousands of dispersions scatter independently about the common dispersion. Here
+    some tens are correlated: they scatter less than their uncertainty suggests, and the common
+    dispersion is uncertain, too.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def moderated(phi: Array, degrees: Array, correlation: Array) -> Common:
 def _inverse_trigamma(y: float) -> float:
     """Solve ``trigamma(x) = y`` by Newton's method (Smyth 2004, appendix)."""
     x = 0.5 + 1.0 / y
-    for _ in range(20):  # from there the iteration converges in a few steps, always from below
+    for _ in range(20):  # the iteration converges from below in a few steps
         value = float(special.polygamma(1, x))
         x += value * (1.0 - value / y) / float(special.polygamma(2, x))
     return x

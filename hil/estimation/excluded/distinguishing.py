@@ -1,21 +1,22 @@
 r"""Additional measurements of a plan for visible and distinguishable causes.
 
-Beside another named cause, a column keeps the share s^2 = I' / I of its information, where I' is
-the information beside base parameters and all columns of the other cause. For a flaw theta of the
-column, with z^2 = theta^2 I / phi, its own column explains the sum of squares (z + e)^2; the other
-cause explains less, by z^2 s^2 + 2 z s e', with e and e' standard normal. The two are distinguished
-if this difference exceeds `finding.TOGETHER`, with the probability `limits.POWER` from
+A column has the information I adjusted for base parameters, and I' adjusted for all columns of
+another named cause, too; the share s^2 = I' / I remains. A cause of size theta, with
+z^2 = theta^2 I / phi, explains the sum of squares (z + e)^2 by its own column; the other cause
+explains less, by z^2 s^2 + 2 z s e', with e and e' standard normal. The causes are distinguished if
+this difference exceeds `finding.TOGETHER`. The probability of that is `limits.POWER` for the size
 
     theta = a sqrt(phi / I'),    a^2 - 2 a Phi^-1(.8) = 3.84,
 
-on, if s^2 is at least twice the share that a correlation of `finding.SAME` leaves. For less, the
-lead must be a share of the explained sum of squares, and theta grows beyond all bounds.
+if s^2 is at least twice the share that a correlation of `finding.SAME` leaves. For a smaller s^2
+the necessary difference grows with the explained sum of squares, and no size is large enough.
 
 Inner products of candidates add up (`hil.least_squares.blocks`). So the search adds candidates one
 by one: in each step the candidate with the largest decrease, per time, of the logarithms of
 detectable over wanted sizes. The wanted size of a cause is its usual size or, if there is none, a
-size at which a found cause is also distinguished from the others. The stated sizes are those of the
-whole plan by the battery (`foreseen`); the search repeats until the battery agrees.
+size at which a found cause is also distinguished from the other named causes. Stated sizes come
+from tests of the whole plan by the battery (`foreseen`); the search repeats until these tests
+confirm the wanted sizes.
 """
 
 from __future__ import annotations
@@ -60,8 +61,8 @@ if TYPE_CHECKING:
     from hil.planning.prediction.noise import Noise
 
 EACH = 12
-"""Number of candidates per element: judging one takes some 50 ms, and with more candidates the
-choice remains among the first ones, which cover all ranges.
+"""Number of candidates per element: the test of a candidate takes some 50 ms, and with more
+candidates the choice remains among the first ones, which cover all ranges.
 """
 QUANTILE = float(special.ndtri(POWER))
 LEAD = QUANTILE + float(np.sqrt(QUANTILE**2 + TOGETHER))
@@ -91,7 +92,7 @@ class Reached(NamedTuple):
     Attributes
     ----------
     name, unit : str
-        Name of the cause, such as ``zero of axis 4``, and unit of its size.
+        Name of the cause, such as ``joint offset of axis 4``, and unit of its size.
     usual : float
         Usual size, 0 if none is known.
     shown : float
@@ -117,7 +118,7 @@ class Reached(NamedTuple):
 
     @property
     def enough(self) -> bool:
-        """True if the cause is found and distinguished at its usual size, or at any without one."""
+        """True if the cause is found and distinguished at `usual`, or at `shown` for `usual` 0."""
         return max(self.shown, self.distinct) <= (self.usual or self.shown) < np.inf
 
 
@@ -143,7 +144,7 @@ class Distinguished(NamedTuple):
 
 
 def causes_named(robot: Robot, text: str) -> list[Key]:
-    """Parse causes such as ``load, zero of axis 4``; axes count from 0, -1 for any axis.
+    """Parse causes such as ``load, joint offset of axis 4``; return axes from 0, -1 for any axis.
 
     Raises
     ------
@@ -172,7 +173,7 @@ def causes_named(robot: Robot, text: str) -> list[Key]:
 def distinguish(
     plan: Plan, robot: Robot, noise: Noise, p: Array, named: Sequence[Key]
 ) -> Distinguished:
-    """Add measurements to a plan, with at most the duration of the plan.
+    """Add measurements to a plan that take at most as long as the plan.
 
     Parameters
     ----------
@@ -362,7 +363,7 @@ class _Search:
         return bool(chosen)
 
     def _wanted(self) -> tuple[Array, Array, Array]:
-        """Return wanted information, alone and adjusted for other causes, and least share."""
+        """Return wanted information, alone and adjusted for other causes, and the minimum share."""
         information, shown, phi = self._sizes()
         now, seen = np.diag(self._project(self.there)), np.isfinite(shown)
         known = (self.usual > 0) & self.visible
@@ -377,7 +378,7 @@ class _Search:
         return need * each, LEAD**2 * each, np.where(self.visible, share, 0.0)
 
     def _lacking(self, N: Array, wanted: Array, apart: Array, share: Array) -> Array:
-        """Return the sum of the logarithms of sizes over wanted sizes, shape (...)."""
+        """Return the sum of the logarithms of detectable over wanted sizes, shape (...)."""
         S = self._project(N)
         own = np.maximum(np.einsum("...ii->...i", S), TINY)
         left = self._left(S)
@@ -394,12 +395,12 @@ def _size_or_inf(size: float | None) -> float:
 
 
 def _excess(wanted: Array, there: Array) -> Array:
-    """Return the logarithm of a size over the wanted size, from information on both."""
+    """Return the logarithm of detectable over wanted size, at least 0, from the information."""
     return np.maximum(np.log(np.maximum(wanted, TINY) / there), 0.0) / 2
 
 
 def _extend_plan(robot: Robot, plan: Plan, more: Sequence[ElementMeasurement]) -> Plan:
-    """Append measurements to a plan; a guarded workspace takes one tour of all."""
+    """Append measurements to a plan; in a guarded workspace, plan a single tour of all."""
     named = assign_ids(order_by_travel(robot, more), {each.id for each in plan.measurements})
     every = [*plan.measurements, *named]
     if plan.workspace is not None:

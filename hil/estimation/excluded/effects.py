@@ -1,11 +1,11 @@
 """Effects of untested causes on an estimate: fitted causes, and sources of scatter.
 
-The effect of a fitted cause is the change of the base parameters if it is ignored: soft gears,
-friction of the load, friction that differs by direction. Torque ripple of orders outside the
-regression changes the parameters to first order. Two causes make parameters scatter more than noise
-of the torque readings does: encoders of few increments, with noisy second differences, and a SYNC
-period too long for smoothing. Only significant effects count; `hil.results.advice` states their
-meaning in torques.
+Fitted causes are soft gears, friction of the load, and friction that differs by direction. Their
+effect is the change of the base parameters if the cause is ignored. Torque ripple of orders outside
+the regression changes the parameters to first order. Two causes make parameters scatter more than
+by noise of the torque readings: encoders of few increments, with noisy second differences, and a
+SYNC period too long for smoothing. Only significant effects count; `hil.results.advice` states the
+effects in torques.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 ORDINARY = 0.01
 """Usual difference of a gear's friction between the directions, as a share of friction."""
 COARSE = 0.9
-"""Minimum share of encoder noise in an axis's residual, for a coarse encoder: on the virtual plant
-with nothing wrong it is 0.58 at most (clean runs 1000, 1005 and 1011 of `benchmarks/excluded.py`),
-with 1024 increments a turn more than this (docs, causes-of-error.md)."""
+"""Minimum share of encoder noise in an axis's residual, for a coarse encoder. On the virtual plant
+without any error the share is at most 0.58 (clean runs 1000, 1005 and 1011 of
+`benchmarks/excluded.py`), with 1024 increments a turn above 0.9 (docs, causes-of-error.md)."""
 FEWEST_IN_WINDOW = 4.0
 """Minimum number of samples on either side of the window's middle; fewer mean a slow SYNC."""
 _EVERY = 100
@@ -147,8 +147,7 @@ def _part(fit: SimultaneousFit, share: Array, covariance: Array) -> Array:
 def _encoder_noise(robot: Robot, joint: Joint) -> Array:
     """Estimate the variance of smoothed torque due to encoder noise, by axis [(N m)^2].
 
-    Noise shows in eighth differences of positions in steady motion, which leave nothing of the
-    motion.
+    Noise shows in eighth differences of positions in steady motion, which remove the motion.
     """
     variance, count = np.zeros(robot.n_joints), np.zeros(robot.n_joints)
     looked_at = [s.q[::_EVERY] for _, s in joint.prepared]

@@ -8,7 +8,7 @@ the score of a column D~, adjusted for the estimated columns, has the bias
 
 (W. A. Fuller, Measurement Error Models, 1987, section 2.2): rows whose acceleration is mostly noise
 show less inertia than others. If a control loop follows its encoder, the axis moves with the
-encoder steps, and there is no error. The share is unknown between 0 and 1, as in
+encoder steps, and there is no error. An unknown share of beta, between 0 and 1, is present, as in
 `SimultaneousFit.steps`: scores are corrected by beta / 2, with the variance beta^2 / 12.
 """
 
@@ -30,21 +30,21 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 MOST = 200
-"""Approximate number of rows of a channel for the expected products. They differ by a tenth from
-the products over all rows (seed 3106 of `benchmarks/fresh_plants.py`), less than the share's
-uncertainty.
+"""Approximate number of rows of a channel for the expected products. The products differ by a tenth
+from those over all rows (seed 3106 of `benchmarks/fresh_plants.py`), which is less than the
+uncertainty of the share of beta.
 """
 
 
 class _Accelerated(NamedTuple):
-    """Rows with one unit of acceleration more of a joint.
+    """Rows with the acceleration of a joint increased by one unit.
 
     Attributes
     ----------
     joint : int
     rows : EvidenceRows
     error : ndarray, shape (n,)
-        Product of s_j^2, d tau / d qdd_j, and the number of rows that the row stands for.
+        Product of s_j^2, d tau / d qdd_j, and the number of evidence rows that the row represents.
     """
 
     joint: int
@@ -103,7 +103,7 @@ class EncoderNoise:
 
     @cached_property
     def _accelerated(self) -> list[_Accelerated]:
-        """Rows for each joint with encoder noise."""
+        """Rows with increased acceleration, for each joint with encoder noise."""
         rows, e, n_joints = self._rows, self._rows.evidence, self._robot.n_joints
         whole, thin = (np.bincount(each.axis, minlength=n_joints) for each in (self._evidence, e))
         stands_for = (whole / np.maximum(thin, 1))[e.axis]

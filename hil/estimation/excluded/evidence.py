@@ -1,7 +1,8 @@
 """Thinned samples of recordings: the rows for the tests of causes.
 
-A row is a sample of a channel, the torque of an axis in recordings of one kind. It holds the
-torque, the columns of the base parameters and of the channel, and the motion, all smoothed alike.
+A channel is the torque of an axis in recordings of one kind; a row is a sample of a channel, with
+the torque, the columns of the base parameters and of the channel, and the motion, all smoothed
+alike.
 Friction of a part (a measurement, a period) is projected out within the part, so that no cause is
 tested by an effect of friction. Parts are cut into groups for the covariance. The error of a
 friction law in a trajectory repeats in each period, so periods share their groups.
@@ -45,8 +46,8 @@ from one part of it to the next."""
 FEWEST_GROUPS = 12
 """Minimum number of groups, if parts are long enough: a test with fewer groups has no power."""
 FINEST = 1e-4
-"""Share of the torque limit below which no model is true: differences of positions and means over
-the window leave such an error even in torques without noise."""
+"""Share of the torque limit below which no model is exact: differences of positions and means over
+the window leave an error of this size even in torques without noise."""
 _SAME = 1e-6
 """Threshold on singular values, since friction columns are equal at a single speed."""
 
@@ -63,7 +64,7 @@ class Evidence:
     torque : ndarray, shape (n,)
         Torque without that of rotors of known inertia [N m].
     recorded : ndarray, shape (n,)
-        Torque including these rotors [N m].
+        Torque including rotors of known inertia [N m].
     rate : ndarray, shape (n,)
         Time derivative of `recorded` [N m/s]; zero if changes are not tested.
     X : ndarray, shape (n, n_base)
@@ -73,19 +74,19 @@ class Evidence:
         q, qd and qdd, one sample before the row, at the row and one after it; constant for axes at
         rest.
     period : ndarray, shape (n,)
-        Time between these samples [s].
+        Time between the samples of `motion` [s].
     time : ndarray, shape (n,)
         Time since the first row [s].
     parts : tuple of (slice, ndarray)
         Rows with common friction, and an orthonormal basis of this friction.
     finest : ndarray, shape (n_channels,)
-        Torque below which no model is true [N m].
+        Torque below which no model is exact [N m].
     signals : sequence of Signals
         Recordings of the rows.
     source, sample : ndarray of int, shape (n,)
         Index into `signals`, and index of the sample.
     later : ndarray of bool, shape (n,), optional
-        Rows of recordings tested for causes, if the other rows are without any.
+        Rows of recordings tested for causes, if the other rows are free of causes.
     """
 
     axis: Indices
@@ -131,7 +132,8 @@ class Evidence:
 
         Parameters
         ----------
-        rows : ndarray, shape (n, 1 + n_shared + n_own) Rows without friction.
+        rows : ndarray, shape (n, 1 + n_shared + n_own)
+            Rows without friction.
         axis : ndarray of int, shape (n,), optional
             Axes of the rows, if in another order.
         """
@@ -154,7 +156,7 @@ class Evidence:
 
     @property
     def least(self) -> Array:
-        """Mean squares below which no model is true, shape (n_channels,) [(N m)^2]."""
+        """Mean squares below which no model is exact, shape (n_channels,) [(N m)^2]."""
         return np.maximum(self.finest**2, np.finfo(float).tiny)
 
     @property
@@ -163,9 +165,9 @@ class Evidence:
         return int(self.motion.shape[-1])
 
     def thinned(self, most: int) -> tuple[Evidence, Indices]:
-        """Return at least `most` rows of a channel beyond friction terms, with row indices.
+        """Return at least `most` rows of a channel, plus one per friction term, with row indices.
 
-        With `most` rows alone, friction of many parts would leave nothing.
+        Without the additional rows, the friction terms of many parts could fit all rows exactly.
         """
         counts, kept = np.bincount(self.axis), []
         for rows, Q in self.parts:
@@ -175,7 +177,7 @@ class Evidence:
         return self._select(kept), np.concatenate(kept)
 
     def only(self, chosen: Mask) -> Evidence:
-        """Return the parts with a chosen first row, before own columns are projected out."""
+        """Return the parts with a chosen first row; own columns must not be projected out yet."""
         return self._select([
             np.arange(rows.start, rows.stop) if chosen[rows.start] else [] for rows, _ in self.parts
         ])  # fmt: skip

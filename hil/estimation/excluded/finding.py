@@ -1,14 +1,14 @@
 """Tests of all causes: found causes, and exclusion limits (`limits`).
 
-Causes are tested beside the estimated columns (`battery`), together at a familywise level of 5 %
+Causes are tested, adjusted for the estimated columns (`battery`), at a familywise level of 5 %
 (Holm, Scand. J. Statist. 6 (1979) 65-70). The cause that explains most is found if it is
 significant for the dispersion of the residual without this cause. The remaining causes are then
 tested with the found ones included, until none is significant. Causes that explain the data equally
 well are named together with the found cause.
 
 Columns are of the first order. Other readings of the recordings are tried too (`alternatives`) if a
-found cause is large, if groups contradict each other for any reason, or if friction would
-drive an axis. A reading that explains as much as all columns together takes their place.
+found cause is large, if groups contradict each other for any reason, or if friction would drive an
+axis. A reading that explains as much as all columns together replaces the columns.
 """
 
 from __future__ import annotations
@@ -50,35 +50,34 @@ if TYPE_CHECKING:
 
 LEAVES = 0.5
 """Maximum share of an axis's mean square that a cause leaves, to be distinguished from model error.
-Eliminated friction contradicts every model a little where samples are slow or motion turns often
+Eliminated friction contradicts every model a little if samples are slow or motion reverses often
 (public recordings of five machines: 0.75 and more)."""
 MOST = 5
 """Maximum number of found causes; with more, the model is wrong as a whole."""
 LARGE = 0.95
-"""Share of the sum of squares left beside a cause, below which the cause may be too large for a
-first-order column, and other readings are tried. 0.5 and 0.99 have the same outcome: clean runs
-1000 and 1001 of `benchmarks/excluded.py`, and six flaws put into each."""
+"""Share of the sum of squares left by a cause, below which the cause may be too large for a
+first-order column, and other readings are tried. The shares 0.5 and 0.99 give the same findings on
+clean runs 1000 and 1001 of `benchmarks/excluded.py`, and with six causes put into each."""
 BOUNCES = 0.25
-"""Share of the residual explained by a backlash that its column may leave: the column holds one
-impact without a rebound, and links that rebound with a restitution of 0.5 come back with as much of
-the energy.
+"""Largest share of the residual due to a backlash that the column leaves: the column contains one
+impact without rebound, and links with a restitution of 0.5 rebound with a quarter of the energy.
 """
 CONTRADICTS = 4.0
 """Median dispersion of causes from which on groups contradict each other for any reason: they
 scatter twice as much as the noise within groups explains. Then nothing may be significant, since
-everything is uncertain. It is 1.0 to 1.5 where nothing is wrong, even with strong drift of
-friction; up to 3.5 beside a cause that a column explains; and 13 to 18 with a reversed axis, two
-exchanged axes or a joint offset of 90 degrees. 2.5 and 9 have the same outcome on the runs of
-`LARGE`."""
+everything is uncertain. The median is 1.0 to 1.5 without any cause, even with strong drift of
+friction; up to 3.5 with a cause that a column explains; and 13 to 18 with a reversed axis, two
+exchanged axes or a joint offset of 90 degrees. The bounds 2.5 and 9 give the same findings on the
+runs of `LARGE`."""
 TOGETHER = float(special.chdtri(1, 0.05))
 """Difference of chi squares below which two causes explain the data equally well. If the true cause
 explains z^2, another cause with correlation r explains (r z + sqrt(1 - r^2) e)^2, e standard
 normal. For any r this exceeds z^2 by less than e^2, so the wrong cause leads by more than this
-bound in less than 5 %.
+bound in less than 5 % of cases.
 """
 SAME = 0.98
 """Correlation beyond which data do not distinguish two causes: a first-order column is not exact to
-2 % for a cause of any size. On the runs of `LARGE` 0.99 has the same outcome; at 0.95 a load is
+2 % for a cause of any size. On the runs of `LARGE` 0.99 gives the same findings; at 0.95 a load is
 named in place of an offset of joint 5 by 90 degrees, at 0.995 a slip in place of an offset of joint
 2 by 0.1 degrees."""
 
@@ -100,10 +99,10 @@ def excluded(
     leaves : float
         Maximum share of some axis's mean square that a cause may leave, for the limits.
     known : sequence of str
-        Causes that stay free beside the others.
+        Causes fitted together with every tested cause.
     both : ndarray, shape (n_base,), optional
-        Base parameters of earlier and later rows together, beside which changes of friction are
-        tested; by default `p`.
+        Base parameters of earlier and later rows together, for the test of changed friction; by
+        default `p`.
     """
     if evidence.later is None:
         every = columns(robot, p, evidence, (*FITTED, *known))
@@ -153,8 +152,8 @@ def excluded(
 def _testable(robot: Robot, p: Array, battery: Battery, limit: Limit) -> Limit:
     """Return a limit; remove its size if recordings misread by this size would not show the cause.
 
-    Only small sizes are proportional to a first-order column; sizes are stated to `SETTLED`, and
-    a size below, in rad or as a share, changes the column by less.
+    A first-order column holds for small sizes only. A size below `SETTLED`, in rad or as a share,
+    needs no test: it changes the column by less than `SETTLED`, the accuracy of stated sizes.
     """
     if limit.cause not in FINITE or limit.size is None:
         return limit
@@ -265,7 +264,7 @@ class Step:
         )
 
     def _change(self, key: Key, test: Test) -> tuple[float, ...]:
-        """Return the change of the base parameters when a cause is fitted, too."""
+        """Return the change of the base parameters by fitting a cause in addition."""
         beside = self.beside if key == self.key else self.battery.extend(test.columns.tolist())
         return tuple((beside.solution - self.battery.solution).tolist())
 
@@ -310,13 +309,13 @@ def likeliest(
     level: float,
     admit: Callable[[Key, Test], bool] = lambda *_: True,
 ) -> tuple[Key, Test] | None:
-    """Return the best admissible cause among significant ones, each with its own dispersion."""
+    """Return the best admissible significant cause, tested with its own dispersion."""
     best: tuple[Key, Test] | None = None
     gain, white, n = 0.0, 1.0, len(tests)
     each = {key: battery.drop(at) for key, at in tests.items()}
     for key, (drop, rank) in sorted(each.items(), key=lambda item: -item[1][0]):
         if drop / white - chance(rank, n) <= gain:
-            continue  # not even with the least possible dispersion
+            continue  # not significant even with the least possible dispersion
         test = battery.test(tests[key], itself=True)
         if test and test.p < level:
             test = battery.confirm(test)
@@ -361,7 +360,7 @@ class _Instead:
         return (Found(cause="unknown", axes=(), detail=words),)
 
     def _find_change(self, deviation: Deviation) -> tuple[Found, ...]:
-        """Return the change, if later recordings are then similar to the earlier ones."""
+        """Return the change that makes later recordings similar to earlier recordings, if any."""
         thin, _ = self._thin
         if self.causes and self.shows_changes:
             return self.causes
@@ -409,7 +408,7 @@ class _Instead:
         return max(slips, key=lambda key: self.first.drop(self.battery.columns.tests[key]))[1]
 
     def _explain(self, given: Sequence[int]) -> Explained:
-        """Fit the stated reading with some columns."""
+        """Fit the stated reading with the given columns."""
         thin, values = self._thin
         stated, more = Reading.stated(self.robot), values[:, list(given)]
         return explained(self.robot, thin, stated, more, dispersion=self._scatter)
@@ -425,7 +424,7 @@ class _Instead:
         return explains - chance(n, len(self.tests)) if n else explains
 
     def _likeliest(self) -> Found | None:
-        """Return the best reading with equally good ones, unless columns explain more."""
+        """Return the best reading and equally good readings, unless columns explain more."""
         every = [
             (self._gain(each.explained, int(not np.isnan(each.size))), each)
             for each in alternatives(self._stated, self.first.sizes, self._slipped)
@@ -440,7 +439,7 @@ class _Instead:
             return None
         same = [each for gain, each in every if alike(gain, best)]
         zeros = [each.axes for each in same if each.cause == "joint offset"]
-        # a slip before the first measurement
+        # a slip before the first measurement is a joint offset
         same = [each for each in same if each.cause != "slip" or each.axes not in zeros]
         same.sort(key=lambda each: rank_of(each.cause, *each.axes))
         words = [describe_reading(self.robot, each) for each in same]

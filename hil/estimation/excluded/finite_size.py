@@ -1,4 +1,4 @@
-r"""Finite sizes of causes: tests with the readings that a cause of a size makes.
+r"""Finite sizes of causes: tests with readings changed by a cause of a given size.
 
 The column of a cause is the derivative of the torque at the readings, so it holds for small sizes.
 A cause of a finite size :math:`s` changes the readings of the motion: all columns are then those of
@@ -38,7 +38,7 @@ FINITE = ("joint offset", "slip", "position scale", "gear ratio", "position dela
 """
 
 TORQUE = 3
-"""Kind of signal beside the three of the motion."""
+"""Index of the torque among the kinds of signal, after position, velocity and acceleration."""
 
 
 def misread_battery(robot: Robot, p: Array, battery: Battery, k: int, size: float) -> Battery:
@@ -56,7 +56,7 @@ def misread_battery(robot: Robot, p: Array, battery: Battery, k: int, size: floa
         if each.axis in (name.axis, -1) or j in battery.given
     ]
     later = 1.0 if read.later is None else read.later
-    # gaps and twists as they are
+    # columns of backlash and of gear twist do not change
     values = [moved[each] * later if each in moved else every.values[:, j] for j, each in near]
     some = Columns(tuple(each for _, each in near), np.column_stack(values), every.free)
     given = [n for n, (j, _) in enumerate(near) if j in battery.given]
@@ -73,7 +73,7 @@ def misread(robot: Robot, evidence: Evidence, name: Column, size: float) -> Evid
     elif name.cause == "position delay":
         for k in range(TORQUE):
             motion[:, k, :, axis] = _delayed(evidence, axis, k, size)
-    else:  # correction of a cause of the opposite size
+    else:  # `sized` corrects readings of a cause; the opposite size adds the cause
         opposite = -size / (1.0 + size / 100.0) if CAUSES[name.cause].unit == "%" else -size
         read = sized(robot, name.cause, axis, float(name.part or -np.inf))(opposite)
         motion = np.array([read.true_motion(each, evidence.time) for each in motion])
@@ -93,7 +93,7 @@ def misread(robot: Robot, evidence: Evidence, name: Column, size: float) -> Evid
 
 
 def _delayed(evidence: Evidence, axis: int, kind: int, delay: float) -> Array:
-    """Return a signal delayed by ms, one sample before each row, at it and after, shape (3, n).
+    """Return a signal with a delay [ms] at the samples before, of and after each row, (3, n).
 
     `kind` is 0 to 2 for position, velocity and acceleration, or `TORQUE`.
     """

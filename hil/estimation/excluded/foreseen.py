@@ -51,7 +51,8 @@ def foreseen(plan: Plan, robot: Robot, noise: Noise, p: Array, seed: int = 0) ->
         Expected noise of torques.
     p : ndarray, shape (n_base,)
         Expected base parameters.
-    seed : int Seed of the noise.
+    seed : int
+        Seed of the noise.
     """
     found = foreseen_tests(plan, robot, noise, p, seed)
     if found is None:
@@ -101,7 +102,7 @@ def expected_evidence(
     stacked = []
     for motion, s in prepared:
         stacked += [(s, axes) for axes in stack(robot, motion, s)]
-        s.kept.clear()  # holds all samples; the rows are some of them
+        s.kept.clear()  # frees the cache of all samples, since the rows use few of them
     if not stacked:
         raise NotIdentifiable("no measurement is long enough to identify parameters")
     return rows_of(robot, stacked, np.zeros(robot.n_joints, dtype=bool))

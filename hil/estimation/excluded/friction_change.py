@@ -1,17 +1,18 @@
 """Change of friction between recordings, on the scale of differences among earlier ones.
 
-Friction is separate for each measurement in all other tests, so no cause is found by friction and
-none shows it. Here the earlier recordings state a curve phi(v) of Coulomb, viscous and cube-root
-terms for each axis. Of part k of the earlier recordings, and of the later ones,
+Friction is separate for each measurement in all other tests, so these show no change of friction.
+Here the earlier recordings determine a curve phi(v) of Coulomb, viscous and cube-root terms for
+each axis. For part k of the earlier or later recordings, the regression
 
     tau - A p - own columns = g_k phi(v) + o_k + e
 
-gives the level g_k. The variance of a level among the parts of either is moderated over the axes
-(`moderated`) and is at least the variance due to e. Recordings as a whole may differ by as much as
-one part of them does. Warmth changes friction of all axes together (`hil.results.changes`). So for
-three axes or more, the median of the other axes' relative changes is subtracted from each change,
-and the rest is tested. The median of m others with standard deviations s_j has the variance (pi /
-2) m / (sum 1 / s_j)^2, as for normal distributions with one mean.
+gives the level g_k. The variance of a level among the earlier parts and among the later parts is
+moderated over the axes (`moderated`) and is at least the variance due to e. Recordings as a whole
+may differ by as much as their parts do. Warmth changes friction of all axes together
+(`hil.results.changes`). So for three axes or more, the median of the other axes' relative changes
+is subtracted from each change, and the rest is tested. The median of m other axes with standard
+deviations s_j has the variance (pi / 2) m / (sum 1 / s_j)^2, as for normal distributions with one
+mean.
 """
 
 from __future__ import annotations
@@ -149,7 +150,7 @@ def _levels(p: Array, evidence: Evidence, axis: int) -> _Levels | None:
 
 
 def _pieces(rows: Indices, time: Array, v: Array) -> list[Indices] | None:
-    """Cut rows into at most `PARTS` parts with both directions of motion; None below two."""
+    """Cut rows into two to `PARTS` parts with both directions of motion; None if impossible."""
     for n in range(PARTS, 1, -1):
         if len(rows) < n * FEWEST:
             continue

@@ -1,9 +1,9 @@
 """Exclusion limits: smallest detectable sizes of causes, and the torque at these sizes.
 
-A limit is found with a probability of 80 %, from the noncentral F of the cause's own test. For a
-change, the insignificant size that recordings show is added: it hides a change of the other sign,
-and models of real machines are never exact. A cause within the span of the estimated columns never
-shows.
+A cause at its limit is found with a probability of 80 %, from the noncentral F of the cause's own
+test. For a change, the insignificant size that recordings show is added: this size hides a change
+of the other sign, and models of real machines are never exact. A cause within the span of the
+estimated columns never shows.
 """
 
 from __future__ import annotations
@@ -122,7 +122,8 @@ def _sizes(
 def smallest(battery: Battery, at: Sequence[int], n_tests: int, leaves: float = 1.0) -> Array:
     """Return the smallest size found with `POWER` for each column of a cause, acting alone.
 
-    A cause that leaves no more than a share of a mean square adds 1 / share - 1 of the remainder.
+    A cause that leaves at most the share `leaves` of some axis's mean square adds at least
+    1 / leaves - 1 times the mean square without the cause.
     """
     change = battery.evidence.later is not None
     test, found = battery.test(at, itself=change), np.full(len(at), np.inf)
@@ -150,7 +151,8 @@ def noncentrality(rank: int, degrees: float, level: float) -> float:
     r"""Return the squared size, over the estimated variance, for detection with `POWER`.
 
     Noncentral F assumes a known variance. Here size and limit use the same estimate of the
-    variance, :math:`s` times the true one, with :math:`d s` distributed as chi square,
+    variance, :math:`s` times the true one, with :math:`d s` distributed as chi square with
+    :math:`d` degrees of freedom,
 
     .. math:: P = \int P(\chi'^2_r(\lambda s) > r F s) \, p(s) \, ds ,
 

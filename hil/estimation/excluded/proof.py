@@ -95,15 +95,16 @@ def changed(
 
     Base parameters are fitted to all recordings, and causes act in the later recordings alone. So
     causes that parameters would absorb in one run show here: a torque constant, a rotor, all of a
-    load. Columns of causes use the parameters of the earlier run, since the parameters of both
-    contain part of the change. With known causes the columns use the parameters of both, since the
-    earlier run contains none of a load. Friction is fitted to each measurement separately; its
-    change is a separate test, beside the parameters of both.
+    load. Columns of causes use the parameters of the earlier recordings, since the parameters of
+    all recordings contain part of the change. With known causes the columns use the parameters of
+    all recordings, since the earlier recordings contain no load. Friction is fitted to each
+    measurement separately; changed friction has a test of its own, with the parameters of all
+    recordings.
 
     Parameters
     ----------
     known : sequence of str
-        Causes known to be new: they stay free beside the others.
+        Causes known to be new, fitted together with every tested cause.
     """
     earlier = list(_prepared(before))
     if not earlier:

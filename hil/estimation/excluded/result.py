@@ -146,7 +146,7 @@ class Limit(FileModel):
 
     @property
     def unnoticed(self) -> float:
-        """Torque share of the smallest detectable size, or of the usual size if none is."""
+        """Torque share of the smallest detectable size, or of the usual size if not detectable."""
         return self.worth if self.size is None else self.torque * self.size
 
     @property
@@ -207,7 +207,7 @@ class Excluded(FileModel):
         return frozenset((each.cause, axis) for each in self.found for axis in each.axes or (0,))
 
     def unseen(self, cause: str, axis: int) -> float:
-        """Return the detectable size over the usual one at an axis (from 1); 1 if unknown."""
+        """Return the detectable over the usual size at an axis (from 1); 1 if unknown."""
         own = (each for each in self.limits if (each.cause, each.axis) == (cause, axis))
         return min((each.size / each.usual for each in own if each.size is not None), default=1.0)
 
@@ -224,8 +224,8 @@ class ErrorTerm(FileModel):
     found : str
         Finding, with its figure.
     torque : float
-        Error of the torques on a free motion: mean over joints of its root mean square over that of
-        the torque. For an accounted cause, the error without the correction.
+        Root mean square error of the torques on a free motion, over that of the torques; mean over
+        joints. For an accounted cause, the error without the correction.
     share : float
         Share of the sum of squares.
     accounted : bool

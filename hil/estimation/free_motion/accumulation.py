@@ -80,7 +80,7 @@ class Products:
         By piece of time, labelled by the number of its recording: of all samples, then of the
         samples in each class of speed and faster.
     cells : tuple of Blocks
-        By cell of states, likewise.
+        By cell of states, for the same classes of speed.
     instruments : Blocks, optional
         Products of columns of one half of the samples with those of the other half, by piece.
     """

@@ -131,8 +131,8 @@ def choose(
         Laws, the simplest first.
     plain_left : ndarray, shape (n_joints,), optional
         Mean squared residual of weighted least squares without presliding, if presliding was found.
-        Then a dead zone is used unless its residual exceeds this one by more than `MATERIAL` over
-        all axes: models of friction after a reversal are incomplete, and the error looks like
+        Then a dead zone is used unless its residual exceeds `plain_left` by more than `MATERIAL`
+        over all axes: models of friction after a reversal are incomplete, and the error looks like
         inertia.
     """
     whole, n = products.pieces[0], products.n_joints

@@ -226,7 +226,7 @@ def loose_parameters(robot: Robot, blocks: Blocks, fit: Fit, torque: Array) -> l
     blocks : Blocks
         All samples, axis by axis.
     torque : ndarray, shape (n_joints,)
-        Root mean square of each axis's [N m or N].
+        Root mean square of each axis's torque [N m or N].
     """
     base, whole = base_parameters(robot), blocks.total
     counts = np.maximum(whole.counts[0], 1.0)[:, np.newaxis]

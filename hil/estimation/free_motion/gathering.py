@@ -80,7 +80,7 @@ def free_motions(recorded: Recorded) -> Iterable[tuple[FreeMotion, Recording]]:
     Raises
     ------
     NotEnoughData
-        There are none.
+        There are no free motions.
     """
     found = Selected(recorded, lambda motion, _: isinstance(motion, FreeMotion))
     if not any(True for _ in found):
@@ -282,7 +282,7 @@ def rate_regressions(gathered: Sequence[Gathered]) -> list[Kind]:
 def _unspoilt_stretches(
     found: Survey, motions: Iterable[tuple[FreeMotion, Recording]], processing: Processing
 ) -> list[Motion]:
-    """Filter the survey's stretches, or longer stretches if filter transients cover all.
+    """Filter the survey's stretches, or longer stretches if filter transients cover all of them.
 
     Raises
     ------

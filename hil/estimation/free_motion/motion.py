@@ -91,7 +91,7 @@ def low_passed(
     Returns
     -------
     tuple of ndarray, shape (ceil(n / every), k)
-        The filtered columns, then the derivatives, per second each time.
+        The filtered columns, then the derivatives with respect to time.
     """
     n, pad = len(x), _padding(len(x), period, cut_off, every)
     whole = every * fft.next_fast_len(-(-(n + 2 * pad) // every), real=True)
@@ -118,7 +118,7 @@ def low_passed(
 def changing(x: Array) -> Mask:
     """Return True for every column of samples (n, k) that is not constant, shape (k,)."""
     columns = x.T
-    found: Mask = (columns[:, ::50] != columns[:, :1]).any(axis=1)  # most show it at once
+    found: Mask = (columns[:, ::50] != columns[:, :1]).any(axis=1)  # most change within this subset
     others = np.flatnonzero(~found)
     found[others] = (columns[others] != columns[others, :1]).any(axis=1)
     return found
@@ -210,7 +210,7 @@ class Motion:
     recording : Recording
         Source of the motion.
     offset : int
-        Half of the samples used, as of `filtered_motion`.
+        Half of the samples used, see `filtered_motion`.
     """
 
     processing: Processing
@@ -230,7 +230,7 @@ class Motion:
         return low_passed(q, self.rates.period, self.processing.cut_off)[0]
 
     def half(self, offset: int) -> Motion:
-        """Return the motion from half of the samples of the recording, as of `filtered_motion`."""
+        """Return the motion from half of the samples of the recording, see `filtered_motion`."""
         return filtered_motion(self.recording, self.processing, offset)
 
     @property

@@ -4,10 +4,10 @@ The models of these nuisances, as columns of blocks, are in `hil.estimation.nuis
 between two candidate presliding distances are left to the bend column, the change of the direction
 with the distance, which is part of the estimate.
 
-With a friction law that is too poor, lag and compliance compensate for the missing terms: in 3
-minutes of an arm without any lag, lags of -1.9 and -4.4 ms were found with Coulomb friction at all
-speeds, and torques of its bodies 1.1 % off; with all terms and above the least dead zone, 0.4 ± 0.4
-ms. The search therefore starts with lags on fast samples, where friction after a reversal cannot be
+With a friction law that is too poor, lag and compliance compensate for the missing terms. On 3
+minutes of an arm without any lag, Coulomb friction at all speeds gave lags of -1.9 and -4.4 ms and
+rigid-body torques wrong by 1.1 %; all terms above the least dead zone gave a lag of 0.4 ± 0.4 ms.
+The search therefore starts with lags on fast samples, where friction after a reversal cannot be
 mistaken for a lag. Soft gears follow, then lags again, since the two are similar, and then
 presliding, with compensated lags, on all samples, where presliding shows. Nuisances are admitted
 one axis at a time: the one with the best prediction of held-out blocks, if the improvement is
@@ -95,7 +95,7 @@ def find_nuisances(
 ) -> Nuisances:
     """Find lags, soft gears and presliding distances of the moving axes.
 
-    With unknown gains, none are estimated.
+    With unknown gains, no nuisances are estimated.
     """
     none = Nuisances(processing, np.zeros(robot.n_joints))
     motions = [filtered_motion(each, processing) for each in found.stretches]
@@ -164,7 +164,7 @@ def _find_soft_gears(
         twist_edge(robot, axis, twist[axis])
         for axis in np.flatnonzero((twist >= MOST_TWIST) & (compliance > CERTAIN * error)).tolist()
     ]
-    possible = twist[found.soft] < MOST_TWIST  # False without a known limit
+    possible = twist[found.soft] < MOST_TWIST  # False for an unknown limit (NaN)
     return found if found.soft.any() and possible.all() else state, edges
 
 

@@ -5,11 +5,11 @@ offset of friction: only inertia distinguishes the two, and a gentle motion hard
 But the size of the offset is limited: the offset consists of the direction dependence of friction
 and the zero error of a current sensor, together some `ASYMMETRY` of friction itself.
 
-If most of the variance of an offset is shared with base parameters, and the offset exceeds its
-variance and that limit, then either the offset is real, a sensor's zero error or a spring, or the
-model lacks a term that resembles acceleration. The torques do not show which, so the estimate stays
-and its covariance grows in the direction of least change of the torques, until o^2 = s^2 + V_oo
-with s = `ASYMMETRY` times friction at half the speed: the value of the greatest likelihood.
+Let s be `ASYMMETRY` times the friction at half the speed. If most of the variance V_oo of an offset
+o is shared with base parameters, and o^2 > s^2 + V_oo, then either the offset is real, a sensor's
+zero error or a spring, or the model lacks a term that resembles acceleration. The torques do not
+show which, so the estimate stays and its covariance grows in the direction of least change of the
+torques, until o^2 = s^2 + V_oo: the value of the greatest likelihood.
 
 On an axis that moves in one direction only, offset and Coulomb friction share a column. Either may
 be the whole sum, so each is uncertain by half of the sum.
@@ -48,8 +48,8 @@ def enlarge_covariance(
     V : ndarray, shape (n, n)
         Covariance; 0 for terms not in a law.
     metric : ndarray, shape (n, n)
-        Inverse of the normal equations, 0 likewise: its columns are the directions of least change
-        of the torques.
+        Inverse of the normal equations; 0 for terms not in a law. Its columns are the directions of
+        least change of the torques.
 
     Returns
     -------

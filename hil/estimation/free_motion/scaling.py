@@ -22,16 +22,17 @@ column of such a gain is a combination of the others. This does not depend on th
 parameters, except for a null set; so the parameters are drawn at random, and no signal is used. An
 undetermined scale is refused rather than invented.
 
-The solution is found from two starts, and the better result counts: gains with torques of usual
-size, and the gains of the linear problem with the signals of unknown gain as columns,
+Iterations start from two values, and the result with the smaller misfit counts. The starts are
+gains with torques of usual size, and the gains of the linear problem with the signals of unknown
+gain as columns,
 
     -Qm_i = A_i p + C_i c + F_i a_i - g_i y_i,
 
 biased by noise and friction, at times strongly.
 
-An error of a known torque constant, or of a gain in a map, scales all torques of its axis, and the
-solution, linear in the torques, follows: an error invisible in any single recording
-(`effect_of_drives`).
+An error of a known torque constant, or of a gain in a map, scales all torques of its axis, and
+changes the solution, which is linear in the torques (`effect_of_drives`). No single recording shows
+the error.
 """
 
 from __future__ import annotations
@@ -318,7 +319,7 @@ def open_gains(recorded: Blocks, unknown: tuple[int, ...]) -> list[int]:
 def _open(recorded: Blocks, unknown: tuple[int, ...]) -> set[str]:
     """Return the names of gains and shared unknowns with an undetermined scale.
 
-    In a single random draw an affected parameter may be missed, hardly in two.
+    One random draw may miss an affected parameter; two hardly do.
     """
     return set().union(*(_open_at(recorded, unknown, seed) for seed in range(2)))
 
@@ -393,8 +394,8 @@ def found_gains(robot: Robot, scaling: Scaling, fit: Fit) -> tuple[GainValue, ..
 def effect_of_drives(recorded: Products, scaling: Scaling, choice: Choice) -> Array:
     """Return the change of the unknowns per relative change of drive values.
 
-    The drive values are torque constants, then rotor inertias. An unknown gain is estimated, for
-    any constant.
+    The drive values are torque constants, then rotor inertias. An unknown gain is estimated, and
+    absorbs a change of the torque constant.
 
     Parameters
     ----------

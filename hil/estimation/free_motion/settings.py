@@ -17,8 +17,9 @@ stretches,
 - both velocities agree: they differ by at most `SAME` of their size;
 - the recorded one lags by at most `LAG` periods, since a lag caused by a filter shifts friction and
   inertia against the torque. With derivatives v and a of the position, v(t - lag) is v - lag a;
-- its noise below the cut-off frequency is less. Noise is the spectrum near half the sampling rate,
-  where nothing moves; a derivative raises that of a position by the square of the frequency.
+- the recorded one has less noise below the cut-off frequency. Noise is the spectrum near half the
+  sampling rate, where nothing moves; differentiation multiplies the power density of a position by
+  the square of the frequency.
 
 For each figure the median over the stretches counts.
 """

@@ -4,13 +4,13 @@ least squares
     without constraints;
 positive
     least squares, and if the mass matrix is then not positive anywhere on the motion, the nearest
-    solution with a positive one (`hil.estimation.free_motion.positive`), unless the torques
-    contradict it; the covariance includes the results of other friction laws
+    solution with a positive mass matrix (`hil.estimation.free_motion.positive`), unless the torques
+    contradict that solution; the covariance includes the results of other friction laws
     (`hil.estimation.free_motion.choice`), and friction offsets that resemble weight
     (`hil.estimation.free_motion.offsets`); friction is fitted to all samples, including slow ones;
 instrumental
     Z'W x = Z'y: Z from every second sample, W from the other samples. Measurement errors that are
-    independent from sample to sample are in one of them only, so they cause no bias;
+    independent from sample to sample are in Z or in W only, so they cause no bias;
 a function of the equations of pieces of time
     the equations with the weights of this function, and their solution.
 
@@ -140,8 +140,8 @@ def refit_friction(products: Products, fit: Fit, covariance: Covariance) -> Fit:
     """Refit friction to samples of every speed, including the dead zone.
 
     Errors of a law at low speed resemble weight or inertia, so base parameters come from faster
-    samples. The law itself describes all samples the better, the more samples it is fitted to. With
-    fixed shared unknowns x_s and P = N_oo^-1 N_os the own unknowns are
+    samples. But a law describes slow samples best if it is fitted to them, too. With fixed shared
+    unknowns x_s and P = N_oo^-1 N_os the own unknowns are
 
         x_o = N_oo^-1 v_o - P x_s,    V_oo = V + P V_ss P',    V_os = -P V_ss,
 
@@ -188,8 +188,8 @@ def _possible(robot: Robot, pieces: Regression, fit: Fit, configurations: Array)
     """Enlarge unusual offsets' errors, and make the mass matrix positive if possible.
 
     The move minimises the increase of the torque residuals: its metric is that of the normal
-    equations. If a residual grows by more than `MATERIAL` on any axis, there is another error, and
-    the parameters stay unchanged.
+    equations. If a residual grows by more than `MATERIAL` on any axis, the model has another error,
+    and the parameters stay unchanged.
     """
     metric = embedded(inverse(pieces.normal.information), fit.kept, len(fit.x))
     covariance, unusual = enlarge_covariance(fit.x, fit.covariance, metric, fit.layout)
@@ -231,7 +231,7 @@ def require_determined(robot: Robot, pieces: Regression) -> None:
 
 
 def _open(N: Array, n: int) -> list[int]:
-    """Return those of the first `n` unknowns not determined by the normal equations."""
+    """Return the unknowns among the first `n` that the normal equations do not determine."""
     return np.flatnonzero((undetermined(N) | (np.diag(N) == 0))[:n]).tolist()
 
 

@@ -23,7 +23,7 @@ STRETCHES = 150.0
 LEAST_STRETCH = 5.0
 """Minimum stretch of a recording [s]; shorter recordings are used whole."""
 SLOWEST = 1e-5
-"""Smallest speed of a moving axis, as a divisor of speeds [rad/s or m/s]."""
+"""Lower bound of reference speeds, which speeds are divided by [rad/s or m/s]."""
 SPAN = 0.05
 """Averaging time of speeds [s]."""
 CONFIGURATIONS = 200
@@ -39,7 +39,7 @@ class Survey:
     Attributes
     ----------
     stretches : tuple of Recording
-        Parts of recordings, `STRETCHES` together.
+        Parts of recordings, with a total duration of at most `STRETCHES`.
     speed : ndarray, shape (n_joints,)
         Reference speed of each axis, exceeded by few samples [rad/s or m/s].
     still : tuple of int

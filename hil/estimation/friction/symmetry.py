@@ -95,11 +95,11 @@ def judge_points(points: Sequence[FrictionPoint], bound: float = BOUND) -> dict[
 
 
 def judge_local_values(values: Iterable[LocalValue], bound: float = BOUND) -> dict[int, Symmetry]:
-    """Test the symmetry of axes from gravity measurements; result as of `judge_points`.
+    """Test the symmetry of axes from gravity measurements; result as in `judge_points`.
 
-    The parameters that predict gravity come from the same measurements. They leave the mean
-    deviation of an axis only if the asymmetry of friction was fitted too, as in the improved
-    method.
+    The parameters that predict gravity come from the same measurements. Unless the asymmetry of
+    friction was fitted too, as in the improved method, the parameters absorb the mean deviation of
+    an axis.
     """
     shares: dict[int, list[float]] = {}
     for v in values:

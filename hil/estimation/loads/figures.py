@@ -34,7 +34,7 @@ _NAMES = (
 )
 _UNITS = *6 * ["kg m2"], *3 * ["kg m"], "kg", *3 * ["m"], *6 * ["kg m2"]
 _CENTRE, _CENTRAL = 10, 13
-"""Indices of the first coordinate of the centre and of the first inertia about it."""
+"""Indices of the first coordinate of the centre and of the first inertia about the centre."""
 
 
 class Figure(FileModel):
@@ -213,7 +213,7 @@ def _derived(phi: Array) -> tuple[Array, Array]:
     """Derive the named quantities of a load from ten parameters, with gradients, (19, 10)."""
     # complex steps, so small that the error is only rounding
     phi = phi + 1e-100j * np.vstack([np.zeros(10), np.eye(10)])
-    # a centre needs a mass
+    # without a positive mass there is no centre; 1 avoids a division by zero
     m = np.where(phi[0, MASS].real > 0, phi[:, MASS], 1.0)[:, np.newaxis]
     s = phi[:, FIRST_MOMENTS]
     away = s[:, :, np.newaxis] * s[:, np.newaxis] - np.eye(3) * (s**2).sum(axis=1)[:, None, None]

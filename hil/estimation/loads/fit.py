@@ -2,7 +2,8 @@
 
 A change dp of all base parameters in place of the load tests whether anything but a rigid load
 changed: the part of dp that no load explains should not exceed its covariance (Hotelling's T^2).
-The same test applied to the load tells a load from mere error. A short run does not determine dp.
+The same test of the load itself shows whether the load exceeds its error. A short run does not
+determine dp.
 """
 
 from __future__ import annotations

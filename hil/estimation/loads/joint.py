@@ -18,9 +18,10 @@ with the mass all gains may be found. A gain that the load does not show stays a
 `GAIN_STATED`.
 
 Covariances come from the differences between groups, of which few carry phi: scores are corrected
-for the fit of the solution to its own data (CR2). Errors that repeat with the motion scatter over
-cells of states besides (`hil.least_squares.regression`). Errors of torque constants and rotor
-inertias are the same in both runs, and enter by their effect on the solution.
+for the fit of the solution to its own data (CR2). Errors that repeat with the motion do not scatter
+over time, but over cells of states: that scatter is added (`hil.least_squares.regression`). Errors
+of torque constants and rotor inertias are the same in both runs, and enter by their effect on the
+solution.
 
 Let e be the score of a measurement of an axis about the base parameters, and I its information.
 Base parameters from this measurement alone, in the r directions that it determines, would differ
@@ -32,8 +33,8 @@ Noise and wandering friction leave some T in any run. A load that gives way, sli
 along leaves a greater T in the run with the load, as does friction that the load changed. So the
 mean T / r of an axis with the load is compared with the mean without it. If nothing else differs,
 their ratio has about an F distribution, with as many degrees of freedom as there are measurements
-of the axis in each run. An addition to T within a measurement is alike in all of its directions, so
-r does not count them.
+of the axis in each run, not directions: anything that increases T in a measurement does so in all
+of the measurement's directions.
 """
 
 from __future__ import annotations
@@ -144,7 +145,7 @@ class JointRuns:
         self.whole = self._regression(self._joined([run.blocks for run in self._every]))
 
     def _solve(self, blocks: Blocks) -> None:
-        """Alternate between gains, weights and solution until they agree."""
+        """Iterate gains, weights and solution until convergence."""
         n, own = len(self._every), self.places("gain")
         counts = np.maximum(blocks.counts[:n], 1.0)
         left = blocks.products[:n, :, 0, 0] / counts
