@@ -137,7 +137,7 @@ def identify_and_keep(
     if (others and method != JOINT) or options.prior is not None:
         made = identified(run, method, others, options=options)
         return Findings(made.estimate, made.model)
-    alone = run.imported and not others  # findings of imports are only the model
+    alone = run.imported and not others  # only a model: its large file is not read here
     if campaign is None:
         campaign = () if alone else tuple(run)
     recordings = tuple(recorded(campaign))
