@@ -1,4 +1,4 @@
-"""`hil payload`: tables and figures of a load identified from runs without and with it.
+"""`hil payload`: tables and figures of a load identified from runs without and with the load.
 
 Table 3, parameters of the load, gains of the drives, Figs. 5 and 6.
 """
