@@ -75,7 +75,7 @@ class ModelAddress(NamedTuple):
 
 @dataclass(frozen=True)
 class Indexed:
-    """Result of `index`: numbers of runs, and the reasons of those left out."""
+    """Result of `index`: numbers of runs, and the reasons for leaving runs out."""
 
     new: int
     known: int

@@ -271,8 +271,8 @@ def range_suspicions(
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
         excess = max(float(q.max()) - high, low - float(q.min()))
         if excess > _usual_zero(robot, joint):
-            # refused beyond two ranges: an offset of a whole turn exceeds a range of half a turn by
-            # two, degrees for radians exceed it 57 times
+            # refused beyond two ranges: a whole turn of offset exceeds a joint's range of half a
+            # turn by two ranges, degrees for radians exceed a range 57 times
             far = excess > 2.0 * (high - low)
             yield Suspicion(
                 "range",

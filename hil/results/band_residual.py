@@ -113,7 +113,7 @@ def _motions(
 
     Only the samples marked by `used`, shape (n_recorded,), count.
     """
-    # friction of axes that do not move is not needed
+    # friction of axes outside `axes` is not needed
     model = replace(model, friction_law=model.friction_law.restricted(axes))
     whole = np.flatnonzero(recording.fresh)
     time = recording.time[whole]

@@ -53,7 +53,7 @@ class IdentifiedRobot(ByName):
         Effective degrees of freedom of the errors visible in the data.
     residual : ndarray, shape (n_joints,)
         Root mean square of each axis's residual torque, with the method's low-pass and friction fit
-        [N m]; NaN for an axis that was not measured.
+        [N m or N]; NaN for an axis that was not measured.
     condition : dict
         Condition number of each group's observation matrix, or of all parameters' (``"all"``).
     provenance : Provenance
@@ -132,7 +132,7 @@ class IdentifiedRobot(ByName):
         Raises
         ------
         Mismatch
-            The robot files differ; both by name and digest.
+            Names and digests of the two different robot files.
         """
         if self.robot.digest != robot.digest:
             raise Mismatch(
@@ -163,7 +163,7 @@ class IdentifiedRobot(ByName):
 
     @property
     def covariance(self) -> Array:
-        """Covariance of `values` from both kinds of error, shape (n_base, n_base)."""
+        """Total covariance of `values`, by visible and invisible errors, shape (n_base, n_base)."""
         return self.scatter_covariance + self.drive_covariance
 
     @property
@@ -322,7 +322,7 @@ def friction_alone(
 
 
 def lacking(model: IdentifiedRobot) -> str:
-    """Name axes without a law of friction, with reason and remedy; empty for no such axis."""
+    """Name axes without a law of friction, with reason and remedy; empty if all laws are known."""
     axes = model.axes_without_friction
     if not axes:
         return ""

@@ -181,7 +181,7 @@ def friction_quantities(robot: Robot) -> Iterator[Quantity]:
 
 
 def _speeds(laws: Sequence[AxisLaw]) -> Iterator[float]:
-    """Return speeds inside the common range of laws, with two digits; none without such a range."""
+    """Return speeds inside the common range of laws, with two digits; none without this range."""
     ranges = [law.speeds or tuple(share * law.speed for share in ASSUMED) for law in laws]
     slowest = max((low for low, _ in ranges), default=0.0)
     fastest = min((high for _, high in ranges), default=0.0)

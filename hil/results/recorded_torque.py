@@ -121,7 +121,7 @@ class PredictedTorque:
 
     @property
     def residual(self) -> Array:
-        """Measured less predicted torque, shape of both."""
+        """Measured less predicted torque, shape of `predicted`."""
         return self.measured - self.predicted
 
     @property

@@ -153,7 +153,7 @@ def _refuse_patch(model: Model, to: str, urdf: Path | None, patch: Path) -> None
 
 
 def _unused_inertials(given: Given, model: Model) -> Iterator[str]:
-    """Yield the reasons for not using the inertials of a URDF, if stated."""
+    """Yield the faults for which the inertials of a URDF, if any, are not used."""
     if given.reader.file.root.find("link/inertial") is not None:
         for fault in inertial_faults(given, model.robot):
             yield f"{fault}; until then {SHAPES} replace the inertials of all links"

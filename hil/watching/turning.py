@@ -151,7 +151,7 @@ class Turning:
         return np.asarray(np.ptp(windows, axis=-1) < DISTANCES[0])
 
     def _directions(self, step: Array, still: Flags) -> tuple[Array, Array]:
-        """Compute directions for every distance, and the doubt of the used one after standstills.
+        """Compute directions for every distance, and the doubt after standstills for that in use.
 
         Shapes (n, n_distances, n_joints) and (n, n_joints).
         """
