@@ -108,8 +108,7 @@ def goodness_of_fit(load: LoadFile) -> str:
 
 
 def _or_gains(load: LoadFile) -> str:
-    """Name wrong gains of a map as a further cause; empty for identified gains and measured
-    runs."""
+    """Name wrong gains of a map as a further cause; empty for runs without unidentified gains."""
     if not load.imported or load.gains:
         return ""
     return ", or the gains are wrong (find them with --mass and --gains)"
