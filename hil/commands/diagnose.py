@@ -98,7 +98,7 @@ class CandidateRecord(FileModel):
     t: float
     p_value: float
     beside: float | None
-    """t-value beside all significant candidates; None for significant candidates."""
+    """t-value in a fit with all significant candidates; None for significant candidates."""
 
     @property
     def label(self) -> str:

@@ -75,7 +75,7 @@ class ModelAddress(NamedTuple):
 
 @dataclass(frozen=True)
 class Indexed:
-    """Result of `index`: numbers of runs, and the reasons of those left out."""
+    """Result of `index`: numbers of runs, and the reasons for leaving runs out."""
 
     new: int
     known: int
@@ -144,7 +144,7 @@ def _models(folder: str) -> Iterator[ModelAddress]:
     for each in found:
         run = PurePosixPath(each).parent.relative_to(root).parts
         machine = run[0] if len(run) > 1 else PurePosixPath(root).name
-        key = files.ukey(each) if files.exists(each) else ""  # a link to nothing
+        key = files.ukey(each) if files.exists(each) else ""  # a broken link
         yield ModelAddress(files.unstrip_protocol(each), machine, key)
 
 

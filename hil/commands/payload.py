@@ -1,4 +1,4 @@
-"""`hil payload`: tables and figures of a load identified from runs without and with it.
+"""`hil payload`: tables and figures of a load identified from runs without and with the load.
 
 Table 3, parameters of the load, gains of the drives, Figs. 5 and 6.
 """
@@ -108,7 +108,7 @@ def goodness_of_fit(load: LoadFile) -> str:
 
 
 def _or_gains(load: LoadFile) -> str:
-    """Name wrong gains of a map as a further cause of changes; empty for other runs."""
+    """Name wrong gains of a map as a further cause; empty for runs without unidentified gains."""
     if not load.imported or load.gains:
         return ""
     return ", or the gains are wrong (find them with --mass and --gains)"

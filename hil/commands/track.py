@@ -206,7 +206,7 @@ def notes(found: Tracking, wrong: float = 0.25) -> tuple[str, ...]:
 
 
 def judge(found: Tracking) -> Verdict:
-    """Return the sentence about the errors with feed-forward, doubtful if those of an axis grow."""
+    """Return the verdict on feed-forward, doubtful if it increases the errors of an axis."""
     better = found.gain("neither", "both") > 1.0
     return Verdict(
         "good" if better and not _worse(found) else "doubtful",
@@ -260,7 +260,7 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
 
 
 def error_chart(runs: Mapping[str, Run], delay: float) -> Chart:
-    """Draw following errors over the first period of the first trajectory; smaller errors below.
+    """Draw following errors over the first period, and below only those with feed-forward.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Sample times checked by recorded velocities.
 
-Integrals of a recorded velocity over differences of its position measure time, so each joint with a
-recorded velocity is a clock. Joints differ in unit and gain, never in time: a factor common to all
-joints belongs to the rate, and a time between two samples that is foretold by the velocities of all
-other joints belongs to the recorder.
+A change of position divided by the recorded velocity measures time, so each joint with a recorded
+velocity is a clock. Joints differ in unit and gain, never in time. A factor common to all joints is
+an error of the rate. A time between two samples on which the velocities of all joints agree is
+uneven sampling by the recorder.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 LEAST = 0.01
 """Minimum relative error of a reported rate.
 
-Accelerations are off by twice as much, the usual error of inertias in a good identification.
+Accelerations are then off by 0.02, the usual error of inertias in a good identification.
 """
 CHANCE = 5.0
 """Significance threshold [standard errors], exceeded by chance once in two million."""
@@ -84,7 +84,7 @@ def clock_suspicions(
 
 
 def clocks(evidence: Evidence) -> Mask:
-    """Return the joints with a recorded velocity that follows the position, and so shows time."""
+    """Return a mask of joints that measure time: their recorded velocity follows the position."""
     product = np.sum(evidence.qd * evidence.recorded_qd, axis=0)
     size = np.linalg.norm(evidence.qd, axis=0) * np.linalg.norm(evidence.recorded_qd, axis=0)
     follows = np.nan_to_num(product) >= FITS * np.nan_to_num(size)
@@ -94,7 +94,7 @@ def clocks(evidence: Evidence) -> Mask:
 def common_ratio(
     excerpts: Sequence[Excerpt], evidence: Evidence, shown: Mask
 ) -> tuple[float, float]:
-    """Return the rate by the velocities of some joints over the map's, and its relative error."""
+    """Return the ratio of the rate by velocities to the map's rate, and its relative error."""
     ratio, error = _ratios(excerpts, evidence, shown)
     return _common(ratio, error), float(error.min())
 
@@ -148,7 +148,7 @@ def _uneven(excerpts: Sequence[Excerpt], shown: Mask, common: float) -> Array | 
         qd = (each.qd[1:, shown] + each.qd[:-1, shown]) / (2 * common)
         scale = np.sqrt(np.mean(qd**2, axis=0)) * each.period
         step, speed = np.diff(each.q[:, shown], axis=0) / scale, qd * each.period / scale
-        # time is shown if velocities reach a third of the mean square of one joint
+        # a step is predicted if the other joints are fast: a third of one joint's mean square
         fast = (speed**2).sum(axis=1)[:, None] - speed**2 > 1.0 / 3.0
         others = (step * speed).sum(axis=1)[:, None] - step * speed
         power = (speed**2).sum(axis=1)[:, None] - speed**2

@@ -15,7 +15,7 @@ _LAST_UNIT = re.compile(
 )
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]")
 _SUFFIX = re.compile(r"[ _.](deg|rad|rpm|nm|mm|sec|ms|us|ns|(?<=time.)s)$", re.I)
-"""Units at the end of a name without another meaning; a may also be a phase, m a motor."""
+"""Units at the end of a name; without `a` and `m`, which may also be a phase and a motor."""
 _WORDS = {
     "position": {"position", "positions", "pos", "q", "theta", "angle", "x", "winkel"},
     "velocity": {
@@ -77,7 +77,7 @@ def _kind(words: Sequence[str], unit: str, *, rises: bool) -> tuple[str, str]:
 
 
 def unit_in(name: str) -> tuple[str, str]:
-    """Return the unit in a name as spelled, a known one first, and the name without it."""
+    """Return the unit in a name as spelled, if possible a known unit, and the remaining name."""
     known = {spelling for spellings in SPELLINGS.values() for spelling in spellings}
     brackets = (each for each in _IN_BRACKETS.finditer(name) if _plain(each[1]) in known)
     found = next(brackets, None) or _LAST_UNIT.search(name)
@@ -88,7 +88,7 @@ def unit_in(name: str) -> tuple[str, str]:
 
 
 def stated_unit(key: str, name: str) -> str:
-    """Return the unit of a map that a name states for time or a kind of column; else empty."""
+    """Return the map's spelling of the unit in a column's name; empty without a known unit."""
     stated = map(_plain, [*_IN_BRACKETS.findall(name), *_SUFFIX.findall(name)])
     return next((SPELLINGS[key][unit] for unit in stated if unit in SPELLINGS[key]), "")
 

@@ -66,7 +66,7 @@ def draft_map(path: Path, name: str, robot: Robot | None = None, robot_name: str
     name : str
         Name of the file in the map.
     robot : Robot, optional
-        Robot whose joints give the order, where the columns' names contain theirs.
+        Robot whose joints give the order, if the columns' names contain the joints' names.
     robot_name : str
         Name or file of the robot in the map.
 
@@ -126,7 +126,7 @@ def _time_of(table: Table, columns: Sequence[SeenColumn]) -> tuple[SeenColumn, .
     if pair := _stamp_in_two(columns):
         return pair
     rising = [column for column in columns if column.rises]
-    # stamps that restart with each episode rise otherwise
+    # stamps that restart with each episode rise within an episode
     again = [column for column in columns if column.begins]
     named = [c for c in (*rising, *again) if is_time(c.name)]
     # the first column of an array, as written by Simulink
@@ -189,7 +189,7 @@ def _time_lines(time: Sequence[SeenColumn], *, from_format: bool) -> Iterator[st
 
 
 def _segment_lines(time: Sequence[SeenColumn], looked_at: int) -> Iterator[str]:
-    """Yield the rows of each segment, where stamps restart."""
+    """Yield lines of a map with the rows of each segment, if stamps restart."""
     if len(time) != 1 or not time[0].begins:
         return
     if looked_at >= LOOKED_AT:
@@ -245,7 +245,7 @@ def _joints(columns: Sequence[SeenColumn]) -> list[dict[str, SeenColumn]]:
 def _sort_joints(
     robot: Robot, joints: Sequence[dict[str, SeenColumn]]
 ) -> list[dict[str, SeenColumn]]:
-    """Return columns for each joint of a robot, by its name where columns have such names."""
+    """Return the columns of each joint of a robot, by joint names if columns have such names."""
     found: list[dict[str, SeenColumn]] = []
     for name in robot.joint_names:
         words = set(words_of(name))
@@ -417,7 +417,7 @@ def _seen(index: int, name: str, values: Array) -> SeenColumn:
     steps = np.diff(values)
     rises = bool(len(steps) and np.all(steps >= 0) and values[-1] > values[0])
     step = (values[-1] - values[0]) / max(1, len(steps))
-    # restarting stamps: a segment has at least 100 rows
+    # stamps restart if the mean length of a segment is at least 100 rows
     begins = np.flatnonzero(steps < 0) + 1
     if rises or not 0 < len(begins) <= 0.01 * len(steps):
         begins = begins[:0]

@@ -1,10 +1,10 @@
 """Held samples: values published several times.
 
-Between two measurements a held value repeats exactly while its stamps advance. A coarse column
-repeats its value by chance as well: about once in as many rows as a usual step has increments. A
-held column repeats more often than that while the joint moves. Where all positions are held alike,
-the rows with a change are samples and all others repetitions; a single held column is detected in
-`hil.imports.plausibility`.
+Between two measurements a held value repeats exactly while its stamps advance. A coarse column also
+repeats its value by chance; with n increments in a usual step, about one row in n is a repetition.
+A held column repeats its value more often while the joint moves. If all positions are held alike,
+the rows with a change are samples, and all other rows are repetitions; a single held column is
+detected in `hil.imports.plausibility`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hil.imports.samples import Samples
 
 EXCERPT = 20_000
-"""Rows inspected: shares are known to 1 %."""
+"""Number of inspected rows, for shares accurate to 1 %."""
 OFTENER = 5.0
 """Minimum ratio of repetitions to chance repetitions for held values.
 
@@ -102,8 +102,8 @@ def repeats(columns: Sequence[Array], moving: Mask) -> float:
 def measured(samples: Samples, rows: Integers, held: int) -> Integers:
     """Return the rows of new measurements, one in every `held` rows.
 
-    Positions change in these rows, or would change by their number: a joint at rest is measured as
-    often as a moving one.
+    Positions change in these rows. While all positions are constant, every row `held` rows after
+    the last measurement counts as a measurement.
     """
     changes = np.concatenate([*_changes(samples, rows)])
     starts = np.flatnonzero(changes)

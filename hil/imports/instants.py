@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 EVEN = 0.01
 """Maximum deviation of even samples from the period, as a share."""
 SAME_STAMP = 1e-6
-"""Maximum number of periods between rows with equal stamps."""
+"""Maximum difference between equal stamps, in periods."""
 WINDOW = 50
 """Samples over which periods are averaged and the least delayed sample is found."""
 

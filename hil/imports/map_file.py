@@ -99,8 +99,8 @@ def _gain(value: object) -> object:
 class Torque(FileModel):
     """Torques or forces of a joint: ``sign`` times ``gain`` times the column [N m or N].
 
-    An unknown gain is identified together with the parameters; before, torques are in the column's
-    unit.
+    An unknown gain is identified together with the parameters; until then, torques are in the
+    column's unit.
     """
 
     column: Column

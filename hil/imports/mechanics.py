@@ -1,15 +1,15 @@
 """Mechanical checks of a map before the estimation: signs, exchanged columns, units.
 
-Such errors make all results meaningless, so the import is refused. Excerpts of the recording are
+These errors make all results meaningless, so the import is refused. Excerpts of the recording are
 read in alternative ways (`hil.estimation.excluded.alternatives`), and all base parameters are
 fitted under each reading: a sign, two columns exchanged, degrees for radians, an offset by quarters
 of a turn, gravity along another axis. The best reading that is mechanically possible is then fitted
-with friction, and so are exchanges of axes with torques unrelated to their motion. It refuses the
-map's own reading if that is contradicted (friction would drive an axis, some motion would have a
-negative energy, or the torques of the exchanged axes follow no motion) and half of the mean squares
-are left at most; or if a ninth is left at most. Where most of the residual would be driving
-friction, any reading with an equal fit refuses the map's own. All other causes are left to the
-estimate, which uses the whole recording.
+with friction, and so are exchanges of axes with torques unrelated to their motion. Let r be the
+ratio of the mean square residual of an alternative reading to that of the map's reading. The map is
+refused if r is at most 1/9. The limit is 1/2 if mechanics contradict the map's reading: friction
+would drive an axis, a motion would have a negative energy, or the torques of the exchanged axes
+follow no motion. If most of the residual would be driving friction, any alternative with an equal
+fit refuses the map. All other causes are left to the estimate, which uses the whole recording.
 """
 
 from __future__ import annotations
@@ -63,9 +63,9 @@ PLACES = {
 MAP_KEYS = {"position scale": "joints", "gravity": "robot"}
 """Keys of the map for causes that concern no single joint."""
 NOTHING = 0.8
-"""Share of the variance of all axes' torques left for torques of another motion.
+"""Minimum residual share of the torque variance for torques unrelated to the motion.
 
-Public recordings of five machines have a twentieth at most, noise in place of torques leaves 0.89.
+Public recordings of five machines leave at most 0.05, noise in place of torques leaves 0.89.
 """
 LAGS = (0.05, 0.1)
 """Lags of torques to try [s], beyond the lags fitted by estimates.
@@ -77,13 +77,13 @@ DEGREE = np.pi / 180.0
 SLOW = 0.004
 """Time between the compared samples [s].
 
-Motion of a robot up to 20 Hz has twelve in a period. Faster recordings are replaced by means, of
-positions and torques alike.
+A period of a robot's fastest motion, at 20 Hz, has twelve samples. Faster recordings are replaced
+by means, of positions and torques alike.
 """
 SPREAD = 4
-"""Excerpts compared in addition to those with the most motion of a joint.
+"""Number of excerpts compared in addition to those with the most motion of a joint.
 
-They last ten seconds each; the rows of the readings are a small part of the effort.
+An excerpt lasts at most ten seconds.
 """
 ORDINARY = (4 * np.pi * DEGREE, 4 * np.pi)
 """Ranges of joints that contradict a position in degrees stated as radians [rad].
@@ -122,8 +122,8 @@ def mechanical_suspicions(
         return
     misread = _misread(robot, excerpts, prepared, solver, shown & (share > NOTHING))
     yield from misread or ()
-    # lags are searched if the residual variance exceeds 0.3 %: twins of robots have a third of
-    # that, and five times as much for torques delayed by 50 ms
+    # lags are searched if the residual variance exceeds 0.3 %: twins of robots have 0.1 %, and 0.5
+    # % with torques delayed by 50 ms
     if not misread and (share > 0.003).any():
         another = list(clock_of_torques(excerpts, robot, shown))
         yield from another
@@ -168,9 +168,9 @@ def _misread(
     )
     # torques unrelated to the motion of their axes contradict the map, like impossible mechanics
     contradicted = not stated.possible or (len(axes) == 2 and astray.issuperset(axes))
-    # against a possible map, a reading must leave at most a ninth of the mean squares, a third of
-    # the residual: on recordings of an arm without a valid model other readings leave 0.22, the
-    # correct readings of the maps in `benchmarks/wrong_maps.py` at most 0.07
+    # against a possible map, a reading must leave at most a ninth of the mean squares: on
+    # recordings of an arm without a valid model other readings leave 0.22, the correct readings of
+    # the maps in `benchmarks/wrong_maps.py` at most 0.07
     if left <= (LEAVES if contradicted else 1.0 / 9.0):
         place = ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],)
         message = (
@@ -207,8 +207,8 @@ def _left(
 ) -> float:
     """Return the share of the mean squares left by a reading after a full fit.
 
-    With `axes`, the geometric mean over these: a reading of the torques of some axes does not
-    change the equations of the others.
+    The share is the geometric mean over `axes`, by default over all axes: another reading of an
+    axis's torques does not change the equations of the other axes.
     """
     turned = robot.changed(gravity=tuple(reading.gravity.tolist()))
     read = [_motion(number, _read(each, reading)) for number, each in enumerate(excerpts)]
@@ -228,8 +228,8 @@ def _late(
     """Yield a suspicion for torques delayed or early beyond the lags fitted by estimates.
 
     A lag common to all joints leaves half of the mean squares or less, in the median over the
-    joints `shown`, shape (n_joints,). In a single joint the gain may be small because a few seconds
-    of motion fit many parameters.
+    joints `shown`, shape (n_joints,). A single joint may improve little, because many parameters
+    fit a few seconds of motion.
     """
     every: list[tuple[float, float]] = []
     for lag in [*LAGS, *np.negative(LAGS)] if shown.any() else ():

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from hil.model.robot import Robot
 
 TOUCHES = math.ceil(-math.log2(CHANCE))
-"""Minimum number of samples on one side close to zero that is not chance.
+"""Minimum number of samples close to zero on one side that is not chance.
 
-Each is on either side with equal probability.
+By chance, each sample is on either side with equal probability.
 """
 OFTEN, CLOSE = 0.95, 0.05
 """Quantile for the ordinary step between samples, and distance from zero that counts as zero, in
@@ -41,27 +41,27 @@ At this distance both signs are equally likely.
 EXCEEDED, ABSURD = 1.0 + USUAL_BOUND, 10.0
 """Shares of a limit of speed or torque: stated above the first, refused above the second.
 
-The first is the usual error of a torque constant. The second is the geometric mean of 2, peak over
-rated torque, and of 50 for gears or 57 for degrees.
+The first is the usual error of a torque constant. The second is between peak over rated torque, 2,
+and the factors of gears and degrees, 50 and 57: their geometric mean.
 """
 FITS = 0.9
 """Minimum correlation of two velocities of the same joint.
 
-A sinusoid delayed by a drive's filter has the cosine of the phase lag: 36 ms at 2 Hz, the fastest
-oscillation of robots.
+The correlation of a sinusoid delayed by a drive's filter is the cosine of the phase lag: 0.9 for 36
+ms at 2 Hz, the fastest oscillation of robots.
 """
 _NOISE = 1.0 - FITS
 """Noise, as a share of the power of both velocities, that reduces their correlation to `FITS`.
 
-It reduces their ratio equally.
+Such noise reduces the ratio of the velocities by the same share.
 """
 INDEPENDENT = 1.0 / 6.0
 """Time between independent samples of motion up to 3 Hz [s]: half a period."""
 OTHER = (2.0 / (1.0 - _NOISE)) ** 0.5
 """Refused ratio of velocities.
 
-Geometric mean of the effect of noise and of 2, the least effect of a wrong unit or of every other
-sample.
+Geometric mean of the effect of noise and of 2, the least effect of a wrong unit or of skipped
+samples.
 """
 _OTHERWISE = "correct unit, offset or column, or the range in the robot file"
 
@@ -247,8 +247,8 @@ def small(
     """
     shares = most / of
     widest = int(np.argmax(shares))
-    # with a wrong unit or side, no joint exceeds this share of a limit or a range: it is between
-    # 1/57 for degrees or 1/50 for gears and the shares of useful motions
+    # maximum share of a limit or a range in a wrong unit or on the wrong side: between 1/57 for
+    # degrees or 1/50 for gears, and the shares of useful motions
     if np.isfinite(shares).all() and evidence.moves.any() and 0 < shares[widest] < 0.03:
         unit = (robot.position_unit if key == "position" else robot.torque_unit)(widest)
         yield Suspicion(
@@ -271,8 +271,8 @@ def range_suspicions(
         low, high = float(robot.q_min[joint]), float(robot.q_max[joint])
         excess = max(float(q.max()) - high, low - float(q.min()))
         if excess > _usual_zero(robot, joint):
-            # refused beyond two ranges: an offset of a whole turn exceeds a range of half a turn by
-            # two, degrees for radians exceed it 57 times
+            # refused beyond two ranges: a whole turn of offset exceeds a joint's range of half a
+            # turn by two ranges, degrees for radians exceed a range 57 times
             far = excess > 2.0 * (high - low)
             yield Suspicion(
                 "range",

@@ -1,9 +1,9 @@
 """Detection of two sources in one recording: two publishers on a topic, or merged files.
 
 Each source is smooth, and the mixture is not. For alternating rows the second differences of every
-second row are small, and those of all rows are twice the distance of the sources. A rarer source
-has rows far from the neighbouring rows, which are as close to one another as if the rows were
-absent; unlike spikes, these rows are close to one another.
+second row are small, and those of all rows are twice the distance of the sources. A row of a rarer
+source is far from both neighbouring rows, which are close to one another. Unlike spikes, the rows
+of the rarer source are also close to one another.
 """
 
 from __future__ import annotations

@@ -97,7 +97,7 @@ def import_one(
         path = job.folder / "recordings" / f"{motion.id}.h5"
         write_measured(path, Measured(motion, recording), robot)
         motions.append(motion)
-    timing.stretches = []  # these are as long as the recording
+    timing.stretches = []  # arrays as long as the recording
     return Statement(
         the_map,
         timing,

@@ -1,9 +1,9 @@
 """Contradictions in a recording, found before the estimation.
 
-Signs, the order of joints, degrees for radians and the motor's side for the joint's leave traces:
-in the derivative of the position against the recorded velocity, in ranges and limits, and in
-mechanics (`mechanics`). Certain contradictions refuse the import, unless the map accepts them;
-others are stated.
+Wrong signs, a wrong order of joints, degrees for radians and motor-side values show in the
+derivative of the position against the recorded velocity, in ranges and limits, or in mechanics
+(`mechanics`). Certain contradictions refuse the import, unless the map accepts them; others are
+stated.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Torques recorded as numbers without sign: sign and magnitude, or two's complement.
 
-In numbers up to 2 S a negative value, -x, is S + x as sign and magnitude, and 2 S - x in two's
-complement. Either makes a torque jump by S or more at a zero crossing; the right reading does not.
-So the reading with the least squared steps is taken, if far smaller.
+In unsigned numbers below 2 S, a negative value -x is S + x as sign and magnitude, and 2 S - x in
+two's complement. A wrong reading makes a torque jump by S or more at a zero crossing. Therefore the
+reading with the least squared steps is taken, if its sum is far smaller than the others.
 """
 
 from __future__ import annotations

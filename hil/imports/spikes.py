@@ -1,9 +1,9 @@
 """Spikes: outliers that no motion of a joint can produce.
 
-A spike is over within a few samples, unlike any motion of a robot. It exceeds the samples `REACH`
-before and after by far more than the ordinary change of values, and by a part of the whole range of
-the column. Noise does not, nor does a step. Angles are inspected after unwrapping; a jump by
-several turns that is reversed at once was no turn either.
+A spike is over within a few samples, unlike any motion of a robot. Unlike noise or a step, a spike
+exceeds the samples `REACH` before and after by far more than the ordinary change of values, and by
+a part of the whole range of the column. Angles are inspected after unwrapping; a jump by several
+turns that is reversed at once is a spike too.
 
 A column that is rounded to increments flickers: noise takes a sample and its neighbour by half an
 increment each way across a bound, so two increments are ordinary.
@@ -83,7 +83,7 @@ def spike_suspicions(
             same = robot.revolute == robot.revolute[joint]
             all_else = max(each.of_all for each, fits in zip(alike, same, strict=True) if fits)
         share = min(spikes.of_spikes / all_else, 1.0) if spikes.count else 0.0
-        # the trembling of joints at rest is small compared with the motion of others
+        # noise of joints at rest is small compared with the motion of other joints
         if share < STATED or spikes.farthest < CARRIED * max(each.width for each in alike):
             continue
         unit = robot.position_unit(joint)
@@ -169,17 +169,17 @@ def _outstanding(x: Array, recorded: Array | None) -> tuple[Array, Mask]:
 def _beyond_ordinary(x: Array) -> tuple[Array, Mask]:
     """Return excursions, and a mask of those beyond the ordinary change of samples.
 
-    Both are of shape (n - 2 REACH,).
+    The arrays have shape (n - 2 REACH,).
     """
     changes = x[REACH:] - x[:-REACH]
     steps = np.abs(changes)
     nearer = np.minimum(steps[:-REACH], steps[REACH:])
     # minimum ratio of a spike to ordinary changes: 10 is 28 standard deviations of white noise,
-    # since an ordinary change is 1.96 times the square root of two of these
+    # since an ordinary change is 1.96 sqrt(2) standard deviations
     if np.count_nonzero(steps <= nearer.max() / 10.0) < OFTEN * (len(steps) - 1):
-        return nearer, np.zeros(len(nearer), dtype=bool)  # without a sort for the quantile
+        return nearer, np.zeros(len(nearer), dtype=bool)  # avoids a sort for the quantile
     # spikes are to one side of both neighbours: the changes before and after have opposite signs
     excursion = np.where((changes[:-REACH] > 0) != (changes[REACH:] > 0), nearer, -nearer)
-    # rounding is also ordinary
+    # rounding errors of doubles are ordinary, too
     most = max(10.0 * np.quantile(steps, OFTEN), 1e-9 * np.abs(x).max())
     return excursion, np.asarray(excursion > most)

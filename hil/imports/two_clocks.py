@@ -37,7 +37,7 @@ PARTS, SHORTEST = 12, 2.0
 Half a period of a slow motion distinguishes a lag from friction.
 """
 ROUNDS = 20
-"""Maximum number of Newton iterations; a lag of a tenth of a second takes some six."""
+"""Maximum number of Newton iterations; a lag of 0.1 s takes about six."""
 REACH = 0.1
 """Maximum change of a lag per iteration [s]: a sixth of a period of the fastest motion of arms."""
 

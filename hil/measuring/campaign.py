@@ -5,9 +5,9 @@ and the folder's journal records the reason.
 
 Files are written in parallel to the motion, so that a stalling disk does not stop the robot: the
 drives stop half a second after the last heartbeat, and a process waiting for a disk sends none.
-Writing tasks go to a worker thread, in order, while the sequencer travels on. Its errors are raised
-at the next event. With a full queue, or at the end with the axes off, the campaign waits for the
-disk: a measurement is finished only when written.
+Writing tasks go to a worker thread, in order, while the sequencer travels on. Errors of the worker
+are raised at the next event. With a full queue, or at the end with the axes off, the campaign waits
+for the disk: a measurement is finished only when written.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def _session(
     """Open a session of the folder and a worker that writes into the folder.
 
     Objects loaded so far are excluded from garbage collection, which lasts many SYNCs. The session
-    receives the notes of the bus, also those made while leaving it.
+    receives all notes of the bus, including those made on leaving the bus.
     """
     with folder.session(bus_name, real_time) as session, ExitStack() as left:
         left.callback(lambda: folder.keep(notes=tuple(bus.notes)))

@@ -1,15 +1,15 @@
-"""Buses in front of another bus, which pass everything on.
+"""Buses in front of another bus, to which they pass all calls.
 
-A bus with additional functions derives from `BusInFront` and defines only these. `FeedingBus` feeds
-forward velocity and torque with every streamed path, without a change of its callers. Velocities
-and accelerations are differences of the set-points. A drive follows its set-points with a delay, by
-its interpolation, so the feed-forward must have the same delay:
+A bus with additional functions derives from `BusInFront` and defines only the changed calls.
+`FeedingBus` feeds forward velocity and torque with every streamed path, without a change of its
+callers. Velocities and accelerations are differences of the set-points. A drive follows its
+set-points with a delay, by its interpolation, so the feed-forward must have the same delay:
 
-    a set-point goes out at time t; the drive's loops act at t, t + h ... t + T - h before the next
-    one, while the demand goes through what was planned for t - d ... t - d + T - h,
+    a set-point is sent at time t; until the next set-point the drive's loops act at
+    t, t + h ... t + T - h, with the demand planned for t - d ... t - d + T - h,
 
-with the SYNC period T, the period of the loops h and the delay d. Velocity and torque are held
-meanwhile, so they are those of the middle, planned for t - d + (T - h)/2.
+with the SYNC period T, the period of the loops h and the delay d. Velocity and torque are held for
+a SYNC period, so the values are those of the middle of the period, planned for t - d + (T - h)/2.
 
 The torque is that of the motion less the torque at the path's beginning: at rest the loops hold the
 axes without feed-forward, and continue to do so.
@@ -168,7 +168,7 @@ class FeedingBus(BusInFront):
         torque: Sequence[Sequence[float]] | None = None,
         holding: Sequence[Sequence[float]] | None = None,
     ) -> None:
-        """Start to send a path, with computed feed-forward unless the caller states some."""
+        """Start to send a path, with computed feed-forward unless stated by the caller."""
         if velocity is None and torque is None:
             fed = self._fed(np.asarray(path, dtype=float))
             velocity, torque, holding = (values.tolist() for values in fed)

@@ -125,7 +125,7 @@ class _PartnerStrokes:
         self._last = latest - self._partner.profile(self._q, 0).duration - PARTNER_TURN
 
     def take(self, samples: Sequence[Sample]) -> float:
-        """Process samples and start a due stroke; return when the next is due [s]."""
+        """Process samples and start a due stroke; return the instant of the next stroke [s]."""
         self._recorder.extend(samples)
         now = samples[-1].time
         if now >= self._due:
@@ -146,7 +146,7 @@ class _PartnerStrokes:
 
 
 def _rest(bus: DriveBus, recorder: Recorder) -> Sample:
-    """Record samples at rest, padding for the filters; return the last one."""
+    """Record samples at rest, as padding for the filters; return the last sample."""
     left = max(1, round(REST / bus.period))
     while left > 0:
         samples = bus.samples(left)

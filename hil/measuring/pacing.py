@@ -1,7 +1,7 @@
 """Bus with a limited speed of time relative to the wall clock.
 
-Where SYNC is the plant's clock a campaign is as fast as the processor, too fast for the eye.
-Samples are held back until they are due; nothing is sent meanwhile, and the plant stands still.
+If SYNC is the plant's clock, a campaign is as fast as the processor, too fast for the eye. Samples
+are held back until they are due; nothing is sent meanwhile, and the plant stands still.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ REAL_TIME = 4.0
 DOUBLED = 1.5
 """Time between doublings of the speed [s]."""
 AT_ONCE = 0.01
-"""Duration of the samples passed together [s]: a quarter of the time between two displayed ones."""
+"""Duration of the samples passed together [s]: a quarter of the time between displayed samples."""
 LATE = 0.04
 """Maximum delay that is made up for [s]: the time between two displayed samples."""
 
@@ -47,13 +47,13 @@ class PacedBus(BusInFront):
         self._began = self._due = 0.0
 
     def sample(self) -> Sample:
-        """Wait for the next SYNC, and until it is due."""
+        """Wait for the next SYNC, and until the sample is due."""
         return self.samples(1)[0]
 
     def samples(self, limit: int) -> Sequence[Sample]:
-        """Wait for the next SYNCs, and until the last one is due.
+        """Wait for the next SYNCs, and until the last sample is due.
 
-        After samples later than `LATE` the pace starts anew, without catching up.
+        After samples later than `LATE` the pace starts anew; the delay is not made up for.
         """
         now = time.monotonic()
         self._began = self._began or now

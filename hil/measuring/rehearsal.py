@@ -4,8 +4,8 @@ A measurement needs its own speed, so a slow campaign would measure nothing usef
 passes every path of the plan once, below a share of each axis's limit: all travels, a stroke there
 and back of each measurement, and for a coupling the strokes of both axes in turn. A motion slowed
 by a factor s has its velocity times s and its acceleration times s^2, so that several axes follow
-exactly their path at full speed. Supervision and trips are those of a measuring run; the operator's
-hand is on the stop.
+exactly the path of a motion at full speed. Supervision and trips are those of a measuring run; the
+operator's hand is on the stop.
 """
 
 from __future__ import annotations

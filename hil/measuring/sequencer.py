@@ -103,8 +103,8 @@ def measure(
 class _Clock:
     """Clock of the remaining robot time, scaled by the timetable's accuracy so far.
 
-    `start` is the begin of the first entry, excluding pauses [s]; `done` the number of entries
-    done.
+    `start` is the beginning of the first entry, excluding pauses [s]; `done` the number of finished
+    entries.
     """
 
     entries: Sequence[Entry]

@@ -62,7 +62,7 @@ def pass_slowly(bus: DriveBus, trajectory: Trajectory, slow: float) -> Sample:
 
 
 def pace(trajectory: Trajectory, robot: Robot, speed: float) -> float:
-    """Return the speed factor that keeps a trajectory below `speed` of the limits."""
+    """Return the speed factor that keeps a trajectory below the share `speed` of the limits."""
     t = np.linspace(0.0, trajectory.period, 1000)
     highest = float(np.max(np.abs(trajectory.motion(t)[1]) / robot.velocity_limit))
     return min(1.0, speed / highest) if highest > 0 else 1.0

@@ -2,8 +2,8 @@
 
 Time passes only in `bus.sample()`, and every time-out is in the bus's time. A travel moves all axes
 simultaneously with separate trapezoids, so the robot stays inside the box in joint space spanned by
-start and target; it is sufficient to check that the box is within the limits, and in a guarded
-workspace the path within it.
+start and target; it is sufficient to check that the box is within the limits and, with a guarded
+workspace, that the path is within the workspace.
 """
 
 from __future__ import annotations

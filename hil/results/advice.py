@@ -1,18 +1,17 @@
 """Limits of a result: causes of its error, and remedies by measurement or repair.
 
 The effect of a cause on the base parameters (`hil.estimation.excluded.effects`) is converted to the
-torques of a free motion, which makes all causes comparable. Squares of torques add up. The sum
-contains the scatter of the measurements, that is noise and wandering friction; the causes that are
-not taken into account; and the causes that are, with the effect of ignoring them. A cause is named
-if its share of that sum is large enough. Scatter itself is a cause if it is notable and nothing
-else explains most of it. Then the motion hardly excites some parameters, or, if noise alone does
-not explain the uncertainty, measurements disagree.
+torques of a free motion, which makes all causes comparable. The squares of these torques are added
+to the square of the scatter, which is noise and wandering friction. A cause that the estimation
+accounts for counts with the error without its compensation. A cause is named if its share of the
+sum is large enough. A notable scatter that the causes do not explain is named as a further cause:
+the motion hardly excites some parameters, or the measurements disagree more than noise explains.
 
-Every piece of advice names a figure and a practicable remedy: doubtful if the remedy is advised,
-good if it is a note. The measurement that improves a weak parameter most is calculated: with W of
-eq. (17), rows weighted by eq. (16), one more row w lowers the parameter's variance G_kk, G =
-(W'W)^-1, by (G w)_k^2 / (1 + w' G w). The advice is to repeat the measurement with the best row, or
-to measure in its neighbourhood.
+Every piece of advice names a figure and a practicable remedy. An advised remedy makes the result
+doubtful; a note leaves the result good. The measurement that improves a weak parameter most is
+calculated: with W of eq. (17), rows weighted by eq. (16), one more row w lowers the parameter's
+variance G_kk, G = (W'W)^-1, by (G w)_k^2 / (1 + w' G w). The advice is to repeat the measurement
+with the best row, or to measure in its neighbourhood.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ UNLIKE = "friction that differs by direction"
 def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
     """Return the significant causes of error, the largest first.
 
-    Return None if noise explains everything, and for methods that test no causes.
+    Empty if noise explains the whole error, and for methods that test no causes.
     """
     if estimate.joint is None:
         return ()
@@ -84,9 +83,8 @@ def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
     rest = float(np.sqrt(max(0.0, scatter(estimate.covariance) ** 2 - square)))
     if rest > NOTABLE and rest**2 > square:
         n, none = len(estimate.p), np.zeros_like(estimate.p)
-        # share of white noise in the scatter of torques below which the motion excites too little;
-        # torques that vary with friction scatter up to four times as much as white noise of equal
-        # size
+        # weak excitation if white noise explains more than a quarter of the scatter: varying
+        # friction scatters torques up to four times as much as white noise of equal size
         weak = scatter(estimate.joint.solver.noise_covariance[:n, :n]) > 0.25 * rest
         cause = "weak excitation" if weak else "measurements that disagree"
         detail = f"torques are uncertain by {100 * rest:.2g} %"
@@ -94,7 +92,7 @@ def error_budget(estimate: Estimate, robot: Robot) -> tuple[ErrorTerm, ...]:
         torques.append(rest)
         rest = 0.0
     total = rest**2 + sum(torque**2 for torque in torques)
-    # share of the sum of squares from which on a cause is named: a third of the error, sqrt(0.1)
+    # minimum share of a named cause in the sum of squares: 0.1, which is a third of the error
     terms = [
         ErrorTerm(
             cause=each.cause, axes=tuple(axis + 1 for axis in each.axes), found=each.detail,
@@ -142,7 +140,7 @@ class CampaignResult(NamedTuple):
     robot : Robot
     plan : Plan
     measured : sequence of Measured
-        Finished measurements; the other ones of the plan are missing.
+        Finished measurements of the plan.
     """
 
     estimate: Estimate
@@ -207,13 +205,13 @@ def _timing(campaign: CampaignResult) -> Iterator[Reservation]:
 
 
 def _outliers(campaign: CampaignResult) -> Iterator[Reservation]:
-    """Yield outliers: measurements with an unusually large residual for the kind and axis."""
+    """Yield outliers: measurements with an unusually large residual for their kind and axis."""
     local = campaign.estimate.local
     for kind, axis, partner in sorted({(v.kind, v.axis, v.partner) for v in local}):
         alike = [v for v in local if (v.kind, v.axis, v.partner) == (kind, axis, partner)]
         usual = float(np.median([v.residual for v in alike]))
-        # minimum ratio of an outlier's internal scatter to that of the axis's other measurements.
-        # In the whole campaign of benchmarks/golden.py, without any fault, the largest ratio is 2.8
+        # minimum ratio of an outlier's residual to the median of equal measurements. In the whole
+        # campaign of benchmarks/golden.py, without any fault, the largest ratio is 2.8
         for value in (v for v in alike if v.residual > 4.0 * usual > 0):
             yield doubtful(
                 f"residual {value.residual:.2g} {campaign.robot.torque_unit(axis)}, "
@@ -275,7 +273,7 @@ def _parameters(campaign: CampaignResult) -> Iterator[Reservation]:
 def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
     """Find the measurement of the plan whose repetition lowers the variance of parameter k most."""
     sought = base_parameters(robot).dependencies.sought()
-    # a parameter hidden from g(q) belongs to two groups, and only the second shows it
+    # a parameter hidden from g(q) belongs to two groups, and only the second identifies it
     kind, group = [
         (kind, row.group) for kind, row in ELEMENT_KINDS.items() if k in sought[row.group]
     ][-1]
@@ -295,8 +293,8 @@ def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
 
 def _correlations(campaign: CampaignResult) -> Iterator[Reservation]:
     titles, found = base_parameters(campaign.robot).titles, campaign.estimate.correlation
-    # correlation from which on two parameters count as hard to distinguish: the uncertainty of each
-    # is then 2.3 times that with the other one known, 1 / sqrt(1 - 0.9^2)
+    # at a correlation of 0.9 the standard error of a parameter is 1 / sqrt(1 - 0.9^2) = 2.3 times
+    # its standard error if the other parameter is known
     for i, j in np.argwhere(np.triu(np.abs(found) > 0.9, 1)):
         yield doubtful(
             f"correlation {signed(f'{found[i, j]:.2f}')}: the sum or difference is more certain "

@@ -1,4 +1,4 @@
-"""Computation of a model's residual over the fixed band (`hil.results.residual`) on recordings."""
+"""Residual of a model on recordings, over the fixed band of `hil.results.residual`."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ SHORTEST = 2.0
 GAP = 10.0
 """Gap between two samples that ends a motion, in sampling periods."""
 COARSE = 0.1
-"""Longest interpolation that counts, in periods of the cut-off: linear interpolation of an
-oscillation there is off by at most (pi COARSE)^2 / 2 = 5 %."""
+"""Longest usable interval between samples, in periods of the cut-off: linear interpolation of an
+oscillation at the cut-off is off by at most (pi COARSE)^2 / 2 = 5 %."""
 LONGER = 1.5
-"""Longest interval without a lost sample, in sampling periods; counts in slow recordings, too."""
+"""Longest interval without a lost sample, in sampling periods; usable even if above `COARSE`."""
 FINE = 32.0
 """Minimum number of samples kept per period of the cut-off, for faster recordings."""
 
@@ -79,7 +79,7 @@ def band_residual(model: Model, recorded: Recorded) -> BandResidual | None:
             continue
         try:
             recording = convert_torques(model, motion, as_recorded)
-        except Mismatch:  # gains of a mixture are not part of the model
+        except Mismatch:  # a gain is unknown, also to the model
             continue
         # an import is judged as a whole, including all its strokes
         whole = isinstance(motion, FreeMotion)
@@ -113,7 +113,7 @@ def _motions(
 
     Only the samples marked by `used`, shape (n_recorded,), count.
     """
-    # predictions of the other axes' friction would be wasted
+    # friction of axes outside `axes` is not needed
     model = replace(model, friction_law=model.friction_law.restricted(axes))
     whole = np.flatnonzero(recording.fresh)
     time = recording.time[whole]
@@ -149,12 +149,12 @@ def _motions(
 
 def _predicted(model: Model, motion: tuple[Array, ...]) -> Array:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", FrictionUnknown)  # such axes are left out
+        warnings.simplefilter("ignore", FrictionUnknown)  # axes without known friction are not used
         return np.asarray(model.predict(*motion))
 
 
 def _resting(qd: Array, limit: Array, period: float) -> Mask:
-    """Return a mask of samples at rest, extended by the memory of the low-pass."""
+    """Return a mask of samples at rest, extended at both ends by a period of the cut-off."""
     speed, reach = np.abs(qd), round(1.0 / (BAND * period))
     slow = speed < SLOW * np.where(np.isnan(limit), speed.max(axis=0), limit)
     return np.column_stack([widen(_long_runs(each, reach), reach) for each in slow.T])

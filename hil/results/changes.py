@@ -1,15 +1,15 @@
 """Test of changes of a quantity between two runs against chance and temperature.
 
 The difference d of two independent readings has the variance s^2 of both and their effective
-degrees of freedom (Welch, Satterthwaite). With an allowance a, by which the value of an unchanged
-machine may differ, the hypothesis is |d| <= a, and the p-value is that at its edge,
+degrees of freedom (Welch, Satterthwaite). The value of an unchanged machine may differ by the
+allowance a. The hypothesis is |d| <= a, and the p-value is that for |d| = a,
 
 p = P(T >= (|d| - a) / s) + P(T >= (|d| + a) / s),
 
-with Student's T; for a = 0 it is the usual two-sided p-value. Many quantities of a new run are
-tested, against two other runs. Holm's step-down procedure (1979) bounds the probability that any of
-them is marked by chance, for any correlations: a false mark appears in at most `SIGNIFICANT`
-of the runs of an unchanged machine.
+with Student's T; for a = 0 it is the usual two-sided p-value. All quantities of a new run are
+tested against two earlier runs. Holm's step-down procedure (1979) bounds the probability that any
+quantity is marked by chance, even if the quantities are correlated: a false mark appears in at most
+`SIGNIFICANT` of the runs of an unchanged machine.
 
 A machine that worked before a campaign has less friction on every axis than one that rested over
 night, by a quarter and more, and a campaign of minutes does not show this by its own data. Wear,
@@ -23,8 +23,8 @@ constant. A factor 1 + d changes the base parameters by d times their sensitivit
 of a model), and friction and offset of the axis by the share d. The factor is fitted to the
 differences of two runs by least squares weighted by errors and allowances. It is stated under two
 conditions: with it no quantity remains marked, and the fit without the most influential quantity
-shows a factor of the same sign too. A load, a screw or a bearing changes only some of these
-quantities, and by different shares.
+still shows a factor of the same sign. A load, a screw or a bearing changes only some of the
+quantities of an axis, and by different shares.
 """
 
 from __future__ import annotations
@@ -69,21 +69,21 @@ class Change(NamedTuple):
     Attributes
     ----------
     run, against : str
-        Labels of the newer and of the other run.
+        Labels of the newer and of the earlier run.
     quantity : Quantity
     before : float
-        Value in the other run [unit of the quantity]; a friction level includes the change common
+        Value in the earlier run [unit of the quantity]; a friction level includes the change common
         to all axes.
     size : float
-        Value of the run less that of the other.
+        Value of the newer run less `before`.
     half_width : float
         Half-width of the 95 % interval of `size`, with the allowance.
     p_value : float
-        Probability of a difference at least as great without a change.
+        Probability of a difference of at least `size` without a change of the machine.
     adjusted : float
         P-value adjusted for all tests of the run (Holm).
     allowance, error, degrees : float
-        Permitted difference without any change; standard error of `size`, and its degrees of
+        Permitted difference of an unchanged machine; standard error of `size`, and its degrees of
         freedom.
     """
 
@@ -136,7 +136,7 @@ class Change(NamedTuple):
 def change(
     quantity: Quantity, run: tuple[str, Reading], against: tuple[str, Reading], common: float = 0.0
 ) -> Change:
-    """Return the difference between two labelled runs, with the p-value of this quantity alone.
+    """Return the difference of a quantity between two labelled runs, with an unadjusted p-value.
 
     For a level of friction, the common share `common` of all axes is subtracted first.
     """
@@ -208,7 +208,7 @@ def _stated(p: float) -> str:
 
 
 def p_values(size: ArrayLike, allowance: ArrayLike, error: ArrayLike, degrees: ArrayLike) -> Array:
-    """Return the p-values of absolute sizes, broadcast; NaN for unknown sizes or errors."""
+    """Return the p-values of absolute differences `size`; NaN for unknown sizes or errors."""
     size, allowance = np.asarray(size, dtype=float), np.asarray(allowance, dtype=float)
     with np.errstate(invalid="ignore", divide="ignore"):
         beyond = np.stack([size - allowance, size + allowance]) / error
@@ -227,8 +227,8 @@ def adjusted(tests: Sequence[Change]) -> tuple[Change, ...]:
 
 
 SURE = 1.3
-"""Minimum change of all torques, estimated without the clearest quantity, in half-widths of its 95
-% interval."""
+"""Minimum factor of an axis's torques in the fit without the most influential quantity, in
+half-widths of its 95 % interval."""
 
 
 class Rescaled(NamedTuple):
@@ -265,12 +265,12 @@ class Rescaled(NamedTuple):
 
 
 def rescaled(model: IdentifiedRobot, tests: Sequence[Change]) -> Rescaled | None:
-    """Return the axis and factor that explain all marked changes between two runs.
+    """Return the torque factor of one axis that explains all marked changes between two runs.
 
     Parameters
     ----------
     model : IdentifiedRobot
-        Model of the other run.
+        Model of the earlier run.
     tests : sequence of Change
         All tests between the two runs.
     """
@@ -288,7 +288,7 @@ def rescaled(model: IdentifiedRobot, tests: Sequence[Change]) -> Rescaled | None
 def _axis_factor(
     axis: int, effects: Mapping[str, float], tests: Sequence[Change], marked: int
 ) -> Rescaled | None:
-    """Return the torque factor of an axis (from 0); `effects` on base parameters, by name."""
+    """Fit the torque factor of an axis (from 0); `effects` on base parameters are given by name."""
     # change of each quantity per relative change of the axis's torque
     effect = np.array([
         effects[each.quantity.name] if each.quantity.axis is None
@@ -310,7 +310,7 @@ def _axis_factor(
 
 
 def _fitted(effect: Array, sizes: Array, shown: Array) -> tuple[float, float]:
-    """Fit a share by least squares, with half its 95 % interval; `shown`: effects over errors."""
+    """Fit a share with its half-width by least squares; `shown` is `effect` over the errors."""
     errors = np.divide(effect, shown, out=np.ones_like(effect), where=shown != 0)
     information = float(shown @ shown)
     return float(shown @ (sizes / errors)) / information, 1.0 / float(np.sqrt(information))

@@ -1,4 +1,4 @@
-"""Nearest robot with possible bodies to a model, the resulting change of torques, and tables."""
+"""Physically consistent robot nearest to a model: bodies, change of torques, and tables."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def _motions(
 
 
 def _state(model: Model, motion: RecordedMotion, recording: Recording) -> Iterator[Array]:
-    """Return positions, velocities and accelerations at the usable samples."""
+    """Yield positions, velocities and accelerations at the usable samples."""
     if isinstance(motion, FreeMotion):
         filtered = filtered_motion(recording, processing_of(model))
         return iter((filtered.q, filtered.qd, filtered.qdd))
@@ -118,7 +118,7 @@ def tables(robot: Robot, found: ConsistentRobot) -> tuple[Table, ...]:
 
 
 def bodies(robot: Robot, found: ConsistentRobot) -> Table:
-    """Return mass, centre and spread of every link."""
+    """Return a table of mass, centre of mass and radii of gyration of every link."""
     binding = {each.name: each.distance_without for each in found.binding}
     return table(
         "Nearest physically consistent robot",
@@ -133,7 +133,7 @@ def bodies(robot: Robot, found: ConsistentRobot) -> Table:
 
 
 def changed_parameters(robot: Robot, found: ConsistentRobot, least: float = 0.01) -> Table:
-    """Return the base parameters changed by at least `least` standard errors."""
+    """Return a table of base parameters changed by at least `least` standard errors."""
     base = base_parameters(robot)
     each = zip(base.names, base.meanings, found.values, found.change, base.units, strict=True)
     return table(
@@ -154,7 +154,7 @@ def changed_parameters(robot: Robot, found: ConsistentRobot, least: float = 0.01
 
 
 def torque_costs(robot: Robot, found: ConsistentRobot) -> Table:
-    """Return the change of torques caused by the change of parameters."""
+    """Return a table of the change of torques caused by the change of parameters."""
     costs = enumerate(found.torque if found.binding else ())
     return table(
         "Change of torque by physical consistency",

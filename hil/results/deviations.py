@@ -12,14 +12,14 @@ machines, with the standard error
 
 r^2 = median (y_(i+1) - y_i)^2 / (2 x 0.4549) over successive runs of all machines, since the median
 of a chi-squared variable with one degree of freedom is 0.4549. Medians ignore the few machines of a
-fleet that change. With fewer than `ENOUGH` machines and differences, the stated errors and
-allowances of the models apply, as in `hil.results.changes`. The level of a machine is compared with
-the levels of its peers in the same way, by the median absolute deviation.
+fleet that change. With fewer than `ENOUGH` machines and fewer than `ENOUGH` differences, the stated
+errors and allowances of the models apply, as in `hil.results.changes`. The level of a machine is
+compared with the levels of its peers in the same way, by the median absolute deviation.
 
 Temperature moves the friction of all axes. With the common change c of a run, the median over the
 axes (`hil.results.changes.common_friction`), and the response b of an axis, friction is divided by
-1 + b c. Successive runs of the machine yield b by least squares of their differences, to which slow
-wear contributes little, beside the prior 1 +- `UNLIKE` / 2. The uncertainty of b widens s.
+1 + b c. Least squares of the differences between successive runs yield b, with the prior 1 +-
+`UNLIKE` / 2; slow wear contributes little to these differences. The uncertainty of b widens s.
 
 Holm's procedure bounds the probability of any false alarm in one run of a machine by
 
@@ -181,7 +181,7 @@ def _remove_temperature(fleet: Fleet, first: Mask, newest: Mask) -> tuple[Array,
     -------
     value : ndarray, shape (n_runs, n_quantities)
     error : ndarray, shape (n_machines, n_quantities)
-        Standard error of the change of `value` by the uncertainty of the response.
+        Standard error of a machine's deviation due to the uncertainty of the response.
     """
     value, machines = fleet.value.copy(), np.arange(len(fleet.machines))
     error = np.zeros((len(machines), value.shape[1]))
@@ -220,7 +220,7 @@ def _sums(x: Array, machine: Indices, n: int) -> Array:
 
 
 def _repeatability(value: Array, machine: Indices) -> tuple[Array, Array]:
-    """Return the standard deviation of a run by quantity, and the number of differences."""
+    """Return the standard deviation between runs and the number of differences, by quantity."""
     apart = np.diff(value, axis=0)[np.diff(machine) == 0]
     count = np.isfinite(apart).sum(axis=0)
     return np.sqrt(_median(apart**2) / (2.0 * MEDIAN_SQUARE)), count
@@ -235,7 +235,7 @@ def _median(x: Array) -> Array:
 
 
 def _means(fleet: Fleet, value: Array, which: Mask) -> tuple[Array, Array, Array]:
-    """Return mean, error of the mean and number of some runs, shape (n_machines, n_quantities)."""
+    """Return mean, error of the mean and number of `which` runs, (n_machines, n_quantities)."""
     used = which[:, np.newaxis] & np.isfinite(value)
     columns = np.ones_like(value), value, fleet.error**2
     count, total, squares = (

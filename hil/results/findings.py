@@ -95,7 +95,7 @@ class Findings(NamedTuple):
 def found_in(
     run: Run, method: str, others: Sequence[Run] = (), campaign: Sequence[Measured] | None = None
 ) -> Findings:
-    """Return the cached findings of a run, or identify it; parameters as `identify_and_keep`."""
+    """Return the cached findings of a run, or identify the run; see `identify_and_keep`."""
     found = kept(run, others)
     if found is not None and found.model.method == method:
         return found
@@ -137,7 +137,7 @@ def identify_and_keep(
     if (others and method != JOINT) or options.prior is not None:
         made = identified(run, method, others, options=options)
         return Findings(made.estimate, made.model)
-    alone = run.imported and not others  # only the model would follow, and its file may be large
+    alone = run.imported and not others  # only a model: its large file is not read here
     if campaign is None:
         campaign = () if alone else tuple(run)
     recordings = tuple(recorded(campaign))
@@ -225,7 +225,7 @@ def _program() -> str:
         for path in sorted((place / package).rglob("*.py")):
             digest.update(path.read_bytes())
     for library in LIBRARIES:
-        with suppress(PackageNotFoundError):  # there may be no numba
+        with suppress(PackageNotFoundError):  # numba is optional
             digest.update(f"{library} {version(library)}\n".encode())
     return digest.hexdigest()
 
@@ -262,7 +262,7 @@ def _name(kind: type) -> str:
 
 
 def _restored(found: Any, robot: Robot) -> Any:
-    """Restore a record converted by `_plain`; `robot` is that of models."""
+    """Restore a record converted by `_plain`; `robot` is the robot of its models."""
     if isinstance(found, list):
         return tuple(_restored(each, robot) for each in found)
     if not isinstance(found, dict):
@@ -278,7 +278,7 @@ def _restored(found: Any, robot: Robot) -> Any:
 
 def _record(found: dict[str, Any], robot: Robot) -> Any:
     module, _, name = found["record"].partition(":")
-    # the file may come from a stranger: only modules of the program are used, without their imports
+    # the file may come from a stranger: only records defined in modules of the program are created
     if not module.startswith(tuple(f"hil.{each}." for each in FOLLOWS_FROM)):
         raise ValueError(f"{module} must be a module of results")
     kind = getattr(import_module(module), name)

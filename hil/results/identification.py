@@ -247,7 +247,7 @@ def identified(
 
 
 def _add_cause(error: HilError, proof: Excluded | None) -> HilError:
-    """Name the found cause before an error, since more measurements would not remove the cause."""
+    """Put a found cause before an error's message: more measurements would not remove the cause."""
     if proof is None or not proof.found:
         return error
     cause = proof.found[0]
@@ -319,7 +319,7 @@ def _provenance(run: Run, found: Estimate, others: Sequence[Run]) -> Provenance:
 
 
 def experience(folders: Sequence[Run]) -> Levels:
-    """Return the noise and the parameters seen in the runs of a robot.
+    """Return the noise and the base parameters estimated from the runs of a robot.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Identification result of a robot: base parameters with errors, friction, and judgement.
 
-All methods give the same kind of result. It consists of data and of values derived by a formula.
-Torque calculations, files and tables are in other modules (`hil.results.model`).
+All methods give the same kind of result. A result consists of data and of values derived by a
+formula. Torque calculations, files and tables are in other modules (`hil.results.model`).
 """
 
 from __future__ import annotations
@@ -46,13 +46,14 @@ class IdentifiedRobot(ByName):
     values : ndarray, shape (n_base,)
         Base parameters [kg m^2, kg m or kg, as in `units`].
     scatter_covariance, drive_covariance : ndarray, shape (n_base, n_base)
-        Covariance of errors visible in the data, and of the others: torque constants and rotor
-        inertias with the uncertainty stated in the robot file, and causes found but not corrected.
+        Covariance of errors visible in the data, and of invisible errors: torque constants and
+        rotor inertias with the uncertainty stated in the robot file, and causes found but not
+        corrected.
     degrees_of_freedom : ndarray, shape (n_base,)
         Effective degrees of freedom of the errors visible in the data.
     residual : ndarray, shape (n_joints,)
         Root mean square of each axis's residual torque, with the method's low-pass and friction fit
-        [N m]; NaN for an axis that was not measured.
+        [N m or N]; NaN for an axis that was not measured.
     condition : dict
         Condition number of each group's observation matrix, or of all parameters' (``"all"``).
     provenance : Provenance
@@ -76,8 +77,8 @@ class IdentifiedRobot(ByName):
     consistent : ConsistentRobot, optional
         Nearest physically consistent robot, and its torque error, if requested.
     torque_effect : ndarray, shape (n_base, n_joints), optional
-        Change of `values` per relative change of each axis's torque, as caused by another torque
-        constant; None if the method states none.
+        Change of `values` per relative change of each axis's torque, as caused by an error of the
+        torque constant; None if not computed by the method.
     excluded : Excluded, optional
         Causes of error found, excluded or invisible in the recordings; None for too few recordings,
         and for files of versions without these tests.
@@ -131,7 +132,7 @@ class IdentifiedRobot(ByName):
         Raises
         ------
         Mismatch
-            The robot files differ; both by name and digest.
+            Names and digests of the two different robot files.
         """
         if self.robot.digest != robot.digest:
             raise Mismatch(
@@ -162,7 +163,7 @@ class IdentifiedRobot(ByName):
 
     @property
     def covariance(self) -> Array:
-        """Covariance of `values` from both kinds of error, shape (n_base, n_base)."""
+        """Total covariance of `values`, by visible and invisible errors, shape (n_base, n_base)."""
         return self.scatter_covariance + self.drive_covariance
 
     @property
@@ -274,7 +275,7 @@ def checked_level(level: float) -> float:
 
 
 PARTS = ("rigid bodies", "motors", "friction")
-"""Parts of the torque that a drive gives; gravity alone is `hil.results.model.Model.gravity`.
+"""Parts of a drive's torque; gravity alone is `hil.results.model.Model.gravity`.
 
     Q = A(q, qd, qdd) p + H qdd + F(q, qd, A p)
 
@@ -321,7 +322,7 @@ def friction_alone(
 
 
 def lacking(model: IdentifiedRobot) -> str:
-    """Name axes without a law of friction, with reason and remedy; empty for no such axis."""
+    """Name axes without a law of friction, with reason and remedy; empty if all laws are known."""
     axes = model.axes_without_friction
     if not axes:
         return ""

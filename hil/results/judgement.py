@@ -8,7 +8,7 @@ failed
     Not to be used: stated values contradict the recordings, hardly anything was excited, or
     limits are exceeded.
 
-Identifications, models on other recordings, machines beside their limits and findings of a report
+Identifications, models on other recordings, machines with stated limits and findings of a report
 are judged alike: by a list of rules, each of which checks the result and returns its objections.
 The worst objection is the judgement, followed by the rest. Among equally bad objections the order
 of the rules decides: likely causes come before their effects.
@@ -47,26 +47,26 @@ WORDS: tuple[Word, ...] = ("good", "doubtful", "failed")
 TOLERANCE = USUAL_BOUND
 """Tolerated error or uncertainty of an axis's torque, as a share of the torque.
 
-The uncertainty of a torque constant alone is as large, so that data sheets promise no more.
+The uncertainty of a torque constant from a data sheet alone is as large.
 """
 NOTABLE = LOOSE
 """Share of an axis's torque, or of its limit, above which a finding gets a remark."""
 HALF = 0.5
-"""Share of a sum of squares: a cause with less than half of the sum explains little."""
+"""Minimum share of a cause that explains most of a sum of squares."""
 INSIDE = float(special.ndtr(TWICE * (2.0**0.5 - 1.0)))
-"""Share of samples inside predicted 95 % intervals below which these are too narrow: 0.79.
+"""Minimum share of samples inside predicted 95 % intervals of sufficient width: 0.79.
 
 Samples of a recording share errors of parameters and of the level of friction. If shared errors are
 half of the variance and are at the end of their own 95 % interval, correct intervals contain
-Phi(1.96 (sqrt(2) - 1)) of the samples. Errors `WORSE` times those stated, without shared errors,
-give the same share.
+Phi(1.96 (sqrt(2) - 1)) of the samples. Without shared errors, intervals too narrow by the factor
+`WORSE` contain the same share.
 """
 WORSE = float(TWICE / special.ndtri((1.0 + INSIDE) / 2.0))
 """Ratio of the residual to that of the identification above which a model fails: 1.56."""
 LARGE = 0.02
 """Torque error on a free motion above which an uncompensated cause is a doubt.
 
-Gears too soft to be accounted for have an effect of this size (20 Hz, docs, causes-of-error.md).
+Gears too soft for a compensation (20 Hz) have an effect of this size: docs, causes-of-error.md.
 """
 FEWEST = 2
 """Minimum number of measurements per parameter for reliable standard errors: with fewer there are
@@ -190,7 +190,7 @@ good, doubtful, failed = (partial(reservation, word) for word in WORDS)
 
 @dataclass(frozen=True)
 class When:
-    """Rule as data.
+    """Rule with the texts of its objection.
 
     Attributes
     ----------

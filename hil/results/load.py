@@ -1,4 +1,4 @@
-"""Identification of a load from runs without and with it, of any kinds and in any mixture."""
+"""Identification of a load from runs without and with the load, of any kinds."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ class LoadFit(ByName):
     own : Estimate or None
         Separate estimate of the loaded runs with the gains of the maps; None for an unknown scale.
     by_mass : Load or None
-        Load with the gains of all axes identified by a stated mass.
+        Load from a fit that identifies the gains of all axes by a stated mass.
     assumed : ndarray, shape (n_joints,)
         Reference values of the gains: torque constants [N m/A], or 1 for imported runs, NaN for a
         gain that the map leaves unknown.
@@ -289,7 +289,7 @@ def require_load(found: Load, absent: float = 0.01) -> None:
     Parameters
     ----------
     absent : float
-        Largest probability of the figures without a load, for a significant load.
+        Largest p-value of a significant load, under the hypothesis of no load.
 
     Raises
     ------
@@ -331,10 +331,9 @@ def _free_moments(
 ) -> tuple[Fit, Load]:
     """Free the first moments of the last link missing in the robot file, if significant.
 
-    A load off the last axis, modelled as a load on the axis, contradicts itself like a loose load.
-    Therefore its first moments across the axis are freed before a contradiction is reported. They
-    stay free if a moment is significant (with the stated chance for a load on the axis) and the
-    load is rigid with them.
+    If the model omits the first moments across the last axis, a load off the axis looks like a
+    loose load. Therefore these moments are freed before a contradiction is reported. They stay free
+    if a moment is significant at the level `chance_on_it` and the load is then rigid.
     """
     newly = [k for k in FIRST_MOMENTS if LINK_PARAMETERS[k] in found.unseen]
     if not newly or runs.unknown:
@@ -397,7 +396,7 @@ class _Runs:
             )
 
     def fit(self, robot: Robot | None = None) -> Fit:
-        """Return the fit of the load; `robot`: with more parameters of the last link."""
+        """Return the fit of the load; `robot` may have additional parameters of the last link."""
         gathered = self._gathered if robot is None else self._gather(robot)
         robot, strokes = robot or self.robot, None
         free = iter(free_motion_evidence(robot, [run for run in gathered if run]))
@@ -412,7 +411,7 @@ class _Runs:
         return partial(fit_load, robot, bare, with_load, covariance=self.bare.options.covariance)
 
     def _strokes(self, robot: Robot, bare: SimultaneousFit | None) -> Callable[[Array], Evidence]:
-        """Return the evidence of measurements with the load; gears as in the runs without load."""
+        """Return the evidence of measurements with the load, by the gears of `bare` if known."""
         raw, _ = prepare(pooled(_measured(self.loaded)))
         train = None if bare is None else self.bare.estimate.drive_train
         if bare is None:
@@ -452,7 +451,7 @@ class _Runs:
         return found
 
     def estimated(self, s: int, found: Load | None) -> Estimate | None:
-        """Return the estimate of a side, with stated or found gains; None if unidentifiable."""
+        """Return the estimate without (s = 0) or with the load (s = 1); None if unidentifiable."""
         gathered, options = self._gathered[s], self.bare.options
         try:
             if gathered is None or _measured((self.bare.runs, self.loaded)[s]):

@@ -1,4 +1,4 @@
-"""Record of a load and of the runs that it was identified from: `load.yaml`.
+"""Record of a load and of its runs: `load.yaml`.
 
 The file names its recordings, so that reports show a load without a new computation: Table 3,
 parameters of the load, gains of the drives, and Figs. 5 and 6. `payload.yaml` of earlier versions
@@ -107,8 +107,8 @@ class LoadFile(FileModel):
     unidentifiable : tuple of str
         Parameters of the load without information in the recordings.
     changes : tuple of ParameterChange
-        Changes between two runs that each identify the robot; empty otherwise, as are all further
-        attributes.
+        Changes between two runs that each identify the robot; empty otherwise, as are the
+        attributes below.
     chi_squared, degrees_of_freedom, p_value
         Test of the changes against a rigid load.
     imported : bool

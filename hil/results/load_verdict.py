@@ -1,4 +1,4 @@
-"""Words about a load: mass, centre, rigidity, uncertain quantities, and a helpful pose."""
+"""Sentences about a load: mass, centre, rigidity, uncertain quantities, and a helpful pose."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Identified model of a robot: base parameters for calculations, with their judgement.
 
 Every method gives the same kind of model. A model is identified from a run (`identify`), saved as
-`model.yaml` (`Model.save`) and loaded (`Model.load`). Its torques are those to be produced by the
-drives: of rigid bodies, motors and friction, together or by parts.
+`model.yaml` (`Model.save`) and loaded (`Model.load`). Its torques are those of the drives, for
+rigid bodies, motors and friction, together or by parts.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 ROUNDS = 200
-"""Maximum number of corrections by friction of load; each leaves its share of the load."""
+"""Maximum number of iterations for the accelerations under load-dependent friction."""
 SETTLED = 1e-9
 """Tolerated torque error of accelerations, as a share of the given torque and 1 N m or N."""
 
@@ -370,7 +370,7 @@ class Model(IdentifiedRobot):
                 "positive definite at q; use all parts, or see hil.Model.verdict"
             )
         qdd = np.zeros_like(tau)
-        # first without load-dependent friction, which depends on accelerations
+        # load-dependent friction depends on the accelerations: iterate, beginning with qdd = 0
         for _ in range(ROUNDS):
             left = tau - self._torque(parts, q, qd, qdd, state)
             if (np.abs(left) <= SETTLED * (1.0 + np.abs(tau))).all():
@@ -432,8 +432,8 @@ class Model(IdentifiedRobot):
         state, level = warmth_of(self, warmth, q), checked_level(level)
         tau = self._torque(parts, q, qd, qdd, state)
         A = dynamics.regressor(self.robot, q, qd, qdd)
-        # motors add nothing: base parameters compensate an error of a stated rotor inertia, and
-        # their covariance contains it
+        # motors add no variance: base parameters compensate an error of a stated rotor inertia, and
+        # their covariance contains this error
         rows = A if "rigid bodies" in parts else np.zeros_like(A)
         scatter, stated = (
             np.einsum("...k,kl,...l->...", rows, V, rows, optimize=True).clip(0.0)

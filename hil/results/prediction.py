@@ -78,7 +78,7 @@ def free_motion(
 
 
 class FreeTorques:
-    """Rigid-body torques on a free motion as linear functions, by root mean squares.
+    """Root mean squares of the rigid-body torques on a free motion, for any base parameters.
 
     `speed` replaces unknown limits of the robot (`free_motion`).
     """
@@ -87,30 +87,30 @@ class FreeTorques:
         self._A = regressor(robot, *free_motion(robot, speed=speed))
 
     def rms(self, p: Array) -> Array:
-        """Return the torque of base parameters or of a change, shape (n_joints,) [N m]."""
+        """Return the torque of base parameters or of their change, shape (n_joints,) [N m or N]."""
         torques: Array = np.sqrt(np.mean((self._A @ p) ** 2, axis=0))
         return torques
 
     def parameter_torques(self, p: Array) -> Array:
-        """Return the torque of each base parameter alone, shape (n_joints, n_base) [N m]."""
+        """Return the torque of each base parameter alone, shape (n_joints, n_base) [N m or N]."""
         torques: Array = np.sqrt(np.mean(self._A**2, axis=0)) * p
         return torques
 
     def standard_error(self, covariance: Array) -> Array:
-        """Return the standard error by a covariance of base parameters, (n_joints,) [N m]."""
+        """Return the torque's standard error by a covariance of p, shape (n_joints,) [N m or N]."""
         variance = np.einsum("njk,kl,njl->j", self._A, covariance, self._A, optimize=True)
         torques: Array = np.sqrt(np.maximum(variance, 0.0) / len(self._A))
         return torques
 
     def relative(self, part: Array, p: Array) -> Array:
-        """Return a torque over that of base parameters, shape (..., n_joints); 0 without torque."""
+        """Return `part` relative to the torque of `p`, shape (..., n_joints); 0 without torque."""
         torque = self.rms(p)
         share: Array = np.where(torque > 0, part / np.where(torque > 0, torque, 1.0), 0.0)
         return share
 
 
 def effect_of_errors(estimate: Estimate, robot: Robot) -> Array:
-    """Return the torque of a standard error of each base parameter, over that of the rigid bodies.
+    """Return the torque of each base parameter's standard error, relative to the rigid-body torque.
 
     Shape (n_joints, n_base), as root mean squares on a free motion; 0 for an axis without torque.
     """
@@ -120,7 +120,7 @@ def effect_of_errors(estimate: Estimate, robot: Robot) -> Array:
 
 
 def uncertainty(model: IdentifiedRobot, more: Array | float = 0.0) -> Array | None:
-    """Standard error of each axis's torque on a free motion over that torque, (n_joints,).
+    """Compute each axis's relative standard error of torque on a free motion, (n_joints,).
 
     Return None for unknown speeds, and 0 for an axis without torque.
 

@@ -11,7 +11,7 @@
     fit.params["mass"], fit.conf_int()["centre x"]
 
 Runs may be of any kind, measured here or imported, in any mixture; `RegressionProblem.method` is
-the recipe chosen for them.
+the method of estimation for these runs.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class RegressionProblem:
 
     @property
     def method(self) -> str:
-        """Name of the recipe."""
+        """Name of the method of estimation."""
         return self.recipe or method_for(self.runs[0], self.runs[1:])[0]
 
     def fit(self) -> ModelFit:
@@ -108,14 +108,14 @@ def regression(
         Runs of any kind: campaigns, trajectories, strokes of one axis, imports.
     friction : str
         ``auto``, or the name of a law for imports.
-    nuisance : sequence of str, or one of these
+    nuisance : str or sequence of str
         Unknowns beside friction, of ``lag``, ``compliance``, ``presliding`` and ``drift``; by
         default all those of the method.
     covariance : {"jackknife", "clusters", "CR2", "white"}
         Estimator of the covariance. For imports, scatter over cells of states is added, except for
         white noise. Conventional methods for imports use the jackknife.
     method : str, optional
-        Recipe, as in ``hil identify --method``; by default chosen by the recordings.
+        Method of estimation, as in ``hil identify --method``; by default chosen by the recordings.
     loaded : sequence of Run
         Runs of any kind with a load at the last link, identified with the robot.
     mass : float, optional

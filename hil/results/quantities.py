@@ -1,9 +1,9 @@
 """Quantities of a model for comparison over months: base parameters, friction levels, offsets.
 
-A quantity is compared between models of a robot. Common errors of all models (torque constants and
-rotor inertias, as uncertain as the robot file states) do not count, since they are equal in every
-run and leave no difference. Friction is read from the model's law, at no load and at stated speeds.
-Its level is the part that changes its sign with the direction,
+A quantity is compared between models of a robot. Common errors of all models, those of torque
+constants and rotor inertias, are not included: they are equal in every run and cancel in the
+difference. Friction is read from the model's law, at no load and at stated speeds. Its level is the
+part that changes its sign with the direction,
 
 F(v) = (f(v) - f(-v)) / 2,
 
@@ -118,7 +118,7 @@ def reading(
     least_wander : float
         Minimum change of the friction level by temperature, as a share, for any campaign.
     unknown_wander : float
-        Assumed change for laws without known wander, from free motions.
+        Assumed change for laws without known wander, such as those from free motions.
     """
     if quantity.axis is None:
         return _parameter(model, model.names.index(quantity.name))
@@ -127,7 +127,7 @@ def reading(
         return None
     degrees = _degrees(model, law)
     if quantity.speed is None:
-        # the offset of a law with |u| is that at rest, otherwise the mean over all speeds
+        # the offset of a law with |u| is its value at rest, otherwise the mean over all speeds
         offset = law.plain.get("offset")
         return None if offset is None else Reading(offset.value, offset.standard_error, degrees)
     level, error = level_at(law, quantity.speed)
@@ -181,7 +181,7 @@ def friction_quantities(robot: Robot) -> Iterator[Quantity]:
 
 
 def _speeds(laws: Sequence[AxisLaw]) -> Iterator[float]:
-    """Return speeds inside the common range of laws, with two digits; none without such a range."""
+    """Return speeds inside the common range of laws, with two digits; none without this range."""
     ranges = [law.speeds or tuple(share * law.speed for share in ASSUMED) for law in laws]
     slowest = max((low for low, _ in ranges), default=0.0)
     fastest = min((high for _, high in ranges), default=0.0)

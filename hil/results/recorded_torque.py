@@ -70,8 +70,7 @@ class PredictedTorque:
     parameter_error : ndarray
         Part of `standard_error` due to parameters and wandering friction [N m or N].
     stated : ndarray
-        Part of the prediction by the model alone that no fit in the recording can replace [N m or
-        N].
+        Part of the prediction that a fit of friction in the recording cannot represent [N m or N].
     refitted, refitted_error : ndarray, or None
         Torque of the bodies with friction fitted in the recording, and its standard error [N m or
         N]; None without a fit.
@@ -122,7 +121,7 @@ class PredictedTorque:
 
     @property
     def residual(self) -> Array:
-        """Measured less predicted torque, shape of both."""
+        """Measured less predicted torque, shape of `predicted`."""
         return self.measured - self.predicted
 
     @property
@@ -153,11 +152,11 @@ class PredictedTorque:
 
 
 class Along(NamedTuple):
-    """Recording in the model's form: torque at n usable samples, motion at all m samples.
+    """Processed recording for a model: torque at n usable samples, motion at all m samples.
 
     `used` and `passed` convert columns from shape (m, ...) to (n, ...), without and with the
-    low-pass; friction acts in `directions`, by default in that of each axis's velocity; elastic
-    gears add `gears` to the torque, shape (m, n_joints).
+    low-pass. Friction acts in `directions`, by default those of the axes' velocities. `gears` is
+    the torque of elastic gears, shape (m, n_joints).
     """
 
     time: Array
@@ -172,7 +171,7 @@ class Along(NamedTuple):
 
 
 def filter_recording(model: Model, recording: Recording) -> Along:
-    """Return a recording in the model's form, filtered by the low-pass of the identification."""
+    """Return a recording processed for a model, by the low-pass of the identification."""
     if not model.details.with_law:
         s = signals(recording)
         valid = s.valid
@@ -200,7 +199,7 @@ def filter_recording(model: Model, recording: Recording) -> Along:
 
 
 def _thinned(recording: Recording) -> Along:
-    """Return a recording for a model from strokes: smoothed, and thinned to the filter's band."""
+    """Return a recording processed for a model from strokes: smoothed and decimated."""
     s = signals(recording)
     kept = np.flatnonzero(s.valid)[:: max(1, round(APART / s.period))]
     columns = smooth_at(kept, np.hstack([s.q, s.qd, s.qdd, s.tau]), s.period)
@@ -258,7 +257,8 @@ def predict_whole(
 
     For a model from strokes the prediction includes the model's friction, if known. Near reversals,
     where friction is no function of velocity, its accuracy is that of the law. Rigid bodies,
-    friction, errors and information are of `axes` (by default all), 0 for other axes.
+    friction, errors and information are computed for `axes` (by default all), and are 0 for other
+    axes.
     """
     free = model.details.with_law
     axes = range(model.robot.n_joints) if axes is None or free else axes
@@ -285,7 +285,7 @@ def predict_whole(
 
 
 def _information(model: Model, motion: Along, axes: Sequence[int], A: Array) -> Array:
-    """Return the information of `PredictedTorque`, with independent residuals every second."""
+    """Return `PredictedTorque.information`, for residuals independent after a second."""
     A, qd = motion.used(A), motion.used(motion.qd)
     apart = np.ptp(motion.time) / len(qd) if len(qd) else 0.0
     noise = np.where(model.residual > 0, model.residual, 1.0)
@@ -324,13 +324,13 @@ def _friction(model: Model, motion: Along, rigid: Array, axes: Sequence[int]) ->
 
 
 def _parameter_error(model: Model, motion: Along, A: Array, axes: Sequence[int]) -> Array:
-    """Standard error by base parameters and friction, shape (m, n_joints)."""
+    """Compute the standard error by base parameters and friction, shape (m, n_joints)."""
     robot, law, load = model.robot, model.friction_law.restricted(axes), A @ model.values
     variance = np.zeros_like(load)
     for axis in axes:
         variance[:, axis] = np.einsum("nk,nk->n", A[:, axis] @ model.covariance, A[:, axis])
     variance += friction_variance(robot, law, motion.q, motion.qd, load)
-    # laws estimated with base parameters come from free motions, which have directions
+    # only laws from free motions, which have directions, correlate with base parameters
     pairs = zip(law.axes, motion.directions or (), strict=False)
     for axis, (own, direction) in enumerate(pairs):
         if own is None or not own.beside:

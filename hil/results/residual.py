@@ -18,13 +18,13 @@ residual, with both sides filtered,
 e = LP tau - LP model.predict(q, qd, qdd),
 
 with positions up to twice the band, so that the second pass changes accelerations like the torque.
-The torque of an axis at rest is no function of the motion, so samples near a rest are left out
-there. An axis is at rest if it is slower than the share `SLOW` of its speed limit for a period of
-the band.
+The torque of an axis at rest is no function of the motion, so the smoothed residual omits samples
+near a rest. An axis is at rest if it is slower than the share `SLOW` of its speed limit for a
+period of the band.
 
-For each axis the recordings with motion of the axis count; for strokes and trajectories measured
-here, the samples under way. Samples that the estimation leaves out do not count, nor those near a
-long interpolation (`hil.results.band_residual`). A gap ends a motion.
+The residual of an axis includes the recordings in which the axis moves; from strokes and
+trajectories measured here, only the samples in motion. Samples left out by the estimation are
+excluded, and samples near a long interpolation (`hil.results.band_residual`). A gap ends a motion.
 """
 
 from __future__ import annotations

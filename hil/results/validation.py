@@ -200,7 +200,7 @@ def validate(
         return own
     recorded = Pooled([run])
     left = band_residual(model, recorded)
-    # the history of the axes matters to models with a motion history of their own
+    # laws of friction from free motions do not depend on the motion history
     past = None if model.details.with_law else history(model.robot, recorded)
     return scored(model, predicted_torques(model, recorded, past), left, accuracy, past)
 
@@ -336,7 +336,7 @@ def _uncovered(
             "more motion, or longer rest, than in these recordings: friction may differ by "
             f"{most:.0%}, an assumption"
         )
-    # samples of both directions: gravity and asymmetric friction cancel
+    # mean over both directions, in which gravity and asymmetric friction cancel
     level, _ = level_at(law, float(np.clip(speed.mean(), low, high)))
     off = float(np.mean(left * np.sign(qd))) / level if level > 0 else 0.0
     if abs(off) > law.wander:
@@ -353,7 +353,7 @@ def _rms(x: Array) -> float:
 
 
 def _worst(size: Callable[[AxisScore], float], most: float) -> Callable[[Scores], AxisScore | None]:
-    """Find the axis with the greatest value of a criterion, if beyond the bound."""
+    """Return a function that finds the axis with the largest `size`, if above `most`."""
 
     def look(scores: Scores) -> AxisScore | None:
         worst = max(scores, key=size)
@@ -401,8 +401,8 @@ def _naive(scores: Scores) -> Reservation | None:
 
 
 def _narrow(scores: Scores) -> Reservation | None:
-    """Return a doubt about narrow intervals, with the reason if this exceeds a tolerance."""
-    # for covered motions there is another reason, which is stated first
+    """Return a doubt about intervals too narrow for the samples, with the most likely reason."""
+    # axes with covered motions first: for the others the uncovered motion is the reason
     s = min(scores, key=lambda each: (each.inside >= INSIDE, bool(each.uncovered), each.inside))
     if s.inside >= INSIDE:
         return None

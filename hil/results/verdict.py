@@ -1,7 +1,7 @@
 """Rules for judging an identification by its model alone.
 
 Rules are applied in order. Causes found in the recordings (`hil.estimation.excluded`) come before
-the parameters' uncertainty, since that is valid for the right model only.
+the parameters' uncertainty, which is valid only for a correct model.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def _moved(model: Model, cause: Found) -> tuple[float, bool]:
 
 
 def _unexplained(fit: FreeMotionFit) -> Reservation | None:
-    """Return an objection if the residual of free motions is about as large as that of the mean."""
+    """Return an objection to a residual of free motions close to that of a constant torque."""
     pairs = zip(fit.relative_residual, fit.naive_residual, strict=False)
     ratios = {}
     for axis, (left, naive) in enumerate(pairs, start=1):
@@ -222,7 +222,7 @@ def _few_blocks(model: Model) -> str:
 
 
 def _one_way(model: Model) -> Iterator[Reservation]:
-    """Axes of free motions that move in one direction only."""
+    """Yield doubts about axes of free motions that move in one direction only."""
     for number, axis in enumerate(model.friction_law.axes, start=1):
         if axis is not None and axis.one_way is not None:
             yield doubtful(
@@ -276,7 +276,7 @@ TOLERANCES = ("torque constant", "rotor inertia")
 
 
 def _good(model: Model, usual_effect: Array | None) -> Iterator[Reservation]:
-    """Yield the accuracy of the torques, also with invisible causes of usual size."""
+    """Yield the accuracy of the torques, without and with invisible causes of usual size."""
     relative = uncertainty(model)
     if relative is None:
         yield good(f"no objection to the parameters{_scale(model.robot)}")
@@ -322,8 +322,8 @@ def _add_hidden(
 ) -> Array:
     """Return the standard error of torques with usual tolerances of invisible causes, (n_joints,).
 
-    Tolerances of torque constants and rotors count up to the detectable size. A bound is the square
-    root of three standard deviations.
+    Tolerances of torque constants and rotors count up to the detectable size. A bound of other
+    causes is sqrt(3) standard deviations, as of a uniform distribution.
     """
     square = relative**2
     carried: tuple[str, ...] = ()
@@ -348,7 +348,7 @@ def _listed(axes: Sequence[int]) -> str:
 
 
 def _scale(robot: Robot) -> str:
-    """Name the scale of the torques, if no torque constant is stated without uncertainty."""
+    """Return the end of a sentence: the condition on the torques' scale, or ""."""
     if robot.torque_constant_uncertainty.any():
         return ", stated uncertainties of the drives included"
     return (

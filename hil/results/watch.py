@@ -59,8 +59,8 @@ class Sight(FileModel):
         Share of the time watched in which the axis stood still: slower than 1 % of its velocity
         limit.
     blind, dim : float
-        Share of the time watched, around reversals and at rest, in which `STRONG` of the limit
-        would not be seen within `SOON`, and `WEAK` of it not within `LATE`.
+        Share of the time watched, around reversals and at rest, in which a push of `STRONG` would
+        not be detected within `SOON`, and a push of `WEAK` not within `LATE`.
     distance : float
         Assumed presliding distance [rad or m].
     """

@@ -1,7 +1,8 @@
 """Atomic writing of files and folders, and locks.
 
-Content is written beside its place as ``.part``, flushed to the disk, renamed, and the folder's
-entry flushed too: neither a kill nor a power cut leaves half a file under the real name.
+Content is written to a ``.part`` file beside its final place, flushed to the disk and renamed, and
+the folder's entry is flushed too: neither a kill nor a power cut leaves half a file under the real
+name.
 
 A folder may come from a stranger, with symbolic links to files of the user. So a part has an
 unpredictable name and is always a new file, and a link under the final name is replaced, not
@@ -11,9 +12,9 @@ line are the user's choice.
 A folder of many files that belong together is made in the same way, by `whole_folder`.
 
 At most one process measures into a run folder, and at most one commands the drives of a bus. Two
-measuring processes would take each other's files away; settings restored during a session would
-remove limits and watchdogs from powered axes. The lock is the kernel's, on the folder itself or on
-a permanent file, and ends with the process. Systems without such locks work without.
+measuring processes would remove each other's files; settings restored during a session would remove
+limits and watchdogs from powered axes. The lock is the kernel's, on the folder itself or on a
+permanent file, and ends with the process. Systems without kernel locks have no protection.
 """
 
 from __future__ import annotations
@@ -117,7 +118,7 @@ def new_folder(path: Path) -> None:
 def _remove_abandoned(output: Path, own: Path) -> None:
     """Remove parts of folders without a living process; none on systems without locks.
 
-    A part of another folder may have been made just now, and wait for its lock.
+    A part of another folder may be new and not locked yet.
     """
     hexadecimal = "[0-9a-f]" * 8
     same = f".{output.name}."

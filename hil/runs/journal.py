@@ -4,8 +4,8 @@ A run may have several sessions: each `hil run` with ``--resume`` adds one. Dige
 file and drives file reveal whether a later session measures the same robot and plan.
 
 The jitter of SYNC and lost telegrams during recordings are stated with every run. In lock-step
-there are none; on the wall clock they show whether computer and bus kept the rate. Travel between
-measurements does not count.
+there is neither jitter nor loss; on the wall clock both show whether computer and bus kept the
+rate. Travel between measurements does not count.
 """
 
 from __future__ import annotations

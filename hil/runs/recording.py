@@ -35,7 +35,7 @@ CHANCE = 1e-6
 SLOWED, LEFT_OUT = 0.999, 1.5
 """Minimum progress along the trajectory per period, and minimum periods of a left-out SYNC.
 
-Below the first, the trajectory was passed more slowly; from the second on, a SYNC was left out.
+With less progress the trajectory was slowed; after a longer time a SYNC was left out.
 """
 IDLE = -1
 """Number of samples outside of strokes and groups."""
@@ -62,7 +62,7 @@ class Recording:
     time : array (n,)
         Instants of the samples since the bus was entered [s].
     q, tau : arrays (n, n_joints)
-        Joint positions [rad] and torques [N m]; NaN where a sample is missing.
+        Joint positions [rad or m] and torques [N m or N]; NaN for a missing sample.
     flags : array (n, n_joints), uint8
         `drivers.drive_bus.SampleFlag` bits.
     stroke : array (n,), int16
@@ -71,7 +71,7 @@ class Recording:
     partner_stroke : array (n,), int16
         Number of the partner's stroke in a coupling measurement; -1 for all samples of other kinds.
     qd : array (n, n_joints), optional
-        Recorded joint velocities [rad/s], NaN for a joint without; drives report none.
+        Recorded joint velocities [rad/s or m/s], NaN for a joint without; drives report none.
     group : array (n,), int16, optional
         Number of the group of samples with common friction: a period of a trajectory, a block of a
         free motion, an imported pair of strokes; -1 at rest. None if all samples are one group, as

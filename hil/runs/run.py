@@ -139,7 +139,7 @@ class Run:
         cut_off : float, optional
             Cut-off frequency of the torques [Hz]; by default chosen from the recordings.
         accept : sequence of str
-            Names of checks whose refusal is overruled, such as ``friction``.
+            Names of checks whose refusal is overruled, such as ``shape``.
 
         Raises
         ------

@@ -7,9 +7,9 @@
     found-settings.yaml  values of the drives before the run
     recordings/ID.h5  a file for each finished measurement
 
-A measurement is done when its file exists and is complete. Resuming measures the missing files; a
-damaged file is set aside under another name before. `run.json` is written last at the start of a
-run: a folder without it holds no measurements, and is started anew.
+A measurement is done when its file exists and is complete. Resuming first renames damaged files,
+and then measures the missing files. `run.json` is written last at the start of a run: a folder
+without it holds no measurements, and is started anew.
 """  # noqa: D400 - the summary leads into the listing
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ _STUB = {"recordings", "plan.yaml", "robot.yaml", "drives.yaml", "run.json"}
 
 
 class _FoundSettings(FileModel, extra="ignore"):
-    """Part of the drives' found settings used for the folder."""
+    """Used part of `found-settings.yaml`."""
 
     restored: bool
 
@@ -224,7 +224,7 @@ class RunFolder(Run):
 
     @contextmanager
     def session(self, bus_name: BusName, real_time: Sequence[str] = ()) -> Iterator[int]:
-        """Open a session; yield the number and note the reason of the end in any case.
+        """Open a session and yield its number; note the reason of the end in any case.
 
         The timing of killed sessions is counted anew from their recordings: a kill may come between
         the writing of a recording and of the journal.

@@ -37,8 +37,8 @@ def path_time(recording: Recording, delay: float = 0.0) -> Array:
     """Return the time along the trajectory since the start of the first period, shape (n,) [s].
 
     The time is that of the set-points active from the sample's SYNC on, or earlier by `delay`.
-    Recordings of earlier versions do not store it: their set-points acted as soon as they were
-    sent, right after the SYNC of the previous sample.
+    Recordings of earlier versions do not store this time: their set-points acted immediately, right
+    after the SYNC of the previous sample.
 
     Parameters
     ----------

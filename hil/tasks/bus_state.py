@@ -1,11 +1,11 @@
 """State of a bus between sessions, in the user's state directory.
 
-Commands without a folder keep the found settings there (`.yaml`). A run has its own folder; while
-its drives hold values written by the run, `.run` names the file in the folder, so that no later
-session on the bus takes these values for found ones. If that file is gone or the name is damaged,
-the found settings are unknown, and the bus is refused until the operator has decided. `.lock` is
-held by the process that commands the drives: restoring settings during a session would disarm the
-watchdogs of powered axes.
+Commands without a folder keep the found settings in a file `.yaml`. A run has its own folder. While
+its drives hold values written by the run, a file `.run` names the settings file in the folder, so
+that no later session on the bus takes the written values for found settings. If the settings file
+is gone or its name is damaged, the found settings are unknown, and the bus is refused until the
+operator has decided. `.lock` is held by the process that commands the drives: restoring settings
+during a session would disarm the watchdogs of powered axes.
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ class BusState:
     def refuse_left_behind(self, ours: Path | None) -> None:
         """Refuse a bus with drives that hold values of a killed session.
 
-        A session with settings kept in `ours` may continue, since the settings found first are
-        there.
+        A session with settings kept in `ours` may continue, since that file has the original
+        settings.
 
         Raises
         ------

@@ -106,7 +106,7 @@ def exported_model(
     bounds: BodyBounds | None = None,
     patch: Path | None = None,
 ) -> tuple[Model, Exported]:
-    """Return a model in a format, and with the exported bodies; nothing is written.
+    """Return a model with the exported bodies, and its files in a format; nothing is written.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def exported_model(
     Raises
     ------
     InvalidValue
-        A `patch` of another format, beside a `urdf`, or a model whose identification failed.
+        A `patch` of another format or together with `urdf`, or a failed identification.
     """
     if patch is not None:
         _refuse_patch(model, to, urdf, patch)
@@ -153,7 +153,7 @@ def _refuse_patch(model: Model, to: str, urdf: Path | None, patch: Path) -> None
 
 
 def _unused_inertials(given: Given, model: Model) -> Iterator[str]:
-    """Yield the reasons for not using the inertials of a URDF, if stated."""
+    """Yield the faults for which the inertials of a URDF, if any, are not used."""
     if given.reader.file.root.find("link/inertial") is not None:
         for fault in inertial_faults(given, model.robot):
             yield f"{fault}; until then {SHAPES} replace the inertials of all links"
@@ -174,7 +174,7 @@ def exported_recordings(
 def _add_bodies(
     model: Model, source: Path, given: Given | None, bounds: BodyBounds | None
 ) -> Model:
-    """Return the model with bodies, found now unless the model has suitable ones."""
+    """Return the model with bodies, computed now unless the model has suitable bodies."""
     likely = None if given is None else bodies_of(given, model.robot)
     if model.consistent is not None and bounds is None and likely is None:
         return model

@@ -149,8 +149,8 @@ def measure(
     """Measure a plan into a run folder; the robot moves.
 
     The function does the work of `hil run` without a terminal: there are no questions and no keys.
-    Ctrl-C stops it, and at any end of the campaign the axes stop and are switched off; recordings
-    stay, and `resume` measures the rest.
+    Ctrl-C stops the campaign. At any end of the campaign the axes stop and are switched off;
+    recordings stay, and `resume` measures the rest.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def measure(
 
 
 def refuse_unusable(path: Path, resume: bool) -> None:
-    """Refuse an unusable folder by the content, before checking the plan.
+    """Refuse a folder with unsuitable content, before checking the plan.
 
     Raises
     ------

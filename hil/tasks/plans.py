@@ -306,7 +306,7 @@ def _load(
     pose: tuple[tuple[int, float], ...] = (),
     refine: Sequence[Path] = (),
 ) -> Designed:
-    """Design slow strokes for a load, after a run without load; with `refine` faster ones."""
+    """Design slow strokes for a load, after a run without load; faster strokes with `refine`."""
     from hil.planning.design.load import REACH, fast_plan, load_capacity, slow_plan
     from hil.results.load import BareRun, estimate_load
     from hil.runs.run import Run

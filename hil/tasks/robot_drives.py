@@ -118,7 +118,7 @@ def _contradicting(
 def _contradictions(
     axis: AxisDrive, index: int, robot: Robot
 ) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield the contradictions of an axis; for another type of joint, only this contradiction.
+    """Yield the contradictions of an axis; only the joint type if this differs.
 
     Limits contradict if wider than the robot's, or so narrow that a plan would reach them.
     """
@@ -242,7 +242,7 @@ def experience_of(runs: Sequence[Path]) -> tuple[list[Run], Levels]:
 def _resolutions(
     robot: Robot, drives_file: Path | None
 ) -> tuple[list[float] | None, list[float] | None]:
-    """Return the smallest steps of torques and positions of a drives file, if any [N m], [rad]."""
+    """Return the steps of torques [N m or N] and positions [rad or m]; None without drives."""
     drives = known_drives(robot, drives_file)
     if drives is None:
         return None, None

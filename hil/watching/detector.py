@@ -3,26 +3,26 @@
 Newton's law holds over every short time: the change of the axes' momentum computed from drive
 torques and the model's friction, gravity and Coriolis forces differs from the change measured by
 the encoders by the external momentum. Accelerations from encoders are far too noisy for single
-samples, but their mean over a window is a difference of two velocities, and with it the mean of the
-residual,
+samples, but their mean over a window is a difference of two velocities. Over a window, the mean of
+the residual,
 
     r = tau - A(q, qd, qdd) p - H qdd - friction,
 
 is the momentum that the drives have spent on external contact, divided by the window's length: a
-push forward is -r. This is a momentum observer with a finite instead of a fading memory. It needs
-no set-points, so it holds for every kind of motion. The acceleration of a sample needs the next
-sample, the only delay.
+push forward has r < 0. This is a momentum observer with a finite instead of a fading memory. It
+needs no set-points, so it holds for every kind of motion. The acceleration of a sample needs the
+next sample, the only delay.
 
-Windows of several lengths are tested: short ones show strong pushes soon, long ones weak pushes.
-Each has a threshold,
+Windows of several lengths are tested: short windows detect strong pushes soon, long windows detect
+weak pushes. Each has a threshold,
 
     sqrt((sigmas * scatter)^2 + (2 * standard error)^2) + turning,
 
-from the scatter of such means on this machine (`hil.watching.scatter`), from the model's own
-interval (base parameters, and tracked friction, `hil.watching.friction`), and from the possible
+from the scatter of the window's means on this machine (`hil.watching.scatter`), from the model's
+own interval (base parameters, and tracked friction, `hil.watching.friction`), and from the possible
 friction error just after a reversal or a standstill (`hil.watching.turning`). At rest, friction
-balances any force up to its level in either direction, so only more than that is visible. For an
-axis that has not moved yet nothing is known, so nothing is detected.
+balances any force up to its level in either direction, so only a greater force is visible. Before
+an axis has moved, its friction is unknown and no push is detected.
 """
 
 from __future__ import annotations
@@ -64,10 +64,10 @@ class Judged(NamedTuple):
     measured, predicted : ndarray, shape (n, n_joints)
         Torques of the samples one period earlier [N m or N].
     outside, threshold : ndarray, shape (n, n_windows, n_joints)
-        Mean external torque in each window ending at the sample, and its threshold, infinite
-        without any visibility [N m or N].
+        Mean external torque in each window ending at the sample, and its threshold, infinite if no
+        push is visible [N m or N].
     band : ndarray, of the same shape
-        Half-width of the band about 0 with 95 % of such means without contact [N m or N].
+        Half-width of the band about 0 that contains 95 % of the means without contact [N m or N].
     moving : ndarray of bool, shape (n, n_joints)
     """
 
@@ -239,7 +239,7 @@ class Detector:
     def _learn(self, longest: float = 10.0) -> None:
         """Learn from the results of a block.
 
-        A deviation for the `longest` time [s] is learned as well: a load, or changed friction.
+        A deviation that lasts `longest` [s] is learned as well: a load, or changed friction.
         """
         shown = [np.concatenate(values) for values in zip(*self._learned, strict=True)]
         columns, left, means, doubtful, sure = shown

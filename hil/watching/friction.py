@@ -116,9 +116,10 @@ class FrictionTables:
 SPEEDS = np.array([0.0, 0.01, 0.03, 0.07, 0.15, 0.3, 0.6, 1.2])
 """Speeds of the unknown friction deviation, as shares of the velocity limit; constant beyond."""
 LEVEL, SHAPE, OFFSET = 0.02, 0.05, 0.01
-"""Minimum initial standard deviations, as shares of the level and of the torque limit."""
+"""Minimum initial standard deviations: level and shape relative to the friction level, offset
+relative to the torque limit."""
 LEVEL_WANDER, SHAPE_WANDER, OFFSET_WANDER = 0.05, 0.04, 0.005
-"""Standard deviations of the random walk per minute."""
+"""Standard deviations of the random walk per minute, in the same units."""
 N_UNKNOWNS = len(SPEEDS) + 1
 """Number of unknowns: friction deviation by speed, and offset."""
 
@@ -204,7 +205,7 @@ def columns_of(direction: Array, level: Array, speed: Array) -> Array:
 def _covariance(level: float, shape: Array, offset: float, alike: float = 2.0) -> Array:
     """Compute the covariance of the unknowns, shape (n_unknowns, n_unknowns).
 
-    The correlation between speeds halves within `alike` places.
+    The correlation of the shape halves over `alike` steps of `SPEEDS`.
     """
     found = np.zeros((N_UNKNOWNS, N_UNKNOWNS))
     number = np.arange(len(SPEEDS))

@@ -65,8 +65,8 @@ class Scatter:
         """Upper bound of the root mean squares, shape (n_windows, n_joints).
 
         After a short motion, a mean of n squares of non-overlapping windows may by chance be as
-        small as (1 - 2 / 9n - `SURE` sqrt(2 / 9n))^3 times the true one (Wilson and Hilferty, Proc.
-        Natl. Acad. Sci. 17, 1931). Without a bound from this formula the result is infinite.
+        small as (1 - 2 / 9n - `SURE` sqrt(2 / 9n))^3 times the true mean (Wilson and Hilferty,
+        Proc. Natl. Acad. Sci. 17, 1931). If this factor is not positive, the bound is infinite.
         """
         ninths = 2 / 9 * self._lengths[:, np.newaxis] / np.maximum(self._weights, 1e-9)
         least = (1.0 - ninths - SURE * np.sqrt(ninths)).clip(0.0) ** 3

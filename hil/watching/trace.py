@@ -19,8 +19,8 @@ class TraceStretch(NamedTuple):
     alarm : float
         Instant of an alarm; NaN without one [s].
     time, measured, predicted, threshold : ndarray, shape (n,)
-        End of a window [s], and mean torques in the window [N m or N]; the threshold is infinite
-        without visibility.
+        End of a window [s], and mean torques in the window [N m or N]; the threshold is infinite if
+        no push is visible.
     """
 
     alarm: float
@@ -33,9 +33,8 @@ class TraceStretch(NamedTuple):
 class Trace:
     """Buffer of the last samples, and traces around the first alarm of every axis.
 
-    Accelerations from encoders are far too noisy for single samples, and near a standstill the
-    direction of friction is, too: kept are means over the window of the threshold, to which alone
-    the threshold applies.
+    Accelerations from encoders, and the direction of friction near a standstill, are far too noisy
+    for single samples. Therefore the buffer holds means over the window of the threshold.
 
     Parameters
     ----------

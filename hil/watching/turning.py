@@ -5,19 +5,19 @@ presliding distance d, after Dahl
 
     dz/ds = (sign - z) / d,    s being the distance,
 
-from sample to sample as an exponential; and while they bend they are damped, after Canudas de Wit
+from sample to sample as an exponential. Bending teeth and bristles are damped, after Canudas de Wit
 et al. (IEEE Trans. Automat. Contr. 40, 1995), which adds a torque
 
     c (v - |v| z)
 
-to that of z: if an axis reverses within few samples, at the end of a stroke, it is larger than
-friction itself. Distance and damping of an axis show in its torque after reversals, so directions
-are computed for a row of distances, each with its fitted damping, and the best fitting distance is
-used. The difference from its neighbours in the row is the uncertainty of the direction, plus a
-share of the damping.
+to that of z. If an axis reverses within few samples, at the end of a stroke, the torque of damping
+is larger than friction itself. Distance and damping of an axis show in its torque after reversals,
+so directions are computed for a row of distances, each with its fitted damping, and the best
+fitting distance is used. The difference between the neighbouring distances of the row, plus a share
+of the damping, is the uncertainty of the direction.
 
-At a standstill the direction follows the torque, invisible to an encoder. From there on it is
-unknown until the axis has moved over the presliding distance.
+At a standstill the direction of friction follows the torque, invisible to an encoder. The direction
+stays unknown until the axis has moved over the presliding distance.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ class Turned(NamedTuple):
     direction : ndarray
         Direction from -1 to 1.
     damping : ndarray
-        Torque of the damping, beside that of the direction [N m or N].
+        Torque of the damping, in addition to that of the direction [N m or N].
     doubt : ndarray
-        Possible error of both, relative to the friction level.
+        Possible error of direction and damping together, relative to the friction level.
     """
 
     direction: Array
@@ -107,13 +107,13 @@ class Turning:
         damping_doubt : float
             Uncertainty of the damping, relative to the damping. The customary damping is
             proportional to the square root of the stiffness, so a distance wrong by one step of the
-            row changes it by a factor of 0.41; 0.5 blinds more, and 0.3 raises no alarm in
-            `benchmarks/pushes.py`.
+            row changes the damping by 41 %. With 0.3 there is no false alarm in
+            `benchmarks/pushes.py`; 0.5 hides more pushes.
         """
         still = self._still(step)
         rows, unknown = self._directions(step, still)
         slip = qd[:, np.newaxis] - np.abs(qd)[:, np.newaxis] * rows
-        turning = np.abs(rows[:, -1] - rows[:, 0]) > 0.05  # directions depend on distance
+        turning = np.abs(rows[:, -1] - rows[:, 0]) > 0.05  # the directions of the distances differ
         self._learn(turning & ~still & (level > 0), rows, slip, friction, level)
         slower, faster = self._neighbours
         apart = np.abs(rows[:, slower, self._axes] - rows[:, faster, self._axes])
@@ -151,7 +151,7 @@ class Turning:
         return np.asarray(np.ptp(windows, axis=-1) < DISTANCES[0])
 
     def _directions(self, step: Array, still: Flags) -> tuple[Array, Array]:
-        """Compute directions for every distance, and the doubt of the used one after standstills.
+        """Compute directions for every distance, and the doubt after standstills for that in use.
 
         Shapes (n, n_distances, n_joints) and (n, n_joints).
         """

@@ -133,7 +133,7 @@ class Watcher:
         return self._robot.torque_unit(alarm.axis - 1)
 
     def sights(self) -> tuple[Sight, ...]:
-        """Return the visibility of pushes on every axis."""
+        """Return the sensitivity to pushes on every axis."""
         return tuple(self._sight(axis) for axis in range(self._robot.n_joints))
 
     @property
@@ -227,7 +227,7 @@ class Watcher:
     def _update_alarms(
         self, judged: Judged, row: int, ratio: Array, signs: Array, over: float = 0.25
     ) -> Iterator[Alarm]:
-        """Start new alarms, continue present ones, and end alarms without sign for a time [s]."""
+        """Start new alarms, continue open alarms, and end alarms without a sign for `over` [s]."""
         now = float(judged.time[row])
         for axis in np.flatnonzero(signs).tolist():
             self._signs[axis] = now
@@ -259,7 +259,7 @@ class Watcher:
         return alarm.model_copy(update={"peak": max(alarm.peak, seen, key=abs), "lasted": lasted})
 
     def _count(self, judged: Judged, every: int = 8, most: int = 100_000) -> None:
-        """Update the visibility statistics, with one of `every` sample for medians."""
+        """Update the visibility statistics, with one in `every` samples for medians."""
         pairs = judged.threshold[:, [self._soon, self._late]]
         self._unseen += (pairs > self._sizes).sum(axis=0)
         self._still += (~judged.moving).sum(axis=0)
@@ -304,8 +304,8 @@ class WatchingBus(BusInFront):
         True to stop all axes at the first alarm, raised as `Tripped`: leaving the bus with this
         error stops the axes and switches them off.
     at_once : int
-        Number of samples judged together, which may be changed during the motion: results are equal
-        and faster, but an alarm waits for the last sample.
+        Number of samples judged together, which may be changed during the motion. More samples take
+        less computing time for equal results, but delay an alarm until the last sample.
     """
 
     def __init__(

@@ -51,7 +51,7 @@ _SAVE_AS = {
     (".feather", ".arrow"): "save the data frame by to_parquet(...)",
     (".trc", ".blf"): "frames of CAN are not decoded; record with hil run",
 }
-"""Formats that are not read, and how to save them as one that is."""
+"""Unsupported formats, and how to save their data in a supported format."""
 
 
 def open_table(path: Path, layout: Format) -> Table:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 DATASET = 24_000
-"""Memory of an open dataset of HDF5 with its description [bytes]; by RSS 21 800, for 5000."""
+"""Memory of an open HDF5 dataset with its description [bytes]; by RSS 21 800, for 5000 datasets."""
 COLUMN = 600
 """Memory of an offered column [bytes]; by RSS 517 for 10^6 columns of a dataset of HDF5."""
 
@@ -73,7 +73,7 @@ def table_of(
     left_out = dict(left_out or {})
     columns: Columns = {}
     for name, array in arrays.items():
-        if array.dtype.names:  # of which HDF5 reads whole rows
+        if array.dtype.names:  # HDF5 reads whole rows of a structured array
             size = array.dtype.itemsize * min(len(array), ROWS) if array.shape else 0
             refuse_beyond(path, size, f"a block of {name}")
         for column in _columns(name, array, left_out):

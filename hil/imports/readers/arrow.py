@@ -33,8 +33,7 @@ def numbers(column: Any) -> Array:
 def plain_rows(text: bytes, delimiter: str, width: int, columns: Sequence[int]) -> Array | None:
     """Read rows of `width` cells, shape (n, len(columns)), NaN for an empty cell.
 
-    Return None where a row has another width or a wanted cell is no number, and where Arrow is not
-    installed.
+    Return None if a row has another width, a wanted cell is no number, or Arrow is not installed.
     """
     try:
         from pyarrow import csv, float64, py_buffer  # noqa: PLC0415 - optional
@@ -53,7 +52,7 @@ def plain_rows(text: bytes, delimiter: str, width: int, columns: Sequence[int]) 
                 null_values=[""],
             ),
         )
-    except ValueError:  # `ArrowInvalid` is one
+    except ValueError:  # such as `ArrowInvalid`
         return None
     found = {name: numbers(table[name].combine_chunks()) for name in wanted}
     return np.stack([found[names[column]] for column in columns], axis=1)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
 MESSAGE_MAX = 1 << 17
-"""Bytes of a message of joint states: 30 joints have some 2 kB."""
+"""Maximum size of a message of joint states [bytes]: 30 joints have about 2 kB."""
 _COMPRESSED = (".zstd", ".zst")
 _MENDED = {
     ".mcap": "mcap recover FILE.mcap -o MENDED.mcap",

@@ -2,9 +2,9 @@
 
 The header (`.dat`) has a line ``KEY,VALUE`` for each property of a channel: 200 name, 202 unit, 210
 explicit or implicit, 211 file of the values, 213 storage, 214 type, 220 number of values, 221 place
-of the first one, from 1, 240 offset, 241 factor, 254 value that stands for none. An implicit
-channel, such as time, is offset + factor k. Of explicit ones a file (`.r64`, `.r32`, `.i16` ...)
-holds the values channel by channel (CHANNEL), or sample by sample of all its channels (BLOCK).
+of the first value, from 1, 240 offset, 241 factor, 254 value that stands for none. An implicit
+channel, such as time, is offset + factor k. Values of explicit channels are in a file (`.r64`,
+`.r32`, `.i16` ...), channel by channel (CHANNEL), or sample by sample of all its channels (BLOCK).
 
 Columns are called ``NAME [UNIT]``.
 """
@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 _MARK, _BEGIN, _END = "DIAEXTENDED", "#BEGINCHANNELHEADER", "#ENDCHANNELHEADER"
 CHANNEL, PROPERTY, CHARACTER = 2000, 300, 5
-"""Maximum memory of a channel, of a property of a channel, and of a character of it [bytes].
+"""Maximum memory of a channel, of a property of a channel, and of a property's character [bytes].
 
-By tracemalloc: 1160 for a channel of five properties, 81 for a property more, 4.2 in UCS-4.
+By tracemalloc: 1160 for a channel of five properties, 81 for a further property, 4.2 in UCS-4.
 """
 _TYPES = {
     "REAL64": "f8", "REAL32": "f4", "INT16": "i2", "INT32": "i4",

@@ -46,7 +46,7 @@ class MessageLayout:
     fixed : array (n,) of int
         Indices of the bytes common to all messages.
     content : array (n,) of uint8
-        Values of these bytes.
+        Values of the bytes at `fixed`.
     """
 
     names: tuple[str, ...]

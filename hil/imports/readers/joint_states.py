@@ -2,7 +2,7 @@
 
 A message names its joints, in any order and not always all of them; so columns go by name:
 ``position/elbow``, ``velocity/elbow``, ``effort/elbow``. The columns ``sec`` and ``nanosec`` are
-the stamp of the message's header, ``time`` is the same in ns, and ``received`` the bag's own in ns.
+the stamp of the message's header, ``time`` is this stamp, ``received`` that of the bag, both in ns.
 
 Messages that name no joints have their numbers instead: ``position/1``. An MCAP file without its
 end is read as far as it goes (`cut_mcap`).
@@ -186,7 +186,7 @@ class Rows:
         return rows[present]
 
     def _fill_alike(self, messages: Sequence[bytes], rows: Array, present: Mask) -> Integers:
-        """Fill the rows of messages of known layouts; return the numbers of the others."""
+        """Fill the rows of messages of known layouts; return the numbers of all other messages."""
         sizes, left = np.array([len(message) for message in messages]), np.arange(len(messages))
         odd: list[int] = []
         tried = 0

@@ -92,7 +92,7 @@ def layout_of(text: str, stated: Format) -> Layout:
     ]
     if not used:
         raise NoNumbers("has no rows")
-    last = [line for _, line in used[-_LOOKED_AT:]]  # rows above the stated ones are skipped
+    last = [line for _, line in used[-_LOOKED_AT:]]  # without lines of settings
     delimiter = stated.delimiter or _delimiter(last)
     decimal = stated.decimal or _decimal(last, delimiter)
     rows = [(number, cells(line, delimiter)) for number, line in used]
@@ -182,7 +182,7 @@ def _first_row(
 
 
 def _lacks_names(rows: Sequence[Sequence[str]], decimal: str) -> bool:
-    """Return True if numbers and text of the first row stand where those of the second do."""
+    """Return True if two rows have numbers in the same cells: the first row is not the names."""
     first, *others = ([_is_number(cell, decimal) for cell in row] for row in rows)
     return sum(first) > 1 and others == [first]
 

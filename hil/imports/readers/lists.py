@@ -26,7 +26,7 @@ LIST = re.compile(
     rb"\[(\s*(?:" + _NUMBER + rb"(?:[\s,]+|(?=\])))*)\]"
     rb'(?:(?:,\s*dtype=\w+)?\))?"?'
 )
-"""Pattern of a list; the name of an array's element, as in ``motor[0].q``, is none."""
+"""Pattern of a list; the name of an array's element, as in ``motor[0].q``, is not a list."""
 
 
 def _numbers_of(found: re.Match[bytes]) -> list[bytes]:

@@ -104,7 +104,7 @@ def _size(path: Path, file: h5py.File) -> int | None:
 def _read_apart(path: Path, tables: Sequence[str] = ()) -> tuple[dict[str, Any], dict[str, str]]:
     """Return arrays and left-out contents of a file, read by another process.
 
-    Readers in C may crash on a damaged file. Of a file of version 7.3 only tables are read so.
+    Readers in C may crash on a damaged file. For version 7.3 this concerns tables only.
     """
     with file_errors(path, "read"):
         with path.open("rb") as file:
@@ -269,7 +269,7 @@ class _Contents:
             for field, value in _items(item):
                 if isinstance(value, h5py.Dataset) and value.dtype == h5py.ref_dtype:
                     elements = self._elements(f"{name}.{field}", value)
-                    # elements of a structure array; a cell has one
+                    # only cells have a MATLAB class, structure arrays have none
                     if "MATLAB_class" not in value.attrs:
                         one_by_one = _structures(name, field, len(elements))
                     else:
@@ -332,7 +332,7 @@ class _Contents:
 
 
 class _Elements(Sequence[Any]):
-    """Targets of references, open while in use: an open one takes some 7 kB."""
+    """Targets of references, open while in use: an open target takes about 7 kB."""
 
     def __init__(self, path: Path, name: str, references: h5py.Dataset) -> None:
         self._path, self._name, self._file = path, name, references.file

@@ -38,7 +38,8 @@ LONGEST = 10 * MOST_JOINTS
 CELL, COLUMN = 32, 3000
 """Maximum memory of a cell and of a column while JSON is read, beside its text [bytes].
 
-By RSS: 11 to 42 with its text of 9 bytes, 15 for a missing cell, 2810 for one of 20 000 columns.
+By RSS: 11 to 42 with its text of 9 bytes, 15 for a missing cell, 2810 for a column of 20 000
+columns.
 """
 FOOTER, PLACE, VALUE = 18, 500, 8
 """Maximum memory of a byte of the description of a file, of an offered column, and of a value of a
@@ -47,11 +48,11 @@ LOOKED_AT = 100
 """Blocks that are searched for the first list of a column."""
 _DOT = re.compile(r"\.")
 OBJECT = 1 << 20
-"""Maximum length of an object of JSON; Arrow reads no longer ones [characters]."""
+"""Maximum length of an object of JSON, a limit of Arrow [characters]."""
 
 
 class _Place(NamedTuple):
-    """Place of a column: name, and fields of structures and elements of lists (from 0) within."""
+    """Place of a column: name, then fields of structures and elements of lists (from 0)."""
 
     column: str
     steps: tuple[str | int, ...] = ()
@@ -63,7 +64,7 @@ class _Place(NamedTuple):
         return self.column + "".join(within)
 
     def within(self, *steps: str | int) -> _Place:
-        """Return a place further within."""
+        """Return the place of a field or element in this place."""
         return self._replace(steps=(*self.steps, *steps))
 
 

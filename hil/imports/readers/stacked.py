@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 TRACE, CHARACTER, SAMPLE = 2000, 9, 18
 """Maximum memory of a trace, of a character of its name, and of a row [bytes].
 
-By tracemalloc: 1750 for 20 000 traces of a row, 8.3 for names in UCS-4, 17.8 for 300 000 rows.
+By tracemalloc: 1750 for 20 000 traces of one row, 8.3 for names in UCS-4, 17.8 for 300 000 rows.
 """
 _VARIABLE = re.compile(r"^\s*(\d+)\.Variable\s*;\s*(.*?)\s*$")
 _KEY = re.compile(r"^\s*[A-Za-z\[\d][^;]*;")
@@ -67,7 +67,7 @@ class Channels:
         """
         clocks, row, n = sorted({self._clocks[each] for each in columns}), 0, len(columns)
         for block in self._table.blocks([*columns, *clocks]):
-            apart = np.abs(block[:, n:] - block[:, n : n + 1]) > 0  # no time for a missing stamp
+            apart = np.abs(block[:, n:] - block[:, n : n + 1]) > 0  # False for missing stamps
             if apart.any():
                 at, other = np.argwhere(apart)[0]
                 stamps = (f"{self.names[clocks[k]]} {block[at, n + k]:g}" for k in (0, other))

@@ -285,7 +285,7 @@ def _whole_lines(path: Path, skipped: int) -> Iterator[bytes]:
 
 
 def _count(text: bytes, mark: bytes) -> int:
-    """Count a character; for frequent ones three times as fast as `bytes.count`."""
+    """Count a character; for frequent characters three times as fast as `bytes.count`."""
     return int(np.count_nonzero(np.frombuffer(text, np.uint8) == mark[0]))
 
 
@@ -317,7 +317,7 @@ class _Counted(io.RawIOBase):
 
 @contextmanager
 def _opened(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file, unpacked and UTF-16 as UTF-8; all errors are raised as `FileError`."""
+    """Open a file, decompress it and convert UTF-16 to UTF-8; all errors become a `FileError`."""
     with file_errors(path, "read"):
         try:
             with (

@@ -39,13 +39,14 @@ _ZIP_ENTRY, _ZIP_ENTRY_READ = b"PK\1\2", 2000
 RSS 1710, for 20 000 entries."""
 _SQLITE_MAGIC = b"SQLite format 3\0"
 _COLUMNS = 20
-"""Maximum number of columns of a table of a bag; rosbag2 has six. Each is added up by itself."""
+"""Maximum number of columns of a table of a bag; rosbag2 has six. Each needs a separate sum."""
 _DEFLATE, _LZF, _PLAIN_FILTERS = 1, 32000, (2, 3)
 """Filters of HDF5: compression, and filters that keep the size (shuffle, checksum)."""
 _RATIOS = {_DEFLATE: 1032, _LZF: 88}
-"""Maximum ratio of unpacking: 258 from two bits, 264 from three bytes."""
+"""Maximum ratio of unpacking: 258 bytes from two bits, 264 bytes from three."""
 _MATLAB_HEAD, _MATLAB_COMPRESSED = 128, 15
-"""Bytes before the first element, and the type of a compressed one (MAT-File Format, level 5)."""
+"""Bytes before the first element, and the type of a compressed element (MAT-File Format, level
+5)."""
 
 
 class Chunk(NamedTuple):
@@ -100,7 +101,7 @@ def refuse_overlapping_chunks(path: Path) -> None:
             return
         head = _fields(file)
         if not (index := _number(head, b"index_pos")):
-            return  # which rosbags refuses
+            return  # rosbags refuses a bag without an index
         file.seek(index)
         for _ in range(_number(head, b"conn_count")):
             _fields(file)
@@ -177,7 +178,7 @@ def refuse_inflated_tables(path: Path) -> None:
 
 
 def refuse_inflated_archive(path: Path) -> None:
-    """Refuse an archive of arrays with too many or too large entries, or two of one name.
+    """Refuse an archive of arrays with too many or too large entries, or with two equal names.
 
     Raises
     ------

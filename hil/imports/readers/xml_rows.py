@@ -162,7 +162,7 @@ class _Rows:
             self._check(len(self.words))
 
     def _check(self, changed: int) -> None:
-        """Refuse too many names, at every `CHECKED` of a kind."""
+        """Refuse too many names; check after every `CHECKED` names of a kind."""
         if changed % CHECKED == 0:
             n = len(self.columns) + len(self._row) + len(self.words) + len(self.names)
             refuse_beyond(self._path, COLUMN * n, f"{n} names")

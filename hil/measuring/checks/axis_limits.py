@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def limited(robot: Robot, axes: Sequence[AxisInfo]) -> Robot:
     """Return `robot` within the limits of its drives, for motions and checks only."""
     if len(axes) != robot.n_joints:
-        return robot  # such axes are refused at the start of measuring
+        return robot  # another number of axes is refused at the start of measuring
     joints = tuple(
         joint.model_copy(
             update={

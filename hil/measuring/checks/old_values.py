@@ -63,7 +63,8 @@ def mark_old_values(
     Raises
     ------
     DriveRefused
-        A drive renews its position less often: bends of its path cannot be told from jumps.
+        A drive renews its position less often: bends of its path cannot be distinguished from
+        jumps.
     """
     if recording.n_samples < 3:
         return recording

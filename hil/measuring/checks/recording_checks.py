@@ -4,9 +4,9 @@ Each check compares a figure of the recording with its bound and states failures
 value, bound and remedy. Telegrams and currents are checked here, motions in
 `hil.measuring.checks.stroke_checks`.
 
-A current sensor is alive if its readings differ: noise makes successive ones do so. If a share r of
-them equals the one before, a run of k equal readings somewhere among n has a chance of about
-n r^(k-1); a longer run than chance explains is no measurement of a current.
+A current sensor is alive if successive readings differ by noise. If a share r of the readings
+equals the previous reading, a run of k equal readings somewhere among n has a probability of about
+n r^(k-1). A run too long for chance is no measurement of a current.
 """
 
 from __future__ import annotations

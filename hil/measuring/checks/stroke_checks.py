@@ -236,9 +236,9 @@ def _ideal_velocity(profile: Trapezoid, period: float) -> float:
 
 
 def _highest_velocity(time: Array, q: Array, period: float) -> float:
-    """Return the highest mean velocity over `LAG` [rad/s], a median of `RUNNING` successive ones.
+    """Return the highest median of `RUNNING` successive mean velocities over `LAG` [rad/s or m/s].
 
-    The median ignores a wrong time stamp, which ends one of these means and begins another.
+    The median ignores a wrong time stamp, which ends one mean and begins another.
     """
     known = np.isfinite(q) & (np.diff(time, prepend=-np.inf) > 0)
     time, q = time[known], q[known]
@@ -257,7 +257,7 @@ def _evenly(recording: Recording) -> Recording:
 
 
 def _mean_velocity(recording: Recording, measurement: Strokes, window: Indices) -> float:
-    """Return the slope of a line fitted to the positions of `window` [rad/s]."""
+    """Return the slope of a line fitted to the positions of `window` [rad/s or m/s]."""
     t = recording.time[window]
     q = recording.q[window, measurement.index]
     t = t - t.mean()

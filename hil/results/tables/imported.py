@@ -83,7 +83,7 @@ def _coupled(each: CoupledFriction) -> Row:
 
 
 def left_by_fit(model: IdentifiedRobot) -> Table:
-    """Residuals of imports, axis by axis and of all axes together."""
+    """Return the residuals of imports, axis by axis and of all axes together."""
     fit = model.details
     if isinstance(fit, MeasurementFit):
         return table("", (), ())

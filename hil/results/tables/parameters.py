@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 DISAGREEMENT = 3.0
-"""Difference between two methods, in standard errors, above which it is marked."""
+"""Largest unmarked difference between two methods [standard errors]."""
 NAMED = Column("", symbols=True), Column("meaning", folds=True)
 """First columns of a table of base parameters."""
 NOT_IDENTIFIED = "not identified"
