@@ -125,7 +125,7 @@ def watch(url: str, pages: int) -> None:
 
 
 def drip(url: str, connections: int) -> None:
-    """Hold connections and send a byte of a request over each ten times a second, without end."""
+    """Hold connections; send a byte of a request on each ten times a second, without end."""
     parts = urlsplit(url)
     address, held = (parts.hostname or "", parts.port or 80), list[socket.socket]()
     while True:
