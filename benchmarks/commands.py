@@ -38,8 +38,8 @@ ROBOT = "manutec-r15"
 PROMISED = {"dry-run": 0.25, "run": 0.35, "identify": 0.35, "report": 0.30}
 """Bound of the ratio of a command's processor time to that of the earlier commit."""
 FIXED = {"OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
-"""Environment of both versions: threads would wait for each other on a busy machine, and each
-process compiles sources anew.
+"""Environment of both versions: one thread, since threads would wait for each other on a busy
+machine, and byte code written to disk.
 """
 HERE = Path(__file__).resolve().parent.parent
 ROBOT_TIME = re.compile(r"\((?:(\d+):)?(\d+):(\d+) of robot time")

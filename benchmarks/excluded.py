@@ -241,7 +241,7 @@ def show_distinguish(
 
 
 def show_time(kept: Kept, folder: Path, seed: int) -> None:
-    """Print processor time beside the estimate; the second run has compiled code loaded."""
+    """Print the added processor time of the tests; the second run has compiled code loaded."""
     seconds = [said(folder, Case("", "", 0, 0.0, 0.0, seed)).seconds for _ in range(2)]
     print(f"time beside the estimate: {seconds[0]:.2f} s, again {seconds[1]:.2f} s")
     kept |= {"first": Figure(seconds[0], "s"), "again": Figure(seconds[1], "s")}

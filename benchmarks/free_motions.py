@@ -46,7 +46,7 @@ LONG = ("10 min", "10 min of strong drift")
 
 
 class Judged(NamedTuple):
-    """Estimate beside the truth: relative errors, z of each parameter, and words of the report."""
+    """Judgement by the truth: relative errors, z of each parameter, and words of the report."""
 
     torque: float
     seen: float

@@ -1,4 +1,4 @@
-"""Attack another user's local bus and live page on this computer; needs root to act as both users.
+"""Attack on another user's local bus and live page on this computer, as root for two users.
 
     sudo .venv/bin/python benchmarks/two_users.py
 

@@ -7,7 +7,7 @@ frame of a joint has its origin at the joint's anchor and the body's directions;
 joints belong to the link below them.
 
 Positions count as in MuJoCo: at `ref` a body is at the position in the file. Links between two
-joints of one body have no body of their own.
+joints of one body have no separate body.
 
 The format: mujoco.readthedocs.io, XML reference.
 """

@@ -1,4 +1,4 @@
-"""Plan of a few minutes with a load: the most informative measurements beside an unloaded run.
+"""Plan of a few minutes with a load: the most informative measurements in addition to a bare run.
 
 Both runs share base parameters p, torque ripple and friction of the transmitted torque; the loaded
 one has p + K phi and offsets of its own, since the asymmetry of friction changes from day to day.
@@ -264,7 +264,7 @@ def fast_plan(
 
 
 def load_capacity(bare: WithoutLoad, plan: Plan) -> float:
-    """Compute the mass held by the axes in a plan, up to `REACH` off the last frame [kg]."""
+    """Compute the largest mass that the axes hold in a plan, `REACH` off the last frame [kg]."""
     found = np.inf
     for measurement in filter(shows_parameters, plan.measurements):
         motion, tau = bare.torque(measurement)
