@@ -1,8 +1,8 @@
 """Deviation of whole campaigns over CANopen frames from the truth, for several seeds of the plant.
 
-Each seed is a `hil run` of the designed plan on the virtual plant into a folder of its own, two
-side by side; both methods are then judged on the same recordings. The targets are those of the
-improved method::
+Each seed is a `hil run` of the designed plan on the virtual plant into a separate folder, two runs
+in parallel. The improved and the published method are then judged on the same recordings. The
+targets are those of the improved method::
 
     python benchmarks/accuracy.py [--seeds 5] [--method improved] [--keep FOLDER]
 """

@@ -176,7 +176,7 @@ def judged(run: Run, plant: Path, method: str) -> Judged:
 
 
 def identified(found: Estimate, truth: Array) -> tuple[Array, Array]:
-    """Return the true values behind an estimate, and a mask of the identified parameters."""
+    """Return the true values of the estimated parameters, and a mask of the identified ones."""
     if found.combination is None:
         return truth, np.ones(len(truth), dtype=bool)
     return found.combination @ truth, np.diag(found.combination) > 0

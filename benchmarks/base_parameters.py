@@ -1,4 +1,4 @@
-"""Time of the base parameters of the manutec-r15, with all sixty link parameters and with its own.
+"""Time of the base parameters of the manutec-r15, for all sixty and for the present parameters.
 
 Both sets are timed in a fresh interpreter, so that nothing is cached, with and without imports.
 """

@@ -42,7 +42,7 @@ CUT_OFF = 10.0
 
 
 def main(train: Sequence[Path | str], test: Sequence[Path | str]) -> tuple[int, int, int]:
-    """Print detected and planted changes; count named, detected and planted ones."""
+    """Print detected and planted changes; return the numbers of named, detected and planted."""
     first, *more = [Run.open(folder) for folder in train]
     before, after = Pooled([first, *more]), Pooled([Run.open(folder) for folder in test])
     robot = first.robot

@@ -1,24 +1,24 @@
-"""Figures of identification over many plants, each case beside its target.
+"""Errors of identification on many plants, each case with its target.
 
 Every seed is another plant, measured by `hil run` with the designed plan; nothing was tuned on
 these seeds. The share of runs in which the largest cause of error is named first is stated as well.
 Cases::
 
     default    drift and asymmetry on
-    half       the same with half the measurements
-    still      no drift, symmetric: what the two-step method as published makes of it
+    half       default with half the measurements
+    still      no drift, symmetric friction: the case of the published two-step method
     lag        each current read 0 to 8 ms late, another lag for each axis and seed
     bodies     a second plant, whose links are real bodies
     load       friction that grows with the load, mu = 0.05
-    load-10    the same, mu = 0.10
+    load-10    friction that grows with the load, mu = 0.10
     strong     symmetric friction that drifts three times as much
     gears      soft gears, 45 to 80 Hz with the motor held, another one for each axis and seed
     sync-8     a SYNC every 8 ms
     sync-12    a SYNC every 12 ms
     encoder    encoders of 1024 increments
     ten        ten minutes of strokes and trajectories
-    asymmetry  friction that differs by 2 to 4 % of it between directions
-    ripple     torque ripple of order 7, 5 % of peak torque, which nothing here can model
+    asymmetry  friction that differs by 2 to 4 % between directions
+    ripple     torque ripple of order 7, 5 % of peak torque, which no method here models
     weak       ten minutes of a trajectory that hardly moves the wrist
     payload    10.86 kg at 140 mm, against the default run of another seed
     offset     a centre of mass that moves the phase of Fig. 7 by 5 degrees
@@ -222,7 +222,7 @@ def settings(folder: Path, name: str) -> tuple[Path, Path]:
         write_file(plan, yaml.safe_dump(content, sort_keys=False).encode())
     if case.increments is not None:
         text = text.replace("revolution: 4096", f"revolution: {case.increments}")
-    write_file(own, text.encode())  # at once, because seeds read the file in parallel
+    write_file(own, text.encode())  # atomic, because seeds read the file in parallel
     return plan, own
 
 
@@ -320,7 +320,7 @@ def print_payload(folder: Path, seeds: Sequence[int]) -> None:
 
 
 def print_offset(runs: Sequence[Path]) -> None:
-    """Print the frequency of the offset at rank one."""
+    """Print the share of runs that rank the offset of link 4 first."""
     errors = [diagnose(Run.open(run)).errors for run in runs]
     found = [next(c for c in each.alone if "sy4" in c.names) for each in errors]
     first = sum(

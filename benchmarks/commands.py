@@ -1,10 +1,10 @@
 """Processor time of the commands of a campaign, against an earlier commit of this repository.
 
-Processor time (user and system) of whole processes, interpreter included. The earlier commit is
-checked out into a temporary folder and takes turns with this one, so that both see the same
-machine; each measures, identifies and reports a campaign of its own, since run folders have changed
-meanwhile. The table has medians, their ratio and its bound, and for `hil run` the ratio of robot
-time to wall time.
+Processor time (user and system) is that of whole processes, interpreter included. The earlier
+commit is checked out into a temporary folder. Both versions take turns, so that other load affects
+both; each measures, identifies and reports a separate campaign, since the format of run folders has
+changed. The table has medians, their ratio and its bound, and for `hil run` the ratio of robot time
+to wall time.
 
     python benchmarks/commands.py [--times 5] [--commit 43e224b5]
 """
@@ -38,8 +38,8 @@ ROBOT = "manutec-r15"
 PROMISED = {"dry-run": 0.25, "run": 0.35, "identify": 0.35, "report": 0.30}
 """Bound of the ratio of a command's processor time to that of the earlier commit."""
 FIXED = {"OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
-"""Environment of both versions: threads would wait for each other on a busy machine, and each
-process compiles sources anew.
+"""Environment of both versions: one thread, since threads would wait for each other on a busy
+machine, and byte code written to disk.
 """
 HERE = Path(__file__).resolve().parent.parent
 ROBOT_TIME = re.compile(r"\((?:(\d+):)?(\d+):(\d+) of robot time")

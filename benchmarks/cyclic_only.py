@@ -4,8 +4,8 @@ One plan is measured on plants of several seeds (noise and friction), once by dr
 position mode, which plan the strokes, and once by drives with cyclic position mode only, for which
 the driver plans the strokes. Both runs are identified by the improved method. Two runs with
 independent errors differ by sqrt(2) standard errors rms, the means of all seeds by sqrt(2 / seeds).
-The table has, in standard errors, the difference of two runs of profile position, of two runs of
-cyclic position and of one of each; the difference of the means; and the errors of both modes::
+The table has, in standard errors, the difference of two runs in profile position mode, of two in
+cyclic mode and of a pair with both modes; the difference of the means; and the errors by mode::
 
     python benchmarks/cyclic_only.py [--first 901] [--seeds 8] [--runs FOLDER]
 """

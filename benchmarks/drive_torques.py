@@ -6,7 +6,7 @@ The first run is identified, the second one only predicted. The table has the ro
 the torque and of the residuals of the whole prediction, of the prediction without motors and
 without friction, and the share of samples in intervals of 95 %. Signals pass the low-pass of the
 improved method; samples near a reversal of any axis are left out, as no law of velocity holds
-there. Without runs they are a campaign of benchmarks/history.py and a motion that `hil validate
+there. The default runs are a campaign of benchmarks/history.py and a motion that `hil validate
 --measure` designs.
 """
 

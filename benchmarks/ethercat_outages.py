@@ -1,9 +1,9 @@
 """Random outages over EtherCAT: no axis stays energised, and no axis moves beyond its bound.
 
-The bounds and the moves are those of `benchmarks/outages.py` over CAN. Outages last 5 to 250 ms:
-all frames to the drives, from the drives, or both are lost; up to one frame in five is lost; the
-cable is cut in front of a drive; or a drive falls to SAFEOP with an error. In half of the sessions
-Ctrl-C is pressed at that moment. The exit status is 1 if a promise is broken::
+Bounds and moves are those of `benchmarks/outages.py` over CAN. Outages last 5 to 250 ms: all frames
+to the drives, from the drives, or both are lost; up to one frame in five is lost; the cable is cut
+in front of a drive; or a drive falls to SAFEOP with an error. In half of the sessions Ctrl-C is
+pressed at that moment. The exit status is 1 if a promise is broken::
 
     python benchmarks/ethercat_outages.py [--number 900] [--seed 1]
 """
@@ -27,7 +27,7 @@ def main() -> int:
     """Return 0 if every promise is kept."""
     from outages import report
 
-    # a shell lets its jobs in the background ignore the signal of Ctrl-C
+    # background jobs of a shell ignore the signal of Ctrl-C
     signal.signal(signal.SIGINT, signal.default_int_handler)
     parser = argparse.ArgumentParser(description="Random outages over EtherCAT.")
     parser.add_argument("--number", type=int, default=900)

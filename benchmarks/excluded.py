@@ -1,4 +1,4 @@
-"""Detection of errors by recordings: flaws of stated sizes, clean runs, coverage of errors, time.
+"""Detection of errors from recordings: flaws of stated sizes, clean runs, stated errors, time.
 
 Flaws of a plant are measured on a plant that differs from the robot file. Flaws of a robot file,
 drives file or map are put into the file, or into a clean run's recordings with the same effect.
@@ -99,7 +99,7 @@ def show_flaws(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -
         for k, (twin, cause, axis) in enumerate(FLAWS)
         for times in SIZES
     ]
-    # changes of a clean run are changes of the run with the stated sizes
+    # flaws put into a clean run are put into the run of the stated sizes
     cases = [c if c.cause in PLANTS and not c.twin else c._replace(seed=seed) for c in cases]
     count: dict[float, list[str]] = {times: [] for times in SIZES}
     with ThreadPoolExecutor(SIDE_BY_SIDE) as threads:
@@ -123,7 +123,7 @@ def show_flaws(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -
 def show_far(kept: Kept, folder: Path, pool: ProcessPoolExecutor, seed: int) -> Iterator[Said]:
     """Print the named causes for flaws beyond a linearisation."""
     cases = [Case("", cause, axis, np.inf, size, seed) for cause, axis, size in FAR]
-    campaign(folder, seed)  # read by several processes
+    campaign(folder, seed)  # measured now, since several processes need the run
     names = []
     for case, each in zip(cases, pool.map(partial(said, folder), cases), strict=True):
         names.append(each.named(case))
@@ -248,7 +248,7 @@ def show_distinguish(
 
 
 def show_time(kept: Kept, folder: Path, seed: int) -> None:
-    """Print processor time beside the estimate; the second run has compiled code loaded."""
+    """Print the added processor time of the tests; the second run has compiled code loaded."""
     seconds = [said(folder, Case("", "", 0, 0.0, 0.0, seed)).seconds for _ in range(2)]
     print(f"time beside the estimate: {seconds[0]:.2f} s, again {seconds[1]:.2f} s")
     kept |= {"first": Figure(seconds[0], "s"), "again": Figure(seconds[1], "s")}
@@ -260,7 +260,7 @@ def key(*words: object) -> str:
 
 
 def honest(every: Sequence[Said]) -> Kept:
-    """Return the numbers of runs judged good and wrongly so, with the errors of the latter."""
+    """Return the numbers of all, good and wrongly good runs, and the largest error ratio."""
     good = [each for each in every if each.word == "good"]
     wrong = [each for each in good if not each.honest]
     most = max((each.times for each in good), default=0.0)

@@ -243,8 +243,8 @@ def judged(run: Run, robot: Robot, recorded: Sequence[Recorded], truth: Array) -
 def smallest(proof: Excluded | None, cause: str, axis: int) -> float:
     """Return the smallest stated size; for a load the first moment across the axis.
 
-    What is stated of a slip and of a torque that repeats is that of the instant and of the order
-    that hardly show: `smallest_parts` has those of the flaws.
+    The stated sizes of a slip and of a periodic torque are those of the least visible instant and
+    order. `smallest_parts` returns the sizes for the planted instant and order.
     """
     own = [each for each in (proof.limits if proof else ())
            if each.cause == cause and each.axis == axis and each.part in ("", "sx6")]  # fmt: skip
@@ -252,7 +252,7 @@ def smallest(proof: Excluded | None, cause: str, axis: int) -> float:
 
 
 def smallest_parts(folder: Path, seed: int) -> dict[tuple[str, int], float]:
-    """Return the smallest sizes of the slip half-way and of the periodic torque."""
+    """Return the smallest sizes of the planted slip and periodic torque, by cause and axis."""
     run, found, evidence = rows_of(folder, seed)
     every = columns(run.robot, found.p, evidence)
     battery = Battery(evidence, every, every.fitted)
@@ -276,7 +276,7 @@ def rows_of(folder: Path, seed: int) -> tuple[Run, Estimate, Evidence]:
 
 
 def shares(folder: Path, seed: int, most: int = 60) -> tuple[int, float, float]:
-    """Return tested causes, the share with any detection, and with the right one."""
+    """Return the number of tested causes, and the shares detected and named correctly."""
     run, found, evidence = rows_of(folder, seed)
     every, rng = columns(run.robot, found.p, evidence), np.random.default_rng(seed)
     clean = excluded(run.robot, found.p, evidence)

@@ -1,10 +1,10 @@
-"""Exported C against Pinocchio's RNEA: time a call, and operations, for arms of six axes.
+"""Exported C against Pinocchio's RNEA: time per call and operations, for arms of six axes.
 
 The exported functions are compiled by cc with -O2 and timed in C, over a thousand states, as a
 controller calls them. Times are processor times, the best of five rounds, so that other processes
-have less influence. Pinocchio is called from Python, which costs its calls; its C++ is timed too
-where Eigen's headers are found (pip install --no-deps cmeel-eigen), for six axes in any frames and
-all ten parameters of every link, because its time depends on these.
+have less influence. Pinocchio is called from Python, including the cost of a call. Its C++ is timed
+too if Eigen's headers are found (pip install --no-deps cmeel-eigen), for six axes with general
+frames and all ten parameters of every link, because the time depends on both.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ int main() {
 
 
 def timed_c(robot: Robot, folder: Path) -> dict[str, float]:
-    """Time each exported function [us a call]."""
+    """Time each exported function [us per call]."""
     model, name = stated_model(robot, friction=FRICTION), identifier(robot.name)
     for file, text in write_c(model, ()).files.items():
         (folder / file).write_text(text)
@@ -133,7 +133,7 @@ def timed_c(robot: Robot, folder: Path) -> dict[str, float]:
 
 
 def pinocchio_from_python(robot: Robot) -> float:
-    """Time pin.rnea [us a call]."""
+    """Time pin.rnea [us per call]."""
     model = pinocchio_arm(robot)
     data = model.createData()
     q, qd, qdd = np.random.default_rng(0).uniform(-2.0, 2.0, (3, 20_000, robot.n_joints))
@@ -147,7 +147,7 @@ def pinocchio_from_python(robot: Robot) -> float:
 
 
 def pinocchio_in_cpp(folder: Path) -> float | None:
-    """Time pinocchio::rnea of an arm of six axes [us a call]; None without Eigen's headers."""
+    """Time pinocchio::rnea for six axes [us per call]; None without Eigen's headers."""
     prefix = next(parent for parent in Path(pin.__file__).parents if parent.name == "cmeel.prefix")
     eigen = prefix / "include" / "eigen3"
     if not eigen.exists() or shutil.which("c++") is None:

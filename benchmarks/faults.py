@@ -1,7 +1,8 @@
 """Reactions of the driver to every fault of the plant in the middle of a campaign, as tables.
 
-Over real frames of both buses, in lock-step; each row is a run of its own (`fault_table`). Writes
-docs/reference/faults.md and fails if a row does not keep its promise::
+The faults occur over real frames of both buses, in lock-step; each row is a separate run
+(`fault_table`). The script writes docs/reference/faults.md and fails if a row does not keep its
+promise::
 
     python benchmarks/faults.py [--output docs/reference/faults.md]
 """
@@ -126,7 +127,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="The fault table.")
     parser.add_argument("--output", type=Path, default=DOCS)
     given = parser.parse_args()
-    logging.disable()  # messages of the driver's log are in the table
+    logging.disable()  # the table has the messages of the driver's log
     signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background
     can, ethercat = _rows(CASES), _rows(ETHERCAT_CASES, ethercat=True)
     given.output.write_text(page(can, ethercat), encoding="utf-8")
@@ -199,7 +200,7 @@ def _line(name: str, reaction: str, rows: Sequence[Row]) -> str:
 
 
 def _largest(rows: Sequence[Row]) -> str:
-    """Return the largest number of SYNCs to the last command to stop."""
+    """Return the largest number of SYNCs until the last axis was commanded to stop."""
     cycles = [row.outcome.cycles for row in rows if row.outcome.cycles is not None]
     return str(max(cycles)) if cycles else "-"
 

@@ -134,7 +134,7 @@ def keep(
     Raises
     ------
     ValueError
-        A figure is none: nothing was measured.
+        A figure is not a finite number: nothing was measured.
     """
     if none := [key for key, figure in figures.items() if not math.isfinite(figure.value)]:
         raise ValueError(f"{name}: no figures, so nothing is kept: {', '.join(none)}")
@@ -157,7 +157,7 @@ def keep(
 
 
 def changes(name: str, before: Mapping[str, Figure], now: Mapping[str, Figure]) -> list[str]:
-    """Return a line for each figure that has changed by more than its scatter, and their number."""
+    """Return lines: figures changed by more than their scatter, and the number of these."""
     both = {key: (before[key], figure) for key, figure in now.items() if key in before}
     lines = [
         f"{name}.{key}: {old.stated} -> {new.stated}"
@@ -208,9 +208,9 @@ def documents() -> list[Path]:
 
 
 def commits_since(name: str) -> int:
-    """Return the number of commits since then with changes of the measured code.
+    """Return the number of commits since the measurement with changes of the measured code.
 
-    If the commit is unknown, because history was rewritten, commits after its day are counted.
+    If the measured commit is unknown, because history was rewritten, later days are counted.
     """
     kept = read(name)
     commit = kept.commit.removesuffix("-dirty")

@@ -89,7 +89,7 @@ class Tried(NamedTuple):
 
 @contextmanager
 def tried(*options: str, **variables: str) -> Iterator[Tried]:
-    """Run `hil try` without a window of its own; yield once its page is served."""
+    """Run `hil try` without opening a browser; yield once the page is served."""
     command = [sys.executable, "-m", "hil", "try", "--no-browser", *options]
     environment = {**os.environ, **variables}
     began = time.time()

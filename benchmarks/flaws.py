@@ -1,7 +1,7 @@
 """Effect of each flaw of a plant file on the estimate: a table for the docs.
 
-A whole campaign for each flaw, the same plan and seed, judged against the same truth by both
-methods::
+For each flaw a whole campaign is measured with the same plan and seed. The published and the
+improved method are judged against the truth::
 
     python benchmarks/flaws.py [--seed 3] [--plan PLAN] [--keep FOLDER]
 

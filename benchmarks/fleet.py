@@ -1,13 +1,13 @@
 """Fleet of simulated machines: false alarms, detection of worn bearings, time and memory by size.
 
-A campaign on the virtual manutec-r15 is identified, and machines are drawn from its model, a run a
-month for three years. Machines differ by 2 % of their parameters and 10 % of their friction. Every
-run has errors from the stated covariances. Friction of all axes varies by 5 % with the season and
-by 2 % with the day; the response of single axes differs by up to a quarter. The friction level of
-each axis also wanders: two runs differ by the law's `wander` at most. On sixty further machines
-friction of one axis grows evenly by 20 % in the second year. Wear is detected in the first month in
-which the axis deviates from the machine's past; a false alarm is a run of an unchanged machine with
-a deviation, if the previous run had none::
+A campaign on the virtual manutec-r15 is identified, and machines are drawn from its model, one run
+per month for three years. Machines differ by 2 % in parameters and 10 % in friction. Every run has
+errors from the stated covariances. Friction of all axes varies by 5 % with the season and by 2 %
+with the day; the response of single axes differs by up to a quarter. The friction level of each
+axis also wanders: two runs differ by the law's `wander` at most. On sixty further machines friction
+of one axis grows evenly by 20 % in the second year. Wear is detected in the first month in which
+the axis deviates from the machine's past; a false alarm is a run of an unchanged machine with a
+deviation, if the previous run had none::
 
     python benchmarks/fleet.py --machines 10 100 1000 --seed 41
 """

@@ -1,9 +1,9 @@
-"""Recordings of virtual twins of many robots, as by another controller.
+"""Recordings of virtual twins of many robots, in the form of another controller's recordings.
 
-Every seed is a machine of its own: the twin that `hil twin` makes of a robot file, friction,
-asymmetry and temperature drawn anew, drift on. The machine follows an exciting trajectory of this
-seed, then a second one that is held out. Time, positions and torques are kept as a CSV with a map,
-at the rate and with the encoder of the case; there are no velocities and no CAN frames.
+Every seed is a different machine: the twin by `hil twin` of a robot file, with drawn friction,
+asymmetry and temperature, and with drift. The machine follows an exciting trajectory of this seed,
+then a held-out second one. Time, positions and torques are kept as a CSV with a map, at the rate
+and with the encoder of the case; there are no velocities and no CAN frames.
 """
 
 from __future__ import annotations
@@ -35,8 +35,7 @@ if TYPE_CHECKING:
 ROBOTS = Path(__file__).parents[1] / "tests" / "robots"
 NAMES = ("pan-tilt", "scara", "cartesian", "ur10e", "ur10e-on-a-wall", "panda", "manutec-r15")
 SEARCH = Search(random=100, refined=2, steps=25)
-"""Options of the trajectory search, with less effort than in `hil plan`; the excitation is not the
-best.
+"""Options of the trajectory search, with less effort and less excitation than in `hil plan`.
 """
 TICK = 0.001
 """Interval of the set-points [s]."""

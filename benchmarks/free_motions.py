@@ -1,6 +1,6 @@
 """Results of `hil identify` for foreign recordings, robot by robot, with known truth.
 
-Every case and seed is a machine of its own (`foreign_recordings`), imported from a CSV of positions
+Every case and seed is a different machine (`foreign_recordings`), imported from a CSV of positions
 and torques and identified by the default method. For each robot, or for each case with --cases, the
 table has the error of the rigid-body torques on a free motion, the residual torque of another
 recording, and the share of 95 % intervals that contain the truth. Constants of the method were not
@@ -40,13 +40,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FIRST_SEED, SEEDS = 201, 2
-"""First of all seeds, and number of seeds of each case."""
+"""First seed, and number of seeds of each case."""
 LONG = ("10 min", "10 min of strong drift")
 """Cases run only on request."""
 
 
 class Judged(NamedTuple):
-    """Estimate beside the truth: relative errors, z of each parameter, and words of the report."""
+    """Judgement by the truth: relative errors, z of each parameter, and words of the report."""
 
     torque: float
     seen: float
@@ -58,7 +58,7 @@ class Judged(NamedTuple):
 
 
 def judge(recorded: Path) -> Judged:
-    """Import and identify one recording, and judge by the truth and the other recording.
+    """Import and identify one recording; judge by the truth and the held-out recording.
 
     Raises
     ------

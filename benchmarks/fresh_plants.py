@@ -1,6 +1,6 @@
 """Judgements on unseen plants, each with one property of real machines.
 
-Every seed is a plant of its own (`torque_intervals.write_plant`): bodies, friction, noise.
+Every seed is a different plant (`torque_intervals.write_plant`): bodies, friction, noise.
 Properties, on all axes or on an axis chosen by the seed: encoders of 256 to 1024 increments, gears
 of 25 to 80 Hz, backlash of 0.5 to 2 mrad, a SYNC period of 4 to 16 ms, a torque constant 2 % off.
 Backlash and the torque constant are true causes; any other named cause is a false one::
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 EXACT = 0.01
 """Largest torque error on every axis for which the verdict *failed* is wrong."""
 DEGREES = math.degrees(1e-3)
-"""Milliradian [rad]."""
+"""One milliradian [degrees]."""
 
 
 class Property(NamedTuple):
@@ -127,7 +127,7 @@ def outcome(folder: Path, trial: Trial) -> Said | None:
 
 
 def trials(names: list[str], first: int, seeds: int) -> Iterator[Trial]:
-    """Yield every property and size, each with seeds of its own."""
+    """Yield every property and size, each with different seeds."""
     for what, each in PROPERTIES.items():
         for number, size in enumerate(each.sizes):
             if what in names:

@@ -85,7 +85,7 @@ CAMPAIGNS: dict[str, tuple[str, int, dict[str, Any]]] = {
 }
 """Plan, seed, and further keys of the plant."""
 GREATER = {"strokes-torque-constant": (2, 1.3)}
-"""Axis with a wrong torque constant, and the ratio to that of the robot file."""
+"""Axis with a wrong torque constant, and its ratio to the torque constant in the robot file."""
 TWINS = {
     "scara": ("250 Hz", 751), "ur10e": ("250 Hz", 752), "panda": ("100 Hz", 753),
     "cartesian": ("20 s", 754), "manutec-r15": ("16 bit", 755),
@@ -183,7 +183,7 @@ def _campaign(folder: Path, name: str) -> None:
 
 
 def _imports(folder: Path) -> None:
-    """Import recordings of twins, and the example with its gain and without."""
+    """Import recordings of twins, and the example with a known and an unknown gain."""
     for name, (case, seed) in TWINS.items():
         if not (folder / f"twin-{name}").exists():
             recorded = record(folder / "recorded", name, case, seed)

@@ -1,10 +1,10 @@
 """Growth of the cost of commands with the axes of a robot, and with the number of its campaigns.
 
-Robots of 2 to 7 axes are the manutec-r15 without its last axes, or with one more hand joint; robot
-file, drives file and plant file alike. Each gets a small plan of as many measurements, which is
-designed and measured. Then several campaigns of the whole robot, each with other noise, are
-identified together. The tables have the processor time (user and system) of whole processes, and
-for growing plans also the time per measurement.
+Robots of 2 to 7 axes are derived from the manutec-r15 by omission of the last axes, or by an
+additional hand joint, in robot file, drives file and plant file. For each robot a plan with the
+same small number of measurements is designed and measured. Then several campaigns of the whole
+robot, each with other noise, are identified together. The tables have the processor time (user and
+system) of whole processes, and for growing plans also the time per measurement.
 
     python benchmarks/growth.py [--times 3]
 """
@@ -29,7 +29,7 @@ from hil.model.robot import ROBOTS
 NAME = "manutec-r15"
 AXES = range(2, 8)
 COUNTS = ("--gravity", "8", "--inertia", "14", "--coupling", "4")
-"""Numbers of measurements of a plan for robots with fewer or more axes."""
+"""Numbers of measurements in the plan of every robot."""
 CAMPAIGNS = (1, 2, 4)
 
 

@@ -2,14 +2,13 @@
 
     python benchmarks/history.py [FOLDER] [--runs N] [--changed M]
 
-Makes N campaigns of 39 measurements of the manutec-r15 that differ by the plant's seed alone
-(noise, drift of the friction, lubricant), and half of them begin on a machine that has worked
-before: 25 K above its surroundings instead of 5 K, its lubricant stirred. Makes M campaigns each
-with 15 % more Coulomb friction of axis 3, with p5 smaller by 2 % and with a drive of axis 5 whose
-torque constant is greater by 4 %, all in FOLDER (runs/history); those that are there already are
-not made again. The output states the number of runs of an unchanged machine with any marked
-quantity, each compared with the first and the previous run; the same for all pairs of these runs,
-which are not independent; and the first named cause of each change.
+N campaigns of 39 measurements of the manutec-r15 differ only by the plant's seed (noise, drift of
+the friction, lubricant). Half of them begin on a warm machine: 25 K above the surroundings instead
+of 5 K, with stirred lubricant. Three sets of M campaigns have 15 % more Coulomb friction of axis 3,
+p5 smaller by 2 %, and a torque constant of axis 5 greater by 4 %. All campaigns are in FOLDER
+(runs/history); existing campaigns are reused. The output states the number of runs of the unchanged
+machine with any marked quantity, each compared with the first and the previous run; the number for
+all pairs of these runs, which are not independent; and the first named cause of each change.
 """
 
 from __future__ import annotations

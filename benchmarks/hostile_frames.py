@@ -1,8 +1,8 @@
 """Two million hostile frames: one at the virtual plant, one at the driver.
 
-Both are seeded, in one process and in lock-step; `hostile.plant_audit` and `hostile.driver_storm`
-describe the checks at every frame. The closing line is printed only without any harm; otherwise the
-first harm ends the run, and the same seed finds it again::
+Both series of frames are seeded, in one process and in lock-step; `hostile.plant_audit` and
+`hostile.driver_storm` describe the checks at every frame. The first broken check ends the run, and
+can be reproduced by the seed. Otherwise a closing line is printed::
 
     python benchmarks/hostile_frames.py [--frames 1000000] [--seed 1]
 """

@@ -1,4 +1,4 @@
-"""Processor time and memory of an import of ROS joint states, beside reading by rosbags alone.
+"""Processor time and memory of an import of ROS joint states, against reading by rosbags alone.
 
 Bags of a Panda at 1 kHz are made on the fly, as MCAP (plain and compressed) and as rosbag2::
 

@@ -1,9 +1,9 @@
 """Detection of jumps of an encoder on the wall clock with a busy core, and false alarms.
 
-The plant is a process of its own. An axis goes there and back and rests between; in every second
-stroke its encoder jumps by 10 mrad to 1 rad, in motion or at rest. A jump is found where the driver
-stops the axes or the checks of the recording refuse it, for the encoder; a stroke without a jump
-that ends so is a false alarm. Strokes that end because this computer was late count for neither::
+The plant is a separate process. An axis moves back and forth with rests in between. In every second
+stroke the encoder jumps by 10 mrad to 1 rad, in motion or at rest. A jump is detected if the driver
+stops the axes, or the checks refuse the recording, because of the encoder. The same end of a stroke
+without a jump is a false alarm. Strokes that end because this computer was late are not counted::
 
     python benchmarks/jumps.py --interface local
     python benchmarks/jumps.py --interface ethercat   # as root, in a network namespace

@@ -1,4 +1,4 @@
-"""SYNC of `hil run` without a live page, with one, with 50, and beside 200 hostile connections.
+"""SYNC of `hil run` without a live page, with one, with 50, and with 200 hostile connections.
 
 Plant, run, page and observers are separate processes, on a local channel, at 250 Hz. The plant
 represents drives, which are never late, so it has the real-time class. The cases are measured in
@@ -125,7 +125,7 @@ def watch(url: str, pages: int) -> None:
 
 
 def drip(url: str, connections: int) -> None:
-    """Hold connections and send a byte of a request over each ten times a second, without end."""
+    """Hold connections; send a byte of a request on each ten times a second, without end."""
     parts = urlsplit(url)
     address, held = (parts.hostname or "", parts.port or 80), list[socket.socket]()
     while True:

@@ -1,6 +1,6 @@
 """Errors of a load identified in three minutes by `hil payload measure`: 10.86 kg at 140 mm.
 
-Each seed is a measurement of its own beside one of a few bare runs::
+Each seed is a separate measurement, combined with one of a few runs without load::
 
     python benchmarks/load_in_minutes.py [--seeds 20] [--bare 5] [--keep FOLDER]
 """

@@ -1,13 +1,13 @@
-"""Loads and gains from imported recordings of virtual twins, beside the truth.
+"""Loads and gains from imported recordings of virtual twins, against the truth.
 
     python benchmarks/loads.py [ROBOT ...] [--seeds N]
     python benchmarks/loads.py --write DIR
 
 ROBOT is a robot file's name in tests/robots (scara and ur10e by default). For each seed two runs of
-three motions of 20 s are made, without and with a load, by the plant's physics with friction that
-wanders; the gains of all axes are then wrong by 5 % (standard deviation). The output states the
-coverage of 95 % intervals: of the load with right gains; of load and gains by the known mass with
-wrong gains; and of parameters and one unknown gain, from the runs without load.
+three motions of 20 s are made, without and with a load, by the plant's physics with wandering
+friction. The coverage of 95 % intervals is stated for three estimates: the load, with correct
+gains; load and gains, with gains wrong by 5 % (standard deviation) and a known mass; parameters and
+one unknown gain, from the run without load.
 
 With --write the first pair of the SCARA becomes the run folders DIR/bare and DIR/loaded, torques
 read 8 % low on axis 1 and 5 % high on axis 2.

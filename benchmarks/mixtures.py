@@ -1,23 +1,23 @@
 """Models from recordings of two kinds together, against models from each kind alone.
 
-Every seed is a plant with noise and friction of its own. Trajectories of three minutes are written
+Every seed is a plant with different noise and friction. Trajectories of three minutes are written
 as tables and imported, like recordings of another controller::
 
     python benchmarks/mixtures.py [KIND ...] [--drift 1] [--first 1101] [--seeds 20] [--runs FOLDER]
 
 strokes
-    Strokes that were measured here, and an imported trajectory.
+    Strokes measured by `hil run`, and an imported trajectory.
 rates
     Two imported trajectories, of 250 and of 125 samples per second.
 loads
     Strokes of the bare arm, and an imported trajectory of the arm with a load of 4 kg.
 
 The table has the torque error of the base parameters on a free motion, as the mean of all axes, and
-the coverage of 95 % intervals, for each part and for both together; for loads, the errors of the
-arm as loaded in each part, and the intervals of the load. ``--drift 3`` multiplies the drift of
-friction by three. The rules were chosen on seeds 801 to 829, those on cells of states and on other
-friction laws on 831 to 850, and the cells' part in covariances of loads on 861 to 880. Seeds from
-1101 on are held out.
+the coverage of 95 % intervals, for each part and for both together. For loads, the error of a part
+is that of the arm with the load of this part, and intervals of the load are added. ``--drift 3``
+multiplies the drift of friction by three. Rules of the estimator were chosen on seeds 801 to 829,
+831 to 850 (state cells, friction laws) and 861 to 880 (covariance of loads). Seeds from 1101 on are
+held out.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def rates(folder: Path, seed: int) -> Iterator[Part]:
 
 
 def loads(folder: Path, seed: int) -> Iterator[Part]:
-    """Return the results of bare strokes and of a loaded import, each alone and with the other."""
+    """Return the results of bare strokes, of a loaded import, and of both."""
     bare, plant = measured(folder, "strokes", seed)
     heavy, plant_with = measured(folder, "load", seed)
     loaded = exported(heavy, folder / f"loaded-{seed}", strokes=False)

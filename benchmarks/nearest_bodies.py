@@ -1,10 +1,10 @@
 """Nearest robot of real bodies: comparison with another solver, time, and improvement of estimates.
 
-First figure: the distance by SCS, a first-order solver, for the unreduced program with equality
-constraints. Second: median processor time of a projection for six axes, with the cost of every
-condition. Third: the effect of a projection on estimates of robots with real bodies (eight point
-masses per link, each base parameter with an error of 5 %), as the ratio of the squared distances to
-the truth after and before the projection.
+First figure: difference to the distance by SCS, a first-order solver, for the unreduced program
+with equality constraints. Second: median processor time of a projection for six axes, with the cost
+of every condition. Third: effect of a projection on estimates of robots with real bodies (eight
+point masses per link, each base parameter with an error of 5 %), as the ratio of the squared
+distances to the truth after and before the projection.
 
     python benchmarks/nearest_bodies.py [--seeds 20]
 """
@@ -98,7 +98,10 @@ def main() -> None:
 
 
 def _published(kept: dict[str, Figure]) -> bool:
-    """Return the published manutec-r15, each parameter with an error of 1 %."""
+    """Print the projection of the published manutec-r15; return True if both solvers agree.
+
+    Each parameter has an error of 1 %.
+    """
     sys.path.insert(0, str(SUPPORT))
     from synthetic import TABLE_3_A
 
@@ -128,7 +131,7 @@ def _published(kept: dict[str, Figure]) -> bool:
 
 
 def _estimates(seeds: int, kept: dict[str, Figure]) -> bool:
-    """Return estimates of robots of real bodies, six axes."""
+    """Print the effect on estimates of robots with real bodies; return True if fast enough."""
     from possible_models import possible
 
     robot, shares, times = Robot.load(ROOT / "tests" / "robots" / "ur10e.yaml"), [], []

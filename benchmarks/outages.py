@@ -1,9 +1,10 @@
 """A thousand random outages: no axis stays energised, and no axis moves beyond its bound.
 
-Each is a session of its own on the virtual plant, over real frames in lock-step: all six axes are
-powered up, moved three times at up to full speed and powered down. From a random frame after the
-first SYNC on, the adapter stops transmitting, receiving or both, or one drive is disconnected, for
-5 to 250 ms; in half of the sessions Ctrl-C is pressed at that moment. Promises for all sessions:
+Each outage is a separate session on the virtual plant, over real frames in lock-step: all six axes
+are powered up, moved three times at up to full speed and powered down. From a random frame after
+the first SYNC on, the adapter stops transmitting, receiving or both, or one drive is disconnected,
+for 5 to 250 ms; in half of the sessions Ctrl-C is pressed at that moment. Promises for all
+sessions:
 
 - no axis is ever energised while its drive would not react to the loss of our heartbeat;
 - 3 s after the end no axis is energised;
@@ -11,7 +12,7 @@ first SYNC on, the adapter stops transmitting, receiving or both, or one drive i
   heartbeat_timeout) + delay) + margin v^2 / 2a + window`` (`fault_table.stopping_way`), v the
   highest speed of the axis before the first possible stop.
 
-The exit status is 1 if a promise is broken; seed and number reproduce a draw::
+The exit status is 1 if a promise is broken; seed and number reproduce a session::
 
     python benchmarks/outages.py [--number 1000] [--seed 1] [--jobs 4] [--only NUMBER]
 """
@@ -49,7 +50,7 @@ SHOWN = 20
 
 def main() -> int:
     """Return 0 if every promise is kept."""
-    # a shell lets its jobs in the background ignore the signal of Ctrl-C
+    # background jobs of a shell ignore the signal of Ctrl-C
     signal.signal(signal.SIGINT, signal.default_int_handler)
     parser = argparse.ArgumentParser(description="Random outages.")
     parser.add_argument("--number", type=int, default=1000)

@@ -1,6 +1,6 @@
-"""Figures of benchmarks over time: contents of their files, commit by commit.
+"""Figures of benchmarks over time, from the committed versions of their files.
 
-`page` is the text of the site's page, made when that is built; ``python benchmarks/over_time.py``
+`page` returns the text of a page for the build of the site; ``python benchmarks/over_time.py``
 prints the changes by `make bench` since the last commit. Without git, only the present figures are
 shown.
 """
@@ -35,7 +35,7 @@ class Measured(NamedTuple):
 
 
 def versions(name: str) -> list[Measured]:
-    """Return all kept results of a benchmark, the newest first, each measurement once."""
+    """Return all kept results of a benchmark, newest first, without repeated measurements."""
     path = figures.RESULTS / f"{name}.json"
     texts = [path.read_text(encoding="utf-8")] if path.exists() else []
     place = path.relative_to(figures.ROOT).as_posix()

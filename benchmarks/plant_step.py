@@ -1,12 +1,12 @@
-"""One step of the plant's physics, against one `mj_step` of MuJoCo for the same arm.
+"""Time of a step of the plant's physics, against one `mj_step` of MuJoCo for the same arm.
 
-Ours has everything: six cascaded loops with profiles and saturation, ripple, drifting friction with
-presliding, forward dynamics with motor inertias, all axes on the move. MuJoCo's has the arm alone,
-with armatures and viscous damping, without contacts and constraints. Both are called from compiled
-code for many steps at once. The arm consists of physically possible bodies with the manutec-r15's
-frames, as required by MuJoCo; both programs must compute equal accelerations before the
-measurement. They run in turn, so that a busy machine slows both, and the ratio is the median over
-the turns::
+A step of the plant contains six cascaded loops with profiles and saturation, ripple, drifting
+friction with presliding, and forward dynamics with motor inertias, all axes in motion. A step of
+MuJoCo contains only the arm with armatures and viscous damping, without contacts and constraints.
+Both programs are called from compiled code for many steps at once. The arm consists of physically
+possible bodies with the manutec-r15's frames, as required by MuJoCo; both programs must compute
+equal accelerations before the measurement. They run in turn, so that a busy machine slows both, and
+the ratio is the median over the turns::
 
     python benchmarks/plant_step.py
 """
@@ -39,7 +39,7 @@ STEPS = 1000
 REPEATS = 200
 DAMPING = 20.0
 LINKS = (
-    # mass [kg], centre of mass [m], principal inertias about it [kg m^2]
+    # mass [kg], centre of mass [m], principal inertias about the centre [kg m^2]
     (120.0, (0.0, 0.0, -0.20), (5.0, 5.0, 4.0)),
     (65.0, (0.20, 0.0, 0.15), (0.8, 3.0, 3.0)),
     (45.0, (0.05, -0.10, 0.0), (1.2, 1.0, 1.2)),

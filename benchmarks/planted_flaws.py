@@ -28,7 +28,7 @@ STIFF = 80.0
 HALF_WAY = 240.0
 """Middle of a campaign [s]."""
 MESH = 12
-"""Periods of a periodic torque per turn."""
+"""Periods of a periodic torque per turn of the joint."""
 
 
 # Errors of a map, a drives file or a machine in positions and torques of an axis, from 0; sizes in

@@ -40,7 +40,7 @@ def plotting() -> Iterator[None]:
 
 
 def image(figure: Figure, kind: str) -> bytes:
-    """Write a figure as ``svg`` or ``png``, the latter with 160 points an inch."""
+    """Return a figure as the content of an ``svg`` file, or of a ``png`` file with 160 dpi."""
     FigureCanvasAgg(figure)
     content = io.BytesIO()
     metadata = {"Date": None} if kind == "svg" else None

@@ -1,12 +1,12 @@
 """Detection of pushes by `hil watch` on plants without tuning, and alarms without a push.
 
 `python benchmarks/pushes.py [--seeds SEED ...] [--hours HOURS]`, by default seeds 31 to 36 and 10
-hours in all. Each seed is a plant with another drift of friction, and another trajectory; its model
-is identified from 20 s of a different trajectory. Pushes of 10, 5 and 2 % of the torque limit come
-at random instants on every axis, forward and back, and last 0.2 s. Delays count from the beginning
-of a push to the sample that shows it; a sample with an alarm but without a push is a false alarm. A
-telegram lost at a stated time relates the plant's clock to the recording. Recordings are watched
-after the measurement, with the same results as live watching (`tests/hil/watching`).
+hours in total. Each seed is a plant with another drift of friction, and another trajectory; the
+model is identified from 20 s of a different trajectory. Pushes of 10, 5 and 2 % of the torque limit
+come at random instants on every axis, in both directions, and last 0.2 s. Delays count from the
+beginning of a push to the sample that shows it; a sample with an alarm but without a push is a
+false alarm. A telegram lost at a stated time relates the plant's clock to the recording. Recordings
+are watched after the measurement, with the same results as live watching (`tests/hil/watching`).
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
     python benchmarks/real_machines.py TRAIN... -- TEST...
 
-takes run folders of any one machine. Residual torques of the default method are compared with those
-of weighted least squares, for the recordings of both fits and for held-out ones, by axis and
-overall: the bounds of their ratio are 1.05 overall and 1.2 on any axis.
+takes run folders of one machine. Residual torques of the default method are compared with those of
+weighted least squares, for the recordings of the fit and for held-out ones, by axis and overall.
+The bounds of the ratio are 1.05 overall and 1.2 on any axis.
 
     python benchmarks/real_machines.py figures FOLDER
 
@@ -13,18 +13,19 @@ keeps the figures of EMPS and TX40: FOLDER holds the runs ``emps`` and ``tx40``,
 
     python benchmarks/real_machines.py RUN
 
-compares our model and plain least squares on the same samples of the Staubli TX40. RUN is the
-folder of `hil import examples/tx40/tx40.yaml`, identified. Samples are made as the literature on
-this recording does: positions pass a Butterworth filter of order four forth and back at 100 Hz and
-are differentiated by differences, 20 samples at either end are dropped, and every tenth sample
-counts. Least squares fits 61 unknowns to just these samples: the base parameters, of each axis
-Coulomb's and viscous friction and an offset, and of the coupled motor Coulomb's and viscous
-friction. Ours was fitted below 20 Hz.
+compares the model of `hil` and plain least squares on the same samples of the Staubli TX40. RUN is
+the folder of `hil import examples/tx40/tx40.yaml`, identified. The preprocessing is that of the
+literature on this recording: positions pass a Butterworth filter of order four forth and back at
+100 Hz and are differentiated numerically, 20 samples at either end are dropped, and every tenth
+sample is used. Least squares fits 61 unknowns to exactly these samples: base parameters; Coulomb
+and viscous friction and an offset of each axis; Coulomb and viscous friction of the coupled motor.
+The model of `hil` was fitted below 20 Hz.
 
-Every tenth sample is taken in two ways. By `scipy.signal.decimate`, torque and each column of the
-regressor pass a low-pass of 200 Hz before (Chebyshev's, of order eight, forth and back); so were
-the figures made that are usually quoted. Or torque passes the filter of the positions and the
-samples between are left out: signs of velocities then keep frequencies that no filtered torque has.
+The samples are decimated in two ways. `scipy.signal.decimate` first applies a low-pass of 200 Hz
+(Chebyshev, order eight, forth and back) to the torque and to each column of the regressor; usually
+quoted figures are based on this way. Alternatively, the torque passes the filter of the positions
+and nine of ten samples are dropped: signs of velocities then keep frequencies that the filtered
+torque lacks.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ ENDS = 20
 
 
 def compare(train: Sequence[str], test: Sequence[str]) -> None:
-    """Print the residual torques by the default method over those by least squares."""
+    """Print the ratio of residual torques of the default method to those of least squares."""
     first, *more = map(Run.open, train)
     ours, plain = (
         identified(first, name, more).model for name in ("free motion", "weighted least squares")

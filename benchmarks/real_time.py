@@ -1,7 +1,7 @@
 """Campaign of two minutes in real time, with a search for lost or wrong samples without a flag.
 
-On vcan0, 25 SYNCs a second by default; plant and driver are two processes, and candump is the
-witness: every sample without a flag must equal the values sent by the drives after that SYNC::
+Plant and driver are two processes on vcan0, with 25 SYNCs a second by default; candump records the
+frames. Every sample without a flag must equal the values sent by the drives after its SYNC::
 
     python tools/can_guest.py .venv/bin/python benchmarks/real_time.py [SYNCS_PER_SECOND] [SECONDS]
 """
@@ -61,7 +61,7 @@ def make_plan(period: float, duration: float) -> Plan:
 
 
 def witnessed(log: str, drives: DrivesFile) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return SYNCs' instants (n,) [s] and positions after them (n, n_axes) [increments]."""
+    """Return the instants of SYNC (n,) [s], and the next positions (n, n_axes) [increments]."""
     axis_of = {0x180 + axis.node: index for index, axis in enumerate(drives.axes)}
     instants: list[float] = []
     positions: list[list[float]] = []
@@ -80,7 +80,7 @@ def witnessed(log: str, drives: DrivesFile) -> tuple[NDArray[np.float64], NDArra
 def unlike(
     recording: Recording, drives: DrivesFile, seen: tuple[NDArray[np.float64], NDArray[np.float64]]
 ) -> int:
-    """Count the samples without a flag that differ from the witness's values after their SYNC."""
+    """Count the samples without a flag that differ from the logged values after their SYNC."""
     instants, positions = seen
     shifts = instants[: -recording.n_samples + 1] - recording.time[0]
     nearest = [np.searchsorted(instants, recording.time + shift - SAME) for shift in shifts]

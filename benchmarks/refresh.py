@@ -1,9 +1,9 @@
 """Torque errors of runs with drives that update position and current only every few SYNCs.
 
-For such drives `hil drives check` names the period to use. Each run is a `hil run` of one plan on
+For such drives `hil drives check` recommends a SYNC period. Each run is a `hil run` of one plan on
 the same plant. All six drives update both values every 2, 3, 5 or 8 times 4 ms, and the SYNC period
-has this length. The torque errors are compared with those of drives that update at every SYNC, of
-the same period and of 4 ms::
+has this length. The torque errors are compared with those of drives that update at every SYNC, with
+this period and with 4 ms::
 
     python benchmarks/refresh.py [--every 2 3 5 8] [--keep FOLDER]
 """
@@ -35,7 +35,7 @@ of the same period."""
 def measure(every: int, folder: Path, *, old: bool) -> Path:
     """Run the plan at `every` times its period, with drives of slow (`old`) or immediate updates.
 
-    A run that is there stays.
+    An existing run is kept.
     """
     run = folder / (f"every-{every}" if old else f"prompt-{every}")
     if run.exists():

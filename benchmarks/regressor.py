@@ -1,7 +1,7 @@
 """The regressor of 100 000 samples, against Pinocchio called from Python for the same arm.
 
-Pinocchio is timed in the plain loop that a user writes, with each regressor kept and without: ours
-are kept. Pinocchio computes all sixty columns, ours only those of the base parameters.
+Pinocchio is timed in a plain Python loop, with and without storing each regressor; those of `hil`
+are stored. Pinocchio computes all sixty columns, `hil` only those of the base parameters.
 """
 
 from __future__ import annotations

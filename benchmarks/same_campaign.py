@@ -163,7 +163,7 @@ def measured(
 
 
 def compared(counts: Mapping[str, int], folder: Path) -> tuple[int, int, float, float, Start]:
-    """Return numbers of equal and of all data sets, both durations [s], and CAN's wait."""
+    """Return numbers of equal and of all data sets, both durations [s], and the wait on CAN."""
     plan = design(robot, counts)
     first = plan.model_copy(update={"measurements": plan.measurements[:1]})
     can, ethercat = (
@@ -171,7 +171,7 @@ def compared(counts: Mapping[str, int], folder: Path) -> tuple[int, int, float, 
         measure_ethercat(first, folder / "ethercat0"),
     )
     waiting = can.ahead(ethercat)
-    waiting = waiting._replace(readings=waiting.readings + 1)  # EtherCAT also reads before a cycle
+    waiting = waiting._replace(readings=waiting.readings + 1)  # EtherCAT also reads before cycle 0
     begun = time.perf_counter()
     measure_can(plan, folder / "can", waiting)
     between = time.perf_counter()

@@ -1,6 +1,6 @@
 """Cost of one SYNC with six drives, each answering with status, position and current.
 
-The machine behind the drives does nothing, so the time is that of CANopen and python-can::
+The simulated machine does no computation, so the time is that of CANopen and python-can::
 
     python benchmarks/slave_network.py
 """
@@ -48,7 +48,7 @@ def idle_machine() -> SimpleNamespace:
 
 
 def configure(channel: str) -> None:
-    """Map TPDO1 of every drive and start all."""
+    """Map TPDO1 of every drive and start all nodes."""
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.02
     network.connect(interface="sim_plant", channel=channel)

@@ -1,9 +1,10 @@
 """Processor time of `hil --help` and of a completion, against that of the underlying libraries.
 
-Processor time (user and system) of whole processes, interpreter included, in turns so that all see
-the same machine: the help of `hil` and the completion of a command's name are compared with an
-interpreter that only imports typer and rich, and with the help of a minimal typer program of two
-commands. The figures are medians; the bound of the help is three times the libraries.
+Processor time (user and system) is that of whole processes, interpreter included, measured in turns
+so that other load affects all alike. The help of `hil` and the completion of a command's name are
+compared with an interpreter that only imports typer and rich, and with the help of a minimal typer
+program of two commands. The figures are medians; the help may take three times as long as the
+import of the libraries.
 
     python benchmarks/start_up.py [--times 10]
 """

@@ -1,9 +1,9 @@
 """Streamed trajectories on a busy computer: shares of ended and of slowed-down runs.
 
-The plant and `hil run` are processes of their own. The plant represents drives, which are never
-late, so it has the real-time class; eight more processes compute without a pause. Every run streams
-three periods of 10 s once, without repetition, from power-on to power-off; first as a normal
-process, then in real time::
+The plant and `hil run` are separate processes. The plant represents drives, which are never late,
+so it has the real-time class; eight more processes compute without a pause. Every run streams three
+periods of 10 s once, without repetition, from power-on to power-off; first as a normal process,
+then in real time::
 
     python benchmarks/streams.py [RUNS] [INTERFACE] [CHANNEL] [normal] [real-time]
     python tools/can_guest.py .venv/bin/python benchmarks/streams.py 20 socketcan vcan0
@@ -38,7 +38,7 @@ FIGURES, UNITS = ("lasted", "slowed", "flagged"), ("s", "%", "%")
 
 
 class Streamed(NamedTuple):
-    """Result of a run: a line, its duration [s] and shares of samples; NaN for missing ones."""
+    """Result of a run: description, duration [s] and shares of samples; NaN if missing."""
 
     line: str
     lasted: float = np.nan
@@ -49,7 +49,7 @@ class Streamed(NamedTuple):
 def streamed(plan: Path, folder: Path, place: tuple[str, ...], *options: str) -> Streamed:
     """Run the plan once."""
     command = (*HIL, "run", str(plan), "-o", str(folder), *place, *options)
-    # separate folder, because unrestored values of an abandoned run would end the next
+    # separate folder, because unrestored values of an abandoned run would end the next run
     state = {**os.environ, "XDG_STATE_HOME": str(folder.with_suffix(".state"))}
     try:
         done = subprocess.run(

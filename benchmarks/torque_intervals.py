@@ -1,7 +1,7 @@
 """Coverage of torque intervals on another motion of the same robot.
 
-Every seed is another plant with the bodies of either built-in plant. Friction (with drift, warming
-and asymmetry), noise and ripple are drawn within factors of about two::
+Every seed is another plant with the bodies of one of the built-in plants. Friction (with drift,
+warming and asymmetry), noise and ripple are drawn within factors of about two::
 
     python benchmarks/torque_intervals.py [--first 2001] [--seeds 8] [--runs FOLDER]
 
@@ -11,8 +11,8 @@ has the share of samples inside the 95 % intervals for each axis over all plants
 axes named as not covered. Plants with a drive fault are skipped. The rules were chosen on seeds 1
 to 6 and, with ``--demo``, 4101 to 4106; seeds from 2001 on are held out.
 
-``--demo`` takes the plant and the plan of `hil try` instead, each seed with other noise and other
-wander of friction.
+``--demo`` uses the plant and the plan of `hil try`, each seed with other noise and other wander of
+friction.
 """
 
 from __future__ import annotations

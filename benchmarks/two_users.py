@@ -1,4 +1,4 @@
-"""Attack another user's local bus and live page on this computer; needs root to act as both users.
+"""Attack on another user's local bus and live page on this computer, as root for two users.
 
     sudo .venv/bin/python benchmarks/two_users.py
 
@@ -53,7 +53,7 @@ def act_as_user(user: int, act: Callable[[], object]) -> str:
 
 
 def stop_and_close(port: int, *, wait: bool) -> bytes:
-    """Request a stop from the live page; return its answer, or close at once."""
+    """Request a stop from the live page; with `wait` return the answer, else close at once."""
     request = f"POST /stop HTTP/1.0\r\nHost: 127.0.0.1:{port}\r\nX-Hil-Stop: 1\r\n\r\n"
     with socket.create_connection(("127.0.0.1", port)) as page:
         page.sendall(request.encode())
@@ -61,7 +61,7 @@ def stop_and_close(port: int, *, wait: bool) -> bytes:
 
 
 def bus_actions(folder: Path, sockets: list[Path]) -> dict[str, Callable[[], object]]:
-    """Actions of a stranger against a channel of the local bus."""
+    """Return the actions of another user against a channel of the local bus, by name."""
 
     def send() -> None:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as mine:
@@ -78,7 +78,7 @@ def bus_actions(folder: Path, sockets: list[Path]) -> dict[str, Callable[[], obj
 
 
 def attack_bus() -> list[str]:
-    """Attack a channel with two members, and one with a folder made by the stranger."""
+    """Attack a channel with two members, and a channel with a folder made by the attacker."""
     os.environ.pop("XDG_RUNTIME_DIR", None)
     wrong = []
     folder = Path(tempfile.gettempdir()) / f"can-local-{OWNER}" / "two-users"
@@ -116,7 +116,7 @@ def attack_bus() -> list[str]:
 
 
 def attack_page() -> list[str]:
-    """Watch and stop the owner's live page as the stranger."""
+    """Attempt to watch and to stop the owner's live page as another user."""
     wrong: list[str] = []
     (given, end), (reading, said_by) = os.pipe(), os.pipe()
     if not (child := os.fork()):

@@ -3,9 +3,9 @@
     python benchmarks/view_frames.py [SECONDS]
 
 The plan of the manutec-r15 with a workspace is played in headless Chromium. Without a graphics card
-its processor draws (SwiftShader), so the frames per second are a lower bound for that machine; the
-cost of a frame in the page's own scripts is the same with a card, and its bound is 16.7 ms at 60
-frames per second. The peer is the same page with the swept volume hidden.
+the processor draws (SwiftShader), so the frames per second are a lower bound. The cost of a frame
+in the page's own scripts is the same with a card; the bound is 16.7 ms, for 60 frames per second.
+For comparison the page is played with the swept volume hidden.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Torque left by the model after a campaign on the wall clock with a busy core, against lock-step.
+"""Residual torque after a campaign on the wall clock with a busy core, against lock-step.
 
-`hil run` measures a plan once in lock-step, and then on the wall clock beside a process that
-computes without a pause; each run is identified by itself. The plant is a process of its own, with
-the real-time class where `hil run` has it; a plant of a higher class would interrupt the sending of
-SYNC. The torque left is the root mean square of the smoothed residual in motion
-(`hil.results.residual`), the figure by which models are judged, without flagged samples::
+`hil run` measures a plan once in lock-step, and then on the wall clock while another process
+computes without a pause; each run is identified separately. The plant is a separate process, with
+the real-time class if `hil run` has it; a plant of a higher class would interrupt the sending of
+SYNC. The residual torque is the root mean square of the smoothed residual in motion
+(`hil.results.residual`), without flagged samples::
 
     python benchmarks/wall_clock.py [--realtime] [--interface ethercat] [--runs 3]
 """
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 COUNTS = ("--gravity=9", "--inertia=19", "--coupling=2")
-"""Numbers of measurements, few but identified: six minutes."""
+"""Numbers of measurements, sufficient for identification in six minutes."""
 BUSY = 1
 """Number of busy cores."""
 MOST, FLAGGED = 1.5, 0.1
@@ -73,7 +73,7 @@ def flagged(folder: Path) -> float:
 def measure(interface: str, runs: int, *options: str) -> dict[str, Figure]:
     """Return the figures of some runs on the wall clock, with options of `hil run`."""
     with tempfile.TemporaryDirectory() as scratch:
-        # an abandoned run's unrestored values would end the next run
+        # separate folder, because unrestored values of an abandoned run would end the next run
         os.environ["XDG_STATE_HOME"] = scratch
         plan, place = Path(scratch) / "plan.yaml", Path(scratch) / "lock-step"
         words = ("-m", "hil", "plan", "manutec-r15", *COUNTS, "-o", str(plan))

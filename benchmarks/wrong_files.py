@@ -125,7 +125,7 @@ def drifting(kind: str, share: float) -> Change:
 
 
 def jumping(kind: str, seconds: float) -> Change:
-    """Return a delay of the columns of a kind from the middle on."""
+    """Return a delay of the columns of a kind from the middle of the recording on."""
     return column(
         kind,
         lambda x: np.where(np.arange(len(x)) > len(x) // 2, np.roll(x, round(seconds / PERIOD)), x),
@@ -239,8 +239,8 @@ def recorded(name: str, seed: int) -> Columns:
 def add_rest(columns: Columns, number: int, rng: np.random.Generator) -> Columns:
     """Return a clean file with joints at rest: flickering counts, dead bands, noise.
 
-    Their torques are constant but for noise, so the imported torques do not obey mechanics: only
-    the checks of columns are tested.
+    Torques at rest are constant apart from noise and do not obey mechanics, so only the checks of
+    columns are tested.
     """
     n = max(int(key[1:]) for key in columns if key[0] == "q")
     rests, found = 1 + (number + np.arange(1 + number % 2)) % n, dict(columns)

@@ -59,7 +59,7 @@ class Wrong:
     words : tuple of str
         Correct words: refused, or words of `hil identify`.
     cause : str
-        Pattern of the first message, by the import or by identify.
+        Pattern of the first message of import or identification.
     change : callable, optional
         Changes q, qd and tau, each (n, n_joints), as recorded.
     stated : dict
@@ -80,7 +80,7 @@ class Wrong:
 
 
 def each(part: str, changes: dict[str, Any]) -> tuple[tuple[int, str, dict[str, Any]], ...]:
-    """Return a change of all joints of the map, of which there may be fewer."""
+    """Return a change of all joints of the map, for maps of any number of joints."""
     return tuple((joint, part, changes) for joint in range(7))
 
 

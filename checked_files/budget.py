@@ -44,8 +44,8 @@ def refuse_beyond(
 ) -> None:
     """Refuse a file if `what` would exceed the budget: `base` [bytes], and 4 times the file.
 
-    Only what is held at one time counts, in memory or on the disk; `times` is `PASSED` for what is
-    not kept.
+    Only data held at one time count, in memory or on the disk; `times` is `PASSED` for data that
+    are read and not kept.
 
     Raises
     ------

@@ -12,7 +12,7 @@ class HilError(Exception):
 
     @property
     def lines(self) -> str:
-        """Message, and the notes below it: what failed afterwards.
+        """Message, with notes about later failures below.
 
         Examples
         --------

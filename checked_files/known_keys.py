@@ -1,7 +1,7 @@
 """Known keys of a model at a place of a file, for messages about mistyped keys.
 
-pydantic states the place of an unknown key, but not the known keys at this place; that follows from
-the annotations of the fields on the way.
+pydantic states the place of an unknown key, but not the known keys at this place. The known keys
+follow from the annotations of the fields that lead to the place.
 """
 
 from __future__ import annotations

@@ -28,8 +28,8 @@ def _obeyed_by_no_terminal(name: str) -> str:
 
 
 PlainName = Annotated[str, AfterValidator(_plain)]
-"""Letters, digits, dots, underscores and hyphens."""
+"""Name of letters, digits, dots, underscores and hyphens."""
 ShownName = Annotated[str, AfterValidator(_obeyed_by_no_terminal)]
-"""Characters that a terminal shows and does not obey."""
+"""Name without control characters, safe to show on a terminal."""
 Line = Annotated[str, AfterValidator(whole_line)]
 """Text in one line."""

@@ -53,7 +53,7 @@ class XmlFile:
         return self._lines[id(element)]
 
     def offset(self, element: Element) -> int:
-        """Return where the start tag of an element begins, in bytes of UTF-8 without a mark."""
+        """Return the offset of an element's start tag, in bytes of UTF-8 without a BOM."""
         return self._offsets[id(element)]
 
     def named(self, tag: str) -> dict[str, Element]:

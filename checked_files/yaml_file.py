@@ -2,10 +2,9 @@
 
 Every file that a user writes (robot, plan, drives, plant) is a pydantic model derived from
 `FileModel`. pydantic says which field is wrong and why; the YAML node tree gives the line of the
-field. Together they give one message per problem, such as ``robot.yaml:15: joints.2.velocity_limit:
--1.2 must be greater than 0``. Reading any file ends in a valid model or in a `FileError`, within a
-short time: nesting without end and aliases that multiply are refused before anything is built from
-them.
+field. The result is one message per problem, such as ``robot.yaml:15: joints.2.velocity_limit: -1.2
+must be greater than 0``. Reading any file ends in a valid model or in a `FileError`, within a short
+time: nesting without end and aliases that multiply are refused before anything is built from them.
 
 A file that a command has drafted marks values known only to the user: ``gear_ratio: !state "motor
 angle over joint angle"``. Such a file is refused until every marked value is stated.

@@ -17,7 +17,7 @@ from checked_files.yaml_file import UNSTATED
 
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
 _SENTENCE = re.compile(r"[A-Za-z][A-Za-z0-9 ,;.()\[\]/-]*")
-"""Plain text accepted by YAML below a key of a block after a mark of type text."""
+"""Description that YAML accepts without quotes after the mark of an unstated value."""
 _LONGEST = 1000
 """Maximum length of a comment: a line with about ten file names, or the choices for a value."""
 

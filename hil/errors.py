@@ -39,7 +39,7 @@ class InvalidArray(HilError, ValueError):
 
 
 class InvalidValue(HilError, ValueError):
-    """Impossible values of a robot; a line per problem, with the key."""
+    """Impossible arguments or values of a robot; a line per problem, with the key."""
 
 
 class UnknownName(HilError, ValueError):

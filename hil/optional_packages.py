@@ -32,7 +32,7 @@ def needed_for(what: Path | str, extra: str = "recordings") -> Iterator[None]:
     Parameters
     ----------
     what : Path or str
-        File or option that needs it, for the message.
+        File or option that needs the package, for the message.
     extra : str
         Extra that installs the package.
     """

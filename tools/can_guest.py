@@ -1,4 +1,4 @@
-"""Run a command where there is a ``vcan0``: in a QEMU guest with Debian's kernel.
+"""Run a command with a ``vcan0``, in a QEMU guest with Debian's kernel.
 
 ::
 
@@ -7,11 +7,11 @@
 For machines whose kernel has no CAN. The guest sees this machine's whole file tree, so that the
 same virtual environment and checkout run inside, in the same folder and with the same environment.
 Only temporary files stay in the guest, in memory: shared folders cannot hold deleted open files.
-Output and exit status are the command's. Needs ``qemu-system-x86_64``; kernel and busybox come from
-Debian's packages, once, into ``$XDG_CACHE_HOME/can-guest``. Without hardware virtualisation the
-guest is some 10 to 20 times slower than this machine.
+Output and exit status are those of the command. Needs ``qemu-system-x86_64``; kernel and busybox
+are fetched once from Debian's packages, into ``$XDG_CACHE_HOME/can-guest``. Without hardware
+virtualisation the guest is some 10 to 20 times slower than this machine.
 
-Exit status 69: there can be no guest here, and why. 70: the guest died. 124: out of time.
+Exit status 69: this machine cannot run a guest. 70: the guest died. 124: out of time.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ NO_GUEST, DIED, OUT_OF_TIME = 69, 70, 124
 
 
 def main() -> int:
-    """Return the command's exit status, or one of the above."""
+    """Run the command; return the exit status of the command or of this module."""
     parser = argparse.ArgumentParser(description="Run a command in a QEMU guest that has a vcan0.")
     parser.add_argument("--timeout", type=float, help="give the guest so long [s]")
     parser.add_argument("command", nargs=argparse.REMAINDER, help="and its arguments")
@@ -53,7 +53,7 @@ def run(command: list[str], timeout: float | None) -> int:
     Raises
     ------
     Unavailable
-        There can be no guest here, or it did not come as far as the command.
+        This machine cannot run a guest, or the guest did not boot.
     """
     if platform.machine() != "x86_64" or not shutil.which(QEMU):
         raise Unavailable(f"{QEMU} is missing; install it (Debian: apt install qemu-system-x86)")
@@ -78,7 +78,7 @@ def _cache() -> Path:
 
 
 def _script(command: list[str], shared: Path) -> str:
-    """What the guest's shell runs: the command in this folder and environment."""
+    """Return the script for the guest's shell: the command in this folder and environment."""
     exports = [
         f"export {name}={shlex.quote(value)}"
         for name, value in os.environ.items()
@@ -109,7 +109,7 @@ def _qemu(folder: Path, shared: Path) -> list[str]:
 
 
 def _virtualises() -> bool:
-    """Whether KVM works: a guest's /dev/kvm may be there without the processor's support."""
+    """Return True if KVM works; /dev/kvm may exist without support by the processor."""
     flags = Path("/proc/cpuinfo").read_text().split()
     return bool({"vmx", "svm"} & set(flags)) and os.access("/dev/kvm", os.R_OK | os.W_OK)
 

@@ -1,24 +1,23 @@
 """Count the work of whole commands and compare it with bounds: a gate for speed without a clock.
 
-Commands run in fresh processes, on a small plan and a small foreign recording.
-Each count is the same at every run, on every machine and under every Python, up to what rounding
-decides:
+Commands run in fresh processes, on a small plan and a small foreign recording. Apart from effects
+of rounding, each count is equal in every run, on every machine and under every Python:
 
     regressor rows    samples times joints for which columns of base parameters are calculated
     torque samples    samples for which inverse dynamics are calculated
     filtered samples  samples times columns through the low-pass and its derivatives
-    CAN messages      objects of python-can made
-    compiled          functions of Numba that are loaded
-    bytes read        of data sets and of files in the folder of the commands
-    peak memory       of Python and NumPy beyond imported modules [bytes]
-    own calls         of functions of this repository's packages
+    CAN messages      created message objects of python-can
+    compiled          loaded functions of Numba
+    bytes read        bytes of data sets and of files in the folder of the commands
+    peak memory       memory of Python and NumPy without imported modules [bytes]
+    own calls         calls of functions in this repository's packages
 
-The bounds of each count, `TOLERANCE` about the kept figure, are in ``tools/counts.json``, together
-with the calls of each function, so that a failure names the functions whose calls grew most. Equal
-counts hide a slower kernel, so kernels are timed against a fixed NumPy operation in turns, and
-on the processor that they were kept on the ratio may be at most `SLOWER` times the kept one::
+A count may differ by `TOLERANCE` from the kept count in ``tools/counts.json``. That file also has
+the calls of each function, so that a failure names the functions with the largest increase. Counts
+do not show a slower kernel. Therefore kernels and a fixed NumPy operation are timed in turns; on
+the processor of the kept ratios, a ratio may be at most `SLOWER` times the kept one::
 
-    python tools/counts.py          compare; exit status 1 where a count leaves its bounds
+    python tools/counts.py          compare; exit status 1 if a count is out of bounds
     python tools/counts.py --keep   write tools/counts.json anew; the commit states why
 """
 
@@ -51,7 +50,7 @@ if TYPE_CHECKING:
 
 
 def processor() -> str:
-    """Name, family and model of the processor."""
+    """Return name, family and model of the processor."""
     about = Path("/proc/cpuinfo")
     lines = about.read_text().splitlines() if about.exists() else []
     stated = dict(reversed([[part.strip() for part in line.partition(":")[::2]] for line in lines]))
@@ -74,42 +73,42 @@ COMMANDS = {
     "identify import": ("identify", "imported"),
 }  # fmt: skip
 SHORT = 3
-"""Number of measurements of the short run. The memory of runs is traced in this one alone, since
-tracing takes 2.5 times as long."""
+"""Number of measurements of the short run, the only run with traced memory: tracing makes a run 2.5
+times as long."""
 INDEPENDENT = ("run", "dry-run", "import", "short run")
 FOLLOWING = {"identify import": "import", "identify": "run", "report": "identify"}
-"""Commands that wait for another one's files."""
+"""Commands that need the files of another command."""
 KERNELS = "kernels"
 BEGIN = "counted: "
-"""Behind what a command prints, before its counts."""
+"""Separator between the output of a command and its counts."""
 TOLERANCE = 0.02
 OBJECTS = 1_000_000
-"""By which Python's own objects differ between its versions [bytes]."""
+"""Tolerance of the peak memory: difference between versions of Python [bytes]."""
 PYTHON = "{}.{}".format(*sys.version_info)
-"""Own calls are compared under the version that they were kept with; others count otherwise."""
+"""Version of Python; own calls are compared only under the version of the kept counts."""
 PROCESSOR = processor()
-"""Kernels are compared on the processor that they were kept on: ratios differ between others."""
+"""Processor; kernels are compared only on the processor of the kept ratios."""
 SLOWER = 1.3
 LISTED = 1e-3
-"""Least share of a function in a command's own calls for its calls to be kept."""
+"""Minimum share of a function in a command's own calls, for the list of kept calls."""
 TURNS = 25
-"""Of a kernel and its NumPy operation; the least time of each counts."""
+"""Number of timings of a kernel and of its NumPy operation; the shortest ones count."""
 ATTEMPTS = 8
-"""Before a kernel is too slow: other processes disturb some of them."""
+"""Attempts before a kernel is judged too slow: other processes disturb some attempts."""
 SHOWN = 5
-"""Functions that a failure names."""
+"""Maximum number of functions named by a failure."""
 LIBRARIES = {
     ("can", "message.py", "__init__"): "CAN messages",
     ("core", "caching.py", "load_overload"): "compiled",
     ("core", "caching.py", "save_overload"): "compiled anew",
 }
-"""Calls of other packages that are counted, by folder, file and function."""
+"""Counted calls of other packages: name of the count by folder, file and function."""
 NO_FUNCTIONS = ("<listcomp>", "<dictcomp>", "<setcomp>", "<module>")
-"""Code that is a function under some Pythons alone, or the body of a module."""
+"""Names of code objects that are functions only in some versions of Python, or module bodies."""
 
 
 class Work:
-    """Counters of the work done in this process, filled by wrappers of the functions that do it."""
+    """Counters of the work in this process, filled by wrappers of functions."""
 
     def __init__(self, folder: Path) -> None:
         self.counts: Counter[str] = Counter()
@@ -117,14 +116,14 @@ class Work:
         self._before = 0
 
     def watch_memory(self) -> None:
-        """Trace allocations, but those of modules while they are imported."""
+        """Trace allocations, except during the import of modules."""
         find = _frozen_importlib._find_and_load
 
         def importing(*arguments: Any) -> Any:
             if not tracemalloc.is_tracing():
                 return find(*arguments)
             self._before = self.highest()
-            tracemalloc.stop()  # traces of modules would take longer than all the rest
+            tracemalloc.stop()  # tracing imports would take longer than the whole command
             try:
                 return find(*arguments)
             finally:
@@ -134,13 +133,13 @@ class Work:
         tracemalloc.start()
 
     def highest(self) -> int:
-        """Take the peak since the last import into account; return what is allocated now."""
+        """Update the count by the peak since the last import; return the allocated memory."""
         now, peak = (self._before + size for size in tracemalloc.get_traced_memory())
         self.counts["peak memory"] = max(self.counts["peak memory"], peak)
         return now
 
     def watch_calls(self) -> None:
-        """Wrap the functions that calculate, filter and read."""
+        """Wrap the counted functions for calculating, filtering and reading."""
         from h5py._hl.dataset import Dataset  # noqa: PLC0415 - traced as what commands import
 
         from hil.least_squares import thinned, window  # noqa: PLC0415
@@ -173,7 +172,7 @@ class Work:
 
 
 def count(command: str) -> dict[str, Any]:
-    """Run one command of `hil` in this process and in the current folder; return its counts."""
+    """Run a command of `hil` in this process, in the current folder; return its counts."""
     work = Work(Path.cwd())
     if command != "run":
         work.watch_memory()
@@ -206,7 +205,7 @@ def count(command: str) -> dict[str, Any]:
 
 
 def count_all() -> dict[str, Any]:
-    """Count every command in a process of its own, two at a time."""
+    """Count every command in a separate process, two at a time."""
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as pool:
         folder = Path(name)
         write_recording(folder)
@@ -221,7 +220,7 @@ def count_all() -> dict[str, Any]:
 
 
 def _counted(folder: Path, name: str) -> dict[str, Any]:
-    """Count a command; once more where functions were compiled, which are now on disk."""
+    """Count a command; repeat the count if the first call has compiled functions."""
     found, arguments = _count_in_process(folder, name), COMMANDS[name]
     if found["counts"].pop("compiled anew", 0):
         if "-o" in arguments:
@@ -232,7 +231,7 @@ def _counted(folder: Path, name: str) -> dict[str, Any]:
 
 
 def write_short_plan(folder: Path) -> None:
-    """Write the plan's first measurements as a plan of their own."""
+    """Write a plan of the first measurements of the plan."""
     plan = yaml.safe_load((folder / "plan.yaml").read_text())
     plan["measurements"] = plan["measurements"][:SHORT]
     (folder / "short.yaml").write_text(yaml.safe_dump(plan, sort_keys=False))
@@ -260,11 +259,11 @@ def _count_in_process(folder: Path, name: str) -> dict[str, Any]:
 
 
 def timed() -> dict[str, float]:
-    """Time of each kernel over that of a fixed NumPy operation, least of turns [times].
+    """Return the ratio of each kernel's shortest time to that of a fixed NumPy operation.
 
-    The operation is of the kernel's own kind and size, so that neighbours in memory, caches and
-    cores slow both alike: on a second machine with the same name of processor, a filter bound by
-    calls took 1.7 times as long beside square roots of a long array.
+    Kernel and operation are similar in kind and size, so that other load on memory, caches and
+    cores slows both alike. On a second machine with an equal processor name, the ratio of a filter
+    with many short calls to square roots of a long array was 1.7 times as large.
     """
     from hil import Robot, regressor  # noqa: PLC0415 - commands import what they need
     from hil.estimation.free_motion.accumulation import Groups  # noqa: PLC0415
@@ -272,7 +271,7 @@ def timed() -> dict[str, float]:
     from sim_plant.plant import load_plant  # noqa: PLC0415
 
     robot, random = Robot.load("manutec-r15"), np.random.default_rng(0)
-    q, qd, qdd = random.uniform(-2.0, 2.0, (3, 1024, robot.n_joints))  # in a core's own cache
+    q, qd, qdd = random.uniform(-2.0, 2.0, (3, 1024, robot.n_joints))  # fits a core's cache
     rows = regressor(robot, q, qd, qdd).reshape(-1, 14)
     groups, n = Groups.empty(8, 1, 14), len(rows)
     of, speed = random.integers(8, size=n), random.integers(len(groups.counts), size=n)
@@ -307,7 +306,7 @@ def _ratio(task: Callable[[], object], fixed: Callable[[], object]) -> float:
 
 
 def compare(found: dict[str, Any], kept: dict[str, Any], python: str = PYTHON) -> list[str]:
-    """State each count that leaves its bounds, with the functions whose calls grew most."""
+    """Return a line for each command with counts out of bounds, with the most increased calls."""
     failures = []
     for name in COMMANDS:
         before, now = kept[name], found[name]
@@ -330,7 +329,7 @@ def compare(found: dict[str, Any], kept: dict[str, Any], python: str = PYTHON) -
 
 
 def too_slow() -> list[str]:
-    """State each kernel slower than its bound in all of several attempts."""
+    """Return a line for each kernel slower than its bound in all `ATTEMPTS`."""
     stated, least = json.loads(KEPT.read_text()), dict[str, float]()
     kept = stated["kernels"]
     if stated["processor"] != PROCESSOR:
@@ -348,7 +347,7 @@ def too_slow() -> list[str]:
 
 
 def main() -> None:
-    """Compare with the kept counts, or keep them."""
+    """Compare the counts with the kept counts, or keep the present counts."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--keep", action="store_true", help="write tools/counts.json anew")
     parser.add_argument("--command", choices=(*COMMANDS, KERNELS), help=argparse.SUPPRESS)

@@ -1,10 +1,10 @@
-"""Read files of strangers: `tools/fuzz.py [MINUTES OF PROCESSOR TIME] [FORMAT ...]`.
+"""Read generated foreign files: `tools/fuzz.py [MINUTES OF PROCESSOR TIME] [FORMAT ...]`.
 
-Without a format all of them take turns. Each example is named by its format and a number from 0, or
-from --from NUMBER; --only NUMBER does one again. Those that a reader did not take as it must are
-kept in .hypothesis/found/fuzz: no traceback, nothing outside of the folder, at most 200 MB and four
-times the file of memory. One core; two calls with numbers far apart take two.
-Ctrl-C ends with what was read so far.
+Without a format all formats take turns. Each example has a number from 0, or from --from NUMBER;
+--only NUMBER repeats one example. A reader must not end in a traceback, write outside of the
+folder, or use more memory than 200 MB and four times the file. Examples that break a rule are kept
+in .hypothesis/found/fuzz. The program uses one core; start it twice, with numbers far apart, to use
+two. Ctrl-C ends it with the results so far.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ KEPT = ROOT / ".hypothesis" / "found" / "fuzz"
 
 
 def main() -> int:
-    """Read until the time is over; return how many examples went wrong, at most 1."""
+    """Read until the time is over; return 1 if any example broke a rule, else 0."""
     for place in ("", "tests/support", "tests/harness", "tests"):
         sys.path.insert(0, str(ROOT / place))
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

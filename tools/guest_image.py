@@ -1,9 +1,9 @@
-"""What the guest boots from: Debian's kernel, the modules for CAN, and an initial file system.
+"""Boot image of the guest: Debian's kernel, the modules for CAN, and an initial file system.
 
 Packages are fetched with ``apt-get download`` and unpacked without being installed, so no root is
-needed. Kept are the kernel, the modules that SocketCAN and the shared file tree need, in the order
-in which they must be loaded, and a static busybox. The initial file system, a cpio archive, is made
-from them at every start, which takes no time.
+needed. The kernel, a static busybox, and the modules for SocketCAN and the shared file tree, in
+loading order, are kept. From these files the initial file system, a cpio archive, is made at every
+start within milliseconds.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ set +e
 
 
 class Unavailable(Exception):
-    """Why there can be no guest here, and what to do about it."""
+    """Reason why this machine cannot run a guest, with the remedy."""
 
 
 def kernel(cache: Path) -> Path:
-    """Return the folder with kernel, modules and busybox; fetch them if they are not there.
+    """Return the folder with kernel, modules and busybox, fetched if missing.
 
     Raises
     ------
     Unavailable
-        No apt, or it cannot fetch the packages.
+        apt is missing, or cannot fetch the packages.
     """
     folder = cache / "kernel"
     if not folder.exists():
@@ -110,7 +110,7 @@ def _unpack(scratch: Path) -> Path:
 
 
 def _add_module(name: str, files: dict[str, Path], order: list[str], target: Path) -> None:
-    """Keep a module after all that it depends on; what is built into the kernel has no file."""
+    """Keep a module after its dependencies; modules built into the kernel have no file."""
     if name in order or name not in files:
         return
     content = files[name].read_bytes()

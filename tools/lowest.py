@@ -1,7 +1,7 @@
-"""Print what `make lowest` installs: the lowest versions that users may have, and tools of tests.
+"""Print the requirements of `make lowest`: lowest supported versions, and the tools of the tests.
 
-Pinned are the package's own dependencies and those of its extras; what tests need beside them may
-be of any version. Tools of the lint are left out: they need other versions of the same packages.
+The dependencies of the package and of its extras are pinned; further packages of the tests may have
+any version. Tools of the lint are left out, since their requirements would conflict.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ LINT = {"import-linter", "mypy", "ruff", "scipy-stubs", "towncrier"}
 
 
 def main() -> None:
-    """Print a line a package."""
+    """Print one line per package."""
     path = Path(__file__).parents[1] / "pyproject.toml"
     stated = tomllib.loads(path.read_text(encoding="utf-8"))
     project = stated["project"]

@@ -1,10 +1,10 @@
-"""Write docs/img/try.gif: the page of `hil try` while it measures, identifies and is pushed.
+"""Write docs/img/try.gif: the page of `hil try` during measurement, identification and push.
 
 ::
 
     python tools/moving_picture.py
 
-Takes five minutes, Chromium and Pillow (which Matplotlib brings).
+Takes five minutes; needs Chromium and Pillow (a dependency of Matplotlib).
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT / "benchmarks"), str(ROOT / "tests" / "support")]
-from browser import opened_browser, resize  # noqa: E402 - it stands among the tests
+from browser import opened_browser, resize  # noqa: E402 - modules of the tests
 from first_minutes import PUSHED, pull_elbow, tried  # noqa: E402
 
 SIZE = 960, 860
-"""Of the page, in which three charts have room beside each other; not shrunk, to stay readable."""
+"""Size of the page [pixels], with room for three charts side by side."""
 SHOWN = "#torques > div:nth-child(n + 4) { display: none }"
 """Style of the film: the axes of the wrist are left out."""
 SLOWLY, QUICKLY = 5.0, 1.0
-"""From one picture to the next before the arm may be pushed, and then [s]."""
+"""Intervals between pictures, before and after the arm can be pushed [s]."""
 LASTS, LAST = 250, 3000
-"""Time for which a picture, and the last one, is shown [ms]."""
+"""Display time of a picture, and of the last picture [ms]."""
 COLOURS = 96
-"""Enough for a page without photographs."""
+"""Number of colours, sufficient for a page without photographs."""
 BEGUN, DONE = "Measuring", "Done"
-"""How the page's headline begins once the robot moves, and at the end."""
+"""First words of the page's headline once the robot moves, and at the end."""
 
 
 def main() -> None:
@@ -75,8 +75,8 @@ def _film(browser: Chrome, process: Popen[str]) -> list[Image.Image]:
 
 
 def _write(film: list[Image.Image], path: Path) -> None:
-    """Write pictures with the colours of one of them, so that only what changes takes room."""
-    # with the ground's own, which the widest range of colours leaves out
+    """Write pictures with one common palette, so that unchanged areas need no storage."""
+    # median cut keeps the colour of the background, unlike maximum coverage
     colours = film[-3].quantize(COLOURS, Image.Quantize.MEDIANCUT, kmeans=1)
     first, *others = [each.quantize(palette=colours, dither=Image.Dither.NONE) for each in film]
     lasts = [*[LASTS] * len(others), LAST]

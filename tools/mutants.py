@@ -1,14 +1,14 @@
-"""Mistakes put into the code one at a time where they would cost most; how many the tests find.
+"""Mutation test of critical code: insert one mistake at a time, count those that no test detects.
 
 ::
 
     python tools/mutants.py [WORD ...] [--list]
 
-Each is made in a copy of the checkout, where the tests of `make test` that lie beside the changed
-file are run until one fails, which must pass without the mistake. WORDs choose mutants by place or
-text. Of 40 at most 2 may survive; whoever finds one that does writes the test that is missing. Exit
-status 1 where more do. Takes half an hour on two cores; a mutant whose text is no longer there is
-an error, to be replaced.
+Each mistake is inserted into a copy of the checkout. There the tests for the changed file run until
+one fails; that test must pass without the mistake. WORDs choose mutants by file or text. At most 2
+of the 40 mutants may survive, else the exit status is 1; write the missing test for every survivor.
+Takes half an hour on two cores. A mutant whose text no longer occurs in the code is an error:
+replace the mutant.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ BESIDE = {
     "hil/least_squares/": ("tests/hil/least_squares", "tests/hil/estimation"),
     "hil/estimation/": ("tests/hil/estimation",),
 }
-"""Folders of tests by what they test."""
+"""Folders of tests, by the folder of the tested code."""
 MOST = 2
-"""Mutants that may survive: some differ from the code in no way that matters."""
+"""Maximum number of surviving mutants: some are equivalent to the code."""
 TIME_LIMIT = 1200.0
-"""For the tests of one mutant [s]; longer, it hangs, which a person would see."""
+"""Time limit for the tests of a mutant [s]; a mutant that hangs counts as found."""
 
 
 class Mutant(NamedTuple):
-    """A mistake: in which file, what stands there, what in its place."""
+    """Mistake: file, original text, and replacement."""
 
     file: str
     old: str
@@ -122,7 +122,7 @@ MUTANTS = (
 
 
 def main() -> None:
-    """Try the mutants and state which survive."""
+    """Test the mutants and print the survivors."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("words", nargs="*", help="of the mutants that are tried; by default all")
     parser.add_argument("--list", action="store_true", help="the mutants, and try none")
@@ -137,12 +137,12 @@ def main() -> None:
 
 
 def mutated(mutant: Mutant) -> str:
-    """Return the text of the file with the mistake in it.
+    """Return the text of the file with the mistake.
 
     Raises
     ------
     ValueError
-        What it replaces does not stand there once.
+        The original text does not occur exactly once.
     """
     text = (ROOT / mutant.file).read_text(encoding="utf-8")
     if text.count(mutant.old) != 1:
@@ -151,7 +151,7 @@ def mutated(mutant: Mutant) -> str:
 
 
 def survives(mutant: Mutant) -> bool:
-    """Return whether the tests beside the changed file pass, the nearest first, and say so."""
+    """Run the tests for the changed file, nearest first; return True if all pass."""
     (folders,) = (folders for place, folders in BESIDE.items() if mutant.file.startswith(place))
     began, by = time.monotonic(), ""
     with tempfile.TemporaryDirectory() as place:
@@ -170,7 +170,7 @@ def survives(mutant: Mutant) -> bool:
 
 
 def _copy(place: str) -> None:
-    """Copy what git knows of the checkout, and what is new in it."""
+    """Copy the files of the checkout, tracked or new, without ignored ones."""
     command = ("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard")
     listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     for name in listed.split("\0")[:-1]:
@@ -180,7 +180,7 @@ def _copy(place: str) -> None:
 
 
 def _nearest(file: str) -> list[str]:
-    """Return the tests that name the module of a file or are named after it, else its folder's."""
+    """Return the tests with the name of a module or importing it; else those of its folder."""
     module = file.removesuffix(".py").replace("/", ".")
     found = []
     for path in sorted((ROOT / "tests").rglob("test_*.py")):
@@ -192,7 +192,7 @@ def _nearest(file: str) -> list[str]:
 
 
 def _failed(tests: Sequence[Path | str], place: str) -> str:
-    """Run tests in a folder until one fails; return which, empty where none does."""
+    """Run tests in a folder until one fails; return its line, or "" if all pass."""
     command = (sys.executable, "-m", "pytest", "-qx", "-m", "not long", *map(str, tests))
     try:
         done = subprocess.run(

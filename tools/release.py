@@ -4,10 +4,10 @@
 
     python tools/release.py 0.2.0 [-o dist]
 
-`pyproject.toml` and `CITATION.cff` get the version, `CHANGELOG.md` what stands in `changes/`; that
-is one commit, with an annotated tag. The wheel is built from what the tag holds, by the setuptools
-that is installed: no package index is asked. Nothing is pushed or uploaded: the last lines state
-the two commands that do, and the one that takes all of it back.
+One commit writes the version into `pyproject.toml` and `CITATION.cff` and the entries of `changes/`
+into `CHANGELOG.md`; it gets an annotated tag. The wheel is built from the files of the tag with the
+installed setuptools, without a package index. Nothing is pushed or uploaded: the last lines of the
+output state the commands for push and upload, and the command that undoes the release.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ PLACES = {"pyproject.toml": 'version = "{}"', "CITATION.cff": "version: {}"}
 
 
 class Refused(Exception):
-    """There can be no release now: why, and what to do."""
+    """Reason why a release is not possible, with the remedy."""
 
 
 def main() -> None:
-    """Make the release, or state why not, with exit status 1."""
+    """Make the release, or print the reason for a refusal, with exit status 1."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("version", help="the new one, such as 0.2.0")
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "dist", help="of the wheel")
@@ -54,7 +54,7 @@ def release(version: str, output: Path) -> Path:
     Raises
     ------
     Refused
-        The version is none or not above the present one, or the checkout holds changes.
+        The version is invalid or not above the present one, or the checkout has changes.
     """
     present = _present()
     if not VERSION.fullmatch(version) or _numbers(version) <= _numbers(present):

@@ -11,7 +11,7 @@ compensated
     duration remains, the sweep counts as a separate session, and the trajectory takes the whole
     duration;
 warmed
-    the same after half an hour of motion, which does not count as measuring time.
+    "compensated" after half an hour of motion, which does not count as measuring time.
 
 All but the warmed ones begin cold. A single trajectory is repeated: with several successive
 trajectories, the drift of friction would appear as a difference between them, and harm methods with
@@ -43,8 +43,8 @@ if TYPE_CHECKING:
 
 KINDS = ("two-step", "mixed", "trajectory", "compensated", "warmed")
 SPEEDS, SLOWEST = 12, 0.01
-"""Number of speeds of the friction sweep, and its slowest speed; no compensation uses the peak at
-standstill.
+"""Number of speeds of the friction sweep, and its slowest speed as a share of the limit; no
+compensation uses the peak at standstill.
 """
 WARM_UP = 1800.0
 """Duration of the warm-up motion [s]."""
@@ -63,16 +63,16 @@ def campaigns(
         Share of the number of measurements chosen by `hil plan`.
     folder : Path
     minutes : float, optional
-        Duration of every campaign; by default that of the two-step plan, and `share` does not
-        matter where it is given [min].
+        Duration of every campaign [min]; by default that of the two-step plan. With `minutes`,
+        `share` is ignored.
 
     Raises
     ------
     FileError
         Plans of another robot, or a full disk.
     ValueError
-        So small a share, or so few minutes, that trajectories do not fit in or the two-step plan
-        does not identify all parameters.
+        With this share or duration, trajectories do not fit, or the two-step plan does not identify
+        all parameters.
     """
     paths = {kind: folder / f"{kind}.yaml" for kind in KINDS}
     found = {kind: load_plan(path, robot) for kind, path in paths.items() if path.exists()}

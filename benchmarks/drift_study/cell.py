@@ -57,7 +57,7 @@ class Cell:
     scenario, kind : str
     seed : int
     other : int
-        Seed of the session from which a friction measured earlier is taken.
+        Seed of the session with the friction measured earlier.
     """
 
     study: Path
@@ -190,9 +190,10 @@ def _mixed(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
 
 
 def _jointly(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
-    """Return estimates with friction in the regression; variants share data.
+    """Yield names and estimates of methods with friction in the regression.
 
-    Our own estimator takes trajectories as well.
+    The variants of conventional identification share the stacked data. The estimator of `hil` is
+    included.
     """
     yield "trajectory, improved", estimate(folder.robot, list(recorded(folder)))
     measured = trajectories(recorded(folder))
@@ -207,7 +208,7 @@ def _jointly(_cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
 
 
 def _beforehand(cell: Cell, folder: Run) -> Iterator[tuple[str, Estimate]]:
-    """Yield estimates with friction compensated as measured in the same and in another session."""
+    """Yield estimates with friction as measured in the same session, and in another session."""
     warm = " after warm-up" if cell.kind == "warmed" else ""
     measured = trajectories(recorded(folder))
     sessions = {"same session": cell.run, "other session": cell.earlier_run}

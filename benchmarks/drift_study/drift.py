@@ -72,25 +72,26 @@ def prepare(
     drives: Path | None = None,
     minutes: float | None = None,
 ) -> list[Cell]:
-    """Make or open the folder of a study, and return its campaigns.
+    """Create or open the folder of a study, and return its campaigns.
 
     Parameters
     ----------
     robot : str
         Name, or path of a robot file.
     plant : str
-        Plant file on which all scenarios are built, or the name of one that comes along.
+        Plant file from which all scenarios are derived, or name of a built-in plant.
     share : float
         Share of the designed plan's measurements.
     drives : path, optional
-        Drives file of that plant; by default the one that comes along with the robot.
+        Drives file of the plant; by default the built-in one of the robot.
     minutes : float, optional
-        Duration of every campaign, see `campaigns`; then `share` does not matter [min].
+        Duration of every campaign, see `campaigns`; `share` is then ignored [min].
 
     Raises
     ------
     FileError
-        A folder of another study, no such plant or another robot's, no drives file, a full disk.
+        The folder is of another study, the plant is missing or another robot's, the drives file is
+        missing, or the disk is full.
     """
     the_robot = Robot.load(robot)
     drives = drives or ROBOTS / f"{the_robot.name}.drives.yaml"

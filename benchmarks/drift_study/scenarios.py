@@ -1,10 +1,9 @@
 """Friction of the plants in a study: plant files with changed keys.
 
 Two effects may spoil an identification: friction drifts during the measurement, and friction does
-not have the assumed form. The scenarios distinguish them: "off" has the misfit alone, "on" and
-"strong" have drift besides, "asymmetric" also breaks the assumption of the two-step method, and
-under "load" friction grows with the torque that the gear transmits, which no function of speed
-describes.
+not have the assumed form (misfit). Scenario "off" has only the misfit; "on" and "strong" add drift;
+"asymmetric" also breaks the assumption of the two-step method; under "load" friction grows with the
+torque that the gear transmits, which no function of speed describes.
 """
 
 from __future__ import annotations
@@ -69,12 +68,12 @@ def write_plant(scenario: Scenario, plant: str, path: Path) -> None:
     Parameters
     ----------
     plant : str
-        Plant file, or the name of one that comes along.
+        Plant file, or the name of a built-in plant.
 
     Raises
     ------
     FileError
-        No such plant file, or one that says something else than when the study was begun.
+        The plant file does not exist, or has changed since the study began.
     """
     source = find_plant(plant)
     with file_errors(source, "read"):

@@ -53,7 +53,8 @@ class MethodScore:
     torque_errors : tuple of float
         Torque errors of the seeds.
     ratio : float
-        `torque_error` over that of our default in the same scenario; NaN where there is none.
+        `torque_error` over that of the default method of `hil` in the same scenario; NaN if
+        unknown.
     coverage : float
         Share of intervals of 95 % that hold the truth.
     """
@@ -69,7 +70,7 @@ class MethodScore:
 
 
 def summarise(found: Sequence[Judged]) -> list[MethodScore]:
-    """Collect the outcomes of all seeds, our methods first."""
+    """Collect the outcomes of all seeds, the methods of `hil` first."""
     cases: dict[tuple[str, str], list[int]] = {}
     ordered = sorted(found, key=_place)
     flat = [(each.cell.scenario, outcome) for each in ordered for outcome in each.outcomes]
@@ -159,7 +160,7 @@ def _panel(panel: Axes, methods: Sequence[str], rows: dict[str, MethodScore]) ->
 
 
 def _place(found: Judged) -> tuple[int, int]:
-    """Return the row in tables, independent of failures: scenarios and campaigns in their order."""
+    """Return the sort key of a row in tables: places of its scenario and its campaign."""
     return list(SCENARIOS).index(found.cell.scenario), KINDS.index(found.cell.kind)
 
 

@@ -51,7 +51,7 @@ def shown(console: Console) -> Iterator[Callable[[Done], None]]:
 
 
 def render(rows: Sequence[MethodScore], console: Console) -> None:
-    """Print one table a scenario."""
+    """Print one table per scenario."""
     for scenario in dict.fromkeys(row.scenario for row in rows):
         console.print(_table([row for row in rows if row.scenario == scenario]), "")
 

@@ -4,9 +4,9 @@
 
     python -m benchmarks.paper [FOLDER] [--seeds 20]
 
-With a FOLDER, missing campaigns are measured and judged, and results, page and figures are written;
-without one, page and figures are made from the results. Cases may have different numbers of
-measured seeds: all existing campaigns are used, and with `--seeds 0` no others.
+With a FOLDER, missing campaigns are measured and judged, and results, page and figures are written.
+Without a FOLDER, page and figures are made from the results. Cases may have different numbers of
+measured seeds: all existing campaigns are used; `--seeds 0` measures no further ones.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def main() -> None:
 
 
 def judge(folder: Path, robot: Robot, name: str, seed: int) -> None:
-    """Keep the figures of a campaign beside it, measured and judged if missing."""
+    """Measure and judge a campaign if missing; write its figures into its folder."""
     cell = measure(folder, robot, *CASES[name], name, seed)
     if cell.verdict.exists():
         return
@@ -76,7 +76,7 @@ def judge(folder: Path, robot: Robot, name: str, seed: int) -> None:
         subprocess.run([sys.executable, "-m", "hil", "identify", str(model)], check=True)
         figures = assessment.assess_friction(run, model)
     else:
-        # the check of symmetry belongs to the improved method: the published one fits no asymmetry
+        # symmetry is checked by the improved method; the published method fits no asymmetry
         both = CASES[name][0] == "rule" or name == "uneven"
         figures = assessment.assess_strokes(run, cell.plant, both=both)
     if (name, seed) == ("bare", SEEDS[0]):
@@ -88,8 +88,8 @@ def judge(folder: Path, robot: Robot, name: str, seed: int) -> None:
 def gather(folder: Path) -> dict[str, Any]:
     """Return the figures of all cases, and separately the data of pictures of the first seed.
 
-    Seeds are read in order up to the first missing one, so that campaigns without and with the load
-    at the same place of the lists belong to the same plant.
+    Seeds are read in order up to the first missing one. So campaigns without and with load at the
+    same index belong to the same plant.
     """
     cases: dict[str, Any] = {}
     for name, (plan, _) in CASES.items():

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 def assess_strokes(run: Run, plant: Path, *, both: bool) -> Figures:
-    """Return errors of a campaign of strokes with evidence for the claims; `both`: improved too."""
+    """Return errors of a campaign of strokes; with `both`, also those of the improved method."""
     robot, measured = run.robot, list(recorded(run))
     truth = true_parameters(robot, plant)
     found = estimates(robot, measured, TWO_STEP_METHODS if both else TWO_STEP_METHODS[1:])
@@ -82,9 +82,9 @@ def _neglected(
 ) -> Figures:
     """Return the effect of a neglected torque on the elements and the parameters.
 
-    Each measurement is evaluated with that torque alone in place of the measured one: c(q, qd), and
-    the torque by small motion of the held axes. Shares are of the largest element of each kind;
-    errors and p3 are those with the torque taken off.
+    Each measurement is evaluated with the neglected torque in place of the measured one: c(q, qd),
+    and the torque by small motion of the held axes. Shares are relative to the largest element of
+    each kind. Errors and p3 are those after subtraction of the torque.
     """
     found = {}
     for name, torque in NEGLECTED.items():
@@ -157,8 +157,7 @@ def assess_friction(run: Run, model: Path) -> Figures:
 def assess_offset(run: Run) -> Figures:
     """Return the result of Fig. 7: first-ranked omitted parameter, its value, and the phase.
 
-    Configurations 10 to 24, brought to one another by the model: each begins at an angle of its own
-    of the motor.
+    Configurations 10 to 24 begin at different motor angles; the model corrects the differences.
     """
     found = diagnose(run)
     first, phase = found.errors.found[0], found.phase
@@ -181,7 +180,7 @@ LOW_PASSES = {
 
 
 def assess_filters(run: Run, plant: Path) -> Figures:
-    """Return errors of the published method by order, direction and signals of the low-pass."""
+    """Return errors of the published method for each interpretation of the low-pass."""
     truth, found = true_parameters(run.robot, plant), {}
     for name, (order, way, torque_alone) in LOW_PASSES.items():
 

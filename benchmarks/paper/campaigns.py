@@ -47,8 +47,8 @@ RULE = {
     ),
     "coupling": ((1, 2, 100),),
 }
-"""Rule by kind: measured axis, varied joint, and ranges in both directions [degrees]. M44 over q5
-and 15 values of g3 over q4 (Fig. 7) are the paper's own choice; the others complete its counts.
+"""Rule by kind: measured axis, varied joint, and ranges in both directions [degrees]. The paper
+states M44 over q5 and 15 values of g3 over q4 (Fig. 7); the others complete the paper's counts.
 """
 
 

@@ -1,6 +1,6 @@
 """Methods of the literature for comparison with `hil`: entries for ``hil identify``, by name.
 
-``python -m benchmarks.rivals RUN --method NAME`` is ``hil identify`` with these methods besides.
+``python -m benchmarks.rivals RUN --method NAME`` is ``hil identify`` with these methods added.
 """
 
 from __future__ import annotations
@@ -36,4 +36,4 @@ RIVALS: dict[str, Identify] = {
     **{name: _conventional(name) for name in VARIANTS},
     **{name: _free_motion(name) for name in SOLVERS},
 }
-"""All rivals by name, as `hil.estimation.identify.METHODS` has methods."""
+"""All rivals by name, in the form of `hil.estimation.identify.METHODS`."""

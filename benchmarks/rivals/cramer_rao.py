@@ -1,12 +1,11 @@
 """Cramer-Rao bound: the best precision of any unbiased estimator of the base parameters.
 
-The Cramer-Rao bound of measurements as they were made, for white torque noise of known variance and
-a motion known exactly: the inverse of Fisher's information (Kay, *Fundamentals of Statistical
-Signal Processing*, 1993, chapter 3). Further unknowns are those of the simultaneous estimator:
-friction of each measurement and the common terms of each axis; with friction known the bound is
-lower, and both are stated. The bound uses every unfiltered sample of an axis in motion. An
-estimator is less precise because of its filter, of samples left out, and of friction errors that
-are not white.
+The bound holds for the recorded measurements, with white torque noise of known variance and exactly
+known motion: the inverse of Fisher's information (Kay, *Fundamentals of Statistical Signal
+Processing*, 1993, chapter 3). Further unknowns are those of the simultaneous estimator: friction of
+each measurement and the common terms of each axis. With `friction_known` the bound is lower. The
+bound uses every unfiltered sample of an axis in motion. An estimator is less precise because of its
+filter, of samples left out, and of friction errors that are not white.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ def cramer_rao(
     variance : ndarray, shape (n_joints,)
         Variance of the torque noise, per sample [(N m)^2].
     friction_known : bool
-        Friction and common terms need not be estimated.
+        True if friction and common terms are known.
     """
     n_base, n = len(base_parameters(robot)), n_unknowns(robot)
     information = np.zeros((n, n))

@@ -1,11 +1,11 @@
 """Solvers for free motions, with rows weighted by axis.
 
-Friction is Coulomb's, viscous and an offset at all speeds, as of weighted least squares.
+The friction model has Coulomb and viscous friction and an offset, for all speeds.
 
 robust
-    pieces of time that fit worse than most count less (Huber's weights, found by iteration);
+    pieces of time with a larger misfit than most have less weight (Huber's weights, iterated);
 total least squares
-    errors in the columns as in the torque, columns scaled to unit length.
+    equal errors in the columns and in the torque, columns scaled to unit length.
 """
 
 from __future__ import annotations

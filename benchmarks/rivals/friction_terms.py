@@ -1,11 +1,11 @@
 """Friction in a conventional regression: columns fitted jointly, or a known characteristic.
 
-Models (1) and (2) are the paper's. The rich set contains further linear terms: two degressive
-shapes, a progressive one, an offset for asymmetric friction and current sensors, and torque ripple
-at multiples of the motor's angle, which is no friction but would be taken for inertia of the wrist.
-Every set may have two customary columns besides: the offset, and friction that grows with the
-transmitted torque Q_t (Hamon, Gautier, Garrec, *Dynamic identification of robots with a dry
-friction model depending on load and velocity*, IROS 2010),
+Models (1) and (2) are those of the paper. The rich set contains further linear terms: two
+degressive shapes, a progressive one, an offset for asymmetric friction and current sensors, and
+torque ripple at multiples of the motor's angle, which without these columns would affect the
+inertia of the wrist. Two customary columns may be added to every set: the offset, and friction that
+grows with the transmitted torque Q_t (Hamon, Gautier, Garrec, *Dynamic identification of robots
+with a dry friction model depending on load and velocity*, IROS 2010),
 
     mu |Q_t| sign(qd),
 

@@ -1,7 +1,7 @@
 """Trajectories condensed to inner products, by period and axis.
 
 The methods need only the inner products of torque, regressor and instruments. So millions of
-samples become one small matrix per axis and period, over the columns
+samples are reduced to one small matrix per axis and period, over the columns
 
     y | A(q, qd, qdd), friction | A(q_r, qd_r, qdd_r), friction_r
 

@@ -3,7 +3,7 @@
 Weights are one for each axis:
 
 uniform
-    eq. (12) as it stands;
+    eq. (12), all axes alike;
 torque
     the reciprocal of the axis's largest torque, squared (Seeger 1992);
 prior
@@ -16,8 +16,8 @@ Solvers, each over weighted rows: least squares; instrumental variables, Z'W p =
 commanded motion's regressor Z (Seeger 1992); total least squares, the right singular vector to the
 smallest singular value of [W Q], columns scaled to unit length (Gautier et al. 1994).
 
-The covariance is that of the scores of periods (Huber's sandwich): noise within a period may be
-coloured, errors that last over several periods are not contained.
+The covariance is estimated from the scores of the periods (Huber's sandwich): noise within a period
+may be coloured, but errors correlated over several periods are not included.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def solved_square(M: Array, side: Array) -> Array:
 
 
 def total_least_squares(N: Array, v: Array, square: float) -> Array:
-    """Solve ``W x = y`` with errors in W as in y, alike in all columns scaled to unit length.
+    """Solve ``W x = y`` by total least squares, with columns scaled to unit length.
 
     The right singular vector to the smallest singular value of [W y], eq. (2.7) of Van Huffel and
     Vandewalle, *The Total Least Squares Problem*, 1991.

@@ -2,9 +2,9 @@
 
 All joints move at once, and the base parameters come from Q = A(q, qd, qdd) p + friction in one
 linear fit, eq. (11). Variants differ in how friction is treated (`friction_terms`), how rows are
-weighted and how the overdetermined system is solved (`solution`). These are the variants named in
-the literature, and the strongest that we can build. Only the variants by period permit friction to
-change during the measurement.
+weighted and how the overdetermined system is solved (`solution`). The table contains the variants
+of the literature, and the strongest combinations known to us. Only the variants by period permit
+friction to change during the measurement.
 
 The column of load friction depends on the unknown base parameters. So methods with load friction
 first solve without this column, compute the transmitted torques from the solution, and iterate to
@@ -52,8 +52,8 @@ depends on the distance since the last reversal, for which these methods have no
 ROUNDS = 20
 """Maximum number of iterations of load friction and base parameters."""
 SETTLED = 0.01
-"""Change of parameters, relative to a standard error, at which the iteration ends: no digit of an
-interval shows it, and a further iteration would change them by mu times as much.
+"""Change of parameters, relative to a standard error, at which the iteration ends. The change is
+invisible in an interval, and the next one would be smaller by the factor mu.
 """
 
 
@@ -70,12 +70,12 @@ class Variant:
     slowest : float
         Samples below this share of the speed limit are left out.
     by_period : bool
-        Friction has coefficients of its own in each period of a trajectory; offset, friction of
-        the load and ripple have not.
+        True for separate friction coefficients in each period of a trajectory; offset, friction of
+        the load and ripple are common to all periods.
     offset : bool
-        A constant torque besides; the rich set has it anyway.
+        True for an additional constant torque, which the rich set always contains.
     load : bool
-        Friction that grows with the transmitted torque besides.
+        True for additional friction that grows with the transmitted torque.
     """
 
     terms: Terms
@@ -98,7 +98,7 @@ CUSTOMARY: dict[str, Variant] = {
     "total, model 2": Variant("model 2", solver="total"),
 }
 """Friction models of the paper without changes. Low speeds are excluded, as by proponents of these
-methods; "all speeds" shows the loss otherwise.
+methods; the variant "all speeds" includes them.
 """
 BOTH = "offset and load"
 VARIANTS: dict[str, Variant] = {
@@ -110,16 +110,16 @@ VARIANTS: dict[str, Variant] = {
     "friction by period without load": Variant("rich", by_period=True),
     "friction by period": Variant("rich", by_period=True, load=True),
 }
-"""Friction estimated jointly; the plan determines the warm-up. Friction by period is not a method
-of the literature: like the two-step method it fits friction anew in every period.
+"""Variants with friction estimated jointly. Friction by period is not a method of the literature:
+like the two-step method it fits friction anew in every period.
 """
 COMPENSATED: dict[str, Variant] = {
     "": Variant("none"),
     "corrected": Variant("model 1", offset=True, load=True),
 }
 """Variants with a friction characteristic measured beforehand, without values at reversals:
-unchanged, or with level and slope, offset and load fitted to the trajectory. Offset and load
-without the level are worse after a drift of the friction, because they compensate for the level.
+unchanged, or with level and slope, offset and load fitted to the trajectory. Without the level,
+offset and load would compensate for a drift of the level, with larger errors.
 """
 
 

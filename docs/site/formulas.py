@@ -1,4 +1,4 @@
-"""Formulas as SVG in the page, drawn when the site is built: no script and no network is needed."""
+"""Formulas as SVG in the page, drawn when the site is built: no script, no network."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from sphinx.writers.html5 import HTML5Translator
 
 SIZE = 12.0
-"""Of the letters [pt]; those of the text have as many."""
+"""Size of the letters in formulas [pt], equal to the size of the text."""
 WORDS = {r"\lvert": "|", r"\rvert": "|"}
-"""What mathtext does not know."""
+"""Replacements of LaTeX commands that mathtext does not support."""
 PROLOGUE = re.compile(r"(?s)^.*?(?=<svg)|<metadata>.*?</metadata>")
 LOOK = {"svg.fonttype": "path", "savefig.facecolor": "none", "mathtext.fontset": "cm"}
 
 
 @cache
 def drawn(formula: str) -> tuple[str, float]:
-    """Return a formula as SVG, and how far it reaches below the line of the text [pt].
+    """Return a formula as SVG, and its depth below the baseline of the text [pt].
 
     Raises
     ------
@@ -66,12 +66,12 @@ def _block(translator: HTML5Translator, node: nodes.Element) -> None:
 
 
 def _skip(_: HTML5Translator) -> None:
-    from docutils.nodes import SkipNode  # noqa: PLC0415 - an exception of docutils, as it wants it
+    from docutils.nodes import SkipNode  # noqa: PLC0415 - docutils ends a node by this exception
 
     raise SkipNode
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Make the renderer known."""
+    """Register the renderer of formulas with Sphinx."""
     app.add_html_math_renderer("svg", (_inline, None), (_block, None))
     return {"parallel_read_safe": True}

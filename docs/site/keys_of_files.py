@@ -1,7 +1,7 @@
-"""A directive for the keys of a file, ``{keys} hil.planning.plan.Plan``, as a table.
+"""Directive ``{keys} hil.planning.plan.Plan``: table of the keys of a file.
 
-Which keys there are, and their defaults, is asked of the class that reads the file; what they mean
-is its docstring.
+Keys and defaults are those of the class that reads the file; meanings come from the docstring of
+the class.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 SHORT = 40
-"""Length of a default that a table has room for."""
+"""Maximum length of a default in the table."""
 
 
 class Keys(Directive):
@@ -33,7 +33,7 @@ class Keys(Directive):
     required_arguments: ClassVar[int] = 1
 
     def run(self) -> list[nodes.Node]:
-        """Return heading, what the class says of itself, and the table."""
+        """Return heading, description of the class, and table."""
         module, _, name = self.arguments[0].rpartition(".")
         lines = [f"**{name}**", "", *_described(getattr(import_module(module), name))]
         container = nodes.container()
@@ -68,5 +68,5 @@ def _is_shown(value: Any) -> bool:
 
 
 def setup(app: Sphinx) -> None:
-    """Make the directive known."""
+    """Register the directive with Sphinx."""
     app.add_directive("keys", Keys)

@@ -1,7 +1,7 @@
-"""Notebooks as pages and as .ipynb, with what their cells show.
+"""Notebooks as pages and as .ipynb, with the outputs of the cells.
 
-A notebook is a Python file whose cells begin with ``# %%``, as editors open it. The build carries
-it out in a folder of its own.
+A notebook is a Python file with cells that begin with ``# %%``, a format of common editors. The
+build executes each notebook in a temporary folder.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ PROSE = " [markdown]"
 
 
 class Cell(NamedTuple):
-    """One cell: prose in Markdown, or code with what it printed and what it shows."""
+    """Cell: prose in Markdown, or code with printed text and the value of the last expression."""
 
     prose: bool
     text: str
@@ -35,7 +35,7 @@ def cells(source: str) -> list[Cell]:
     Raises
     ------
     ValueError
-        Something stands before the first cell.
+        There is text before the first cell.
     """
     before, *parts = CELL.split(source)
     if before.strip():
@@ -48,7 +48,7 @@ def cells(source: str) -> list[Cell]:
 
 
 def carried_out(found: list[Cell]) -> list[Cell]:
-    """Carry the code out, cell by cell, in a folder of its own."""
+    """Execute the code in a temporary folder; return the cells with outputs."""
     names: dict[str, Any] = {"__name__": "notebook"}
     before = Path.cwd()
     os.environ.setdefault("EXAMPLES", str(before / "examples"))
@@ -71,7 +71,7 @@ def _carried_out(cell: Cell, names: dict[str, Any]) -> Cell:
 
 
 def page(source: str, found: list[Cell] | None = None) -> str:
-    """Return the page of a notebook: its prose, its code in blocks, and what they show."""
+    """Return the page of a notebook: prose, blocks of code, and outputs."""
     return "\n\n".join(map(_page_text, cells(source) if found is None else found)) + "\n"
 
 
@@ -127,7 +127,7 @@ def _notebook_cell(number: int, cell: Cell) -> dict[str, Any]:
 
 
 def write_pages(folder: Path, *, carry_out: bool = True) -> None:
-    """Write page and .ipynb of each notebook of a folder beside it, with what its cells show."""
+    """Write page and .ipynb of each notebook into its folder; with `carry_out`, with outputs."""
     for path in sorted(folder.glob("*.py")):
         source = path.read_text(encoding="utf-8")
         found = carried_out(cells(source)) if carry_out else cells(source)

@@ -1,4 +1,4 @@
-"""A directive, ``{causes}``: what spoils an identification as a table, with remedies."""
+"""Directive ``{causes}``: table of the causes of identification errors, with remedies."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Causes(Directive):
-    """Table of all causes: what a message says, and what to do."""
+    """Table of all causes, with the words of messages and the remedies."""
 
     def run(self) -> list[nodes.Node]:
         """Return the table."""
@@ -35,5 +35,5 @@ def _lines() -> Iterator[str]:
 
 
 def setup(app: Sphinx) -> None:
-    """Make the directive known."""
+    """Register the directive with Sphinx."""
     app.add_directive("causes", Causes)

@@ -88,7 +88,7 @@ class _ImportedLate(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Refuse an empty argument, which as a path would mean the current folder.
 
-        The line break in a name, which may be a stranger's, would forge a line of a message.
+        An argument with a line break is refused too, since it would forge a line of a message.
         """
         for before, word in pairwise(["hil", *args]):
             if not word or (word.startswith("--") and word.endswith("=")):

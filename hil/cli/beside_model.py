@@ -195,8 +195,8 @@ def watch(
 def _show_causes(folder: Path, model_path: Path, since: float, most: int) -> None:
     """Print a diagnosis of the change since the model's recordings, cause by cause.
 
-    A push ends soon and is no lasting change: a change lasting from the first alarm on is visible
-    in one pass of the plan.
+    The diagnosis uses one pass of the plan from the first alarm on. A lasting change is visible in
+    a whole pass; a push is short.
     """
     from hil.runs.run import Run
 

@@ -26,7 +26,7 @@ def show_changes(drives: DrivesFile, bus: Fieldbus, keeper: SettingsKeeper) -> N
     Raises
     ------
     DriveError
-        Unsuitable drives, a line each, after the tables of the others.
+        Unsuitable drives, a line each, after the tables of the suitable drives.
     """
     keeper.open(drives)
     problems: list[DriveError] = []

@@ -1,7 +1,7 @@
 """Commands for an unknown bus: scan, and draft of a drives file.
 
-Both only read. A scan sends nothing but reading SDO requests; a drives file is drafted from the
-makers' data sheets, or from the object dictionaries of the scanned drives.
+The commands only read. A scan sends only SDO read requests. A drives file is drafted from the
+manufacturers' data sheets, or from the object dictionaries of the scanned drives.
 """
 
 from __future__ import annotations

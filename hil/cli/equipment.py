@@ -57,7 +57,7 @@ def epilog(path: str, *, exit_statuses: bool = False) -> str:
 
 
 def _split(text: str, width: int) -> list[str]:
-    """Split a text between words, and at hyphens nowhere, into lines for a terminal."""
+    """Split a text between words, never at hyphens, into lines for a terminal."""
     return wrap(text, width, break_on_hyphens=False, break_long_words=False)
 
 
@@ -90,10 +90,10 @@ TYPES = {"path": "PATH", "str": "TEXT", "int": "NUMBER", "float": "NUMBER"}
 
 
 def name_types(parameters: list[Any], context: Any) -> list[Any]:
-    """Name the values of options in the help: short, and broken between words.
+    """Set short names for the values of options in the help, such as ``NUMBER``.
 
-    Defaults in words become part of the help, where typer would add brackets. Flags take no value,
-    which some versions of typer show; arguments are named already.
+    Defaults in words become part of the help, since typer would add brackets. Flags take no value,
+    although some versions of typer show one; arguments are named already.
     """
     for each in parameters:
         if isinstance(default := getattr(each, "show_default", False), str):
@@ -159,7 +159,7 @@ def _write_json(path: str) -> None:
 
         found = {"command": path, **{key: value for key, value in out.given.items() if value}}
         text = json.dumps(found, indent=2, ensure_ascii=False)
-        # equivalent in JSON, which has escapes for these characters
+        # escapes of JSON for control characters, which a terminal would obey
         if not text.replace("\n", "").isprintable():
             text = json.dumps(found, indent=2)
         sys.stdout.write(f"{text}\n")

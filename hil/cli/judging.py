@@ -1,6 +1,6 @@
 """Commands `hil validate`, `hil accept` and `hil history`.
 
-These judge a model by held-out data, a run by limits in series production, and one machine's
+The commands judge a model by held-out data, a run by limits in series production, and a machine's
 condition over many runs.
 """
 

@@ -105,7 +105,7 @@ def _refuse_closed(folder: Path) -> None:
 
 
 def _output_error(text: str) -> FileError:
-    """Create an error with a copyable path in one line, unlike a usage error."""
+    """Create an error with the path on one line, to be copied; usage errors break lines."""
     from hil.errors import FileError
 
     return FileError(text)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 TWO_RUNS = "two-runs"
 LEAST_MINUTES = 1.0
-"""Shortest measurement [min]: no slow stroke of the built-in robot fits into 0.6, one into 0.75."""
+"""Shortest measurement [min]: the first slow stroke of the built-in robot takes 0.6 to 0.75 min."""
 SLOW, FAST = "slow", "fast"
 """Folders of the two stages, within the folder of the measurement."""
 

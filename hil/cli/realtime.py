@@ -2,9 +2,10 @@
 
 SYNC on the wall clock is as regular as this process is woken up. A normal process shares its core
 with all others, may be moved between cores, may have its memory paged out, and its core may sleep;
-each of these sometimes costs milliseconds. Inside `real_time` the calling thread gets the granted
-ones of four measures, and a hint for each refused one. On leaving, everything is restored. Threads
-started meanwhile, such as the one that writes files, keep the normal scheduling class.
+each of these sometimes costs milliseconds. `real_time` applies four measures to the calling thread,
+as far as they are granted, and yields a hint for each refused measure. On leaving, everything is
+restored. Threads started meanwhile, such as the one that writes files, keep the normal scheduling
+class.
 
 The priority is below that of the kernel's own threads, among them those of interrupts: frames are
 received and sent before the thread that waits for them runs.
@@ -51,7 +52,7 @@ _AWAKE = Path("/dev/cpu_dma_latency")
 class Linux:
     """System calls of Linux, unavailable on other systems.
 
-    Each raises `OSError` where it is refused; the first five return a function to undo them.
+    Each method raises `OSError` if refused; the first five return a function that undoes the call.
     """
 
     def schedule(self, priority: int) -> Callable[[], None]:
@@ -128,7 +129,7 @@ class Linux:
 def short_slices(system: Linux | None = None) -> Iterator[None]:
     """Run the block with a short time slice, if supported."""
     with ExitStack() as undo:
-        with suppress(OSError, AttributeError, KeyError):  # the latter for an unknown number
+        with suppress(OSError, AttributeError, KeyError):  # KeyError: unknown machine
             undo.callback((system or Linux()).slice(SLICE))
         yield
 
@@ -173,7 +174,7 @@ def _request(
 ) -> str:
     try:
         undo.callback(ask())
-    except (OSError, AttributeError) as error:  # the latter on systems without such a call
+    except (OSError, AttributeError) as error:  # AttributeError: no such call
         return f"{name}: not granted ({_reason(error)}); {remedy}"
     return f"{name}: {granted}"
 

@@ -52,7 +52,7 @@ def export(
     Parameters
     ----------
     model : Model
-        Model, with bodies for `SIMULATORS`; the cost of the bodies is stated with the origin.
+        Model; for `SIMULATORS` one with bodies (`Model.consistent`).
     name : str
         Name in `FORMATS` or `SIMULATORS`.
     origin : tuple of str
@@ -120,7 +120,7 @@ def export_recordings(
     Returns
     -------
     tuple of Path
-        Files beside one another in `output`, and folders in it.
+        Written files and folders in `output`.
 
     Raises
     ------

@@ -276,9 +276,9 @@ class _Equations:
     def _presliding(
         self, law: AxisLaw, at: At, turned: Expression, later: Expression, sooner: Expression
     ) -> tuple[Expression, Expression]:
-        """Return level and rest as `_axis`, with a direction that follows the motion.
+        """Return both parts of friction as `_axis`, with a direction that follows the motion.
 
-        The level is bounded by that of sliding, as in `hil.friction.law.friction_torque`.
+        The first part is bounded by its value in sliding, as in `hil.friction.law.friction_torque`.
         """
         (axis, q, qd, load), graph, one = at, self._graph, self._graph.number(1.0)
         level, other = self._axis(law, at, turned, graph.function("sign", turned))

@@ -154,7 +154,7 @@ def find_near_bodies(model: Model, given: Patched, bounds: BodyBounds) -> Model:
             row = int(np.argmax(np.abs(of_rotors[:, k])))
             whole, own = float(model.values[row]), float(links[row] @ stated.ravel())
             kept = float(given.rotors()[axis])
-            # without this rotor inertia the link may have less than any body
+            # too large a rotor inertia would leave less to the link than any possible body has
             axes[name] = axis
             rotors[k] = kept if whole - kept > own / 2 else max(whole - own, 0.0)
     shift = of_rotors @ rotors

@@ -58,7 +58,7 @@ def count_whole_links(robot: Robot) -> Count:
         ca, sa, c, s, x, y, z = symbols(f"frame{j}_", 7)
         chain.append(Joint(ca, sa, c, s, (x, y, z), revolute))
     bodies = [symbols(f"body{j}_", 10) for j in range(n)]
-    earth = 0.3, 0.4, -9.8  # in no axis of the base
+    earth = 0.3, 0.4, -9.8  # along no axis of the base frame
     found = rigid_bodies(chain, bodies, symbols("qd", n), symbols("qdd", n), earth)
     operations = count([graph.lift(each) for each in found])
     return operations._replace(functions=2 * int(robot.revolute.sum()))

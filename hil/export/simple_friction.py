@@ -196,7 +196,7 @@ def _offsets(model: Model, simple: tuple[SimpleFriction, ...], place: str) -> It
 
 
 def presliding_left_out(model: Model, where: str = "") -> tuple[str, ...]:
-    """Return axes with presliding, for a format without it; `where` adds a place that has it."""
+    """Describe presliding omitted by a format; `where` continues the sentence with an exception."""
     axes = [
         f"axis {axis} over {significant(own.presliding, 2)} {model.robot.position_unit(axis - 1)}"
         for axis, own in enumerate(model.friction_law.axes, start=1)

@@ -35,7 +35,7 @@ class SimulatedJoint:
     name, link : str
     revolute : bool
     before : ndarray, shape (4, 4)
-        The link's frame in that of the link before, at q = 0.
+        Pose of the link's frame in the previous link's frame, at q = 0.
     axis : ndarray, shape (3,)
         Axis in the link's frame.
     lower, upper, velocity, effort : float

@@ -7,7 +7,7 @@ that move with a joint. Therefore the link of the chain gets the body of all lin
 and the attached links lose their inertials.
 
 A URDF has no rotor inertia and no gravity: the file states both in comments. If gravity of the
-robot file is not along -z, a fixed joint turns the base so that it is.
+robot file is not along -z, a fixed joint turns the base until gravity is along -z.
 
 Format reference: wiki.ros.org/urdf/XML.
 """

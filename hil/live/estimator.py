@@ -52,7 +52,7 @@ def main(folder: str) -> None:
             path = run.recording_path(motions[name])
             if _is_there(path):
                 for line in interim.take(motions[name], run.read(motions[name]).recording):
-                    if name in not_yet:  # other lines have the time of a closed bus
+                    if name in not_yet:  # times of earlier sessions are on another clock
                         say("torque", **line)
         say("estimate", **interim.parameters())
 

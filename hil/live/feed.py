@@ -96,7 +96,7 @@ class Feed:
         self._levels: dict[int, list[float]] = {}
         self._watcher, self._alarms, self._hand = watcher, 0, hand
         self._learning: bool | None = None
-        # otherwise an answer is late, and belongs to the previous run
+        # during a watch, late estimates of the previous run are discarded
         self._audience.answered = watcher is None
 
     def wrap_bus(self, bus: DriveBus) -> FedBus:

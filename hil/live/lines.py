@@ -110,13 +110,13 @@ def level(
 def level_of(measurement: Measurement, recording: Recording) -> tuple[float, float] | None:
     """Compute the friction level of the axis moving back and forth, and the mean speed.
 
-    A simple figure for display: identification compensates and weights far more. Over the middle
-    half of the stroke the axis passes the same positions forth and back, so half the difference of
-    the mean torques is without gravity; inertia cancels too, since a stroke brakes as it has
-    accelerated. The rest is the friction at the speed of that stroke.
+    The level is for display; identification is more accurate. Over the middle half of the stroke
+    the axis passes the same positions forth and back, so half the difference of the mean torques is
+    without gravity; inertia cancels too, since a stroke brakes as it has accelerated. The rest is
+    the friction at the speed of the stroke.
 
-    Return None without such an axis, or with fewer than five samples per direction in the middle of
-    the strokes.
+    Return None if no axis moves back and forth, or with fewer than five samples per direction in
+    the middle of the strokes.
 
     Returns
     -------

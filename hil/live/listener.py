@@ -164,9 +164,9 @@ class Listener:
             while self._waiting:
                 written = os.write(self._input, self._waiting)
                 del self._waiting[:written]
-        except BlockingIOError:  # it is behind
+        except BlockingIOError:  # the reader is behind
             return
-        except OSError:  # it has ended
+        except OSError:  # the process has ended
             self.gone = True
 
     def _ready(self, patience: float) -> str:

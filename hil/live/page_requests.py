@@ -3,9 +3,9 @@
 A page of another site may send requests through its visitor's browser. Therefore a request from
 another origin is refused, and so is a stop or a push without a header that only our own page can
 set. On addresses other than the loopback, every path begins with a secret. The loopback is
-accessible to every user of this computer, so the connection must be from a program of this user,
-and the requested host must be an address or localhost, since any other name may have been pointed
-here. The port of the host may differ, as with a tunnel.
+accessible to every user of this computer, so the connection must be from a program of this user.
+The requested host must be an IP address or localhost, since a foreign DNS name may resolve to this
+computer. The port of the host may differ, as with a tunnel.
 
 A push acts on the virtual plant's arm alone. It is sent directly to the plant, as a datagram to the
 plant's socket for pushes, never to the bus or to the process that runs the bus.
@@ -312,7 +312,7 @@ def _is_push(body: bytes) -> bool:
 
 
 def _ours(host: str) -> bool:
-    """Return True for a host of ours: an IP address (no foreign name is one), or localhost."""
+    """Return True if the requested host is an IP address or localhost, not a foreign name."""
     try:
         parts = urlsplit(f"//{host}")
         parts.port  # noqa: B018 - raises for what is no number

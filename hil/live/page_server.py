@@ -51,7 +51,7 @@ class PageServer(ThreadingHTTPServer):
     """HTTP server of the live page, with a thread per file or event stream.
 
     Short answers, such as a stop or a refusal, are sent at once by the thread that accepts
-    connections, so that no number of them takes the place of a stop.
+    connections, so that busy threads never delay a stop.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class PageServer(ThreadingHTTPServer):
             for key, _ in self._selector.select(poll_interval):
                 if key.fileobj is self.socket:
                     self._accept()
-                # otherwise it was just closed in favour of a newer connection
+                # any other connection was just closed in favour of a newer one
                 elif key.data in self._waiting:
                     self._receive(key.data)
             now = time.monotonic()
@@ -147,7 +147,7 @@ class PageServer(ThreadingHTTPServer):
         self._selector.unregister(incoming.connection)
 
     def _close(self, connection: socket.socket, words: bytes = b"") -> None:
-        with suppress(OSError):  # it has gone
+        with suppress(OSError):  # the client has gone
             if words:
                 connection.send(words)
             connection.shutdown(socket.SHUT_WR)
@@ -193,7 +193,7 @@ def _remedy(error: OSError) -> str:
 def _pass_on(streams: Streams, closed: Callable[[], None] | None) -> None:
     """Forward the lines of standard input, and a sign of life every second.
 
-    Pages have half a second to get the last line; `closed` is called once the last page has been.
+    Pages have half a second to get the last line; `closed` is called once the last page is closed.
     """
     alive, seen = 0.0, math.inf
     for line in _lines(sys.stdin.fileno()):

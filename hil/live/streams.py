@@ -1,8 +1,8 @@
 """Event streams from a run to pages; late pages get the state so far.
 
-One thread serves every page and waits for none. A page that is behind misses samples, so that its
-next one is recent; a page is dropped if it takes nothing for `PATIENCE`, or has too much waiting.
-Lines go out as server-sent events.
+One thread serves every page and waits for none. A page that is behind misses samples, so that the
+next sample is recent; a page is dropped if it takes nothing for `PATIENCE`, or has too much
+waiting. Lines go out as server-sent events.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Client:
         except BlockingIOError:
             if now - self._took > PATIENCE or len(self._waiting) > 1_000_000:
                 self.left.set()
-        except OSError:  # it has gone
+        except OSError:  # the page has gone
             self.left.set()
         else:
             self._took = now
@@ -104,7 +104,7 @@ class Streams:
 
     @property
     def closed(self) -> str:
-        """Reason why the arm cannot be pushed at present; empty if it can."""
+        """Reason why the arm cannot be pushed at present; empty if pushes are possible."""
         return self._latest("hand", "closed")
 
     @property

@@ -4,8 +4,8 @@ A rotor inertia stated in the robot file is compensated (`hil.model.motors`). An
 parameter like those of the links: ``Ia<j>``, the inertia of motor j reflected to joint j. A coupled
 motor m, also turned by joint j (`Robot.couplings`), has a second parameter: ``Iam<m>``, which
 couples the accelerations of both joints (Gautier's name for the Staubli's wrist, where more than a
-single rotor with its gears turns). These are constant and without weight: ``tau = H_k qdd`` per
-unit of parameter k.
+single rotor with its gears turns). The matrix H_k of parameter k is constant, without gravity
+torque: ``tau = H_k qdd`` per unit of the parameter.
 
 A spring or counterbalance at joint j is a function of its position alone, ``k<j>`` times q_j, or
 ``kc<j>`` times cos q_j, or ``ks<j>`` times sin q_j, and so a part of g(q).
@@ -87,8 +87,8 @@ def merge_added(robot: Robot, observed: Array, placement: Array) -> tuple[Array,
     Returns
     -------
     weights : ndarray, shape (n_base, n_added)
-        Weights of added parameters in the base parameters: those of the links first, then one for
-        each of `own`.
+        Weights of added parameters in the base parameters. The base parameters of the links come
+        first, then one for each index in `own`.
     own : list of int
         Indices of added parameters not expressed by other base parameters.
     """

@@ -2,14 +2,14 @@
 
 The ten standard parameters of each link cannot all be distinguished by motion. From the tip down
 each link transfers parameters to the previous link (`hil.model.transfer`): Gautier and Khalil's
-regrouping, analytic and for any serial chain of revolute and prismatic joints. The remaining ones,
-in the order of eq. (5), head one base parameter each. Then the robot's own sparsity is applied:
-absent parameters vanish, tied ones merge, and of base parameters that have thereby become linearly
-dependent those without a present head are dropped. Absent parameters do not change the set of
-possible torques, so the values of base parameters may be assigned to their heads, with all other
-standard parameters zero: `BaseParameters.placement`. Finally parameters of drives and springs are
-added (`hil.model.added_parameters`): one equivalent to link parameters merges with them, the others
-are base parameters of their own.
+regrouping, analytic and for any serial chain of revolute and prismatic joints. Each remaining
+standard parameter heads a base parameter, in the order of eq. (5). Then the sparsity of the robot
+file is applied: absent parameters vanish and tied parameters merge. Base parameters that are now
+linearly dependent are dropped, those without a present head first. Absent parameters do not change
+the set of possible torques, so the values of base parameters may be assigned to their heads, with
+all other standard parameters zero: `BaseParameters.placement`. Finally parameters of drives and
+springs are added (`hil.model.added_parameters`): one equivalent to link parameters merges with
+them, the others are base parameters of their own.
 
 Every result is checked against a numeric rank of M(q) and g(q) in all standard parameters.
 """
@@ -86,7 +86,7 @@ class BaseParameters:
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """Meanings with names, for readers without numbers: ``gravity of axis 2 (p5)``."""
+        """Meanings with names in brackets: ``gravity of axis 2 (p5)``."""
         pairs = zip(self.meanings, self.names, strict=True)
         return tuple(f"{meaning} ({name})" for meaning, name in pairs)
 
@@ -209,7 +209,7 @@ def _independent_rows(matrix: Array, headed: Sequence[bool]) -> tuple[list[int],
     dependence : array, shape (n_rows, n_kept)
         All rows as combinations of the kept rows.
     """
-    if len(matrix) and _rank(matrix) == len(matrix):  # as for most robots: no search among hundreds
+    if len(matrix) and _rank(matrix) == len(matrix):  # most robots need no search
         return list(range(len(matrix))), np.eye(len(matrix))
     kept: list[int] = []
     for index in sorted(range(len(matrix)), key=lambda k: (not headed[k], k)):

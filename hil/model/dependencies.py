@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 
 GRAVITY, DIAGONAL, OFF_DIAGONAL = GROUPS = ("gravity", "diagonal", "off_diagonal")
-"""Section 4.4: p_g occurs in g(q); p_Md on the diagonal of M(q) only; p_Mod only off the diagonal.
+"""Groups of section 4.4: p_g occurs in g(q), p_Md only on the diagonal of M(q), p_Mod only off it.
 
-In this order, the elements that show a group hold no parameters of later groups.
+In this order, the matrix elements that identify a group contain no parameters of later groups.
 """
 
 
@@ -46,7 +46,7 @@ class Dependencies:
     gravity : bool array, shape (n_joints, n_base)
         True if parameter k occurs in g_i(q).
     hidden : bool array, shape (n_base,)
-        True if it occurs in g(q), yet is not determined by g(q) with unknown torque offsets.
+        True if parameter k occurs in g(q), but g(q) with unknown offsets does not determine it.
     """
 
     mass: Mask
@@ -67,7 +67,7 @@ class Dependencies:
     def sought(self) -> dict[str, tuple[int, ...]]:
         """Return the indices of the parameters that each group's own elements must identify.
 
-        These are the parameters of the group, and those hidden from g(q) but shown by M(q).
+        A hidden parameter is added to the group of the elements of M(q) in which it occurs.
         """
         on_diagonal = np.einsum("iik->ik", self.mass).any(axis=0)
         beside = self.mass.any(axis=(0, 1)) & ~on_diagonal
@@ -131,7 +131,7 @@ def _occurs(coefficients: Array) -> Mask:
 
 
 def _hidden(gravity: Array) -> Mask:
-    """Find parameters in directions without effect on gravity torques except for a constant."""
+    """Find parameters that gravity torques with unknown constant offsets do not determine."""
     size = np.sqrt(np.sum(gravity**2, axis=(0, 1)))
     found: Mask = size > ROUNDED_OFF * size.max(initial=0.0)
     if not found.any():

@@ -141,8 +141,8 @@ class Spring(FileModel):
     joint : int
         Number from 1.
     shape : {"linear", "cosine", "sine"}
-        Function proportional to the torque: q, cos q or sin q of the joint. The rest position of a
-        linear spring is an offset, which the estimators fit as part of friction.
+        Torque proportional to q, cos q or sin q of the joint. The rest position of a linear spring
+        adds a constant torque, which the estimators fit as part of friction.
     """
 
     joint: int = Field(ge=1)

@@ -178,8 +178,8 @@ _WEIGHTLESS = np.zeros(3)
 class _Model:
     """Robot constants for the recursion.
 
-    `mixing` is set if a base parameter has several carriers. `added` are the indices of added
-    parameters that are base parameters of their own: the last ones.
+    `mixing` is set if a base parameter is placed on several standard parameters. `added` are the
+    indices of added parameters that are base parameters of their own, the last base parameters.
     """
 
     chain: Array

@@ -41,7 +41,7 @@ def parameter_map(pose: NDArray[Any]) -> NDArray[Any]:
 
 
 def snap_angle(angle: float, within: float) -> float:
-    """Return the nearest multiple of a quarter turn if `within` that distance, else the angle."""
+    """Return the nearest multiple of a quarter turn if at most `within` away, else the angle."""
     exact = round(angle / QUARTER) * QUARTER
     return exact if abs(angle - exact) <= within else angle
 

@@ -1,8 +1,8 @@
 """Load at the last link: its parameters and the effect on the base parameters.
 
 A rigid load adds its own ten parameters phi to those of the last link n, so the base parameters
-change by K_n phi: K_n are the columns of K (p = K p_standard) for that link. The free ones of the
-ten are those present in the robot file, with the same ties.
+change by K_n phi: K_n are the columns of K (p = K p_standard) for that link. The free parameters of
+a load are the parameters of that link present in the robot file, with the same ties.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 A drive train is described by gear ratio N and rotor inertia Im alone. Each motor then turns N times
 as fast as its own joint and with no other joint, so that H is diagonal and constant, N^2 Im, and
-c_m vanishes. This omits the motors' gyroscopic torques from their carrying links, smaller by a
-factor N, and their masses, which count with the links. Inertias unknown in the robot file are
-identified instead (`hil.model.added_parameters`).
+c_m vanishes. Gyroscopic torques by the motion of the carrying links, smaller by a factor N, are
+neglected; the motors' masses belong to the links. Inertias unknown in the robot file are identified
+instead (`hil.model.added_parameters`).
 """
 
 from __future__ import annotations

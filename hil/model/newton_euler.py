@@ -6,10 +6,10 @@ moment s and inertia I about the origin needs::
 
     f = m a + U s    n = I u + w x I w + s x a
 
-and the origin of the next frame, at p, accelerates by a + U p. In terms of the elements of U,
-common to both, the moments of inertia cost few operations (after Khalil and Kleinfinger, IEEE J.
-Robotics and Automation 3, 1987: base parameters make most of the rest vanish). An inward pass sums
-the forces and moments of the outer links.
+and the origin of the next frame, at p, accelerates by a + U p. Written with the elements of U, the
+moment n costs few operations (after Khalil and Kleinfinger, IEEE J. Robotics and Automation 3,
+1987: base parameters make most of the rest vanish). An inward pass sums the forces and moments of
+the outer links.
 
 A scalar is anything with addition and multiplication. `Exact` values of 0 and 1, from right angles
 and joints at rest, are never computed with: for arrays that saves most of the time.

@@ -32,7 +32,7 @@ Monomial = tuple[str, ...]
 
 
 _LENGTH_MAX = 200
-"""Longest permitted expression, a bound on nested products of sums."""
+"""Longest permitted expression [characters], a bound on nested products of sums."""
 
 
 class Polynomial:

@@ -1,6 +1,6 @@
 """Newton-Euler recursion in machine code (``recursion.c``), built at installation.
 
-Both functions take contiguous arrays of `float` and `int64`, as made by `hil.model.dynamics`. If no
+The functions take contiguous arrays of `float` and `int64`, as made by `hil.model.dynamics`. If no
 C compiler was available at installation, importing this module raises ModuleNotFoundError, and
 `hil.model.recursion_by_arrays` gives the same results, more slowly.
 """

@@ -107,7 +107,7 @@ class Robot(RobotArrays):
         if path.suffix not in {".yaml", ".yml"} and len(path.parts) == 1 and not path.is_file():
             path = _find_built_in(str(path))
         if (text := read_text(path)).lstrip().startswith("<"):
-            # or its root element states another format
+            # XML in a file with another ending
             return _load_description(path, base, tip, gravity)
         if any(each is not None for each in (base, tip, gravity)):
             raise InvalidValue(
@@ -224,7 +224,7 @@ class Robot(RobotArrays):
         return self.replace_joints(joints).changed(ties=ties)
 
     def replace_joints(self, changes: Mapping[int, Mapping[str, object]]) -> Robot:
-        """Return the robot with changed keys of some joints, from 0."""
+        """Return the robot with changed keys of some joints, by index from 0."""
         joints = enumerate(self.file.joints)
         return self.changed(
             joints=tuple(joint.model_copy(update=changes.get(axis, {})) for axis, joint in joints)

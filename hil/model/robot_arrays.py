@@ -141,15 +141,15 @@ class RobotArrays:
         return tuple(parse(joint.frame.r) for joint in self.file.joints)
 
     q_min = _per_joint(lambda joint: joint.q_min)
-    """Lower ends of the joints' ranges [rad]."""
+    """Lower ends of the joints' ranges [rad or m]."""
     q_max = _per_joint(lambda joint: joint.q_max)
-    """Upper ends of the joints' ranges [rad]."""
+    """Upper ends of the joints' ranges [rad or m]."""
     velocity_limit = _per_joint(lambda joint: joint.velocity_limit)
-    """Maximum speeds [rad/s]; NaN if unknown."""
+    """Maximum speeds [rad/s or m/s]; NaN if unknown."""
     acceleration_limit = _per_joint(lambda joint: joint.acceleration_limit)
-    """Maximum accelerations [rad/s^2]; NaN if unknown."""
+    """Maximum accelerations [rad/s^2 or m/s^2]; NaN if unknown."""
     torque_limit = _per_joint(lambda joint: joint.torque_limit)
-    """Maximum joint torques [N m]; NaN if unknown."""
+    """Maximum joint torques [N m or N]; NaN if unknown."""
 
     @property
     def limits_known(self) -> bool:
@@ -158,7 +158,7 @@ class RobotArrays:
         return all(np.isfinite(limit).all() for limit in limits)
 
     gear_ratio = _per_drive(lambda drive: drive.gear_ratio)
-    """Motor turns per joint turn; NaN where unknown."""
+    """Motor angle over joint coordinate [1, or rad/m]; NaN where unknown."""
     rotor_inertia = _per_drive(lambda drive: drive.rotor_inertia)
     """Motor inertias, motor side [kg m^2]; NaN where unknown."""
 
@@ -188,7 +188,7 @@ class RobotArrays:
 
     @cached_property
     def usual_uncertainty(self) -> Array:
-        """Relative standard deviations by common tolerances, for values stated without any.
+        """Relative standard deviations by common tolerances, for values without uncertainty.
 
         The order is that of `stated_uncertainty`; values are 0 if the file states an uncertainty or
         no value.

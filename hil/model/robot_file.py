@@ -22,7 +22,7 @@ from hil.model.polynomial import parse
 LinkParameter = Literal["Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "sx", "sy", "sz", "m"]
 
 LINK_PARAMETERS: tuple[LinkParameter, ...] = get_args(LinkParameter)
-"""Parameters of a link, in the order of eq. (4): inertia about the frame's origin, moment, mass."""
+"""Parameters of a link in the order of eq. (4): inertia about the origin, first moment, mass."""
 
 MOST_JOINTS = 30
 """Maximum number of joints of a chain; the cost of the equations grows with the cube."""
@@ -57,7 +57,7 @@ class Joint(FileModel):
         Greatest magnitudes [rad/s, rad/s^2, N m, or m/s, m/s^2, N]; an unknown limit prevents any
         motion.
     capsule : Capsule, optional
-        The link's shape, for keeping it out of forbidden boxes (`hil.model.capsules`).
+        Shape of the link, for keeping clear of forbidden boxes (`hil.model.capsules`).
     torque_noise : float, optional
         Standard deviation of a sample of the torque, for predictions [N m, or N].
     friction_wander : float, optional

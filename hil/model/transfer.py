@@ -4,11 +4,12 @@ A change of the standard parameters of links j and j-1 has no effect on torques 
 kinetic energy, and the potential energy up to a constant, unchanged for every motion. From the tip
 down this splits into one question per joint: which changes delta of link j's ten parameters (i) are
 invisible to the joint's own rate, and (ii) look the same to all motions of link j-1 at every q_j?
-Those form the space T_j; expressed in frame j-1 and subtracted from link j-1 they are cancelled.
-For a revolute joint T_j always contains m, sz and Ixx = Iyy, for a prismatic one the whole inertia:
-the general rules of Gautier and Khalil (IEEE Trans. Robotics and Automation 6, 1990). It is larger
-where the previous links cannot move freely (parallel axes, axes along gravity, prismatic joints
-before the second revolute direction): their special rules.
+These changes form the space T_j. Link j-1 cancels a change in T_j if the change, expressed in frame
+j-1, is subtracted from its parameters. For a revolute joint T_j always contains m, sz and Ixx =
+Iyy, for a prismatic one the whole inertia: the general rules of Gautier and Khalil (IEEE Trans.
+Robotics and Automation 6, 1990). Their special rules apply where the previous links cannot move
+freely (parallel axes, axes along gravity, prismatic joints before the second revolute direction):
+there T_j is larger.
 
 The observable part of link j is the span D_j of linear functionals of its parameters: the energies'
 terms. Motion of joint j multiplies parameters by exp(q L), so spans over all q are Krylov spaces of

@@ -1,6 +1,6 @@
 """Motion imported from a foreign recording, as data.
 
-It cannot be measured again: a plan with such a motion describes an imported run.
+An imported motion cannot be measured again; a plan that contains one describes an imported run.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Halton's low-discrepancy sequence: points that fill a unit cube evenly at any number of points.
 
-Coordinate k of point i is i written in the k-th prime, its digits mirrored at the point (Halton,
-Numer. Math. 2 (1960) 84-90). These are the points of scipy.stats.qmc, of which the import alone
-takes longer than the design of a plan.
+Coordinate k of point i is the radical inverse of i: its digits in base of the k-th prime, mirrored
+at the radix point (Halton, Numer. Math. 2 (1960) 84-90). The points are those of scipy.stats.qmc,
+whose import alone takes longer than the design of a plan.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 At constant speed an axis lags by the speed times a delay: the drive's interpolation from one
 set-point to the next, and one over the gain of its position loop unless it feeds the velocity
 forward. A drive faults if the following error exceeds its window (6065) for longer than its timeout
-(6066), and the driver's own corridor is as wide.
+(6066). The corridor that the driver checks has the same width.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 FOR_A_LAW = 3
 """Minimum number of measurements of an axis, or periods of trajectories, to choose a friction law.
 
-Each counts as one draw of the level of friction, and a scatter needs two beyond the mean.
+Each counts as one sample of the friction level; three leave two degrees of freedom for its scatter.
 """
 
 

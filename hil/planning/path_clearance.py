@@ -1,7 +1,7 @@
 """Clearance of a plan's paths from the forbidden boxes: measurements and travels.
 
-The sweep of a measurement is the stroke of its axis, with a partner the whole rectangle of both. A
-travel moves all axes at once, each with a trapezoid of its own duration; the axes may start up to
+The sweep of a measurement is the stroke of its axis; with a partner, the rectangle of both strokes.
+A travel moves all axes at once, each with a trapezoid of its own duration; the axes may start up to
 `SKEW` apart, since each drive begins when it has taken its set-point. The robot's configuration
 before the first travel is only known at run time, so the sequencer checks every travel again before
 commanding it (`refuse_travel`).

@@ -2,8 +2,8 @@
 
 A plan is a frozen, validated document that never touches hardware. A dry run checks it, the
 sequencer carries it out, and `diff` compares two plans: a short block per measurement
-(`measurement`), rounded numbers, and a plan read back equals the plan written. It names its robot
-file by digest, so that it never moves another robot.
+(`measurement`), rounded numbers, and a plan read back equals the plan written. A plan contains the
+digest of its robot file, so that it never moves another robot.
 """
 
 from __future__ import annotations
@@ -184,7 +184,7 @@ def repeat_measurements(plan: Plan, rounds: int) -> Plan:
     Raises
     ------
     FileError
-        An id is too long for a number.
+        An id is too long to append the round's number.
     """
     if rounds == 1:
         return plan

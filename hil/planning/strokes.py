@@ -2,8 +2,8 @@
 
 After section 6.3 of Grotjahn, Daemi and Heimann (2001): `cycles` times from ``q[axis] - stroke/2``
 to ``q[axis] + stroke/2`` and back, each stroke with a separate trapezoid of velocity. `Strokes` has
-the properties of such a measurement needed in all stages; a kind (`hil.planning.measurement`)
-overrides its special ones.
+the properties of a measurement needed in all stages; a kind (`hil.planning.measurement`) overrides
+some of them.
 """
 
 from __future__ import annotations

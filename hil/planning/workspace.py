@@ -2,7 +2,7 @@
 
 A workspace belongs to a robot's place of installation, so it is a file of its own. It may narrow
 joint ranges, and it lists boxes that no link may enter: table, fence, controller cabinet, operator.
-A plan made with a workspace carries it, so that it is checked again wherever the plan is used.
+A plan contains its workspace, which is checked again wherever the plan is used.
 
 Boxes are in the robot's base frame, in which the robot file gives gravity, with edges parallel to
 its axes. A rotated obstacle takes several boxes.

@@ -43,7 +43,7 @@ def carried(run: ReportedRun, ids: Collection[str], played: Collection[str]) -> 
     wanted |= set(played) if shown is own else set()
     pairs = (pair for pair in run.recordings if pair[0].id in wanted)
     recordings = [*join_predictions(pairs, found)]
-    # after those of the run itself, whose ids may be equal
+    # the run's own recordings come first, since recordings of both runs may have equal ids
     if shown is not None and shown is not own:
         others = (pair for pair in shown.recordings if pair[0].id in played)
         recordings += join_predictions(others, shown.stretches)

@@ -141,7 +141,7 @@ def plot_friction(model: Model) -> Figure:
             )
         )
     if not panels:
-        model.predict(np.zeros(robot.n_joints), 0.0, 0.0, ["friction"])  # states what is missing
+        model.predict(np.zeros(robot.n_joints), 0.0, 0.0, ["friction"])  # raises the reason
     return Figure(chart(panels))
 
 
@@ -159,7 +159,7 @@ def plot_friction_over_time(model: Model) -> Figure:
     <Figure: axis 1, axis 2, axis 3, axis 4, axis 5, axis 6>
     """
     if not model.local:
-        model.friction_over_time(1)  # states what is missing
+        model.friction_over_time(1)  # raises the reason
     return Figure(levels(model.local, model.robot))
 
 

@@ -5,8 +5,8 @@ lines; cells of folding columns take several lines; the last column moves below 
 columns are drawn in several blocks, with those that name the rows repeated. No number is cut, and
 no number is separated from its uncertainty and unit.
 
-Tables of rich know no blocks, no row below a row and no quantity that stays whole, and rich wraps
-a text only by cutting words that are too long; so it wraps cells here, and nothing else.
+Tables of rich have no blocks, no row below a row and no unbreakable quantities, and rich cuts long
+words when wrapping a text. Therefore rich wraps only the cells here.
 """
 
 from __future__ import annotations

@@ -39,9 +39,9 @@ _LOADERS = frozenset({"importlib", "llvmlite", "numba"})
 def interruptible(ended: Callable[[], str]) -> Iterator[Callable[[], None]]:
     """End the block in order on Ctrl-C, SIGTERM and SIGHUP.
 
-    Python drops an exception raised while an object is finalised, also an interrupt at such a
-    moment. So the yielded function is to be called regularly: it raises `KeyboardInterrupt` for a
-    dropped one.
+    Python drops any exception raised while an object is finalised, including an interrupt. So the
+    yielded function is to be called regularly: it raises `KeyboardInterrupt` for a dropped
+    interrupt.
 
     Parameters
     ----------

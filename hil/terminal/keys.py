@@ -110,7 +110,7 @@ class Keys:
 
 
 def _is_foreground(descriptor: int) -> bool:
-    """Return True if reading does not stop the process, as in a job in the background."""
+    """Return True if the process may read; reading would stop a job in the background."""
     try:
         return os.tcgetpgrp(descriptor) == os.getpgrp()
     except OSError:  # not our controlling terminal, so not a job of another process group
@@ -184,7 +184,7 @@ class KeyboardStop:
 
     def _listen(self) -> None:
         while self._wanted and self._keys.listening:
-            # the caller then decides about further waiting
+            # short waits, so that the thread ends soon after the context
             for key in self._keys.awaited(0.1):
                 self.take(key)
 

@@ -5,7 +5,7 @@ out, and the unrecorded travels between recordings last as long as in the dry ru
 straight.
 
 Distances use the capsules of the safety check. The check also bounds distances between the instants
-(`hil.planning.clearance`); here they hold at the instants themselves.
+(`hil.planning.clearance`); distances here are those at the instants.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Every kind of page has one object of data; ``web/src/recorded.js`` reads it. Par
 page are null.
 
 ``robot``, ``workspace``
-    As `hil.view.visuals.robot_data` and `workspace_data` have them.
+    Results of `hil.view.visuals.robot_data` and `workspace_data`.
 ``kinds``
     For each kind of segment ``name``, ``colour`` and whether it ``moves`` between measurements.
 ``segments``
@@ -27,7 +27,7 @@ page are null.
 A track is ``time``, ``value`` and, of planned motions, ``slope``, each packed: a ``step``, and
 ``differences`` of successive multiples of it, null where nothing is known. Curves need no more
 digits than a screen shows. The lines of a running measurement (`hil.live.lines`) have the same
-names for the same quantities, and torques in such tracks.
+names for the same quantities, and the same format of tracks for torques.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ def simplify(time: Array, value: Array, tolerance: float) -> Track:
 
 
 def swinging_door(t: list[float], x: list[float], tolerance: float, kept: Mask) -> None:
-    """Mark the samples kept by `simplified`; ``simplify.c`` is the compiled version."""
+    """Mark the samples kept by `simplify`; ``simplify.c`` is the compiled version."""
     begin, low, high = 0, -np.inf, np.inf
     kept[[0, -1]] = True
     for i in range(1, len(t)):
@@ -185,7 +185,7 @@ def swinging_door(t: list[float], x: list[float], tolerance: float, kept: Mask) 
 
 
 def simplify_with_gaps(time: Array, value: Array, tolerance: float) -> Track:
-    """Simplify samples as in `simplified`, with a NaN knot in every gap."""
+    """Simplify samples as in `simplify`, with a NaN knot in every gap."""
     there = np.isfinite(value)
     runs = np.split(np.arange(len(time)), np.flatnonzero(np.diff(there)) + 1)
     parts = [

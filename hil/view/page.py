@@ -43,7 +43,7 @@ def write_page(path: Path, make: Callable[[int], Scene], largest: int = 3_000_00
     Raises
     ------
     FileError
-        The file exists and is not such a page, or cannot be written.
+        The file exists and is not a page of `hil view`, or cannot be written.
     InvalidValue
         The page is too large even with the fewest instants.
     """

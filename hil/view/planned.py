@@ -1,8 +1,8 @@
 """Planned motion over time: warm-up, travels and measurements, as in the dry run.
 
 The motion is stored as knots. Trapezoids are parabolas between their corners, which cubics with
-given slopes reproduce exactly; so a stroke takes four knots, however long it is. Trajectories take
-`KNOTS` a period of the highest harmonic, between which cubics are off by less than 2e-5 of its
+given slopes reproduce exactly; so a stroke of any length takes four knots. Trajectories take
+`KNOTS` knots per period of the highest harmonic; cubics in between are off by less than 2e-5 of its
 amplitude.
 """
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from hil.runs.recording import Recording
 
 LONGEST = 20.0
-"""Maximum time drawn of a recording [s], for separate reversals on a screen."""
+"""Maximum time drawn of a recording [s], so that reversals are distinguishable on a screen."""
 DEMANDING = 0.5
 """Minimum torque scatter of a recording for an axis, as share of the maximum."""
 
@@ -95,7 +95,10 @@ def carriers(
 
 
 def most_demanding(found: Mapping[tuple[str, int], PredictedTorque]) -> list[PredictedTorque]:
-    """Select a stretch per axis, at most `LONGEST`, in few recordings demanding for the axes."""
+    """Select a stretch per axis with large torque scatter, from as few recordings as possible.
+
+    A stretch lasts at most `LONGEST`.
+    """
     scatter = {key: float(np.std(each.measured)) for key, each in found.items()}
     left = {axis: max(s for (_, a), s in scatter.items() if a == axis) for _, axis in found}
     chosen: dict[int, PredictedTorque] = {}

@@ -1,9 +1,9 @@
 """Recordings as one MCAP file with messages of ROS 2, for Foxglove, PlotJuggler and rosbag2.
 
 `TOPICS` lists the topics. A time stamp is the computer's clock at the start of the session plus the
-time of the bus: it is exact to 1 ns within a session, and to seconds between sessions. In lock-step
-a session lasts longer in robot time than by that clock; the following session is then delayed. The
-date of imported recordings is unknown: their stamps begin at 0.
+time of the bus: it is exact to 1 ns within a session, and to seconds between sessions. A simulation
+in lock-step may last longer in robot time than on the computer's clock; the following session is
+then delayed. The date of imported recordings is unknown: their stamps begin at 0.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ ABOUT = (
 
 
 def write_mcap(job: Job) -> None:
-    """Write the recordings of a run as ``RUN.mcap``, and a text beside it.
+    """Write the recordings of a run as ``RUN.mcap``, and a readme file.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Frames in modified Denavit-Hartenberg notation from the axes of a chain.
 
 Frame j has z along axis j and x along the common normal to axis j+1 (Khalil and Kleinfinger 1986),
-so that four numbers lead to the next one. Freedom in the notation is used to minimise the number of
+so that four numbers determine frame j+1. Freedom in the notation is used to minimise the number of
 lengths: frame 0 is frame 1 at q = 0, the last frame has neither rotation nor shift about z, and of
 the common normals of parallel axes the one through the end of the previous normal is taken.
 """

@@ -9,8 +9,8 @@ as in robot files; one of the standard notation (Denavit and Hartenberg 1955) is
 
     Rz(theta) Tz(d) Tx(a) Rx(alpha).
 
-So a standard table is a modified one with a and alpha of the previous row; the last row's place the
-tool on the last link and concern no joint.
+So a standard table is a modified one with a and alpha of the previous row. In the last row a and
+alpha place the tool on the last link and concern no joint.
 
 A CSV table is converted to YAML with each row on its original line, so that errors name the line as
 in other files.

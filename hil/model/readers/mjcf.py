@@ -7,7 +7,7 @@ frame of a joint has its origin at the joint's anchor and the body's directions;
 joints belong to the link below them.
 
 Positions count as in MuJoCo: at `ref` a body is at the position in the file. Links between two
-joints of one body have no body of their own.
+joints of one body have no separate body.
 
 The format: mujoco.readthedocs.io, XML reference.
 """
@@ -82,8 +82,8 @@ def read_mjcf(path: str | Path, base: str | None = None, tip: str | None = None)
     Raises
     ------
     FileError
-        No MJCF, a file that MuJoCo does not compile, no such body, a closed loop, a free or ball
-        joint, or MuJoCo is not installed.
+        The file is not an MJCF, MuJoCo does not compile it or is not installed, a body does not
+        exist, or the chain has a closed loop, a free joint or a ball joint.
     """
     return _reader(Path(path)).chain(base, tip)
 

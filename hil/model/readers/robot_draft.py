@@ -1,10 +1,10 @@
 """Draft of a robot file from a URDF or a table: frames, limits, and marks for missing values.
 
 A URDF contains no gears, rotors, torque constants and accelerations, and a table of
-Denavit-Hartenberg parameters usually only frames, so these lines are marked as in a first drives
-file. Link parameters are all ten of each link: leave out those that symmetry makes zero. Imported
-recordings need no more for identification: `robot_as_stated` leaves unknown values open, including
-rotor inertias, which are then identified.
+Denavit-Hartenberg parameters usually only frames. The user replaces the marks of the missing
+values. Link parameters are all ten of each link: leave out those that symmetry makes zero.
+Identification of imported recordings needs none of the missing values: `robot_as_stated` leaves
+them unknown, including rotor inertias, which are then identified.
 """
 
 from __future__ import annotations

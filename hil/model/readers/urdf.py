@@ -6,7 +6,7 @@ Rounded multiples of a quarter turn (1.5708) are replaced by the exact multiples
 parallel or perpendicular axes have other base parameters than exact ones.
 
 The format: wiki.ros.org/urdf/XML. A xacro file must be expanded first: its elements and expressions
-are defined outside the file, so either refuses the whole.
+are defined outside the file, so a file that contains any is refused.
 
 Links form a tree, each joint with a motor of its own. A loop of links, a link with two parents and
 a mimic joint are refused. A parallelogram drive is still a serial chain: its motor turns with two
@@ -79,11 +79,11 @@ class UrdfJoint(LimitedJoint):
     link : str
         Name of the link moved by the joint.
     before : ndarray, shape (4, 4)
-        Frame in that of the previous joint (first joint: in the base link) at q = 0.
+        Pose of the frame in the previous joint's frame (first joint: in the base link) at q = 0.
     axis : ndarray, shape (3,)
-        Unit vector in its frame.
+        Unit vector in the joint's frame.
     place : str
-        File and line of its limits, and its name, for messages.
+        File and line of the limits, and name of the joint, for messages.
     """
 
     link: str
@@ -103,7 +103,7 @@ class UrdfJoint(LimitedJoint):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UrdfChain:
-    """Joints from a link of a URDF to another.
+    """Chain of joints between two links of a URDF.
 
     Attributes
     ----------
@@ -365,7 +365,7 @@ class UrdfReader:
             )
         kind: Literal["revolute", "prismatic"]
         kind = "prismatic" if stated == "prismatic" else "revolute"
-        smaller = 180.0 / math.pi if kind == "revolute" else 1e3  # degrees or mm in the other unit
+        smaller = 180.0 / math.pi if kind == "revolute" else 1e3  # degrees per rad, or mm per m
         limit = element.find("limit")
         ranged = limit if stated != "continuous" else None
         at = self.file.line(element if limit is None else limit)

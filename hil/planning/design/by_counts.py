@@ -3,8 +3,8 @@
 From the candidates of an element (`hil.planning.design.measurable_elements`) those with the largest
 increase of the determinant of the group's information matrix are taken in turn (Fedorov's greedy
 D-optimal choice). Each element gets measurements in proportion to the number of parameters in its
-rows. The number of measurements of each kind is given; `hil.planning.design.by_minutes` chooses it
-too.
+rows. The number of measurements of each kind is given here, and chosen to fit a duration in
+`hil.planning.design.by_minutes`.
 
 A constant gravity torque cannot be distinguished from a torque offset by any number of
 measurements: such an axis gets few measurements, and its parameters are determined from moments of
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     """Element, configuration and number of a measurement."""
 
 COUNTS = {name: kind.count for name, kind in ELEMENT_KINDS.items()}
-"""Default number of measurements of each kind; the campaign lasts as long as section 8's."""
+"""Default number of measurements of each kind, for a campaign as long as that of section 8."""
 LEAST_SHARE = 4
 """Minimum number of measurements of an element, however few parameters its row holds."""
 
@@ -137,7 +137,7 @@ def _choose(
     usual: int,
     workspace: Workspace | None,
 ) -> list[Chosen]:
-    """Choose elements and configurations for `count` measurements, or for as many as help."""
+    """Choose elements and configurations for `count` measurements; None for the `usual` number."""
     spread = [candidates(robot, element, workspace) for element in elements]
     weighted = [
         element.row(q) / robot.torque_limit[element.axis]

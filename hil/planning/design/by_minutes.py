@@ -7,9 +7,9 @@ measurements needed for its friction law. The rest of the time is filled with th
 per second of log det of the information about all base parameters
 (`hil.planning.design.selection`).
 
-With trajectories the core is half as large, and they usually get most of the time: in a minute all
-axes show more than strokes of one axis do. Strokes remain necessary where friction, equal forth and
-back, must cancel.
+With trajectories the core is half as large. Trajectories usually get most of the time, since a
+minute with all axes in motion gives more information than strokes of one axis. Strokes remain
+necessary where friction, equal in both directions, must cancel.
 
 A refinement starts with the information of an earlier run, and adds measurements for the imprecise
 parameters, by the decrease of the variance of torques.
@@ -198,7 +198,7 @@ def _tour(robot: Robot, chosen: Sequence[ParameterMeasurement]) -> list[Paramete
 
 
 def _merge(chosen: Sequence[ParameterMeasurement]) -> list[ParameterMeasurement]:
-    """Merge blocks of a trajectory into a measurement without stops, placed at the first."""
+    """Merge the blocks of a trajectory into one measurement, in place of the first block."""
     periods = Counter[str]()
     for each in chosen:
         periods[each.id] += each.cycles

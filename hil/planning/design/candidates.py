@@ -1,7 +1,7 @@
 """Candidate measurements with information and duration.
 
-For drives with streams of set-points, trajectories are included: a few different ones, each in
-blocks of some periods, of which as many may be chosen as the time permits.
+For drives with streams of set-points, a few different trajectories are included. Each is divided
+into blocks of some periods; the number of chosen blocks depends on the time.
 
 For every element of g(q) and M(q) the first configurations of its sequence are taken
 (`hil.planning.design.measurable_elements`). Each is planned as a measurement and judged by the

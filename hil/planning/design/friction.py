@@ -11,9 +11,9 @@ operation
     The characteristic after several times of continuous operation (Fig. 2b).
 
 At low speed a window of constant velocity spans at least one turn of the motor, the period of
-torque ripple; at high speed it lasts some tenths of a second. Where an axis's range is too short
-for its ramps the acceleration is raised, up to `HARDEST` of the limit; only then does the sweep end
-below the speed limit.
+torque ripple; at high speed it lasts some tenths of a second. If an axis's range is too short for
+its ramps, the acceleration is raised up to `HARDEST` of the limit. If the range is still too short,
+the sweep ends below the speed limit.
 """
 
 from __future__ import annotations
@@ -52,7 +52,10 @@ STOPS = (300.0, 60.0, 120.0)
 OPERATION = (0.0, 600.0, 1800.0, 3600.0)
 """Times of continuous operation before each characteristic [s]."""
 OPERATING_SPEEDS, OPERATING_SLOWEST = 10, 0.02
-"""Number of speeds and slowest share in operation; creeping would let the gear rest."""
+"""Number of speeds in `operation`, and the lowest as a share of the limit.
+
+Creeping would affect the gear like a rest.
+"""
 CONTINUOUS = 0.5
 """Share of the speed limit in continuous motion."""
 
@@ -172,7 +175,7 @@ class _Bench:
         return RANGE * float(self._guarded.q_max[axis] - self._guarded.q_min[axis])
 
     def top(self, axis: int) -> float:
-        """Compute the highest speed reachable and held for a moment within the range [rad/s]."""
+        """Compute the highest speed that the range permits for `SHORT_WINDOW` [rad/s]."""
         hardest = HARDEST * float(self._robot.acceleration_limit[axis])
         half = SHORT_WINDOW * hardest / 2
         reachable = math.sqrt(half**2 + hardest * self.room(axis)) - half
@@ -239,7 +242,7 @@ class _Bench:
 
 
 def _scatter(speeds: Sequence[float]) -> list[float]:
-    """Put about half of the highest speed first, the rest in an order without a trend."""
+    """Order speeds without a trend, starting with about half of the highest speed."""
     half = min(speeds, key=lambda v: abs(v - CONTINUOUS * max(speeds)))
     rest = [v for v in speeds if v != half]
     order = np.argsort([k * GOLDEN % 1.0 for k in range(len(rest))], kind="stable")

@@ -1,15 +1,17 @@
-"""Plan of a few minutes with a load: the most informative measurements beside an unloaded run.
+"""Plan of a few minutes with a load: the most informative measurements in addition to a bare run.
 
 Both runs share base parameters p, torque ripple and friction of the transmitted torque; the loaded
 one has p + K phi and offsets of its own, since the asymmetry of friction changes from day to day.
-Its normal equations over the unknowns x of `hil.friction.equation` become those of both runs by
+The normal equations of one run over the unknowns x of `hil.friction.equation` become those of both
+runs by
 
     x = E z,    z = (x of the run without, phi, offsets of the loaded run).
 
 Measurements are chosen by the largest increase per second of log det of the information about phi,
-all else eliminated, a criterion independent of the scales of mass and inertia: slow strokes first,
-then strokes as fast as the axes can move the load estimated from these. Torques of a measurement
-are computed for the possible loads; accelerations beyond the torque limits are reduced.
+all else eliminated, a criterion independent of the scales of mass and inertia. Slow strokes come
+first. From these the load is estimated, and the next strokes are as fast as the axes can move it.
+Torques of a measurement are computed for the possible loads; accelerations beyond the torque limits
+are reduced.
 """
 
 from __future__ import annotations
@@ -58,7 +60,7 @@ HOLD = 0.9
 """Maximum share of an axis's torque limit in a measurement."""
 SLOWER = (1.0, 0.7, 0.5, 0.35, 0.25)
 """Shares of a candidate's acceleration to try, in steps of about sqrt(2); velocity scales with the
-square root."""
+square root of the share."""
 SLOW_SHARE = 0.4
 """Share of the time for slow strokes."""
 REACH = 0.2
@@ -148,8 +150,7 @@ class WithoutLoad:
         Parameters
         ----------
         options : sequence of Option
-            Options; a negligible fraction of their mean information serves as the prior of the
-            load.
+            Candidates. The prior of the load is a negligible fraction of their mean information.
         """
         n = n_unknowns(self.robot)
         mean = np.mean([np.diag(self.embed(option.worth)) for option in options], axis=0)
@@ -190,7 +191,7 @@ class WithoutLoad:
         return float(np.max(shares))
 
     def bodies(self, mass: float) -> list[Array]:
-        """Return loads of a mass, centred in the last frame and `REACH` off in each direction."""
+        """Return loads centred at the last frame's origin, and `REACH` off along each axis."""
         shown = np.abs(self.columns.free).max(axis=1) > 0
         loads = [_body(mass, np.zeros(3), shown)]
         for k, at in enumerate(FIRST_MOMENTS):
@@ -263,7 +264,7 @@ def fast_plan(
 
 
 def load_capacity(bare: WithoutLoad, plan: Plan) -> float:
-    """Compute the mass held by the axes in a plan, up to `REACH` off the last frame [kg]."""
+    """Compute the largest mass that the axes hold in a plan, `REACH` off the last frame [kg]."""
     found = np.inf
     for measurement in filter(shows_parameters, plan.measurements):
         motion, tau = bare.torque(measurement)

@@ -1,8 +1,8 @@
 """Search for the axis position that best determines an imprecise load parameter.
 
 From all measurements feasible with the load, the one with the largest decrease of the parameter's
-predicted standard deviation is taken. Then each axis at rest in it is turned in turn: the axis with
-the largest effect, at its best position, is the answer.
+predicted standard deviation is taken. Then the position of each axis at rest in this measurement is
+varied. The result is the axis with the largest effect, at its best position.
 """
 
 from __future__ import annotations

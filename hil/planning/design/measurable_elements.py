@@ -7,8 +7,8 @@ time. Candidates spread these joints over their ranges by a low-discrepancy sequ
 others at mid-range. In a guarded workspace only candidates with clear strokes count.
 
 Successive measurements of an axis start at motor angles spread by the golden ratio: torque ripple
-then averages out over the configurations instead of biasing all of them alike. Their corners fall
-at different instants between two samples for the same reason
+then averages out over the configurations instead of biasing all of them alike. The corners of the
+motion profiles fall at different instants between two samples for the same reason
 (`hil.planning.design.standard_motions`).
 """
 
@@ -71,7 +71,7 @@ class Element:
     row: Row
     measure: Callable[[str, Sequence[float], int], ElementMeasurement]
     like_offset: bool = False
-    """True if a constant element cannot be distinguished from a torque offset."""
+    """True for a constant element, which cannot be distinguished from a torque offset."""
 
     @property
     def axes(self) -> tuple[int, int]:
@@ -176,8 +176,8 @@ def candidates(robot: Robot, element: Element, workspace: Workspace | None) -> A
 def _pairs(robot: Robot, columns: list[int]) -> list[tuple[int, int]]:
     """Return creeping and accelerated axis for every off-diagonal parameter.
 
-    Of the elements with a parameter, the one with the clearest torque is taken: large acceleration
-    on one side, small torque range (so little noise and friction) on the other.
+    Of the elements with a parameter, the one with the clearest torque is taken: the accelerated
+    axis is fast, and the creeping axis has a small torque limit, so little noise and friction.
     """
     mass = base_parameters(robot).dependencies.mass
     found = []

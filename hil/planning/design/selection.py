@@ -49,7 +49,7 @@ class Selection:
     options : sequence of Option
     criterion : {"det", "torque"}
     known : ndarray, shape (n, n), optional
-        Worth of earlier measurements.
+        Information of earlier measurements.
     """
 
     def __init__(

@@ -1,19 +1,18 @@
 """Standard motions of each kind of measurement, as shares of the robot's limits.
 
-Gravity is measured at a low constant velocity. A short time between forward and backward motion
-limits the drift of friction, so a window lasts a second; but a stroke is at least `GRAVITY_STROKE`
-long, over which torque ripple and encoder error average out, unless that takes too long. Inertias
-are measured with the largest acceleration that leaves room for the load; couplings with a creeping
-axis while its partner accelerates. Ramps shorter than `INERTIA_RAMP` hold too few samples at slow
-SYNC.
+Gravity is measured at a low constant velocity. A window lasts a second, because friction drifts
+between forward and backward motion. A slow axis gets a longer window, to cover `GRAVITY_STROKE`, a
+distance over which torque ripple and encoder error average out. Inertias are measured with the
+largest acceleration that leaves room for the load; couplings with a creeping axis while its partner
+accelerates. Ramps shorter than `INERTIA_RAMP` hold too few samples at slow SYNC.
 
 In a short range an axis moves slowly enough for ramps and constant velocity to fit. Below `SLOWEST`
 of its velocity limit the estimator uses no samples, so a slower motion is refused.
 
 Measurements of the same axis differ slightly in stroke and acceleration, so that the corners of
-their profiles fall anywhere between two samples. Strokes begin with a SYNC; with equal profiles
-every corner would come at the same instant after one, and the sampling error would bias the delay
-of the torque, by 0.08 ms of 4 ms, instead of averaging out.
+their profiles fall anywhere between two samples. Strokes begin with a SYNC. With equal profiles
+every corner would come at the same instant after a SYNC, and the sampling error would bias the
+delay of the torque, by 0.08 ms of 4 ms, instead of averaging out.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ CREEP_SPEED, CREEP_TIME, CREEP_CYCLES = 0.08, 7.0, 2
 RAMP_OF_CREEP = 0.2
 """Duration of a ramp to constant velocity, unless the acceleration limit prolongs it [s]."""
 STEEPEST = 0.99
-"""Maximum share of the acceleration limit in such a ramp; plans round their numbers."""
+"""Maximum share of the acceleration limit in a ramp to constant velocity; plans round numbers."""
 SHORTEST_CRUISE = 1.2 * (MARGIN + SHORTEST_WINDOW)
 """Minimum duration of constant velocity for short ranges [s]."""
 SPREAD = 0.012
@@ -139,7 +138,7 @@ def _cruising(robot: Robot, axis: int, stroke: float) -> float:
     """Compute the highest velocity held for `SHORTEST_CRUISE` in a stroke."""
     limit = STEEPEST * float(robot.acceleration_limit[axis])
     steep = SHORTEST_CRUISE * limit / 2
-    # stroke = velocity (cruise + ramp), the ramp velocity / limit or RAMP_OF_CREEP
+    # stroke = velocity (cruise + ramp); the ramp lasts velocity / limit or RAMP_OF_CREEP
     return min(
         math.sqrt(steep**2 + limit * stroke) - steep, stroke / (SHORTEST_CRUISE + RAMP_OF_CREEP)
     )

@@ -8,10 +8,10 @@ condition number would be that of a motion with a resting wrist. Criteria to min
 number of W (Armstrong 1989, Gautier and Khalil 1992), the reciprocal of its smallest singular
 value, or -log det W'W (Swevers 1997, D-optimal).
 
-The last is the default: it is independent of column scales, and it counts all combinations of
-parameters, the others only the worst, or the worst and the best. On the manutec-r15 the predicted
-error of torques after ten minutes is 0.019 to 0.024 % with it, 0.028 to 0.033 % with the smallest
-singular value and 0.071 % with the condition number.
+The default is -log det W'W. It is independent of column scales and counts all combinations of
+parameters. The singular value counts only the worst combination, the condition number the worst and
+the best. On the manutec-r15 the predicted error of torques after ten minutes is 0.019 to 0.024 %
+with the default, 0.028 to 0.033 % with the singular value and 0.071 % with the condition number.
 
 For W = sum_k s_k u_k v_k', the derivative of a singular value is u_k' dW v_k, and that of a
 criterion is sum_ij G_ij dW_ij with G known from the decomposition. dW depends only on the motion at
@@ -164,7 +164,7 @@ class Basis:
         )
         self._middle = (robot.q_max + robot.q_min) / 2
         self._reach = SHARE * (robot.q_max - robot.q_min) / 2
-        # 0.98: acceleration between these instants is up to 1.2 % larger, 1 - cos(pi / SAMPLES),
+        # 0.98: acceleration between the samples is up to 1.2 % larger, 1 - cos(pi / SAMPLES),
         # and drives round their limits
         acceleration = 0.98 * ACCELERATION_SHARE * robot.acceleration_limit
         fastest = np.minimum(SHARE * robot.velocity_limit, np.inf if speed is None else speed)
@@ -279,7 +279,7 @@ def _refine(basis: Basis, start: Array, criterion: ExcitationCriterion, steps: i
         return value, gradient.ravel()
 
     x = start.ravel()
-    for weight in (1.0, 10.0, 100.0):  # of the limits
+    for weight in (1.0, 10.0, 100.0):  # weights of the penalties
         done = optimize.minimize(
             partial(cost, penalty=weight),
             x,

@@ -8,12 +8,12 @@ white noise. It is modelled as a random walk of the friction level.
 Both may be stated in the robot file, `torque_noise` and `friction_wander`. Otherwise they are the
 defaults stated here, or estimates from an earlier run (`hil.estimation.noise_levels`).
 
-A third disturbance are the encoder increments. Accelerations are second differences of rounded
-positions, and an inertia times their error is missing in the torque. Behind a gear the smoothing
-leaves little of it, 1 % of the variance of the rest on the manutec-r15; on a direct drive it may
-dominate, and jerks, third differences, then look like corners, so that the estimator leaves samples
-out (`Differences`). The increments are in the drives file, or in the robot file as
-`encoder_resolution`; if neither states them, there is no such term, and the source says so. The
+A third disturbance is encoder rounding. Accelerations are second differences of rounded positions,
+and inertia times acceleration error is missing in the torque. With a gear, smoothing reduces this
+error to 1 % of the remaining torque variance on the manutec-r15. On a direct drive it may dominate.
+Then jerks, third differences, look like corners, so that the estimator leaves samples out
+(`Differences`). The increments are in the drives file, or in the robot file as
+`encoder_resolution`; if neither states them, encoder rounding is omitted, as `source` mentions. The
 inertia is not known before the identification. It is assumed as the larger of the motor's inertia
 and `INERTIA` of the torque limit over the acceleration limit.
 

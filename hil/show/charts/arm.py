@@ -1,7 +1,7 @@
 """Picture of the arm: capsules in an oblique parallel projection from above.
 
-It is shown without scripts and in print; `hil.view` draws the same capsules in three dimensions.
-Links are drawn from the farthest to the nearest.
+The picture needs no scripts and can be printed; `hil.view` draws the same capsules in three
+dimensions. Links are drawn from the farthest to the nearest.
 """
 
 from __future__ import annotations

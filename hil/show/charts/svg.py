@@ -195,7 +195,7 @@ def draw(panel: Panel) -> Iterator[str]:
     """Draw the elements of a panel."""
     left = _left_margin(panel)
     x = Scale(*_reach(panel), left, panel.width - RIGHT, panel.decades)
-    marks = x.marks(int((x.end - x.begin) / 55.0), whole=panel.whole)  # about so far apart
+    marks = x.marks(int((x.end - x.begin) / 55.0), whole=panel.whole)  # about 55 apart
     along = text_of(marks if panel.ticks is None else panel.ticks, x)
     top = bottom = TOP
     if panel.title:
@@ -222,7 +222,7 @@ def _left_margin(panel: Panel) -> float:
 def _up(panel: Panel, top: float) -> list[tuple[float, str]]:
     """Return positions and labels of the vertical axis; an empty label without marks."""
     y = _upright(panel, top)
-    # approximate spacing; at least three marks, so that two marks show the scale
+    # marks about 26 apart; with a maximum of at least three, two marks exist and show the scale
     marks = y.marks(max(3, int(panel.height / 26.0)))
     return text_of(marks if panel.rows is None else panel.rows, y) or [(top, "")]
 
