@@ -95,7 +95,7 @@ class KernelSync(can.BusABC):
 
     @property
     def capabilities(self) -> Capabilities:
-        """No capability of the inner bus: frames wait here for their SYNC."""
+        """Capabilities: none of those of the inner bus, since frames wait here for their SYNC."""
         return Capabilities()
 
     @property
@@ -170,7 +170,7 @@ class KernelSync(can.BusABC):
                 self._waiting.append(frame)
 
     def _pass_over(self) -> None:
-        """Count a SYNC taken before as passed over."""
+        """Count the SYNC taken last as passed over."""
         self.passed_over += 1
         self.skipped += 1
 
