@@ -344,7 +344,7 @@ def axis_suffix(axis: int) -> str:
 
 
 def labels_by_node(servers: Iterable[RemoteDictionary]) -> dict[int, str]:
-    """Return the label of each node: the joined labels of its axes."""
+    """Return labels by node number: the joined labels of the node's axes."""
     labels: dict[int, str] = {}
     for server in servers:
         first = labels.get(server.node)

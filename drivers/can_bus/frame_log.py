@@ -49,7 +49,7 @@ PATIENCE = 30.0
 
 
 class FrameLog(can.BusABC):
-    """Bus that logs the frames of another bus, and shuts that bus down with itself.
+    """Bus that logs the frames of another bus, and owns that bus.
 
     Parameters
     ----------

@@ -95,7 +95,7 @@ class KernelSync(can.BusABC):
 
     @property
     def capabilities(self) -> Capabilities:
-        """Capabilities: none of those of the inner bus, since frames wait here for their SYNC."""
+        """No capability of the inner bus, since frames wait here until their SYNC is taken."""
         return Capabilities()
 
     @property

@@ -116,7 +116,7 @@ class CanopenCommunication(Communication):
         )
 
     def claims(self, *, first: bool = True) -> Iterator[tuple[int, str]]:
-        """Yield the used identifiers and their purpose; those of the node with its `first` axis."""
+        """Yield used identifiers and their purpose; for the `first` axis also those of the node."""
         if first:
             for base, service in (
                 (0x580, "the answers of its SDO server"),

@@ -4,9 +4,9 @@ Every frame that answers a SYNC has a slot; the slots of one axis are adjacent, 
 precompiled struct unpacks the joined frames of all axes at once. If a fixed TPDO has another order
 or further objects, an `itemgetter` selects the values. Irregularities leave this fast path: a
 missing, doubled or late TPDO is flagged and never replaced by an estimate. After a missing TPDO the
-axis owes one: if two come for the next SYNC, the first is the late one and is dropped. If one
-comes, either the other was lost or everything lags by a SYNC: it is flagged, for some SYNCs, unless
-all answers are known to be in.
+axis owes one: if two come for the next SYNC, the first is the late one and is dropped. If only one
+comes, either the owed TPDO was lost or all TPDOs lag by a SYNC: the TPDO is flagged, for some
+SYNCs, unless all answers are known to be in.
 """
 
 from __future__ import annotations
@@ -210,7 +210,7 @@ class SyncProcessData(ProcessData):
         self._network.pump(0.0)
 
     def _take_block(self) -> tuple[int, ...] | None:
-        """Return the values of answers received as one block, None if a TPDO is owed."""
+        """Return the values of answers in one block; None if frames must be read one by one."""
         if self._blocks is None or self._owed or (block := self._blocks.recv_block()) is None:
             return None
         values = self._block.unpack(block)
