@@ -1,7 +1,7 @@
 """Individual settings of a drive: identity, ratings, limits, personality.
 
 The rest of the object dictionary is common to all drives and is given by the EDS. Units are those
-of the objects; joint side and SI end here.
+of the objects, neither joint side nor SI.
 """
 
 from __future__ import annotations

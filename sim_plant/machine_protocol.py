@@ -116,8 +116,8 @@ class Machine(Protocol):
     def advance(self, duration: float) -> None:
         """Run the physics for `duration` [s].
 
-        Returns to the caller of `handle_event` in the middle wherever an axis's events change, so
-        that the firmware acts at the right instant, however long `duration` is.
+        Calls `handle_event` at each instant at which an axis's events change, so that the firmware
+        acts at the right instant, however long `duration` is.
         """
 
     def advance_quietly(
@@ -125,7 +125,7 @@ class Machine(Protocol):
     ) -> NDArray[np.int64]:
         """Run the physics for several durations [s] in turn and latch after every duration.
 
-        Ends before the first latch that an axis has news at.
+        Ends before the first latch with news of an axis.
 
         Parameters
         ----------

@@ -53,7 +53,7 @@ class CanopenNode:
     personality : Personality
         Visible objects of the dictionary, and timing of RPDOs.
     axis : int
-        Number of the axis in the node, from 1; the first axis speaks for all (see `join`).
+        Number of the axis in the node, from 1; the first axis serves the whole node (see `join`).
     """
 
     def __init__(
