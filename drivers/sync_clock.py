@@ -42,8 +42,8 @@ LOCK_STEP_WAIT = 0.1
 """Shortest wait for a plant in lock-step [s]; waits on the wall clock are shorter."""
 
 POLLING_TIME = 0.0003
-"""Duration of active polling [s]: several cycles, and .3 % of a core at one poll in
-`LOCK_STEP_WAIT`."""
+"""Duration of active polling [s]: several cycles of a peer in lock-step; .3 % of a core if repeated
+once per `LOCK_STEP_WAIT`."""
 
 
 def poll_actively(receive: Callable[[], T | None]) -> T | None:

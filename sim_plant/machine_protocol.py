@@ -77,7 +77,7 @@ class Axis(Protocol):
         """Bring the demand to rest [inc/s^2] and hold."""
 
     def follow(self, target: float, period: float) -> None:
-        """Lead the demand towards `target` [inc] over `period` [s], one of a stream."""
+        """Lead the demand towards `target` [inc], a set-point of a stream, over `period` [s]."""
 
     def feed_forward(self, velocity: float, torque: float) -> None:
         """Add to the commands of velocity [inc/s] and of torque [per mille of rated]."""

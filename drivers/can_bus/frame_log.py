@@ -43,7 +43,7 @@ WAITING_MAX = 100_000
 TICK = 1e-6
 """Resolution of the logs [s]."""
 CREDIBLE = 1.0
-"""Largest age of a usable time stamp [s]; an older one is of another clock than the computer's."""
+"""Largest age of a usable time stamp [s]: older stamps are not by the clock of this computer."""
 PATIENCE = 30.0
 """Longest wait for the disk before the log is given up [s]."""
 

@@ -29,7 +29,7 @@ SILENCE = 0.5
 """Longest silence of the kernel's SYNC, beyond three periods, until the bus is down [s]."""
 
 BABBLE = 20_000
-"""Largest number of frames skipped in one call: a bus may never fall silent."""
+"""Largest number of frames skipped in one call: a faulty node may send without end."""
 
 STALE = 2
 """Age [periods] at which a waiting SYNC is skipped in favour of the newest."""

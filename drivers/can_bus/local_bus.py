@@ -43,7 +43,7 @@ SLICE = 0.001
 """Period at which a waiting sender empties its own queue [s]."""
 
 _GLANCE = 0.05
-"""Period at which a bus that waits for a first peer looks for it [s]."""
+"""Period of the search for a first peer [s]."""
 
 FD_SETSIZE = 1024
 """Smallest file descriptor that `select` does not accept."""

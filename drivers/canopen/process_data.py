@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 BABBLE = 1000
-"""Largest number of frames read after the time of an answer: a node may never fall silent."""
+"""Largest number of frames read after the time of an answer: a node may send without end."""
 
 DOUBT = 5
 """Number of SYNCs with a single answer each, after which an owed TPDO counts as lost."""
@@ -221,7 +221,7 @@ class SyncProcessData(ProcessData):
         return values
 
     def _collect(self, clock: SyncClock) -> list[Data]:
-        """Return the content of each frame; of a missing one, its last content."""
+        """Return the content of each frame, or its previous content if the frame is missing."""
         receive, slots, sizes = self._receive, self._slots, self._sizes
         in_lock_step = self._in_lock_step
         timeout = 0.0 if in_lock_step else clock.window()

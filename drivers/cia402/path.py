@@ -122,7 +122,7 @@ MEMORY = 10.0
 
 
 class Path:
-    """Set-points of the axes, and the present place among them.
+    """Set-points of the axes, and the present position on the path.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ ACKNOWLEDGE_CYCLES = 25
 """Minimum duration of the handshake [SYNCs]: four statuswords must come and go."""
 
 GRACE = 2.0
-"""Additional time of a move beyond 1.5 times its profile [s]."""
+"""Time limit of a move beyond 1.5 times the duration of its profile [s]."""
 
 _NOT_REACHED = "check brake, load, position_window, and that the drive's limits allow the move"
 _ON_TARGET = (

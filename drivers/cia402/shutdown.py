@@ -180,7 +180,7 @@ class Shutdown:
                     each.reason = str(error)
 
     def conclude(self) -> list[str]:
-        """Watch axes after power-off, and wait for the reaction of those still on.
+        """Watch axes after power-off, and wait for the reaction of drives that are still on.
 
         Returns
         -------

@@ -32,10 +32,10 @@ STOP_DELAY = 0.1
 """Longest reaction time of a drive and its loops to a stop command [s]."""
 
 STOP_MARGIN = 1.5
-"""Margin of time and distance of a stop over those of its stated deceleration."""
+"""Factor of the bounds on time and distance of a stop over those by the stated deceleration."""
 
 OFF_TIME = 0.5
-"""Longest time of a drive at rest to switch off [s]; it may close a brake first."""
+"""Longest time of a drive at rest to switch off [s]; the drive may close a brake first."""
 
 OFF_TIME_MOVING = 0.2
 """Longest time to switch off for an axis that did not stop properly [s]."""

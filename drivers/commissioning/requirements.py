@@ -85,9 +85,9 @@ class Use(Flag):
     VARY = auto()
     """Written repeatedly: an object fixed at any value is unsuitable."""
     SEND = auto()
-    """The drive must be able to send it in a PDO."""
+    """The drive must be able to send the object in a PDO."""
     RECEIVE = auto()
-    """The drive must be able to take it from a PDO."""
+    """The drive must be able to take the object from a PDO."""
 
 
 class Lack(Enum):
@@ -171,7 +171,7 @@ def reaction_for(quick_stop: int) -> int:
 
 
 def is_set(value: int, entry: Entry) -> bool:
-    """Return True if a limit is set: 0 and all ones are not."""
+    """Return True if a limit is set: neither 0 nor all bits one."""
     return value > 0 and value != (1 << 8 * entry.size) - 1
 
 

@@ -452,5 +452,5 @@ class Scan:
     syncs: int = 0
 
     def heard(self, node: int) -> FoundNode:
-        """Return the node of a number, added if new."""
+        """Return the node with this number; add the node if it is new."""
         return self.nodes.setdefault(node, FoundNode(node))

@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 SIGNIFICANT = 4.0
 """Smallest friction with a certain sign, in standard errors."""
 VELOCITY_SAME = 0.3
-"""Largest relative deviation of the velocity from the commanded one: a short move is mostly
-transients, and units differ by more."""
+"""Largest relative deviation from the commanded velocity: a short move is mostly transients, and
+a wrong unit gives a larger deviation."""
 NOISE_MAX = 0.01
 """Largest noise of the current, as a share of the torque limit, without loss of accuracy."""
 QUANTUM_MAX = 0.005

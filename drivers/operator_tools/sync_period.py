@@ -114,7 +114,7 @@ def wake_ups_on(bus: Fieldbus, period: float, duration: float) -> WakeUps | None
 
 
 def judge_wake_ups(found: WakeUps, *, real_time: bool, by_kernel: bool = False) -> Verdict:
-    """Compare the rate kept by this computer with the wanted one.
+    """Compare the rate of SYNC kept by this computer with the wanted rate.
 
     Parameters
     ----------

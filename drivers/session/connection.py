@@ -143,7 +143,7 @@ class Connection(ABC):
         """
         self.process_data.sync()
         self.life_sign.service()
-        if trouble := self.life_sign.trouble:  # no trip, since nothing moves yet
+        if trouble := self.life_sign.trouble:  # before any motion, a trip becomes a refusal
             raise DriveRefused(str(trouble)) if isinstance(trouble, Tripped) else trouble
 
     def beating_cycle(self) -> None:

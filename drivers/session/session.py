@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from drivers.session.connection import Connection
 
 LEFT_OUT = 0.5
-"""Delay of a SYNC from which another SYNC counts as skipped [periods]: as deadlines tolerate."""
+"""Delay of a SYNC beyond which a SYNC was left out [periods]: the tolerance of deadlines."""
 UNSUPERVISED = 0.5
 """Longest time without supervision during motion, as a share of the heartbeat timeout."""
 

@@ -191,7 +191,7 @@ class CanopenNode:
         self.emergencies.clear(ErrorCode.HEARTBEAT_LOST)
 
     def _reset_profile(self) -> None:
-        """Put the profile to its state after power-on."""
+        """Reset the profile to its state after power-on."""
 
     # Internals
 

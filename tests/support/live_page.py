@@ -56,7 +56,7 @@ class Served:
     def begin(
         self, robot: Robot, plan: Plan, axes: tuple[AxisInfo, ...], *, pushed: bool = False
     ) -> None:
-        """Publish the first lines of a run; `pushed` states a hand for pushes, and watching."""
+        """Publish the first lines of a run; with `pushed`, of a watched run that accepts pushes."""
         kind = {"simulated": True, "hand": pushed, "watched": pushed}
         self.publish("start", **lines.start(robot, plan, None, **kind))
         self.publish("armed", **lines.armed(axes))

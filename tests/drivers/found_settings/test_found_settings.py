@@ -575,7 +575,7 @@ def test_values_of_a_killed_session_are_noted_where_drives_without_serial_number
 
 
 def written(settings: FoundSettings) -> set[int]:
-    """Return the indices of objects in a file that a session wrote."""
+    """Return the indices of the objects in a file with a value written by a session."""
     kept = [each for drive in settings.drives for each in drive.objects]
     return {each.index for each in kept if each.written is not None}
 
