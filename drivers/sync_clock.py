@@ -85,7 +85,7 @@ class SyncClock:
         self._start = clock() if start is None else start
 
     def now(self) -> float:
-        """Time since the bus was entered [s]."""
+        """Return the time since the bus was entered [s]."""
         return self._clock() - self._start
 
     def due(self) -> float:
@@ -120,7 +120,7 @@ class SyncClock:
 
 
 class LockStep(SyncClock):
-    """Time counted in SYNCs; a SYNC is due as soon as the last one is answered.
+    """Time counted in SYNCs; a SYNC is due as soon as the previous SYNC is answered.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ class LockStep(SyncClock):
         self._patience_ends = -math.inf
 
     def now(self) -> float:
-        """Time since the bus was entered [s]."""
+        """Return the time since the bus was entered [s]."""
         return self._count * self._period
 
     def note_sent(self) -> float:
@@ -163,7 +163,7 @@ class LockStep(SyncClock):
         time.sleep(self._period)
 
     def hurry(self, hurried: bool) -> None:
-        """Shorten the patience with a plant in another process."""
+        """Shorten the wait for a plant in another process during a stop of the axes."""
         self._patience = HURRIED_PATIENCE if hurried else PATIENCE
 
 

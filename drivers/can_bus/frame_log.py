@@ -39,7 +39,7 @@ log = logging.getLogger(__name__)
 PAUSE = 0.05
 """Period of the writing thread [s]."""
 WAITING_MAX = 100_000
-"""Largest number of frames waiting for the disk: half a minute or more of six axes."""
+"""Largest number of frames waiting for the disk: half a minute or more with six axes."""
 TICK = 1e-6
 """Resolution of the logs [s]."""
 CREDIBLE = 1.0

@@ -85,7 +85,7 @@ class CanopenBus(Fieldbus):
 
     @contextmanager
     def timed(self, drives: DrivesFile) -> Iterator[TimedCanopenBus]:
-        """Measure the response times of the drives, with a stopwatch in front of this bus."""
+        """Yield a bus that measures response times, with a stopwatch in front of this bus."""
         with StopwatchBus(self._bus, drives) as stopwatch:
             yield TimedCanopenBus(stopwatch, drives, self._pacing)
 

@@ -154,7 +154,7 @@ class StopwatchBus(can.BusABC):
 
     @property
     def slowest(self) -> float:
-        """Response time not exceeded by the share `ANSWERED` of the SYNCs [s]."""
+        """Quantile `ANSWERED` of the response times to SYNC [s]."""
         return float(np.quantile(self.answers, ANSWERED))
 
     def jitter(self, period: float) -> float:

@@ -266,7 +266,7 @@ class CyclicPosition:
         self._feed_forward.withdraw()
 
     def give_back(self) -> None:
-        """Restore the drives' own feed-forward, as for their own ramps."""
+        """Restore the drives' own feed-forward, before ramps that the drives plan."""
         self._feed_forward.give_back()
 
     def leave(self) -> None:

@@ -149,7 +149,7 @@ def _command(phase: StopPhase, shown: Shown) -> Command | None:
 
 
 def overdue_phase(phase: StopPhase, shown: Shown) -> StopPhase:
-    """Return the next phase after a passed bound."""
+    """Return the next phase after an exceeded bound."""
     if phase is not StopPhase.DISABLING:
         return StopPhase.DISABLING
     if shown is Shown.READY:

@@ -190,7 +190,7 @@ class StopwatchWire:
 
     @property
     def slowest(self) -> float:
-        """Return time not exceeded by the share `ANSWERED` of the frames [s]."""
+        """Quantile `ANSWERED` of the return times of frames [s]."""
         return float(np.quantile(self._took, ANSWERED)) if self._took else 0.0
 
     def achievable_rate(self, slowest: float) -> float:
@@ -269,7 +269,7 @@ class EthercatBus(Fieldbus):
 
     @contextmanager
     def timed(self, drives: DrivesFile) -> Iterator[TimedEthercatBus]:
-        """Measure the return times of frames, with a stopwatch in front of this bus."""
+        """Yield a bus that measures return times of frames, with a stopwatch in front of this bus."""
         del drives
         yield TimedEthercatBus(StopwatchWire(self._wire), lock_step=self.lock_step)
 
