@@ -196,7 +196,7 @@ class CanopenConnection(Connection):
             self.cycle()
 
     def _watch_again(self, node: int) -> None:
-        """Under power, restore a drive's supervision of our life sign as set at start-up."""
+        """Restore a powered drive's supervision of our life sign as set at start-up."""
         if self.life_sign.trouble is None:
             return
         for server in self.servers:

@@ -83,7 +83,7 @@ def supply_listed(
     entries: dict[Key, Declared],
     notes: list[str],
 ) -> None:
-    """Add objects listed without a description, as the standard defines them, and note each."""
+    """Add and note objects listed without a description, as the standard defines them."""
     supplied = []
     for index in sorted(set(_listed(sections)) - set(described)):
         members = [entry for key, entry in _STANDARD.items() if key[0] == index]

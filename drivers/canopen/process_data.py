@@ -221,7 +221,7 @@ class SyncProcessData(ProcessData):
         return values
 
     def _collect(self, clock: SyncClock) -> list[Data]:
-        """Return the content of each frame, or its previous content if the frame is missing."""
+        """Return the content of each frame, or the previous content of a missing frame."""
         receive, slots, sizes = self._receive, self._slots, self._sizes
         in_lock_step = self._in_lock_step
         timeout = 0.0 if in_lock_step else clock.window()

@@ -171,7 +171,7 @@ def reaction_for(quick_stop: int) -> int:
 
 
 def is_set(value: int, entry: Entry) -> bool:
-    """Return True if a limit is set: neither 0 nor all bits one."""
+    """Return True if a limit is set: neither 0 nor all bits set."""
     return value > 0 and value != (1 << 8 * entry.size) - 1
 
 

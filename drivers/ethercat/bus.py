@@ -269,7 +269,7 @@ class EthercatBus(Fieldbus):
 
     @contextmanager
     def timed(self, drives: DrivesFile) -> Iterator[TimedEthercatBus]:
-        """Yield a bus that measures return times of frames, with a stopwatch in front of this bus."""
+        """Yield a bus that measures return times, with a stopwatch in front of this bus."""
         del drives
         yield TimedEthercatBus(StopwatchWire(self._wire), lock_step=self.lock_step)
 
