@@ -756,7 +756,7 @@ def test_what_holds_is_what_the_driver_believes_and_what_moves_are_checked_again
 def test_a_target_beyond_the_drives_own_range_is_refused_by_its_object(
     node: int, inside: float, outside: float
 ) -> None:
-    """Axis 2 has a reversed direction and another zero."""
+    """Axis 2 has a reversed direction, and a zero other than 0."""
     zero = 500 * (node - 1)
     ends = {(0x607D, 1): ("i32", zero - 60_000), (0x607D, 2): ("i32", zero + 30_000)}
     can_bus, drive_bus = entered(ends, node)
