@@ -74,9 +74,9 @@ class FoundObject(FileModel):
     Attributes
     ----------
     written : int or None
-        Value in the drive after start-up of the session; None for a session that ended earlier, and
-        for objects that a session changes repeatedly. A drive with neither this value nor `value`
-        was configured after the session.
+        Value in the drive after start-up of the session (until then the planned value); None for
+        objects that a session changes repeatedly. A drive with neither this value nor `value` was
+        configured after the session.
     refused : bool
         True if the drive refused the value, which has been reported.
     """
