@@ -3,7 +3,7 @@
 A drive reports counts of its encoder or parts of a degree, and per mille of a rated value or
 milliamperes; the framework uses SI on the joint side. With counts c of 6064, counts per motor
 revolution R (a ratio of integers), gear ratio N (motor angle over joint coordinate), direction
-s = +-1, zero c0 and sign of the current's count against the drive's position sc = +-1::
+s = +-1, position c0 at q = 0, and sign sc = +-1 of the current relative to the drive's position::
 
     q   = s (c - c0) 2 pi / (R N)                                                  [rad or m]
     tau = s sc N kt a i     i = mA / 1000  or  per mille / 1000 of rated current   [N m or N]
@@ -13,8 +13,8 @@ A count may be several mA or per mille (`per_count`). The factor a converts the 
 current's readback (rms or peak) to that of the torque constant kt. For a prismatic axis N is in
 rad of the motor per m.
 
-Positions that wrap around (`Wrap`) become places of the axes: received positions are unwrapped and
-sent targets are wrapped, only here, so that other modules see no ends of a range.
+Positions of a drive that wrap around (`Wrap`) become places, the unwrapped positions: received
+positions are unwrapped and sent targets wrapped, only here, so that other modules see no ends.
 """
 
 from __future__ import annotations
@@ -126,14 +126,14 @@ class AxisScale:
 class Wrap:
     """Wrap-around of a drive's positions at the ends of a range (607B).
 
-    The range is wider than the travel of the axis, so a position belongs to one place of the axis.
+    A place is an unwrapped position. The range is wider than the travel of the axis, so each
+    position of the drive belongs to one place.
 
     Attributes
     ----------
     low, size : int
-        Lowest position of the drive, and number of positions [increments]. Some drives show lowest
-        and highest
-        for the same place, which counts once.
+        Lowest position of the drive, and number of positions [increments]. Some drives show the
+        lowest or the highest position at the same place; both count as one.
     first : int
         First place on the axis [increments].
     """
@@ -172,8 +172,8 @@ class Axis:
     identity : str
         Identity of the drive (1018), in words.
     planned : bool
-        The driver plans the path, since the drive has no profile position mode or its positions
-        wrap around.
+        True if the driver plans the path, since the drive has no profile position mode or its
+        positions wrap around.
     wrap : Wrap or None
         Wrap-around of the positions.
     """

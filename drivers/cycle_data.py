@@ -65,8 +65,8 @@ class ProcessData(ABC):
     looks_ahead : bool
         True if `sync_ahead` may send several SYNCs.
     on_arrival : tuple of int
-        Axes whose streamed set-points act on arrival, and then those of all axes do; if empty,
-        set-points act at the next SYNC.
+        Axes whose drives cannot delay streamed set-points to the next SYNC. If there is one,
+        set-points of all axes act on arrival, otherwise at the next SYNC.
     """
 
     on_arrival: tuple[int, ...] = ()
@@ -117,7 +117,7 @@ class ProcessData(ABC):
         """
 
     def sync_ahead(self, times: int) -> Cycles | None:
-        """Send up to several SYNCs as `sync` does: one, unless the bus is in lock-step.
+        """Send up to `times` SYNCs as `sync` does, but only one unless the bus is in lock-step.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class ProcessData(ABC):
         Returns
         -------
         Cycles or None
-            SYNCs before the last, with unchanged statuswords; None if only one was sent.
+            Data of the SYNCs before the last, statuswords unchanged; None if only one was sent.
 
         Raises
         ------

@@ -4,8 +4,7 @@ A `DriveBus` is a set of axes that take profile position set-points and report p
 once per SYNC. The measuring side (``sequencer``) sees only this protocol: joint side, SI, no
 counts, no objects, no threads. Time passes only in `DriveBus.sample`, which returns the state of
 the axes latched at one SYNC; a bus in lock-step is as fast as the processor, a bus on the wall
-clock returns
-when the next SYNC is due.
+clock returns when the next SYNC is due.
 
 Failures are a `DriveError`::
 
@@ -94,7 +93,7 @@ class SampleFlag(enum.IntFlag):
     SKIPPED = 16
     """SYNCs immediately before this one were passed over: their answers were too old to judge."""
     OLD = 32
-    """Position or torque in motion not refreshed by the drive since the previous SYNC."""
+    """The axis moves, but its position or torque was not refreshed since the previous SYNC."""
     UNTIMED = 64
     """The instant of this SYNC is uncertain: the computer was interrupted while sending."""
 

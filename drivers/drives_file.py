@@ -210,16 +210,16 @@ class AxisDrive(FileModel):
     acknowledge_timeout : float
         Longest time until the acknowledge [s].
     tpdos : tuple of tuple of int, optional
-        Mapping of TPDO 1 and, if there is one, TPDO 2, as in 1A00 and 1A01, unless status, position
-        and current share one TPDO (two for a current of 32 bits). For listeners; the driver itself
-        asks the drive.
+        Mappings of TPDO 1 and, if used, TPDO 2, as in 1A00 and 1A01; by default status, position
+        and current in one TPDO (in two for a current of 32 bits). Used by passive listeners; the
+        driver itself reads the mappings from the drive.
     axis : int
         Number of the axis in a multi-axis drive (CiA 402: objects 800h apart), from 1.
     pdos : tuple of int
-        Numbers of the first and last PDO in such a drive: by default 1 to 4, 5 to 8 and so on.
+        Numbers of the first and last PDO in a multi-axis drive; by default 1 to 4, 5 to 8, ...
     cob_id : int, optional
-        First of five identifiers for PDOs after the fourth, which have no predefined ones; by
-        default from 680h on, where no service is.
+        First of five identifiers for PDOs after the fourth, which have no predefined identifiers;
+        by default from 680h on, a range without services.
     alias : int, optional
         Alias of a drive on EtherCAT (register 0012h), valid at any position on the line.
     """

@@ -45,7 +45,7 @@ class InNode(NamedTuple):
     pdos: tuple[int, int] = (1, PDOS)
 
     def place(self, index: int) -> int | None:
-        """Return the index in the drive of an object of this axis; None if it is another axis's."""
+        """Return the index in the drive of an object of this axis; None beyond its PDOs."""
         if index in _RECORDS:
             number = index % _EACH + self.pdos[0]
             return index + self.pdos[0] - 1 if number <= self.pdos[1] else None

@@ -1,9 +1,8 @@
 """Units of velocity and acceleration in a drive, by their names in the drives file.
 
-A unit is a symbol, with a factor before the symbol if required: ``rpm``, ``0.1 rpm``, ``1/101
-rpm``,
-``inc/s``. One ``inc/s`` is one unit of position (a count of 6064) per second. Revolutions, degrees
-and radians refer to the motor shaft, metres to a prismatic axis. Sizes are exact fractions.
+A unit is a symbol, with a factor before the symbol if required: ``0.1 rpm``, ``1/101 rpm``. One
+``inc/s`` is one unit of position (a count of 6064) per second. Revolutions, degrees and radians
+refer to the motor shaft, metres to a prismatic axis. Sizes are exact fractions.
 """
 
 from __future__ import annotations

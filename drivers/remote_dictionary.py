@@ -26,12 +26,12 @@ ABSENT = frozenset({0x06020000, 0x06090011})
 _STATE_CODES = frozenset({0x08000022, 0x08000021, 0x06010000})
 RANGE_CODES = frozenset({0x06090030, 0x06090031, 0x06090032, 0x06040043})
 FIXED_CODES = RANGE_CODES | {READ_ONLY}
-"""Abort codes for a value that cannot be changed: read-only, or ours is outside the range."""
+"""Abort codes for a value that cannot be changed: read-only, or written outside the range."""
 
 
 Judge: TypeAlias = "Callable[[Entry, int, int], tuple[bool, str]]"
-"""Judge of a kept value (entry, written, kept): True if acceptable, and " (... instead of ...)" in
-SI, empty where the numbers suffice."""
+"""Judge of a value kept by the drive instead of the written one (entry, written, kept): True if
+acceptable, and both values in SI units as the end of a message, or empty."""
 
 
 class AccessRefused(Exception):
@@ -139,9 +139,9 @@ class RemoteDictionary:
     judge : Judge
         Decides which different values are accepted; initially none.
     saved : set of (int, int)
-        Index and sub-index of objects that are written without `first_write`.
+        Index and sub-index of objects whose old values are saved already.
     first_write : callable, optional
-        Called with every other `Entry` before it is written; may add to `saved`.
+        Called with an `Entry` not in `saved` before the object is written; may add to `saved`.
     """
 
     def __init__(self, access: Access, node: int, name: str, axis: int = 1) -> None:
@@ -254,7 +254,7 @@ class RemoteDictionary:
     ) -> None:
         """Write as `set` does; if the object is missing, note the consequence.
 
-        The consequence is also noted if the drive keeps its own value and that is in `also`.
+        The consequence is also noted if the drive keeps a value in `also` instead of `value`.
         """
         if self.find(entry) is None:
             self.do_without((entry,), consequence)
@@ -273,7 +273,7 @@ class RemoteDictionary:
             self._settle(entry, value, kept)
 
     def set_any(self, values: Mapping[Entry, int]) -> bool:
-        """Write as `set` does those objects that are present; return True if any is."""
+        """Write those objects that are present, as `set` does; return True if any is present."""
         present = {entry: value for entry, value in values.items() if self.find(entry) is not None}
         self.missing.update(entry for entry in values if entry not in present)
         for entry, value in present.items():
@@ -285,7 +285,7 @@ class RemoteDictionary:
         return [entry for entry in self.kept if entry.index in indices]
 
     def refuse_changed(self, entries: Iterable[Entry], refusal: type[DriveError]) -> None:
-        """Refuse objects with another value than was read back after a write."""
+        """Raise `refusal` for an object without the value that was read back after its write."""
         for entry in entries:
             if (present := self.get(entry)) != self.kept[entry]:
                 raise refusal(
@@ -344,7 +344,7 @@ def axis_suffix(axis: int) -> str:
 
 
 def labels_by_node(servers: Iterable[RemoteDictionary]) -> dict[int, str]:
-    """Return the labels of nodes: the joined labels of the axes in each."""
+    """Return labels by node number: the joined labels of the node's axes."""
     labels: dict[int, str] = {}
     for server in servers:
         first = labels.get(server.node)

@@ -23,27 +23,27 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 PATIENCE = 1.0
-"""Patience with a plant in another thread or process in lock-step [s]."""
+"""Longest wait for a plant in another thread or process in lock-step [s]."""
 
 HURRIED_PATIENCE = 0.02
-"""Patience during a stop of the axes [s]."""
+"""Longest wait for a plant in lock-step during a stop of the axes [s]."""
 
 PAUSE = 0.25
 """Minimum pause of a caller [s]; a shorter absence counts as missed deadlines."""
 
 CERTAIN = 0.05
-"""Required certainty of a SYNC's instant as a share of the period: the error of a velocity from
+"""Largest error of a SYNC's instant as a share of the period: the error of a velocity from
 two samples stays below a tenth."""
 
 WINDOW = 0.8
 """Share of the period in which the answers to a SYNC must arrive on the wall clock."""
 
 LOCK_STEP_WAIT = 0.1
-"""Waits of this length or longer are for a plant in lock-step; the wall clock leaves less [s]."""
+"""Shortest wait for a plant in lock-step [s]; waits on the wall clock are shorter."""
 
 POLLING_TIME = 0.0003
-"""Duration of active polling [s]: several cycles, and .3 % of a core at one poll in
-`LOCK_STEP_WAIT`."""
+"""Duration of active polling [s]: several cycles of a peer in lock-step; .3 % of a core if repeated
+once per `LOCK_STEP_WAIT`."""
 
 
 def poll_actively(receive: Callable[[], T | None]) -> T | None:
@@ -85,7 +85,7 @@ class SyncClock:
         self._start = clock() if start is None else start
 
     def now(self) -> float:
-        """Time since the bus was entered [s]."""
+        """Return the time since the bus was entered [s]."""
         return self._clock() - self._start
 
     def due(self) -> float:
@@ -100,9 +100,9 @@ class SyncClock:
         raise NotImplementedError
 
     def latch_instant(self, instant: float, before: float) -> float:
-        """Return the instant [s] at which the inputs sent along were latched.
+        """Return the instant [s] at which the inputs in the frame of `instant` were latched.
 
-        By default, the passage of the frame `before` [s].
+        By default this is `before`, the instant of the previous frame [s].
         """
         del instant
         return before
@@ -120,14 +120,14 @@ class SyncClock:
 
 
 class LockStep(SyncClock):
-    """Time counted in SYNCs; a SYNC is due as soon as the last one is answered.
+    """Time counted in SYNCs; a SYNC is due as soon as the previous SYNC is answered.
 
     Parameters
     ----------
     period : float
         Time between two SYNCs [s].
     synchronous : bool
-        True if answers are in before `send` returns, so that nothing follows an empty queue.
+        True if answers are queued before `send` returns, so that an empty queue ends every wait.
     clock : callable
         Clock for the patience with a plant in another thread [s].
     """
@@ -142,7 +142,7 @@ class LockStep(SyncClock):
         self._patience_ends = -math.inf
 
     def now(self) -> float:
-        """Time since the bus was entered [s]."""
+        """Return the time since the bus was entered [s]."""
         return self._count * self._period
 
     def note_sent(self) -> float:
@@ -163,7 +163,7 @@ class LockStep(SyncClock):
         time.sleep(self._period)
 
     def hurry(self, hurried: bool) -> None:
-        """Shorten the patience with a plant in another process."""
+        """Shorten the wait for a plant in another process during a stop of the axes."""
         self._patience = HURRIED_PATIENCE if hurried else PATIENCE
 
 
@@ -196,7 +196,8 @@ class WallClock(SyncClock):
     def note_sent(self) -> float:
         """Advance to the next deadline; return the SYNC's instant, the middle of `send` [s].
 
-        A SYNC sent too late for its deadline counts for the next one, or that would follow at once.
+        A SYNC sent too late for its deadline counts for the next deadline; otherwise two SYNCs
+        would follow each other at once.
         """
         now = self._clock()
         took = now - self._sending if self._sending is not None else 0.0

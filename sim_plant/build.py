@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 VENDOR_ID, PRODUCT_CODE, REVISION = 0x4D2, 0x402, 0x10000
-"""Identity that the plant's drives report; they exist nowhere else."""
+"""Identity reported by the plant's drives, and by no real device."""
 BRAKE_OVER_PEAK = 1.2
 GEAR_DAMPING = 0.05
 """Damping of a soft gear, as a share of critical damping."""

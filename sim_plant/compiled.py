@@ -51,7 +51,7 @@ def inlined(function: F) -> F:
 def ordered(function: F) -> F:
     """Compile `function` with operations in the written order, for any caller.
 
-    Numba would hand on the caller's rules where a function states none.
+    Numba would apply the floating-point rules of the caller to a function without rules.
     """
     return _kept_on_disk(function, njit(fastmath=IN_ORDER, error_model="numpy"))
 

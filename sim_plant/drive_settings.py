@@ -1,7 +1,7 @@
 """Individual settings of a drive: identity, ratings, limits, personality.
 
 The rest of the object dictionary is common to all drives and is given by the EDS. Units are those
-of the objects; joint side and SI end here.
+of the objects, neither joint side nor SI.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class DriveSettings:
     gear : tuple of int
         6091h: motor revolutions to shaft revolutions.
     software_limits : tuple of int
-        607Dh: lowest and highest target [counts]; off unless the first is the smaller one.
+        607Dh: lowest and highest target [counts]; off unless the lowest is below the highest.
     max_motor_speed : int
         6080h [rev/min].
     max_acceleration : int
@@ -65,7 +65,7 @@ class DriveSettings:
 
     @property
     def feed(self) -> tuple[int, int]:
-        """Counts of positions per revolutions of the shaft (6092h)."""
+        """Counts, and the revolutions of the shaft with as many counts (6092h)."""
         own = self.personality.counts_per_turn
         motor, shaft = self.gear
         return (self.increments_per_revolution * motor, shaft) if own is None else (own, 1)

@@ -77,7 +77,7 @@ class Axis(Protocol):
         """Bring the demand to rest [inc/s^2] and hold."""
 
     def follow(self, target: float, period: float) -> None:
-        """Lead the demand towards `target` [inc] over `period` [s], one of a stream."""
+        """Lead the demand towards `target` [inc], a set-point of a stream, over `period` [s]."""
 
     def feed_forward(self, velocity: float, torque: float) -> None:
         """Add to the commands of velocity [inc/s] and of torque [per mille of rated]."""
@@ -116,8 +116,8 @@ class Machine(Protocol):
     def advance(self, duration: float) -> None:
         """Run the physics for `duration` [s].
 
-        Returns to the caller of `handle_event` in the middle wherever an axis's events change, so
-        that the firmware acts at the right instant, however long `duration` is.
+        Calls `handle_event` at each instant at which an axis's events change, so that the firmware
+        acts at the right instant, however long `duration` is.
         """
 
     def advance_quietly(
@@ -125,7 +125,7 @@ class Machine(Protocol):
     ) -> NDArray[np.int64]:
         """Run the physics for several durations [s] in turn and latch after every duration.
 
-        Ends before the first latch that an axis has news at.
+        Ends before the first latch with news of an axis.
 
         Parameters
         ----------

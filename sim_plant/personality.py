@@ -74,15 +74,15 @@ class Personality(FileModel):
     current : CurrentReadback or None
         None: the drive does not show its current (it may still show its torque, 6077h).
     counts_per_turn : int or None
-        Counts of 6064h per revolution of the gear's output (6092h over 6091h), in which all
-        positions are then; None: one count is one increment of the motor's encoder.
+        Counts of 6064h per revolution of the gear's output (6092h over 6091h), the unit of all
+        positions; None: one count is one increment of the motor's encoder.
     position_range : tuple of int or None
-        607Bh: positions are shown within it and wrap around at its ends. A target is taken to lie
-        in the same turn, as is usual, but in cyclic position, where it is the nearest such place.
+        607Bh: shown positions are within this range and wrap around at its ends. A target means the
+        position in the present turn, but in cyclic position mode the nearest position.
     velocity_unit, acceleration_unit : str
         Units of 6081h, 607Fh and 606Ch; of 6083h to 6085h, 60C5h and 60C6h; "inc" is a count.
     sdo_states_size : bool
-        Expedited uploads say how many of their four bytes count; otherwise they begin with 42h.
+        True if expedited uploads state the number of valid bytes; otherwise they begin with 42h.
     mapping_arrays : bool
         The EDS declares PDO mappings as ARRAY instead of RECORD.
     mapping_entries : int

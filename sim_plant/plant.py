@@ -50,7 +50,7 @@ def load_plant(name_or_path: str, seed: int | None = None) -> Plant:
     ----------
     name_or_path : str
     seed : int, optional
-        Instead of the file's.
+        Seed instead of the file's.
 
     Raises
     ------

@@ -103,7 +103,7 @@ class SlaveNetwork(TimedNetwork):
     machine : Machine
     clock : {"sync", "wall"}
     cycle : float
-        SYNC period while no drive is set to one (1006h) [s].
+        SYNC period while no drive has a period (1006h) [s].
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ class SlaveNetwork(TimedNetwork):
         Returns
         -------
         sequence of CanFrame
-            `FramesOfSync` if frames of one SYNC are all that is sent.
+            `FramesOfSync` if only the answers to one SYNC are sent.
         """
         if self._foreseen:
             return self._foreseen.popleft()
@@ -171,8 +171,8 @@ class SlaveNetwork(TimedNetwork):
     def foresee(self, identifier: int, times: int) -> int:
         """Simulate several SYNCs without data in advance, up to any news or timer.
 
-        The next frames must be those SYNCs: `receive` returns the answers to one after the other,
-        until `forget` is called.
+        The next frames must be these SYNCs: `receive` returns the answers to each in turn, until
+        `forget` is called.
 
         Returns
         -------

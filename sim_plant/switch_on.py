@@ -34,8 +34,8 @@ def load_machine(
     seed : int, optional
         Seed instead of the file's.
     personality : str, optional
-        Personality of all drives, by name or path, instead of those of the plant file; a path that
-        stands in the plant file begins at the file's own folder.
+        Personality of all drives, by name or path, instead of those of the plant file. A relative
+        path in the plant file begins at the folder of that file.
 
     Raises
     ------

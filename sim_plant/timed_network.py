@@ -71,7 +71,7 @@ class TimedNetwork:
         instants : list of float
             Ends of the durations that have passed [s].
         readings : ndarray, shape (k, 7 n_axes)
-            Latched then.
+            Readings latched at these instants.
         """
         timers = self._timers
         instants = list(accumulate(repeat(duration, times), initial=timers.now))
@@ -84,7 +84,7 @@ class TimedNetwork:
         return passed, readings
 
     def _settle(self) -> None:
-        """Handle the end of all timers of an instant."""
+        """Complete an instant, after the actions of all timers due at it."""
 
     def _latch(self) -> None:
         self._attend(self._image.latch(self._machine.read()))

@@ -143,8 +143,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """Exclude tests and libraries from garbage collection, and collect less often.
 
-    They took an eighth of all time. At its end, a campaign thaws all frozen objects, which would
-    include tests and libraries.
+    Collecting tests and libraries took an eighth of all time. At its end, a campaign thaws all
+    frozen objects, which would include tests and libraries.
     """
     gc.collect()
     gc.freeze()
@@ -185,7 +185,7 @@ class _Path:
 
 
 class IdealBus:
-    """DriveBus whose axes follow their trapezoids exactly; it keeps its commands.
+    """DriveBus whose axes follow their trapezoids exactly; the commands are recorded.
 
     Torque is 10 N m of friction along the motion, 3 N m of load and a little ripple. `tamper` may
     change each sample before it is returned, or raise; `deaf` axes take set-points and stay where

@@ -1,7 +1,7 @@
 """Capabilities of a bus beyond the interface of python-can.
 
 A bus has a capability if it has a member of that name (`Capabilities`). A bus in front of another
-one has only the capabilities in its `capabilities`: passed on are those that need no inspection or
+one has only the capabilities in its `capabilities`: it passes on those that need no inspection or
 timing of frames. No other module examines the type of a bus.
 
 A bus in lock-step (`BlockSource`) may offer the answers to a SYNC as
@@ -82,7 +82,7 @@ class BlockSource(Protocol):
     """Bus with block reception: the answers to a SYNC at once."""
 
     def recv_block(self) -> bytes | None:
-        """Return the waiting frames as ``struct can_frame``; None for single reading."""
+        """Return the waiting frames as ``struct can_frame``; None if `recv` must be used."""
 
     def put_back(self, block: bytes) -> None:
         """Return the frames of the last block to the queue of single frames."""

@@ -9,8 +9,8 @@ frames, in .blf.
 Times are those of `FrameLog.clock`, also used by the driver: instants of SYNC in the recordings are
 those of the log to the microsecond. A received frame keeps the time stamp of its interface if this
 is between the previous frame and the end of the driver's wait; otherwise it gets the time of the
-driver's call. Our heartbeats, ignored by a replay, get the time of the previous frame. In lock-step
-time is that of the plant and does not advance during sending.
+driver's call. The driver's heartbeats, ignored by a replay, get the time of the previous frame. In
+lock-step, time is that of the plant and does not advance during sending.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ log = logging.getLogger(__name__)
 PAUSE = 0.05
 """Period of the writing thread [s]."""
 WAITING_MAX = 100_000
-"""Largest number of frames waiting for the disk: half a minute or more of six axes."""
+"""Largest number of frames waiting for the disk: half a minute or more with six axes."""
 TICK = 1e-6
 """Resolution of the logs [s]."""
 CREDIBLE = 1.0
-"""Largest age of a time stamp made by the computer's clock [s]."""
+"""Largest age of a usable time stamp [s]: older stamps are not by the clock of this computer."""
 PATIENCE = 30.0
 """Longest wait for the disk before the log is given up [s]."""
 
 
 class FrameLog(can.BusABC):
-    """A bus that logs the frames of another bus, and owns it.
+    """Bus that logs the frames of another bus, and owns that bus.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class FrameLog(can.BusABC):
 
     @property
     def capabilities(self) -> Capabilities:
-        """Capabilities that can be logged and replayed: SYNC only where we send it."""
+        """Capabilities that can be logged and replayed: without SYNC from the kernel."""
         return Capabilities(lock_step=self.lock_step, clock=self.clock)
 
     def clock(self) -> float:
@@ -120,7 +120,7 @@ class FrameLog(can.BusABC):
         self._log_sync()
         if self._begun and not (self.lock_step or is_heartbeat(msg) or msg.arbitration_id == SYNC):
             self._latest = self._now()
-        self._begun = True  # after the driver's zero of time
+        self._begun = True  # earlier instants precede the driver's zero of time
         sent = can.Message(
             arbitration_id=msg.arbitration_id,
             is_extended_id=msg.is_extended_id,

@@ -29,7 +29,7 @@ SILENCE = 0.5
 """Longest silence of the kernel's SYNC, beyond three periods, until the bus is down [s]."""
 
 BABBLE = 20_000
-"""Largest number of frames skipped in one call: a bus may never fall silent."""
+"""Largest number of frames skipped in one call: a faulty node may send without end."""
 
 STALE = 2
 """Age [periods] at which a waiting SYNC is skipped in favour of the newest."""
@@ -95,7 +95,7 @@ class KernelSync(can.BusABC):
 
     @property
     def capabilities(self) -> Capabilities:
-        """No capability of the inner bus: frames wait here for their SYNC."""
+        """No capability of the inner bus, since frames wait here until their SYNC is taken."""
         return Capabilities()
 
     @property
@@ -170,7 +170,7 @@ class KernelSync(can.BusABC):
                 self._waiting.append(frame)
 
     def _pass_over(self) -> None:
-        """Count a SYNC taken before as passed over."""
+        """Count the SYNC taken last as passed over."""
         self.passed_over += 1
         self.skipped += 1
 

@@ -4,8 +4,8 @@
 channel's folder, and sends each frame to all others as the kernel's ``struct can_frame``. There is
 no server. Frames arrive whole and in order, and none is lost: with a full queue the sender waits,
 as on a bus under load, and receives meanwhile, so that two senders do not block each other. A peer
-that hangs misses frames beyond its queue, like the receiver of a CAN node; a dead peer is dropped
-at the next frame. The time stamp of a frame is the kernel's time of sending.
+that hangs misses frames beyond its queue, as a CAN node with a full buffer does; a dead peer is
+dropped at the next frame. The time stamp of a frame is the kernel's time of sending.
 
 Other users of the machine cannot read, send or delete: the channel's folder belongs to this user
 alone (mode 0700), is no link, cannot be replaced by others, and only sockets of this user with a
@@ -43,7 +43,7 @@ SLICE = 0.001
 """Period at which a waiting sender empties its own queue [s]."""
 
 _GLANCE = 0.05
-"""Period at which a bus that waits for a first peer looks for it [s]."""
+"""Period of the search for a first peer [s]."""
 
 FD_SETSIZE = 1024
 """Smallest file descriptor that `select` does not accept."""
@@ -315,7 +315,7 @@ def _own_folder(channel: str) -> Path:
 def _refuse_changeable(folder: Path) -> None:
     """Refuse a folder whose entries another user can replace."""
     state = folder.stat()
-    # owners of / can do everything in any case: root, or the outside of a container
+    # the owner of / can do everything in any case: root, or the user who started the container
     trusted = state.st_uid in {0, os.getuid(), Path("/").stat().st_uid}
     if trusted and (state.st_mode & stat.S_ISVTX or not state.st_mode & 0o022):
         return
@@ -329,7 +329,7 @@ def _refuse_changeable(folder: Path) -> None:
 def _refuse_foreign(folder: Path) -> None:
     """Refuse a channel's folder that is a link, of another user, or writable for another user.
 
-    A folder that was only readable for others, as made by earlier versions, is closed.
+    A folder that others can only read, as made by earlier versions, is made private.
     """
     state = folder.lstat()
     if not stat.S_ISDIR(state.st_mode):

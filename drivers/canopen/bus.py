@@ -75,7 +75,7 @@ class CanopenBus(Fieldbus):
         return tuple(server_of(network, at, timeout) for at in places)
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
-        """Find nodes and their offers (see `drivers.canopen.monitor.scan_bus`)."""
+        """Find nodes and read their dictionaries (see `drivers.canopen.monitor.scan_bus`)."""
         asked = [node for node in NODES if node not in besides and (only is None or node in only)]
         return scan_bus(self._bus, only=asked)
 
@@ -85,16 +85,16 @@ class CanopenBus(Fieldbus):
 
     @contextmanager
     def timed(self, drives: DrivesFile) -> Iterator[TimedCanopenBus]:
-        """Measure the response times of the drives, with a stopwatch in front of this bus."""
+        """Yield a bus that measures response times, with a stopwatch in front of this bus."""
         with StopwatchBus(self._bus, drives) as stopwatch:
             yield TimedCanopenBus(stopwatch, drives, self._pacing)
 
     def picture(self, drives: DrivesFile, *, inputs: bool = False) -> BusPicture:
-        """Show the axes by listening, and digital inputs (60FD) by request."""
+        """Return a picture of the axes by listening; with `inputs`, also request 60FD."""
         return BusPicture(drives, self._bus, questions(drives) if inputs else ())
 
     def load(self, drives: DrivesFile) -> tuple[float, float]:
-        """Return the duration of a cycle on the bus [s], and its largest share of the period."""
+        """Return the duration of a cycle on the bus [s], and the permitted share of the period."""
         return cycle_time(drives), MAX_LOAD
 
     def shutdown(self) -> None:

@@ -91,7 +91,7 @@ class CanopenCommunication(Communication):
     later = LATER
 
     def refusable(self, axis: AxisDrive) -> Refusable | None:
-        """Return the entry refused by drives with two objects in TPDO 1, if there is a remedy."""
+        """Return the entry refused by a TPDO 1 with room for two objects, if two TPDOs suffice."""
         return FURTHEST if len(arrangements(axis)) > 1 else None
 
     def set_up(
@@ -116,7 +116,7 @@ class CanopenCommunication(Communication):
         )
 
     def claims(self, *, first: bool = True) -> Iterator[tuple[int, str]]:
-        """Yield the used identifiers and their purpose; those of the node with its `first` axis."""
+        """Yield used identifiers and their purpose; for the `first` axis also those of the node."""
         if first:
             for base, service in (
                 (0x580, "the answers of its SDO server"),

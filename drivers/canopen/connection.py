@@ -196,7 +196,7 @@ class CanopenConnection(Connection):
             self.cycle()
 
     def _watch_again(self, node: int) -> None:
-        """Restore a drive's supervision of our life sign as set at start-up, under power only."""
+        """Restore a powered drive's supervision of our life sign as set at start-up."""
         if self.life_sign.trouble is None:
             return
         for server in self.servers:

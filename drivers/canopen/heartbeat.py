@@ -8,11 +8,11 @@ restarts or leaves the state OPERATIONAL is a failure; only after NMT start is a
 is that of SYNC's pacing, so in lock-step it does not advance between two SYNCs.
 
 Foreign frames that command our drives stop the axes. Our own frames do not return to us. Hence a
-received NMT command (000h), SYNC (080h), RPDO (200h to
-500h plus node) or SDO request (600h plus node) comes from another participant: a second master, a
-configuration tool, a second producer of SYNC. Reading or starting nodes is only noted. A drive
-whose supervision of our life sign is switched off by such a frame is set up again at once, since
-its axis is under power until it has stopped; once only, or two such programs would never end.
+received NMT command (000h), SYNC (080h), RPDO (200h to 500h plus node) or SDO request (600h plus
+node) comes from another participant: a second master, a configuration tool, a second producer of
+SYNC. Reading or starting nodes is only noted. If a foreign frame switches off a drive's supervision
+of our life sign, the drive is set up again at once, since its axis is under power until it has
+stopped; once only, or two programs that do so would never end.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class ForeignFrames:
             network.subscribe(identifier, self._take_frame)
 
     def wire(self, rpdos: Mapping[int, int], tpdos: Sequence[int]) -> None:
-        """Watch our drives' RPDOs, set up (identifier to node) or predefined, except `tpdos`."""
+        """Watch the drives' RPDOs: `rpdos` (identifier to node) and predefined, except `tpdos`."""
         for identifier in self._rpdos:
             self._network.unsubscribe(identifier, self._take_frame)
         usual = {base + node: node for node in self._labels for base in RPDOS}

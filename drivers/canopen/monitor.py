@@ -62,7 +62,7 @@ def scan_bus(
     timeout: float = SDO_TIMEOUT,
     only: Sequence[int] = NODES,
 ) -> Scan:
-    """Find the nodes on an open bus and their offers.
+    """Find the nodes on an open bus, and read their object dictionaries.
 
     Parameters
     ----------

@@ -139,7 +139,7 @@ class PumpedNetwork(Network):
                 self.dispatch(frame)
             if self.synchronous:
                 over = empty
-            else:  # a node may never fall silent
+            else:  # a faulty node may send without end
                 over = left == 0.0 and (empty or self._clock() > ends + BABBLE)
             if over:
                 return until is not None and until()

@@ -57,7 +57,7 @@ class Pdo(NamedTuple):
     transmission : int
         1 = at every SYNC, 255 = on event.
     also : collection of int
-        Transmission types accepted if ours is impossible.
+        Transmission types accepted if `transmission` is impossible.
     entries : tuple of Entry
         Mapped objects, in order.
     """

@@ -8,7 +8,7 @@ target has to precede the controlword that makes it valid; it may also act at SY
 stops then take effect at the next one. A drive without an RPDO for streamed set-points, or with
 none that acts at SYNC, takes them by RPDO 1.
 
-Other TPDOs are switched off; one that cannot be is reported, since it may be harmless.
+Other TPDOs are switched off; a TPDO that stays on is only reported, since it may be harmless.
 """
 
 from __future__ import annotations

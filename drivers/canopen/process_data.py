@@ -4,9 +4,9 @@ Every frame that answers a SYNC has a slot; the slots of one axis are adjacent, 
 precompiled struct unpacks the joined frames of all axes at once. If a fixed TPDO has another order
 or further objects, an `itemgetter` selects the values. Irregularities leave this fast path: a
 missing, doubled or late TPDO is flagged and never replaced by an estimate. After a missing TPDO the
-axis owes one: if two come for the next SYNC, the first is the late one and is dropped. If one
-comes, either the other was lost or everything lags by a SYNC: it is flagged, for some SYNCs, unless
-all answers are known to be in.
+axis owes one: if two come for the next SYNC, the first is the late one and is dropped. If only one
+comes, either the owed TPDO was lost or all TPDOs lag by a SYNC: the TPDO is flagged, for some
+SYNCs, unless all answers are known to be in.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 SYNC = can.Message(arbitration_id=0x80, is_extended_id=False)
 BABBLE = 1000
-"""Largest number of frames read after the time of an answer: a node may never fall silent."""
+"""Largest number of frames read after the time of an answer: a node may send without end."""
 
 DOUBT = 5
 """Number of SYNCs with a single answer each, after which an owed TPDO counts as lost."""
@@ -210,7 +210,7 @@ class SyncProcessData(ProcessData):
         self._network.pump(0.0)
 
     def _take_block(self) -> tuple[int, ...] | None:
-        """Return the values of answers received as one block, None if a TPDO is owed."""
+        """Return the values of answers in one block; None if frames must be read one by one."""
         if self._blocks is None or self._owed or (block := self._blocks.recv_block()) is None:
             return None
         values = self._block.unpack(block)
@@ -221,7 +221,7 @@ class SyncProcessData(ProcessData):
         return values
 
     def _collect(self, clock: SyncClock) -> list[Data]:
-        """Return the content of each frame; of a missing one, its last content."""
+        """Return the content of each frame, or the previous content of a missing frame."""
         receive, slots, sizes = self._receive, self._slots, self._sizes
         in_lock_step = self._in_lock_step
         timeout = 0.0 if in_lock_step else clock.window()

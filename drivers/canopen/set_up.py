@@ -1,11 +1,11 @@
 """Set-up of SYNC, emergencies and mutual supervision in a drive, and notes on PDOs.
 
-Mutual supervision: the drive stops when this process dies, and we notice the end of the drive. It
-supervises our heartbeat (1016) and sends its own (1017). A drive that cannot do both may
-supervise our guarding requests instead: without one for the life time (guard time 100C times life
-time factor 100D) it reacts as to a lost heartbeat (6007). Its own heartbeat has to be off then,
-since a node does either. A drive without either supervision is refused unless the drives file
-states other means to stop the axis.
+Mutual supervision: the drive stops when this process dies, and the master notices the end of the
+drive. The drive supervises the master's heartbeat (1016) and sends its own (1017). A drive that
+cannot do both may supervise guarding requests instead: without a request for the life time (guard
+time 100C times life time factor 100D) it reacts as to a lost heartbeat (6007). Its own heartbeat
+has to be off then, since a node sends heartbeats or answers requests, not both. A drive without
+either supervision is refused unless the drives file states other means to stop the axis.
 """
 
 from __future__ import annotations

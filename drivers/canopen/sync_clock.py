@@ -116,9 +116,9 @@ def choose_sync_clock(bus: can.BusABC, requested: PacingName, period: float) -> 
     bus : can.BusABC
         An open bus.
     requested : {"auto", "lock-step", "wall-clock"}
-        "auto" selects lock-step if the bus offers it, otherwise the wall clock. "lock-step" on
-        another bus sends the next SYNC when all answers are in, for a plant at that bus whose
-        time is SYNC.
+        "auto" selects lock-step if the bus offers lock-step, otherwise the wall clock. "lock-step"
+        on another bus sends the next SYNC when all answers are in, for a plant on that bus whose
+        time advances by SYNC.
     period : float
         Time between two SYNCs [s].
     """

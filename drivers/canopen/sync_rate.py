@@ -154,11 +154,11 @@ class StopwatchBus(can.BusABC):
 
     @property
     def slowest(self) -> float:
-        """Response time of `ANSWERED` of the SYNCs [s]."""
+        """Quantile `ANSWERED` of the response times to SYNC [s]."""
         return float(np.quantile(self.answers, ANSWERED))
 
     def jitter(self, period: float) -> float:
-        """Return the deviation of SYNCs from their period at the drives, for `ANSWERED` [s].
+        """Return the quantile `ANSWERED` of SYNC's deviation from its period at the drives [s].
 
         The deviation at sending and the variation of the response time are added.
         """

@@ -1,11 +1,11 @@
 """Cyclic synchronous position mode (CiA 402, mode 8): set-points streamed at every SYNC.
 
 In profile position mode each drive plans its own path; in this mode the master plans the paths of
-all axes and sends the next set-point of each right after every SYNC. It acts at the next SYNC, with
-those of all other axes. Drives change their mode while the axes rest and are enabled: 607A is first
-set to the present command, so that a drive that follows at once does not move. After the end of a
-stream the last set-point is repeated, since many drives fault without set-points, until
-`CyclicPosition.leave` changes the mode back.
+all axes and sends the next set-point of each right after every SYNC. All set-points act at the next
+SYNC. Drives change their mode while the axes rest and are enabled: 607A is first set to the present
+command, so that a drive that follows at once does not move. After the end of a stream the last
+set-point is repeated, since many drives fault without set-points, until `CyclicPosition.leave`
+changes the mode back.
 
 Velocity and torque feed-forward (`drivers.cia402.feed_forward`) is sent before the target of the
 same cycle. Offsets left by an earlier master are set to zero before the mode is entered.
@@ -179,7 +179,7 @@ class CyclicPosition:
         Parameters
         ----------
         calm : bool
-            True to slow the path down to rest while asked.
+            True to slow the path down to rest; otherwise full pace is resumed.
         """
         path, on_arrival = self._path, self._process_data.on_arrival
         if path is None:
@@ -266,7 +266,7 @@ class CyclicPosition:
         self._feed_forward.withdraw()
 
     def give_back(self) -> None:
-        """Restore the drives' own feed-forward, as for their own ramps."""
+        """Restore the drives' own feed-forward, before ramps that the drives plan."""
         self._feed_forward.give_back()
 
     def leave(self) -> None:
@@ -323,7 +323,7 @@ class CyclicPosition:
         )
 
     def _recent(self, beyond: int) -> list[list[int]]:
-        """Return the set-points of the last periods and `beyond` ones from the present on."""
+        """Return the set-points of the last periods, and `beyond` set-points from now on."""
         here = 0 if self._path is None else math.ceil(self._path.at)
         return self._points[max(0, here - DELAY) : here + beyond]
 

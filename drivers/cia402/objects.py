@@ -148,10 +148,10 @@ MAKERS = {
 VELOCITY_FEED_FORWARDS = {
     0x4D2: Entry(0x2010, 0, "u16", "velocity feed-forward of the position loop")  # the plant's
 }
-"""Velocity feed-forward gain of a drive, by vendor; 0 for none."""
+"""Object with the velocity feed-forward gain of a drive, by vendor; gain 0 switches it off."""
 
 
 def own_feed_forward(axis: AxisDrive) -> tuple[Entry, ...]:
-    """Return the object of a drive's own feed-forward, if known; ours would add to it."""
+    """Return the object of a drive's own feed-forward, if known: the master's would add to it."""
     own = VELOCITY_FEED_FORWARDS.get(axis.identity.vendor)
     return () if own is None else (own,)

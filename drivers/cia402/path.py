@@ -105,9 +105,9 @@ RECOVERY = 0.3
 """Minimum time from rest to full pace where late set-points are harmful [s]."""
 
 GENTLE = 0.25
-"""Harmless pace, as a share of the pace at which an axis overruns by its window. With 5 to 42 % of
-SYNCs late by 10 ms, of shares from 0.15 to 1 this is the largest with torques above 95 % of the
-limit for less than a sixth of an exciting trajectory; 1 ends in trips."""
+"""Harmless pace, as a share of the pace at which an axis overruns by its window. Tried were shares
+from 0.15 to 1 with 5 to 42 % of SYNCs late by 10 ms: up to 0.25, torques exceed 95 % of the limit
+for less than a sixth of an exciting trajectory; at 1, axes trip."""
 
 OUT, LATELY = 0.04, 1.0
 """Largest share of time without set-points at full pace, and its averaging time [s]. With real-time
@@ -122,7 +122,7 @@ MEMORY = 10.0
 
 
 class Path:
-    """Set-points of the axes, and the present place among them.
+    """Set-points of the axes, and the present position on the path.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class Path:
     out : float
         Recent time without set-points [s], with exponential forgetting.
     caution : float
-        Time for which gaps in the set-points are expected again [s].
+        Remaining time of caution after the axes have come to rest [s].
     """
 
     def __init__(
@@ -201,7 +201,7 @@ class Path:
         return self._exact[k : k + 3]
 
     def go_on(self, before: Path, at: float) -> None:
-        """Continue at a place of this path with the pace of the previous path."""
+        """Continue at index `at` of this path with the pace of the previous path."""
         self.at, self.pace = at, before.pace
         self.out, self.caution = before.out, before.caution
 
@@ -250,7 +250,7 @@ class Path:
             self.pace, self.caution = max(self.pace - float(loss), 0.0), MEMORY
 
     def _change(self, *, calm: bool) -> None:
-        """Change the pace towards its aim within the acceleration limits of the axes."""
+        """Change the pace towards full pace or rest within the axes' acceleration limits."""
         a, b, c = self._neighbours
         speed = (c - a) / (2 * self._period)
         bend = (c - 2 * b + a) / self._period**2 * np.sign(speed) * self.pace**2

@@ -38,7 +38,7 @@ class AxisPicture:
     q, tau : float
         Position [rad or m] and torque [N m or N]; NaN while unknown.
     interlock : str
-        State of an interlock by the digital inputs (60FD), if anybody reads them.
+        State of an interlock by the digital inputs (60FD), if these are read.
     emergency : Emergency or None
         Last emergency, until the drive reports its end.
     emergencies, foreign : int

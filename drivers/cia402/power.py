@@ -31,11 +31,11 @@ class Deadline:
     Parameters
     ----------
     duration : float
-        Time by `clock` [s].
+        Longest time by `clock` [s].
     clock : callable, optional
         Clock [s]; by default real time.
     real : float
-        Time in real time [s].
+        Longest real time [s].
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """Profile position mode: set-points of the axes from the handshake to the target or a failure.
 
 Profile velocity and acceleration are sent by SDO, only when changed; the target is sent by RPDO
-with the controlword that makes it valid, so a move with a known profile costs one frame.
+with the controlword that makes it valid, so a move with an unchanged profile costs one frame.
 
 Some drives hold the acknowledge bit until the target is reached, as the handshake allows (stated in
 the drives file: ``acknowledge: reached``). The whole motion may then pass before the bit falls, and
@@ -38,7 +38,7 @@ ACKNOWLEDGE_CYCLES = 25
 """Minimum duration of the handshake [SYNCs]: four statuswords must come and go."""
 
 GRACE = 2.0
-"""Additional time of a move beyond 1.5 times its profile [s]."""
+"""Time limit of a move beyond 1.5 times the duration of its profile [s]."""
 
 _NOT_REACHED = "check brake, load, position_window, and that the drive's limits allow the move"
 _ON_TARGET = (
@@ -143,7 +143,7 @@ class ProfilePosition:
         return None
 
     def quiet_until(self, words: Sequence[int]) -> float:
-        """Return the time up to which only statuswords matter [s], -inf if more does."""
+        """Return the time until which only changes of statuswords matter [s]; -inf if none."""
         until = math.inf
         for axis, motion in self.active.items():
             command = motion.command

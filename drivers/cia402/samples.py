@@ -1,7 +1,7 @@
 """Conversion of process data to a `Sample`: counts become SI, gaps become NaN.
 
-A regular sample takes two products and a difference per axis; limit flags change only with the
-statuswords, so their caller updates them.
+A regular sample takes two products and a difference per axis. Limit flags change only with the
+statuswords; the caller then updates the flags by `SampleReader.note_limits`.
 """
 
 from __future__ import annotations

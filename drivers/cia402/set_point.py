@@ -67,7 +67,7 @@ class Standstill:
 
 
 def standstill_of(axis: Axis, period: float) -> Standstill:
-    """Return the standstill detector of an axis, as in its drive; `period` of samples in [s]."""
+    """Return a standstill detector as in the drive of an axis, for a `period` of samples [s]."""
     return Standstill(axis.band, max(1, round(axis.drive.position_window_time / period)))
 
 

@@ -111,7 +111,7 @@ def where_to_widen(own: Mapping[str, str], key: str) -> str:
 
 
 def check_path(path: Array, axes: Sequence[Axis], here: Sequence[float], period: float) -> None:
-    """Refuse set-points outside the limits, or a path that begins elsewhere than the axes are.
+    """Refuse set-points outside the limits, or a path that begins away from the axes' positions.
 
     Parameters
     ----------

@@ -1,12 +1,12 @@
 """Emergency stop and power-off of all axes, also with failures of bus and drives.
 
-At every SYNC each axis that does not show obedience is commanded again (`drivers.cia402.stop`). A
-command refused by the bus delays no other: it is sent as an object instead, and so is that of a
-lost drive. Each command is preceded by a cancellation of the feed-forward. Axes at rest wait for
-their brakes (`drivers_file.AxisDrive.brake_delay`), then their voltage is disabled; an axis that
-runs on is switched off at once. If a drive shows that even this has no effect, or its state is
-unknown, our heartbeat ceases, so that the drives' own watchdogs stop it: a watchdog may be released
-only for drives that have shown power-off and standstill (`Shutdown.off`).
+At every SYNC each drive that does not show the commanded state is commanded again
+(`drivers.cia402.stop`). A command in process data that the bus refuses is sent by SDO instead, as
+is every command to a lost drive. Each command is preceded by a cancellation of the feed-forward.
+Axes at rest wait for their brakes (`drivers_file.AxisDrive.brake_delay`), then their voltage is
+disabled; an axis that runs on is switched off at once. If a drive stays on all the same, or its
+state is unknown, the master's heartbeat ceases, so that the watchdogs stop all drives: a watchdog
+may be released only for drives that have shown power-off and standstill (`Shutdown.off`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SAG_TIME = 0.3
 """Observation time after power-off, for a sagging axis [s]."""
 
 ASK_TIME = 2.0
-"""Longest time to read the state of silent drives by objects [s]."""
+"""Longest time to read the state of silent drives by SDO [s]."""
 
 LONGEST = 15.0
 """Maximum real time of a stop [s], for a bus on which SYNCs hardly pass, as with a dead plant."""
@@ -79,7 +79,7 @@ class Shutdown:
     period : float
         Time between two SYNCs [s].
     switch_off : callable
-        Switches one drive off by objects.
+        Switches one drive off by SDO.
 
     Attributes
     ----------
@@ -166,7 +166,7 @@ class Shutdown:
         if not all(self.off):
             self._life_sign.cease()
         over = Deadline(ASK_TIME)
-        for each in self._stopped:  # silent drives are asked, and switched off, by objects
+        for each in self._stopped:  # silent drives are asked, and switched off, by SDO
             if each.stop.phase is StopPhase.UNSEEN and not over.passed:
                 server = each.axis.server
                 try:
@@ -180,12 +180,12 @@ class Shutdown:
                     each.reason = str(error)
 
     def conclude(self) -> list[str]:
-        """Watch axes after power-off, and wait for the reaction of those still on.
+        """Watch axes after power-off, and wait for the reaction of drives that are still on.
 
         Returns
         -------
         list of str
-            Sagged axes, for the operator.
+            Messages about axes that have sagged.
         """
         sagged = self._watch_rest()
         if not all(self.off):
@@ -302,7 +302,7 @@ class Shutdown:
 
 
 def _order(axis: Axis, command: Command) -> bool:
-    """Command an axis by objects; return False if the bus refuses."""
+    """Command an axis by SDO; return False if the bus refuses."""
     try:
         for word in command.value:
             axis.server.order(objects.CONTROLWORD, word)

@@ -127,7 +127,7 @@ TRANSITIONS: dict[State, dict[Command, State]] = {
 optional, and one word must not energise a stopped axis again."""
 
 PASSING_STATES = frozenset({State.NOT_READY, State.FAULT_REACTION_ACTIVE})
-"""States left without a command."""
+"""States that a drive leaves by itself, without a command."""
 
 
 FAULTS = frozenset({State.FAULT, State.FAULT_REACTION_ACTIVE})
@@ -184,7 +184,7 @@ def next_command(state: State, goal: State, *, reset_fault: bool = False) -> Com
     Returns
     -------
     Command or None
-        None at the goal, and in states left without a command.
+        None at the goal, and in states that a drive leaves by itself.
     """
     if state is goal or state in PASSING_STATES:
         return None

@@ -1,14 +1,14 @@
 """Stop of an axis: quick stop, standstill, voltage off; every step confirmed or bounded.
 
 A command may be lost, ignored, or acknowledged without effect. So each step is commanded anew at
-every SYNC until the drive shows obedience, and each has a bound. After a quick stop an axis of
-speed v and deceleration a may continue for at most::
+every SYNC until the drive shows the commanded state, and each step has a bound. After a quick stop
+an axis of speed v and deceleration a may continue for at most::
 
     way  = window + v (STOP_DELAY + age) + STOP_MARGIN v^2 / (2 a)
     time = STOP_DELAY + STOP_MARGIN v / a  (and until standstill is certain)
 
-with its following error window and the age of its last position at the command, plus two SYNCs,
-since some drives act at the next one. The voltage of an axis is disabled at once beyond either
+where window is the following error window, and age is that of the last position at the command plus
+two SYNCs, since some drives act at the next SYNC. The voltage of an axis is disabled beyond either
 bound, if the drive does not confirm the stop within STOP_DELAY, or if the bus refuses the command
 and the telegrams show no reaction. A drive that does not confirm power-off in time is lost: only
 its own watchdog can stop it, but it is still commanded to switch off.
@@ -32,10 +32,10 @@ STOP_DELAY = 0.1
 """Longest reaction time of a drive and its loops to a stop command [s]."""
 
 STOP_MARGIN = 1.5
-"""Margin of time and distance of a stop over those of its stated deceleration."""
+"""Factor of the bounds on time and distance of a stop over those by the stated deceleration."""
 
 OFF_TIME = 0.5
-"""Longest time of a drive at rest to switch off [s]; it may close a brake first."""
+"""Longest time of a drive at rest to switch off [s]; the drive may close a brake first."""
 
 OFF_TIME_MOVING = 0.2
 """Longest time to switch off for an axis that did not stop properly [s]."""
@@ -133,7 +133,7 @@ _NEXT: dict[StopPhase, dict[Shown, StopPhase]] = {
     StopPhase.LOST: _ENDS | {Shown.READY: StopPhase.OFF},
     StopPhase.ADRIFT: {Shown.OFF_AT_REST: StopPhase.OFF},
 }
-"""Next phase by observation; others leave the phase unchanged."""
+"""Next phase by observation; other observations leave the phase unchanged."""
 
 
 def next_step(phase: StopPhase, shown: Shown) -> tuple[StopPhase, Command | None]:
@@ -149,7 +149,7 @@ def _command(phase: StopPhase, shown: Shown) -> Command | None:
 
 
 def overdue_phase(phase: StopPhase, shown: Shown) -> StopPhase:
-    """Return the next phase after a passed bound."""
+    """Return the next phase after an exceeded bound."""
     if phase is not StopPhase.DISABLING:
         return StopPhase.DISABLING
     if shown is Shown.READY:
@@ -295,7 +295,7 @@ class AxisStop:
         elif phase is StopPhase.DISABLING is not self.phase:
             self._returns += self.phase is StopPhase.OFF
             if self._returns <= RETURNS:
-                self._begun, self._asked = None, time  # otherwise the elapsed time counts
+                self._begun, self._asked = None, time  # beyond `RETURNS`, the time-out goes on
             self._off_time = OFF_TIME_MOVING if self.phase in _BRAKING else OFF_TIME
         self.phase = phase
 

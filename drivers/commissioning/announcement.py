@@ -180,7 +180,7 @@ class _Layer:
         self._lacks: frozenset[Address] = frozenset()
 
     def refusing(self, place: Address, _: Access) -> _Layer:
-        """Return another layer over the drive, as if the drive lacked an object."""
+        """Return another layer over the drive, in which the object `place` is missing."""
         other = _Layer(self._drive)
         other._answers, other._lacks = self._answers, frozenset({place})
         return other

@@ -94,7 +94,7 @@ def wrap_of(ends: tuple[int, int] | None, axis: AxisDrive, label: str) -> Wrap |
 
 
 SLOWEST_STOP = 0.25
-"""Slowest awaited quick stop ramp (6085), as a share of the axis's acceleration limit."""
+"""Smallest quick stop deceleration (6085) for an awaited stop, as a share of the axis limit."""
 
 SLACK = 1e-3
 """Relative difference of a tighter limit that is not noted: rounding."""
@@ -259,7 +259,7 @@ def _range(
     own: dict[str, str],
     notes: list[str],
 ) -> dict[str, float]:
-    """Return the range in force, and complete values, fields of the drive and notes."""
+    """Return the range in force, and add to `values`, `own` and `notes`."""
     scale, limits, unit = AxisScale.derive(axis), axis.limits, axis.unit
     ours = sorted(scale.position_to_counts(q) for q in (limits.q_min, limits.q_max))
     low, high = ours

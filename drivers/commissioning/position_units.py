@@ -101,7 +101,7 @@ class PositionFactors:
 
     @property
     def stated(self) -> PositionFactors:
-        """Factors without ratios with an assumed divisor."""
+        """Factors except ratios with an assumed divisor, which become None."""
         return replace(self, **dict.fromkeys(self.assumed), assumed={})
 
     @property

@@ -77,7 +77,7 @@ def compare_ratings(read: Callable[[Entry], int | None], axis: AxisDrive) -> Ite
 
 
 def expected_torque(axis: AxisDrive) -> float | None:
-    """Return rated torque by current and torque constant [N m], None if not stated so."""
+    """Return rated current times torque constant [N m]; None if the file does not state both."""
     if axis.torque_constant is None or axis.current.basis is Basis.RATED_TORQUE:
         return None
     product = axis.torque_constant * axis.rated_current

@@ -3,14 +3,14 @@
 A row states the use of an object, the consequence of a missing one, the written value and other
 acceptable values. Start-up, `hil drives check`, the scan and the review of data sheets use the
 table, and the tables of `docs/reference/can.md` and `docs/reference/drives.md` are generated from
-it. Rules on more than one object, the range and the comparison of units, are code with sentences of
+it. Rules on several objects, such as the range or the comparison of units, are code with texts from
 this module. Communication and supervision belong to the bus, whose rows are inserted (`add_rows`).
 
 A drive may round a written value to its resolution or clip it, without an error. That is acceptable
 if the kept value protects as well: a lower speed, a smaller following error. Slower braking
 lengthens a stop, and less torque lets a braking arm sink, so decelerations and torques may be
 rounded but not clipped. Software limits may be further inside by any amount, and further outside by
-one increment. Zero is never acceptable for another value, since it often means "off".
+one increment. A kept zero is never acceptable instead of another value: it often means "off".
 """
 
 from __future__ import annotations
@@ -85,9 +85,9 @@ class Use(Flag):
     VARY = auto()
     """Written repeatedly: an object fixed at any value is unsuitable."""
     SEND = auto()
-    """The drive must be able to send it in a PDO."""
+    """The drive must be able to send the object in a PDO."""
     RECEIVE = auto()
-    """The drive must be able to take it from a PDO."""
+    """The drive must be able to take the object from a PDO."""
 
 
 class Lack(Enum):
@@ -165,13 +165,13 @@ FAULT_REACTION, QUICK_STOP_REACTION = 1, 3
 def reaction_for(quick_stop: int) -> int:
     """Return the required 6007 of a drive with quick stop option `quick_stop`.
 
-    When our process dies, a quick stop alone would leave an axis powered if the option keeps it so.
+    When this process dies, a quick stop with option 5 or higher would leave the axis powered.
     """
     return FAULT_REACTION if quick_stop >= STAYS_ENERGISED else QUICK_STOP_REACTION
 
 
 def is_set(value: int, entry: Entry) -> bool:
-    """Return True if a limit is set: 0 and all ones are not."""
+    """Return True if a limit is set: neither 0 nor all bits set."""
     return value > 0 and value != (1 << 8 * entry.size) - 1
 
 

@@ -29,7 +29,7 @@ _LIMITS = tuple(
     (entry, *REQUIREMENTS[entry].instead)
     for entry in (objects.MAX_PROFILE_VELOCITY, objects.MAX_ACCELERATION, objects.MAX_DECELERATION)
 )
-"""Limits with several possible objects; that of torque is written to one only."""
+"""Limits with several possible objects; the torque limit is written to only one of its objects."""
 _KEPT_WHERE_PRESENT = (
     objects.PROFILE_DECELERATION,
     objects.QUICK_STOP_DECELERATION,
@@ -123,8 +123,8 @@ def _write_limits(
 def _write_range(server: RemoteDictionary, axis: AxisDrive, values: Mapping[Entry, int]) -> None:
     """Write software limits; accept and note fixed ones, unless they are off.
 
-    Fixed limits inside ours are kept. Fixed ones outside are harmless, but the driver alone keeps
-    the range. Limits that are off protect nothing, as in a drive without the objects.
+    Fixed limits inside those of the file are kept. Fixed limits outside are harmless, but only the
+    driver keeps the range. Limits that are off protect nothing, as in a drive without the objects.
     """
     scale, limits = AxisScale.derive(axis), axis.limits
     entries = (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)

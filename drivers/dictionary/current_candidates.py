@@ -1,10 +1,10 @@
 """Choice of the object for the motor's current or torque, by evidence.
 
-Torques are computed from this object, so the choice is open: every possible object is listed with
-its evidence. 6078 (current, per mille of 6075) comes first; then a maker's own current of 32 bits,
-finer but at the cost of a second TPDO; then 6077, by name a torque and on many drives the current
-over a rated value. The meaning of a count is never inferred from the index: the standard's meaning
-is a suggestion to be confirmed by the drive's manual.
+Torques are computed from this object, so the user can check the choice: every possible object is
+listed with its evidence. 6078 (current, per mille of 6075) is first; then a maker's current of 32
+bits, finer but at the cost of a second TPDO; then 6077, a torque by name, but on many drives the
+current over a rated value. The meaning of a count is never inferred from the index: the standard's
+meaning is a suggestion to be confirmed by the drive's manual.
 """
 
 from __future__ import annotations

@@ -110,9 +110,9 @@ class Dictionary:
     entries : mapping of (index, sub-index) to Declared
         Declared numbers.
     damaged : mapping of (index, sub-index) to str
-        Unintelligible declarations; raised on access.
+        Errors of unintelligible declarations, raised on access.
     unanswered : mapping of (index, sub-index) to str
-        Refusals of a live drive for objects neither returned nor denied.
+        Failures for objects that a live drive neither returned nor denied, in words.
     node, bitrate : int or None
         Node number and bit rate of a DCF [-, bit/s].
     bitrates : tuple of int

@@ -2,12 +2,12 @@
 
 One review serves data sheets, drives found by a scan and drives about to be used: `review` takes a
 `Dictionary` of any source and does no I/O. Each `Finding` states a deficiency and its consequence.
-A `fatal` one excludes the drive; objects that a live drive left unanswered only have to be looked
-up.
+A `fatal` finding excludes the drive. An object that a live drive left unanswered may exist: its
+finding is not fatal.
 
-An object may be missing, have a non-standard type, or refuse the value to be written. For an object
-that cannot be written, its fixed value decides on the drive; if unstated or dependent on the axis,
-start-up will show it. A `Scan` collects the reviews of the nodes on a bus.
+An object may be missing, have a non-standard type, or refuse the value to be written. A read-only
+object is judged by its fixed value; a value that is not stated, or depends on the axis, is judged
+at start-up. A `Scan` collects the reviews of the nodes on a bus.
 `BusRules` are the rules of a bus for the object dictionaries of its drives; no open bus is needed.
 """
 
@@ -128,7 +128,7 @@ def gaps(
     about, declared = str(row.entry), dictionary.entry(row.entry)
     refused = dictionary.unanswered.get(row.entry.key)
     if declared is not None:
-        # a substitute is not needed if the replaceable objects are present
+        # a substitute is not needed if the objects that it replaces are present
         served = [each for each in table.values() if row.entry in each.instead]
         spare = Use.WRITE in row.use and row.lack is Lack.SILENT and bool(served)
         if not spare or not all(dictionary.entry(each.entry) for each in served):
@@ -202,7 +202,7 @@ _NEEDED = (Lack.REFUSED, Lack.REFUSED_UNLESS_STATED)
 
 
 def _serves(row: Requirement, only: int) -> bool:
-    """Return True if an object fixed at another value than ours is acceptable."""
+    """Return True if the fixed value `only` is acceptable instead of the one to be written."""
     if Use.VARY in row.use:
         return False
     if row.serves or row.value is not None:
@@ -342,7 +342,7 @@ def _profile(dictionary: Dictionary) -> int | None:
 
 
 def _supposed(dictionary: Dictionary, profile: int | None) -> Iterator[Finding]:
-    """Yield a finding for drive objects with another profile as the default of 1000."""
+    """Yield a finding if 1000 defaults to another profile, but the objects are those of a drive."""
     declared = dictionary.entry(objects.DEVICE_TYPE)
     by_default = declared is not None and declared.value is None
     if profile in {None, DRIVE_PROFILE} or not by_default:
@@ -373,7 +373,7 @@ def _wrong_mode(modes: tuple[Mode, ...] | None) -> Iterator[Finding]:
 
 
 def _no_range(dictionary: Dictionary) -> Iterator[Finding]:
-    """Yield software limits that are off and cannot be changed."""
+    """Yield a finding for software limits that are off and cannot be changed."""
     ends = [
         dictionary.entry(entry)
         for entry in (objects.SOFTWARE_LIMIT_MIN, objects.SOFTWARE_LIMIT_MAX)
@@ -409,7 +409,7 @@ class FoundNode:
     node : int
         Node number.
     state, shown_by : str
-        NMT state in the last heartbeat, empty if none was received; on EtherCAT the AL state.
+        NMT state, empty if unknown, and the sign that showed it; on EtherCAT the AL state.
     boots, emergencies : int
         Number of boot-ups and emergencies received.
     answers : int
@@ -452,5 +452,5 @@ class Scan:
     syncs: int = 0
 
     def heard(self, node: int) -> FoundNode:
-        """Return the node of a number, added if new."""
+        """Return the node with this number; add the node if it is new."""
         return self.nodes.setdefault(node, FoundNode(node))

@@ -2,7 +2,7 @@
 
 Duration of a cycle: computed for the cable, and measured.
 
-Scan of the line: slaves and their offers.
+Scan of the line: slaves and their object dictionaries.
 
 A slave gives access to its objects in PREOP, so each is brought there, and back to INIT if found
 there; nothing else is written, and nothing is energised.
@@ -61,7 +61,7 @@ class LinePicture(Picture):
     drives : DrivesFile
         Axes in joint order.
     reached : UnpoweredDrives
-        Access to their objects.
+        Access to the objects of the drives.
     inputs : bool
         True to read digital inputs too.
     """
@@ -92,7 +92,7 @@ class LinePicture(Picture):
 
 
 def scan_line(line: Line, is_asked: Callable[[int], bool], timeout: float) -> Scan:
-    """Find the slaves on a line and their offers.
+    """Find the slaves on a line, and read their object dictionaries.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ class StopwatchWire:
 
     @property
     def slowest(self) -> float:
-        """Return time of `ANSWERED` of the frames [s]."""
+        """Quantile `ANSWERED` of the return times of frames [s]."""
         return float(np.quantile(self._took, ANSWERED)) if self._took else 0.0
 
     def achievable_rate(self, slowest: float) -> float:
@@ -199,7 +199,7 @@ class StopwatchWire:
         return 1 / (RESERVE * took) if took else 0.0
 
     def jitter(self, period: float) -> float:
-        """Return the deviation of frames from their period at sending, for `ANSWERED` [s]."""
+        """Return the quantile `ANSWERED` of the frames' deviation from their period [s]."""
         gaps = np.diff(self._sent)
         gaps = gaps[gaps < 2 * period]
         return float(np.quantile(np.abs(gaps - period), ANSWERED)) if gaps.size else 0.0
@@ -257,7 +257,7 @@ class EthercatBus(Fieldbus):
         return servers
 
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
-        """Find slaves and their offers (see `drivers.ethercat.bus.scan_line`)."""
+        """Find slaves and read their dictionaries (see `drivers.ethercat.bus.scan_line`)."""
         line = self._line()
         return scan_line(
             line, lambda node: node not in besides and (only is None or node in only), SDO_TIMEOUT
@@ -269,16 +269,16 @@ class EthercatBus(Fieldbus):
 
     @contextmanager
     def timed(self, drives: DrivesFile) -> Iterator[TimedEthercatBus]:
-        """Measure the return times of frames, with a stopwatch in front of this bus."""
+        """Yield a bus that measures return times, with a stopwatch in front of this bus."""
         del drives
         yield TimedEthercatBus(StopwatchWire(self._wire), lock_step=self.lock_step)
 
     def picture(self, drives: DrivesFile, *, inputs: bool = False) -> LinePicture:
-        """Show the axes by reading their mailboxes: passive listening is impossible on this bus."""
+        """Return a picture of the axes by mailbox: passive listening is impossible on this bus."""
         return LinePicture(drives, self.unpowered(drives), inputs=inputs)
 
     def load(self, drives: DrivesFile) -> tuple[float, float]:
-        """Return the duration of a cycle on the line [s], and its largest share of the period."""
+        """Return the duration of a cycle on the line [s], and the permitted share of the period."""
         return cycle_time(drives), MAX_LOAD
 
     def shutdown(self) -> None:
@@ -304,7 +304,7 @@ class TimedEthercatBus(EthercatBus, TimedFieldbus):
     stopwatch : StopwatchWire
         Stopwatch in front of the wire.
     lock_step : bool
-        Pacing of the measured bus.
+        True if the measured bus is in lock-step.
     """
 
     def __init__(self, stopwatch: StopwatchWire, *, lock_step: bool) -> None:

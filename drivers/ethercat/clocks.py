@@ -7,8 +7,8 @@ reference, the first slave with a clock, to all others, which are adjusted to th
 `ReferenceClock` makes the reference the driver's clock: each frame with process data returns the
 time of its passage at the reference. A second-order filter estimates that time and its rate, so
 that a frame sent late has little influence. Deadlines are then in the time of the reference: frames
-pass half a period before SYNC0, at which drives apply outputs and latch inputs. Both sides may be
-late by as much.
+pass half a period before SYNC0, at which drives apply outputs and latch inputs. A frame may be late
+by half a period.
 """
 
 from __future__ import annotations
@@ -103,9 +103,9 @@ class ReferenceClock(WallClock):
         return self._period * (math.floor(instant / self._period - SHIFT) + SHIFT)
 
     def follow(self, reference: int, instant: float) -> float:
-        """Evaluate the passage of a frame, sent at `instant`, at the reference [ns]; return it [s].
+        """Evaluate a frame sent at `instant`; return the instant of its passage [s].
 
-        Both instants count from entering the bus, as `now` does.
+        `reference` is the reference clock at the passage [ns]. Instants count as those of `now`.
         """
         passed = 1e-9 * (reference - self._zero) - self._start
         off = passed - instant

@@ -49,7 +49,7 @@ GUARDS = (
 )
 """Registers of the watchdog, and their sizes: divider, time, control of outputs."""
 ORDER_TIME = 0.02
-"""Longest wait of an order for a full mailbox [s]: other drives must be commanded too."""
+"""Longest wait of `order` with a full mailbox [s]: other drives must be commanded too."""
 
 
 class EthercatDrive:

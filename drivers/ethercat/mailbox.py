@@ -4,8 +4,8 @@ SDO services of CANopen over EtherCAT (ETG.1000.6 clause 5.6) begin with their t
 emergencies have the format of CAN, with data up to the size of the mailbox, and with segments
 beyond.
 
-The master's counter runs from 1 to 7, so that the slave drops a service that arrives twice because
-the frame with its working counter was lost. A lost answer is requested again with the repeat bit.
+The master numbers services from 1 to 7. If the returning frame is lost, the service is sent again,
+and the slave drops the repetition by its number. A lost answer is requested by the repeat bit.
 """
 
 from __future__ import annotations

@@ -196,7 +196,7 @@ def _select_fixed(
     entries: Sequence[Entry],
     refusal: Aborted,
 ) -> Mapped:
-    """Assign fixed mappings with the needed objects: the assigned ones, or others."""
+    """Assign fixed mappings with the needed objects: the present assignment, or other mappings."""
     found = _content(server, held)
     if not found.carries(entries):
         # mappings with as many needed objects as possible, each once

@@ -128,7 +128,7 @@ class Station:
 
 
 LISTENING = 0.1
-"""Duration of listening for another master if a drive is in OP [s]: some cycles of any."""
+"""Duration of listening for another master if a drive is in OP [s]: some cycles of any master."""
 
 
 class Slaves:

@@ -4,8 +4,8 @@ A `SettingsKeeper` is called before every write of a session: the first write to
 preceded by a read of its value. Values that start-up will overwrite are known beforehand
 (`announcement`), so that they are on the disk before the first write; an object first written later
 in a session is added then. If an earlier session has left a file without restoring its values,
-those values are kept: the present ones are ours. But if a drive holds neither the saved value nor
-that of the session, it has been configured since, and the drive's value is kept.
+those values are kept: the values in the drives are those of that session. But if a drive holds
+neither value, another tool has configured the drive meanwhile, and the drive's value is saved.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class SettingsKeeper:
 
     @property
     def unrestored(self) -> bool:
-        """True if a drive may hold values of ours."""
+        """True if a drive may still hold values of a session."""
         return self._announced and self._settings is not None and not self._settings.restored
 
     def open(self, drives: DrivesFile) -> None:
@@ -275,7 +275,7 @@ class SettingsKeeper:
 
 
 def _reconcile(server: RemoteDictionary, earlier: FoundDrive) -> FoundDrive:
-    """Return the settings of an earlier session, with the drive's value where changed since."""
+    """Return the settings of an earlier session, with values that were changed afterwards."""
     objects = []
     for each in earlier.objects:
         present = None if each.written is None else read_if_held(server, each.entry)
@@ -292,7 +292,7 @@ def _read(server: RemoteDictionary, each: FoundObject) -> int | None:
 
 
 def _extend(drive: FoundDrive, found: Mapping[Entry, int]) -> FoundDrive:
-    """Add values to the settings of a drive; those saved already are kept."""
+    """Add values to the settings of a drive; values saved already are kept."""
     places = {each.key for each in drive.objects}
     objects = tuple(
         FoundObject.model_validate(

@@ -74,9 +74,9 @@ class FoundObject(FileModel):
     Attributes
     ----------
     written : int or None
-        Value in the drive after a session had written. A drive with neither this value nor `value`
-        has been configured since. None if no session got that far, and for objects that a session
-        changes repeatedly.
+        Value in the drive after start-up of the session (until then the planned value); None for
+        objects that a session changes repeatedly. A drive with neither this value nor `value` was
+        configured after the session.
     refused : bool
         True if the drive refused the value, which has been reported.
     """
@@ -109,7 +109,7 @@ class FoundObject(FileModel):
         return Entry(self.index, self.subindex, self.type, self.name)
 
     def was_changed(self, present: int | None) -> bool:
-        """Return True if another tool has written the value `present` since."""
+        """Return True if another tool wrote the value `present` after the session."""
         return self.written is not None and present not in {None, self.value, self.written}
 
     def comparison(self, present: int) -> str:
@@ -182,7 +182,7 @@ class FoundDrive(FileModel):
         return self.model_copy(update={"restored": True, "objects": objects})
 
     def hold(self, held: Callable[[FoundObject], int | None]) -> FoundDrive:
-        """Return this drive with present or planned values of objects written at start-up only."""
+        """Return this drive with `written` by `held`, for objects written at start-up only."""
         objects = tuple(
             each.model_copy(update={"written": held(each)}) if each.index in WRITTEN_ONCE else each
             for each in self.objects
@@ -191,7 +191,7 @@ class FoundDrive(FileModel):
 
     @property
     def doubt(self) -> str:
-        """Reason why this may be another drive in spite of its identity; empty if it is not."""
+        """Reason why this may be another drive in spite of its identity; empty without doubt."""
         if self.identity.serial:
             return ""
         return (
@@ -248,7 +248,7 @@ class FoundSettings(FileModel):
 
     @property
     def unrestored(self) -> tuple[FoundDrive, ...]:
-        """Drives that may still hold values of ours."""
+        """Drives that may still hold values of a session."""
         return tuple(drive for drive in self.drives if not drive.restored)
 
     def update_drives(self, drives: Iterable[FoundDrive]) -> FoundSettings:

@@ -18,7 +18,7 @@ prediction at -q::
     sign wrong    tau(q) = -g(-q)
 
 An arm hanging straight down is symmetric: both predictions agree there, and the check is undecided.
-So it is if they differ by less than the uncertainty due to friction.
+It is also undecided if they differ by less than the uncertainty due to friction.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ if TYPE_CHECKING:
 SIGNIFICANT = 4.0
 """Smallest friction with a certain sign, in standard errors."""
 VELOCITY_SAME = 0.3
-"""Largest relative deviation of the velocity from the commanded one: a short move is mostly
-transients, and units differ by more."""
+"""Largest relative deviation from the commanded velocity: a short move is mostly transients, and
+a wrong unit gives a larger deviation."""
 NOISE_MAX = 0.01
 """Largest noise of the current, as a share of the torque limit, without loss of accuracy."""
 QUANTUM_MAX = 0.005
 """Largest step of the current, as a share of the torque limit, without loss of accuracy."""
 LEAST_CHANGES = 10
-"""Smallest number of changes of a value for a refresh period."""
+"""Smallest number of changes of a value from which a refresh period is computed."""
 RENEWED = 0.05
 """Tolerated share of repeated readings beyond quantisation: if a drive refreshes at the rate of
 SYNC by its own clock, some values are read twice."""
@@ -71,7 +71,7 @@ class Moved:
     number : int
         Joint index, from 0.
     pose : ndarray, shape (n_axes,)
-        Rest positions of all joints [rad or m]; the others stayed there.
+        Rest positions of all joints [rad or m]; all but the moved joint stayed there.
     held : ndarray, shape (m,)
         Torque at rest, by the file's scale [N m or N]; NaN where TPDOs are missing.
     counts : ndarray, shape (n, 2)

@@ -72,7 +72,7 @@ def check_scaling(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict
 
 
 def _judge_constant(place: str, axis: AxisDrive, *, rated: bool) -> Verdict:
-    """Compare rated torque, rated current and torque constant; sqrt(2) means rms or peak.
+    """Compare rated torque, rated current and torque constant; sqrt(2) is rms taken for peak.
 
     If the drive confirms both ratings (`rated`), the constant or one amplitude is wrong.
     """
@@ -118,9 +118,9 @@ def _amplitudes(axis: AxisDrive) -> str:
 
 
 def _judge_gear(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
-    """Judge a gear: confirmed, or on trust, since without a feed it may be the drive's own.
+    """Confirm the gear ratio by 6091, or warn if another 6091 may be an electronic gear.
 
-    A contradiction is among the comparisons.
+    A 6091 that contradicts the file with certainty is refused by `consistency.comparisons`.
     """
     factors = PositionFactors.read(server.find)
     check, stated, gear = GEAR, axis.gear_ratio, factors.gear

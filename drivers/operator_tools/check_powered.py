@@ -12,10 +12,10 @@ during slow strokes. Their ratio is that of the units::
                                T / (kt a I)      in per mille of the rated current I
                                1                 in per mille of the rated torque T
 
-The nearest is the unit, if near enough. Otherwise the magnitude decides, roughly: no motor holds
-more than its rated torque for long, and the friction of a geared axis at slow speed is a few per
-cent of it. Shares beyond `HELD_MAX` and outside `FRICTION` count as impossible, and a unit is
-confirmed only if no other is possible.
+The nearest ratio gives the unit, if near enough. Otherwise the magnitude decides, roughly: no motor
+holds more than its rated torque for long, and the friction of a geared axis at slow speed is a few
+per cent of rated torque. Shares beyond `HELD_MAX` and outside `FRICTION` count as impossible, and a
+unit is confirmed only if no other is possible.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def judge_current_unit(seen: Moved) -> Verdict:
 
 
 def _ratio(counts: NDArray[np.float64]) -> float | None:
-    """Return the slope of the measured counts over those of 6077, None if meaningless."""
+    """Return the slope of the current object over 6077, without sign; None if meaningless."""
     reference, measured = counts.T
     if counts.shape[0] < 4 or math.sqrt(float(np.mean(reference**2))) < LEAST_COUNTS:
         return None

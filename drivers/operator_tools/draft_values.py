@@ -53,7 +53,7 @@ _NAMES = {
 
 @dataclass(frozen=True, slots=True)
 class Drafted:
-    """Value for the draft with its reason; None is to be stated, by the hint."""
+    """Value for the draft with its reason; if None, the user states it, helped by the hint."""
 
     value: str | None
     reason: str
@@ -253,7 +253,7 @@ def draft_limits(dictionary: Dictionary) -> dict[str, Drafted]:
     found = {key: Drafted(None, "", hint) for key, hint in _HINTS.items()}
     if milliseconds := _held(dictionary, objects.FOLLOWING_ERROR_TIME):
         found["following_error_time"] = Drafted(f"{milliseconds / 1000:g}", "s, 6066", "")
-    # 6091 is the gear of the joint, unless 1 or within the drive
+    # 6091 is the gear of the joint, unless it is 1 or may be an electronic gear
     factors = PositionFactors.read(dictionary.value)
     gear = factors.gear
     if gear is None or gear == 1 or gear_is_electronic(factors):

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class Returned(NamedTuple):
-    """Result for a drive.
+    """Result of restoring a drive.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Returned(NamedTuple):
     written : tuple of (Entry, int or None, int)
         Differences: object, present value (None: missing), original value.
     left : tuple of str
-        Objects configured since and not restored, in words.
+        Objects not restored, since they were configured after the session, in words.
     problem : str
         Reason of a failure; empty if there is none. If `drive.restored` is true, the drive refused
         some values.
@@ -51,7 +51,7 @@ class Returned(NamedTuple):
 
 
 def put_back(bus: Fieldbus, settings: FoundSettings) -> Iterator[Returned]:
-    """Restore the settings of drives; those restored already are left alone.
+    """Restore the settings of drives; drives restored already are left alone.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def put_back(bus: Fieldbus, settings: FoundSettings) -> Iterator[Returned]:
     Raises
     ------
     NodeSilent, DriveRefused
-        A drive is missing, another one, or energised, a line each; nothing was written.
+        Drives that are missing, exchanged or energised, a line each; nothing was written.
     """
     left = settings.unrestored
     servers = bus.servers(places_of(left), settings.sdo_timeout)

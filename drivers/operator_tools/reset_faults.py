@@ -28,7 +28,7 @@ _STATE = "state (6041)"
 
 
 def check_state(server: RemoteDictionary, supervision: Supervision) -> Verdict:
-    """Judge the state of a drive; one in a fault is refused, with the cause.
+    """Judge the state of a drive; a drive in a fault is refused, with the cause.
 
     Raises
     ------

@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 SPEED_TIME = 0.08
 """Time base of the speed [s]: a drive may not refresh positions with each SYNC."""
 TOO_FAST = 2.0
-"""Speed at which a move is given up, as a multiple of the commanded one."""
+"""Speed at which a move is given up, as a multiple of the commanded speed."""
 POLLED = 0.1
 """Time between two readings of the following error [s]."""
 TOO_SLOW = 1.4
-"""Duration after which a move is given up, as a multiple of the planned one."""
+"""Duration after which a move is given up, as a multiple of the planned duration."""
 RAMP = 0.25
 """Acceleration time of a small move [s]."""
 

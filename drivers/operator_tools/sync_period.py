@@ -3,16 +3,15 @@
 First nothing is sent, and no drive takes part. For some seconds the process waits for the deadlines
 of an absolute grid, on the same bus, as the driver does between two SYNCs. The delay at every
 deadline is recorded, also for those missed during one long sleep. The driver leaves out a SYNC
-later
-than `drivers.fieldbus.TOO_LATE` of the period, so the highest rate is the one with hardly any
-missed.
+delayed by more than `drivers.fieldbus.TOO_LATE` of the period, so the achievable rate is the
+highest one at which hardly any deadline is missed.
 
 Then, while powered drives hold their position, SYNC is sent and answered, which shows the influence
 of adapter, bus and drives: response times, and the deviation of SYNC from its period at the drives.
 An adapter accessible only to this process is included, since nothing else times SYNC there.
 
-If SYNC is sent independently, as by the kernel, its deadlines are kept without us; a late wake-up
-then delays only our observation and reaction.
+If the kernel sends SYNC, the deadlines are kept without this process; a late wake-up then delays
+only observation and reaction.
 """
 
 from __future__ import annotations
@@ -75,7 +74,7 @@ class WakeUps:
 
 
 def usual_rate(shortest: float) -> float | None:
-    """Return the highest usual rate with a longer period [Hz], None if there is none."""
+    """Return the highest usual rate with a period above `shortest` [Hz], None if there is none."""
     return next((rate for rate in RATES if shortest < 1 / rate), None)
 
 
@@ -108,14 +107,14 @@ def measure_wake_ups(
 
 
 def wake_ups_on(bus: Fieldbus, period: float, duration: float) -> WakeUps | None:
-    """Measure on an open bus, dropping received frames; return None in lock-step, without waits."""
+    """Measure wake-ups on an open bus; drop received frames. Return None in lock-step."""
     if bus.lock_step:
         return None
     return measure_wake_ups(period, duration, bus.wait)
 
 
 def judge_wake_ups(found: WakeUps, *, real_time: bool, by_kernel: bool = False) -> Verdict:
-    """Compare the rate kept by this computer with the wanted one.
+    """Compare the rate of SYNC kept by this computer with the wanted rate.
 
     Parameters
     ----------
@@ -155,7 +154,7 @@ def judge_period(timed: TimedFieldbus, period: float, late: float) -> Verdict:
     period : float
         Time between two SYNCs by the drives file [s].
     late : float
-        Wake-up delay of this process before SYNC, except for one in a thousand [s]; 0 if SYNC does
+        Wake-up delay of this process before SYNC, exceeded by one in a thousand [s]; 0 if SYNC does
         not depend on this process.
     """
     carried, slowest = timed.achievable_rate()

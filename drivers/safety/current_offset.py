@@ -2,7 +2,7 @@
 
 Measured before the axes are energised and after power-off. A constant offset does not stop a run,
 since the friction estimate absorbs it, but is reported. Samples without a telegram are left out:
-their currents are those of a SYNC before, when power may have been on.
+their currents are those of an earlier SYNC, when power may have been on.
 """
 
 from __future__ import annotations

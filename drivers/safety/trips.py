@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 BLIND = 10
 """Consecutive SYNCs without an axis's TPDO until all axes are stopped."""
 BUSY = 0.25
-"""Minimum time without TPDOs while this computer itself is late, since their delivery may be late
-too [s]."""
+"""Minimum time without TPDOs until a stop while this computer is late [s]: late delivery is
+likely."""
 
 
 class MissingTelegrams:
@@ -181,7 +181,7 @@ class Trips:
         self._highs[axis] = max(high, self._highs[axis]) if moving else high
 
     def follow(self, lows: Iterable[int], highs: Iterable[int]) -> None:
-        """Set the corridors of all axes to `lows` to `highs` [increments] until the next ones."""
+        """Set the corridors of all axes to `lows` to `highs` [increments] until the next call."""
         self._lows, self._highs = list(lows), list(highs)
 
     def look_ahead(self, cycles: Cycles) -> Tripped | None:

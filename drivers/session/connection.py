@@ -117,7 +117,7 @@ class Connection(ABC):
         Raises
         ------
         Tripped
-            A value differs from the one written: another tool wrote it, unheard on this bus.
+            A value differs from the one written: another tool wrote it, not over this bus.
         """
         self._looked += 1
         for server in self.servers:
@@ -131,7 +131,7 @@ class Connection(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Remove our part from the bus, which stays open."""
+        """Release the resources of this connection on the bus; the bus stays open."""
 
     def cycle(self) -> None:
         """Let a SYNC pass before the axes are in operation.
@@ -143,7 +143,7 @@ class Connection(ABC):
         """
         self.process_data.sync()
         self.life_sign.service()
-        if trouble := self.life_sign.trouble:  # nothing moves that could trip
+        if trouble := self.life_sign.trouble:  # before any motion, a trip becomes a refusal
             raise DriveRefused(str(trouble)) if isinstance(trouble, Tripped) else trouble
 
     def beating_cycle(self) -> None:
@@ -163,7 +163,7 @@ class UnpoweredDrives:
     communications : tuple of Communication
         Preferred communication.
     process_data : ProcessData
-        Lets time pass; the drives send none.
+        Lets time pass; the drives send no process data.
     """
 
     servers: tuple[RemoteDictionary, ...]
@@ -233,7 +233,7 @@ class Fieldbus(ABC):
     def connect(
         self, drives: DrivesFile, period: float, *, feed_forward: bool = False
     ) -> Connection:
-        """Build the services for a set of drives, or nothing; nothing is sent.
+        """Build the services for a set of drives, without sending; after an error nothing remains.
 
         Parameters
         ----------
@@ -255,7 +255,7 @@ class Fieldbus(ABC):
 
     @abstractmethod
     def scan(self, only: Collection[int] | None = None, *, besides: Collection[int] = ()) -> Scan:
-        """Find the nodes with some numbers (default: all) and read the offers, without writing.
+        """Read the dictionaries of nodes in `only` (default: all), except `besides`; write nothing.
 
         Raises
         ------
@@ -269,15 +269,15 @@ class Fieldbus(ABC):
 
     @abstractmethod
     def timed(self, drives: DrivesFile) -> AbstractContextManager[TimedFieldbus]:
-        """Measure the response times of drives, in place of this bus."""
+        """Return a bus that measures response times, to be used in place of this one."""
 
     @abstractmethod
     def picture(self, drives: DrivesFile, *, inputs: bool = False) -> Picture:
-        """Show the axes by listening, and digital inputs (60FD) by request."""
+        """Return a picture of the axes by listening; with `inputs`, also request 60FD."""
 
     @abstractmethod
     def load(self, drives: DrivesFile) -> tuple[float, float]:
-        """Return the duration of a cycle on the bus [s], and its largest share of the period."""
+        """Return the duration of a cycle on the bus [s], and the permitted share of the period."""
 
     @abstractmethod
     def shutdown(self) -> None:
@@ -293,7 +293,7 @@ class TimedFieldbus(Fieldbus):
 
     @abstractmethod
     def jitter(self, period: float) -> float:
-        """Return the deviation of SYNC from its period at the drives, for 99 of 100 [s].
+        """Return the deviation of SYNC from its period at the drives, 99th percentile [s].
 
         The result is 0 if not measured.
         """

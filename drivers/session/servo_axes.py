@@ -375,7 +375,7 @@ class ServoAxes:
                     error.add_note(note)
 
     def _close(self) -> list[str]:
-        """Close our part of the bus; return failures."""
+        """Close the connection, and the bus if owned; return failures."""
         problems = []
         connection, self._connection, self._inside = self._connection, None, False
         if self._session is not None:

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from drivers.session.connection import Connection
 
 LEFT_OUT = 0.5
-"""Smallest delay of a SYNC by which another was skipped [periods]: the tolerance of deadlines."""
+"""Delay of a SYNC beyond which a SYNC was left out [periods]: the tolerance of deadlines."""
 UNSUPERVISED = 0.5
 """Longest time without supervision during motion, as a share of the heartbeat timeout."""
 
@@ -288,7 +288,7 @@ class Session:
             blind = self._missing.look(data.flags, data.misfits, busy=busy)
             if blind:
                 self._fail(blind)
-        # not while requests before a move took their time: the axes rested
+        # requests before a move may take longer: the axes rest meanwhile
         if min(elapsed, time - self._rested) > self._unsupervised and profile.active:
             self.stopping.fail(
                 Tripped(

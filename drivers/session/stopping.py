@@ -141,5 +141,5 @@ class Stopping(Shutdown):
         slowest = SLOWEST_STOP * axis.stated.limits.acceleration
         ours = max(axis.stop_deceleration or axis.drive.limits.acceleration, slowest)
         if axis.server.missing & {objects.QUICK_STOP_OPTION, objects.QUICK_STOP_DECELERATION}:
-            ours = min(ours, self._profile.deceleration(axis.index))  # it may use 6084
+            ours = min(ours, self._profile.deceleration(axis.index))  # the drive may use 6084
         return axis.stated.quick_stop_deceleration or ours

@@ -51,7 +51,7 @@ class AbortCode(enum.IntEnum):
     GENERAL = 0x0800_0000
     """Any other reason."""
     DEVICE_STATE = 0x0800_0022
-    """Not in the present state of the device."""
+    """The access is not possible in the present state of the device."""
     NO_DATA = 0x0800_0024
     """There is nothing to transfer."""
 

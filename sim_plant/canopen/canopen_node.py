@@ -53,7 +53,7 @@ class CanopenNode:
     personality : Personality
         Visible objects of the dictionary, and timing of RPDOs.
     axis : int
-        Number of the axis in the node, from 1; the first axis speaks for all (see `join`).
+        Number of the axis in the node, from 1; the first axis serves the whole node (see `join`).
     """
 
     def __init__(
@@ -191,7 +191,7 @@ class CanopenNode:
         self.emergencies.clear(ErrorCode.HEARTBEAT_LOST)
 
     def _reset_profile(self) -> None:
-        """Put the profile to its state after power-on."""
+        """Reset the profile to its state after power-on."""
 
     # Internals
 

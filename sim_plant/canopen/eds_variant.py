@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 VELOCITIES = (0x6081, 0x607F)
 ACCELERATIONS = (0x6083, 0x6084, 0x6085, 0x60C5, 0x60C6)
 PER_RPM = {"inc/s": None, "rpm": 1, "0.1 rpm": 10, "inc/s^2": None, "rpm/s": 1, "0.1 rpm/s": 10}
-"""Units of the drive in a revolution per minute; None for units in increments."""
+"""Number of a drive's units in one revolution per minute; None for units in increments."""
 
 _MAPPINGS = tuple(base + number for base in (0x1600, 0x1A00) for number in range(4))
 _CURRENT = 0x6078

@@ -25,7 +25,7 @@ _HISTORY = 8
 class ErrorCode(enum.IntEnum):
     """Error codes of CiA 301 and CiA 402 raised by the drives without an injected fault.
 
-    PDO_VALUE is a protocol error. Faults that somebody wants may have any code.
+    PDO_VALUE is a protocol error. Injected faults may have any code.
     """
 
     UNDER_VOLTAGE = 0x3220

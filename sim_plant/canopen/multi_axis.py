@@ -31,7 +31,7 @@ PDOS = 4
 _RECORDS = range(0x1400, 0x1C00)
 _MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
 _ONE_NODE = range(0x1000, 0x1200)
-"""Communication of the whole node."""
+"""Indices of the communication objects of the whole node."""
 
 
 def place(index: int) -> tuple[int, int]:
@@ -58,7 +58,7 @@ class NodeDictionary:
     Parameters
     ----------
     axes : sequence of ObjectDictionary
-        The first is that of the axis that gives the node its voice.
+        Dictionary of each axis; the first axis serves the whole node.
     """
 
     def __init__(self, axes: Sequence[ObjectDictionary]) -> None:

@@ -29,12 +29,12 @@ class NodeGuarding:
     answer : callable
         Sends the NMT state with the given toggle bit.
     lost, returned : callable
-        Called when requests have stayed away, and when they are back.
+        Called when no request has come within the life time, and at the next request.
 
     Attributes
     ----------
     present : bool
-        Requests have not stayed away.
+        True unless no request has come within the life time.
     """
 
     def __init__(

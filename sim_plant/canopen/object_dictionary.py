@@ -272,7 +272,7 @@ def bounds(code: str) -> tuple[int, int]:
 
 
 def wrapped(code: str, value: int) -> int:
-    """Fit a measured value into its object: 32-bit counters wrap around, smaller values saturate.
+    """Fit a measured value into its object: 32-bit counters wrap around, other types saturate.
 
     Parameters
     ----------

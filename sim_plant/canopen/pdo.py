@@ -1,9 +1,9 @@
 """Process data objects (PDOs): transmitted without a request, on SYNC or on event.
 
 Transmission types: 0 and 1...240 act on SYNC (a TPDO of type n every n-th, one of type 0 when its
-data have changed; an RPDO takes effect at the next SYNC), 254 and 255 act at once. Only
-an event-driven TPDO knows inhibit time and event timer. Layouts are compiled when they change, so
-that a SYNC costs one `struct` call per PDO.
+data have changed; an RPDO takes effect at the next SYNC), 254 and 255 act at once. Only an
+event-driven TPDO has inhibit time and event timer. Layouts are compiled when they change, so that a
+SYNC costs one `struct` call per PDO.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Pdo:
     number : int
         From 0.
     base : int
-        Index of the first communication record: 1400h or 1800h; mappings stand 200h behind.
+        Index of the first communication record: 1400h or 1800h; mapping records are 200h higher.
     rewired : callable
         Called when the identifier or the type has changed.
     """

@@ -32,7 +32,7 @@ class PdoMapping:
     check_changeable : callable
         Raises `SdoAbort` where the mapping must not be changed now.
     receives : bool
-        RPDO: objects are written, and dummies allowed.
+        True for an RPDO: objects are written, and dummies are allowed.
     bytes_max : int
         Maximum size of the mapped objects together.
     """

@@ -37,7 +37,7 @@ class Incoming:
     Raises
     ------
     SdoAbort
-        Unknown or read-only object, or an announced length that does not fit it.
+        Unknown or read-only object, or an announced length that does not fit the object.
     """
 
     def __init__(self, dictionary: Served, index: int, subindex: int, size: int | None) -> None:

@@ -50,7 +50,7 @@ class SdoServer:
     respond : callable
         Sends eight bytes to the client.
     states_size : bool
-        Expedited uploads say how many of their four bytes count.
+        True if expedited uploads state the number of valid bytes.
     """
 
     def __init__(

@@ -1,9 +1,9 @@
 """Servo drive on any bus: the power state machine of CiA 402 and one axis.
 
-Commands come in through the controlword, by SDO or PDO. Stopping on the way out of
-OPERATION ENABLED follows the option codes: the state is left when the axis stands still, at once
-where the option says so. Faults take the way over FAULT REACTION ACTIVE (605Eh) to FAULT, and are
-left by a rising edge of bit 7 once their cause is gone.
+Commands come in through the controlword, by SDO or PDO. A command that ends OPERATION ENABLED stops
+the axis as its option code states; the state ends at standstill, or at once with option 0. A fault
+leads through FAULT REACTION ACTIVE (605Eh) to FAULT, which a rising edge of bit 7 ends once the
+cause is gone.
 """
 
 from __future__ import annotations
@@ -185,7 +185,7 @@ class Cia402Drive:
 
     def _control(self, _subindex: int, controlword: int) -> None:
         if controlword == self._controlword and self._follows_set_points:
-            return  # the behaviour is that of every set-point of a stream
+            return  # no effect, as with every further set-point of a stream
         risen = controlword & ~self._controlword
         self._controlword = controlword
         if self.state is State.FAULT:

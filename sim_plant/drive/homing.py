@@ -1,9 +1,9 @@
 """Homing mode (6): search of the reference position by the drive.
 
-Methods (6098h): 35 and 37 take the present position. 17 and 18 look for the negative and the
-positive limit switch: towards it at 6099h:1, back at 6099h:2 until it opens; that edge is the home
-position. The switches stand where the drive's software limits stood when it was switched on. The
-home position gets the value of 607Ch, and everything the encoder shows moves along.
+Methods (6098h): 35 and 37 take the present position. 17 and 18 use the negative and the positive
+limit switch: the axis moves towards the switch at speed 6099h:1, then back at 6099h:2 until the
+switch opens, which is the home position. The switches are at the software limits that the drive had
+at power-on. The home position gets the value of 607Ch, and all shown positions shift with it.
 
 A rising edge of bit 4 starts homing; a falling edge of bit 4, or halt, stops it. Statusword bit 12
 reports the reference, bit 10 an axis at rest.

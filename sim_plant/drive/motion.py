@@ -132,7 +132,7 @@ class Motion:
         self._axis.rebase(shift)
 
     def apply_torque_limit(self) -> None:
-        """Apply 6072h and 6073h; torque and current are equal per mille."""
+        """Apply 6072h and 6073h; per mille of rated torque and of rated current are equal."""
         self._axis.set_torque_limit(self._limited(0x6072, 0x6073))
 
     def apply_following_window(self) -> None:

@@ -47,7 +47,7 @@ class Turns:
     Attributes
     ----------
     low, size : int
-        The lowest position that is shown, and how many there are; 0 where nothing wraps.
+        Lowest shown position, and number of shown positions; 0 without wrap-around.
     """
 
     low: int

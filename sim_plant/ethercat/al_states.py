@@ -1,7 +1,7 @@
 """Application layer state machine of a slave (ETG.1000.6 clause 6) and its status codes.
 
-States go up one by one and down in one step. A refusal leaves the state, sets the error flag and
-states a code; until the master acknowledges it, nothing but a way down is taken.
+States go up one by one and down in one step. A refused request leaves the state unchanged and sets
+error flag and code; until the master acknowledges the error, only lower states are accepted.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ class CoeServer:
     mailbox : Mailbox
         Mailbox with the queued services.
     states_size : bool
-        Expedited uploads say how many of their four bytes count.
+        True if expedited uploads state the number of valid bytes.
     """
 
     def __init__(

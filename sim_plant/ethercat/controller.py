@@ -185,7 +185,7 @@ class Controller:
         return bytes(self.memory[guarded.start : guarded.start + guarded.size])
 
     def take_events(self) -> set[int]:
-        """Return and clear the registers and parts (by start) written, or read empty."""
+        """Return and clear the start addresses of registers and parts written, or read empty."""
         events, self._events = self._events, set()
         return events
 

@@ -83,7 +83,7 @@ class CyclicFrame:
     Parameters
     ----------
     slaves : sequence of EthercatSlave
-        All that a frame reaches.
+        Slaves that a frame reaches.
     frame : bytes
         Frame as received.
 
@@ -92,10 +92,10 @@ class CyclicFrame:
     by_frames : list of EthercatSlave
         Slaves with outputs acting on frames, not at SYNC0.
     is_plain : bool
-        The layout is one of process data for all slaves, of registers that are read, and of the
-        first slave's time: other frames are to be passed datagram by datagram.
+        True if the frame has only process data of all slaves, registers to read, and the first
+        slave's time. Other frames are processed datagram by datagram.
     is_repeated : bool
-        The frame that was passed last is the one before it under another number.
+        True if the last frame equals the frame before it, except for the number.
     """
 
     def __init__(self, slaves: Sequence[EthercatSlave], frame: bytes) -> None:

@@ -35,7 +35,7 @@ def write_esi(objects: DriveObjects, settings: DriveSettings) -> str:
     Parameters
     ----------
     objects : DriveObjects
-        All that it serves.
+        Objects served by the drive.
     settings : DriveSettings
         Identity and name of the drive.
     """

@@ -51,7 +51,7 @@ class Mailbox:
     Attributes
     ----------
     is_stuck : bool
-        Nothing that came in is looked at any more, as in firmware that hangs.
+        True if requests are no longer processed, as in firmware that hangs.
     """
 
     def __init__(self, controller: Controller, serve: Callable[[bytes], None]) -> None:

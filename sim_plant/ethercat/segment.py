@@ -58,7 +58,7 @@ class Segment(TimedNetwork):
     machine : Machine
     clock : {"sync", "wall"}
     cycle : float
-        Cycle time while no slave has one [s].
+        Cycle time while no slave has a cycle time [s].
 
     Attributes
     ----------

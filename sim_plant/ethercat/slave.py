@@ -196,7 +196,7 @@ class EthercatSlave(Cia402Drive):
         Parameters
         ----------
         forward, back : int
-            When the frame came, and came back if it went on to another slave [ns].
+            Delays at which the frame arrived, and came back from the next slave if any [ns].
         """
         events = self.controller.take_events()
         if not events:

@@ -139,7 +139,7 @@ class When(FileModel):
     frame: Count | None = None
     """Number of the frame that reaches the drives, from 1."""
     set_point: Count | None = None
-    """Number of the set-point of the fault's axis (of any, if it has none), from 1."""
+    """Number of the set-point of the fault's axis, from 1; of any axis if the fault has none."""
     after: NotNegative = 0.0
     """Delay [s]."""
 

@@ -73,7 +73,7 @@ class FaultyNetwork(FaultSchedule[SlaveNetwork]):
     clock : {"sync", "wall"}
         See `sim_plant.slave_network`.
     plan : FaultPlan
-        May be empty; more can be added by `add`.
+        Planned faults, possibly none; `add` adds further faults.
     cycle : float
         As for `SlaveNetwork`.
 

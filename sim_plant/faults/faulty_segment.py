@@ -52,7 +52,7 @@ class FaultySegment(FaultSchedule[Segment]):
     clock : {"sync", "wall"}
         See `sim_plant.ethercat.segment`.
     plan : FaultPlan
-        May be empty; more can be added by `add`.
+        Planned faults, possibly none; `add` adds further faults.
     cycle : float
         As for `Segment`.
 

@@ -59,7 +59,7 @@ class TpdoLate(NodeInjection):
         self._held: list[CanFrame] = []
 
     def outgoing(self, frames: list[CanFrame]) -> list[CanFrame]:
-        """Hold new process data and release those held before."""
+        """Hold new process data and release the process data held before."""
         late, self._held = self._held, [frame for frame in frames if frame[1] in self.tpdos]
         return late + [frame for frame in frames if frame[1] not in self.tpdos]
 

@@ -32,7 +32,7 @@ class FaultSchedule(Generic[NetworkT]):
     kinds : mapping of What to callable
         Makes the injections that this bus knows.
     plan : FaultPlan
-        May be empty; more can be added by `add`.
+        Planned faults, possibly none; `add` adds further faults.
 
     Attributes
     ----------

@@ -3,12 +3,12 @@
 The characteristic is degressive: a Coulomb part with a Stribeck peak, a part saturating with speed
 (an arc tangent) and a viscous part. Three slow states change it: the temperature rise of the gear,
 heated by friction power; the settled share of the lubricant, growing at rest and stirred up again
-by motion; and a random wander. They produce both effects of the paper's Fig. 2. At reversal the
-direction is not a sign but the deflection of a bristle (LuGre), so that a held axis stays still.
-Friction may also grow with the transmitted torque.
+by motion; and a random wander. The slow states produce both effects in Fig. 2 of Grotjahn, Daemi
+and Heimann (2001). At reversal the direction is not a sign but the deflection of a bristle (LuGre),
+so that a held axis stays still. Friction may also grow with the transmitted torque.
 
-The numbers of the model are assumptions; none of the paper's friction models (1)-(3) fits it
-exactly.
+The numbers of the model are assumptions; none of the friction models (1)-(3) of that paper fits the
+model exactly.
 """
 
 from __future__ import annotations

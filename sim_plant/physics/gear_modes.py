@@ -52,7 +52,7 @@ def refuse_steps_too_long(arm: Arm, const: Array, flaws: Array, reach: Array, st
     Raises
     ------
     ValueError
-        Such gears, or links that have no positive inertia by themselves.
+        The step is too long for the gears, or links without motors have no positive inertia.
     """
     modes = list(_modes(arm, const, flaws, reach))
     limit = step

@@ -150,9 +150,9 @@ def run_and_latch(  # noqa: C901 - as `run`
 ) -> int:
     """Run as `run` and latch with a row of `noise`, unless the last step has an event.
 
-    Or do so several times, up to the time before an axis has news. Entering compiled code costs as
-    much as a step, so it is done at most once a SYNC; both are one function, since each costs
-    seconds to compile.
+    With `several`, run and latch repeatedly until an axis has news. Entering compiled code costs as
+    much as a step, so it is done at most once a SYNC. Single and repeated latching are one
+    function, since a function takes seconds to compile.
 
     Parameters
     ----------
@@ -168,8 +168,8 @@ def run_and_latch(  # noqa: C901 - as `run`
     Returns
     -------
     int
-        As in `run`; or the number of latches before the one with news: the machine stands where it
-        was after them.
+        As in `run`; with `several`, the number of latches without news. The machine is then in the
+        state after these latches.
     """
     times = len(several)
     before, profile_before = np.empty(state.shape), np.empty(profile.shape)

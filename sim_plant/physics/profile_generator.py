@@ -56,10 +56,10 @@ def follow(profile: Array, now: float, target: float, period: float) -> None:
     """Process the next set-point of a stream with the given period [s].
 
     Between regular set-points the demand is their quadratic B-spline: half a period late, velocity
-    continuous, acceleration constant within a period. It passes half-way between two set-points
-    with their mean velocity; two accelerations lead there also from where an irregular set-point
-    finds it. Without a further set-point the demand comes to rest at the last one, as if it were
-    repeated.
+    continuous, acceleration constant within a period. The demand passes the middle between two
+    set-points with their mean velocity. After an irregular set-point, two segments of constant
+    acceleration lead the demand to that middle. Without a further set-point the demand comes to
+    rest at the last one, as after a repeated set-point.
     """
     last, p, v = profile[st.TARGET], profile[st.DEMAND], profile[st.DEMAND_V]
     half, speed = period / 2, (target - last) / period

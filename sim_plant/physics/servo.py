@@ -7,8 +7,8 @@ reaches its command within one control period, so the motor torque is a polygon 
 at every instant: the current read at a SYNC belongs to that SYNC. The loops use an interpolated
 encoder, finer than the increments reported by the drive.
 
-`position` and `torque` readings are quantised as the object dictionary wants them: increments and
-per mille, the current with white noise before quantisation.
+Readings of position and torque are quantised in the units of the object dictionary, increments and
+per mille; the current gets white noise before quantisation.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Soft gears, backlash and lagging current sensors.
 
-All are absent unless the plant file states them, and then another step is compiled: where `flaws`
-is None the compiler omits this code.
+All are absent unless the plant file states them: without them `flaws` is None, and the compiler
+omits this code.
 
 A soft gear has the motor on one side and the link on the other. Encoder, friction and servo belong
 to the motor; the arm moves with the link. A spring with a damper acts between them, without torque

@@ -111,7 +111,7 @@ class PlantBus(can.BusABC):
         return super().recv(timeout)
 
     def recv_block(self) -> bytes | None:
-        """Return all waiting frames as ``struct can_frame``; None for single reading."""
+        """Return all waiting frames as ``struct can_frame``; None if `recv` must be used."""
         if self._singly or not self._direct or self._inbox.qsize() != 1:
             return None
         item = self._inbox.get_nowait()

@@ -47,7 +47,7 @@ class Hand:
     Raises
     ------
     FileError
-        There is something else, or no socket can be made there.
+        Another file has this path, or no socket can be made there.
     """
 
     def __init__(self, path: str, plant: Plant) -> None:

@@ -72,7 +72,7 @@ class PlantChannel:
     def transmit(self, message: can.Message, sender: Inbox, echo: bool) -> None:
         """Pass a frame from a bus to the other buses and the drives, and deliver the answers."""
         network = self._network
-        with self._lock:  # an interrupt after a call of `acquire` would leave it locked for good
+        with self._lock:  # an interrupt after a call of `acquire` would never release the lock
             time = self._occupy(network.time, message.dlc)
             if self._hand is not None:
                 self._hand.act(network.time)

@@ -28,7 +28,7 @@ class PlantOptions:
     clock : {"sync", "wall"}
         See `sim_plant.slave_network`.
     cycle : float
-        SYNC period while no drive is set to one (1006h) [s].
+        SYNC period while no drive has a period (1006h) [s].
     personality : str, optional
         Personality of all drives, by name or path, in place of those of the plant file.
     faults : str, optional

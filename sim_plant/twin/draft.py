@@ -40,15 +40,15 @@ STEP = 0.001
 SYNC_PERIOD = 0.004
 PEAK_OVER_RATED = 3.0
 CREEP, FULL_SPEED = 0.05, 0.09
-"""Friction of a gear, as shares of the torque limit."""
+"""Friction of a gear at creep speed and at full speed, as shares of the torque limit."""
 DIRECT = 0.2
 """Remaining share of the friction without a gear."""
 GEARED = 8.0
-"""Minimum gear ratio for the friction of a gear, and for a ripple unlike any gravity."""
+"""Minimum gear ratio for the friction of a gear, and for a ripple distinct from gravity."""
 ASYMMETRIES = (0.004, -0.006, 0.005)
 HEAT_TIMES = (2100.0, 1800.0, 1500.0)
 PRESLIDING = 5e-5
-"""Share of the range."""
+"""Presliding distance, as a share of the range of travel."""
 COUNTS = 400
 """Minimum of encoder increments in a SYNC period at the speed limit."""
 _DIGITS = 4

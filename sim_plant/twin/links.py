@@ -140,7 +140,7 @@ def _shape(span: Array, usual: float, number: int) -> Array:
 
 
 def _rounder(shapes: Array) -> Array:
-    """Return bodies with smaller first moments and products of inertia."""
+    """Return bodies with first moments and products of inertia reduced by 30 %."""
     rounder = shapes.copy()
     rounder[:, [1, 2, 3, 7, 8, 9]] *= 0.7
     return rounder

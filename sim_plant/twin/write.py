@@ -23,7 +23,7 @@ def write_twin(robot: Path, folder: Path) -> str:
     robot : Path
         Robot file.
     folder : Path
-        Made if it is not there; neither file may be.
+        Folder for both files, created if missing; neither file may exist.
 
     Returns
     -------

@@ -22,7 +22,7 @@ def robot() -> Robot:
 
 
 def recorded(robot: Robot, cycles: int) -> list[tuple[Inertia, Recording]]:
-    """Recording of two axes that swing one after the other."""
+    """Return recordings of two axes that swing one after the other."""
     found = []
     for axis in (3, 4):
         n = 500 * cycles

@@ -1,7 +1,7 @@
 """CONTRIBUTING's table of additions: its files exist and contain the listed registries.
 
-Each row names a registry: the present entries of this registry are at the place stated by the row
-for new ones.
+Each row names a registry: the present entries of this registry are at the place that the row states
+for new entries.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ REGISTRIES = {
 
 @cache
 def rows() -> dict[str, str]:
-    """Cells of the table: addition and files."""
+    """Return the cells of the table: addition and files."""
     (found,) = TABLE.findall((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))
     return dict(line.strip("| ").split(" | ", 1) for line in found.splitlines())
 

@@ -15,7 +15,7 @@ QUOTED = re.compile(r"`([^`]+)`")
 
 @cache
 def said() -> str:
-    """All source text with adjacent string literals joined."""
+    """Return all source text with adjacent string literals joined."""
     every = (
         path
         for place in ("checked_files", "hil", "drivers")

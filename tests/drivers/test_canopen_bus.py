@@ -329,7 +329,7 @@ def test_an_interrupt_while_powering_on_switches_all_off_again(
 
 
 def spoil(can_bus: Any, cob_id: int, *copies: int) -> None:
-    """Send the next frames of `cob_id` as often as `copies` states, the others once."""
+    """Send the n-th next frame of `cob_id` `copies[n]` times, and all other frames once."""
     left = list(copies)
 
     def outgoing(frame: can.Message) -> list[can.Message]:

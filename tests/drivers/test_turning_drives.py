@@ -26,7 +26,7 @@ OFF = [{"index": 0x607D, "subindex": subindex, "default": 0} for subindex in (1,
 
 
 def turning(folder: Path, name: str = "turning", **changes: Any) -> CanopenDriveBus:
-    """Six drives with wrapping positions, possibly with further deviations."""
+    """Return the bus of six drives with wrapping positions, possibly with further deviations."""
     channel = Path(plant_file(folder, name))
     if changes:
         data = load_personality("turning").model_dump(mode="json") | changes

@@ -97,7 +97,7 @@ class Outcome:
 
     @property
     def wrong(self) -> str:
-        """Return the violated requirement; empty if there is none."""
+        """Violated requirement; empty if there is none."""
         if self.how not in {"read", "refused"}:
             return f"{self.how}: {self.text}"
         if self.memory > self.bound:

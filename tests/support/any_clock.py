@@ -1,7 +1,7 @@
 """Sound recordings of each kind, sampled at exact and at uncertain instants.
 
-Each is sampled exactly, at instants that differ from their time stamps, or with telegrams doubled,
-late and missing.
+Each recording is sampled exactly, at instants that differ from their time stamps, or with telegrams
+doubled, late and missing.
 """
 
 from __future__ import annotations

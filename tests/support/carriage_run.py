@@ -15,7 +15,7 @@ PERIOD = 0.005
 
 
 def carriage(mass: float = 5.0) -> Model:
-    """Return the model of a carriage with Coulomb friction, as if identified."""
+    """Return the model of a carriage with Coulomb friction, as from identification."""
     terms = {"Coulomb": TermValue(value=4.0, standard_error=0.1)}
     plain = terms | {"viscous": TermValue(value=0.0, standard_error=0.1)}
     law = AxisLaw(law="Coulomb", speed=1.0, terms=terms, plain=plain, held_out={})

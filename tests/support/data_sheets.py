@@ -72,7 +72,7 @@ OBJECTS: dict[Place, Spec] = {
     (0x608F, 2): _var("u32", DefaultValue=1),
     (0x6502, 0): _var("u32", "ro", DefaultValue="0x21"),
 }
-"""Objects of a drive with exactly the necessary ones for measuring."""
+"""Objects of a drive, exactly those that are necessary for measuring."""
 
 TORQUE: Spec = _var("i16", "ro", 1, ParameterName="Torque actual value")
 MAKERS_CURRENT: Spec = _var("i32", "ro", 1, ParameterName="Motor current actual value")

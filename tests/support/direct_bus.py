@@ -1,7 +1,7 @@
 """Bus without CAN: the plant's drives reached by calls, as by another fieldbus.
 
-It implements the interfaces of a folder beside `drivers.canopen`: access to objects, process data,
-a sign of life, how a drive communicates, a connection and the bus. No frame is made.
+The module implements all interfaces that a further bus package beside `drivers.canopen` needs:
+access to objects, process data, sign of life, communication, connection and bus. No frame is made.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ class DirectLife:
         self.ceased = False
 
     def service(self) -> None:
-        """Return that all drives are present."""
+        """Do nothing: all drives are present."""
 
     beat = service
 

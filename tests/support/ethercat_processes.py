@@ -1,8 +1,9 @@
-"""Our master and the plant on a cable of two interfaces; one of the two processes is killed.
+"""The driver and the plant on a cable of two interfaces; one of the two processes is killed.
 
-`python ethercat_processes.py moving` moves an axis on the wall clock and says so; `killed-driver`
-starts that, kills it in the middle of the motion, and prints the states of the drives;
-`killed-plant FOLDER` measures a plan and kills the plant in its middle.
+`python ethercat_processes.py moving` moves an axis on the wall clock and prints a line in motion;
+`killed-driver` starts `moving` as a process, kills the process in the middle of the motion, and
+prints the states of the drives; `killed-plant FOLDER` measures a plan, and kills the plant while
+the run goes on.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ def moving() -> None:
 
 
 def killed_driver() -> None:
-    """Print AL states and statuswords before the kill, immediately after it, and after the stop."""
+    """Print AL states and statuswords before the kill, right after the kill and after the stop."""
     process = subprocess.Popen(  # noqa: S603 - this file
         [sys.executable, __file__, "moving"], stdout=subprocess.PIPE, text=True
     )

@@ -7,7 +7,7 @@ from hil.cli import COMMANDS, import_command
 
 
 def every_command() -> dict[str, Any]:
-    """Yield name and command of all commands and groups of commands."""
+    """Return all commands and groups of commands by name."""
     return {
         name: command
         for first in COMMANDS

@@ -143,16 +143,16 @@ class FakeDrive:
 
 
 class FakeFieldbus:
-    """Process data of all axes (`drivers.cycle_data.ProcessData`), and our sign of life.
+    """Process data of all axes (`drivers.cycle_data.ProcessData`), and a sign of life.
 
     Attributes
     ----------
     silent : set of int
         Axes without telegrams.
     alive : bool
-        True while our sign of life continues.
+        True while the master's sign of life continues.
     commanded : Counter of (int, int)
-        Number of times that a controlword was sent to an axis.
+        Number of times that a controlword was sent to an axis, by axis and controlword.
     fed : list of (int, int, int)
         Axis, and the offsets of velocity and torque sent to it.
     """
@@ -176,7 +176,7 @@ class FakeFieldbus:
         self.fed: list[tuple[int, int, int]] = []
 
     def now(self) -> float:
-        """Time [s]."""
+        """Return the time [s]."""
         return self.time
 
     def command(self, axis: int, target: int, controlword: int) -> None:
@@ -239,16 +239,16 @@ class FakeFieldbus:
         return [math.inf] * len(self.drives)
 
     def watch(self) -> None:
-        """Return that all drives are present."""
+        """Do nothing: all drives are present."""
 
     def service(self) -> None:
-        """Send our sign of life."""
+        """Do nothing: `alive` is the sign of life."""
 
     def beat(self) -> None:
-        """Send our sign of life."""
+        """Do nothing: `alive` is the sign of life."""
 
     def cease(self) -> None:
-        """Stop our sign of life: drives that supervise it switch off."""
+        """Stop the sign of life: all drives switch off."""
         self.alive = False
         for drive in self.drives:
             drive.state = State.SWITCH_ON_DISABLED

@@ -73,7 +73,7 @@ class ForeignDrive:
         self._network.disconnect()
 
     def value(self, index: int, subindex: int = 0) -> int:
-        """Present value of an object."""
+        """Return the present value of an object."""
         entry = self._node.object_dictionary.get_variable(index, subindex)
         return int(entry.decode_raw(self._node.get_data(index, subindex)))
 

@@ -1,8 +1,8 @@
 """Independent EtherCAT masters, in separate processes, on a cable of two interfaces.
 
-`python foreign_ethercat.py MASTER INTERFACE`, with one of `MASTERS`, brings all slaves there to OP,
-moves the axes and prints its observations as JSON. `session` does so against the plant in a network
-namespace.
+`python foreign_ethercat.py MASTER INTERFACE`, with one of `MASTERS`, brings all slaves on the
+interface to OP, moves the axes and prints the observations as JSON. `session` runs this command
+with the plant in a network namespace.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ OURS, THEIRS = "plant0", "master0"
 TRAVEL, SHORT = 20_000, 1_000
 """Distances of every axis [increments]."""
 _PATIENCE = 0.05
-"""Time-out of KickCAT for each frame, 2 ms by default [s]; on one cable it waits equally long."""
+"""Time-out of KickCAT for each frame [s], instead of 2 ms: a busy machine answers late."""
 OUT = struct.Struct("<Hiih")
 _SCRIPT = """
 ip link set lo up
@@ -75,7 +75,7 @@ def carried_out(
 ) -> str:
     """Return the output of a script in a network namespace with the plant.
 
-    Its environment has the plant's process in PLANT_PID; `options` are the plant's.
+    PLANT_PID in the script's environment is the plant's process; `options` are those of the plant.
     """
     script = _SCRIPT.format(
         ours=OURS,

@@ -18,14 +18,14 @@ class _Task:
 
 
 class SocketcanLike(SocketcanBus):
-    """Bus that sends a periodic frame at its deadlines, and returns each with its time stamp.
+    """Bus that sends a periodic frame at its deadlines, and returns each frame with a time stamp.
 
     Attributes
     ----------
     period : float or None
         Period of the periodic frame [s].
     by_kernel, by_us : int
-        Numbers of SYNCs sent by the kernel and by us.
+        Numbers of SYNCs sent by the kernel, and by `send`.
     """
 
     def __init__(self, inner: can.BusABC) -> None:

@@ -56,7 +56,7 @@ class Served:
     def begin(
         self, robot: Robot, plan: Plan, axes: tuple[AxisInfo, ...], *, pushed: bool = False
     ) -> None:
-        """Publish the first lines of a run; a `pushed` run is watched."""
+        """Publish the first lines of a run; with `pushed`, of a watched run that accepts pushes."""
         kind = {"simulated": True, "hand": pushed, "watched": pushed}
         self.publish("start", **lines.start(robot, plan, None, **kind))
         self.publish("armed", **lines.armed(axes))
@@ -67,7 +67,7 @@ class Served:
     def ask(
         self, method: str, path: str, headers: dict[str, str] | None = None, body: str = ""
     ) -> tuple[int, http.client.HTTPMessage, str]:
-        """Send a request by the loopback; return status, headers and text."""
+        """Send a request over the loopback interface; return status, headers and text."""
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
         try:
             given = {"Host": f"127.0.0.1:{self.port}", **(headers or {})}

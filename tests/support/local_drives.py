@@ -1,4 +1,4 @@
-"""Some independent drives: canopen's LocalNode with the minimum of CiA 402.
+"""Independent drives: canopen's LocalNode with the minimum of CiA 402.
 
 They share one bus object in lock-step, move at constant velocity, and can have the defects required
 by tests. Nothing here is taken from the plant.
@@ -121,7 +121,7 @@ class _NoTask:
 class LocalDrive:
     """Drive with settable defects.
 
-    `state` is a key of STATES; `history` holds all states it was in. `stuck` states are not left by
+    `state` is a key of STATES; `history` holds all previous states. `stuck` states are not left by
     command; objects in `insists` keep their values after a write. A drive that `stays_stopped` does
     not switch off by itself after a stop; a drive that `sags` moves by this number of increments
     after power-off. `forbids(index, sub-index, value)` returns the code with which a write is
@@ -274,7 +274,8 @@ class LocalDrive:
 class LocalBus(can.BusABC):
     """All drives on one python-can bus in lock-step.
 
-    `outgoing` may drop, double or delay the drives' frames; `on_send` sees ours, and may raise.
+    `outgoing` may drop, double or delay the drives' frames; `on_send` gets frames of the master,
+    and may raise an exception.
     """
 
     lock_step = True

@@ -50,4 +50,4 @@ class PlantWire:
         return self._back.popleft() if self._back else None
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Do nothing: no interface is open."""

@@ -1,4 +1,4 @@
-"""Models of robots whose base parameters belong to real bodies, or nearly."""
+"""Models of robots whose base parameters belong to bodies with positive masses."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ def bodies(n, seed):
 
 
 def possible(robot, seed=0):
-    """Return base parameters of real bodies, and standard errors."""
+    """Return base parameters of bodies with positive masses, and standard errors."""
     added = np.full(len(robot.added_parameters), 0.05)
     p = base_parameters(robot).matrix @ np.concatenate(
         [bodies(robot.n_joints, seed).ravel(), added]

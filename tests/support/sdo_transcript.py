@@ -3,7 +3,7 @@
 The frames come from python-can and are decoded here by hand (CiA 301), without the code of driver
 and plant. A line is one transfer: node, direction, index and sub-index, then the abort code or the
 value, as a hexadecimal number of the object's length, or as text if longer than four bytes. Equal
-successive lines become one line with their number.
+successive lines become one line with a count.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ def _counted(line: str, times: int) -> str:
 class _Conversation:
     """Sequence of SDO transfers of one node.
 
-    The topmost three bits of the first byte are the command, in which the same number means one
-    thing in a request and another in its response.
+    The topmost three bits of the first byte are the command; the meaning of a number differs
+    between request and response.
     """
 
     node: int

@@ -68,7 +68,7 @@ def identified_model(seed=1):
 
 
 def identified_run(path, seed=1):
-    """Copy this run with its model and all findings to `path`; return `path`."""
+    """Copy the run of `identified_model`, with model and all findings, to `path`; return `path`."""
     kept, model = _identified(seed)
     shutil.copytree(kept, path)
     model.save(path / NAME)

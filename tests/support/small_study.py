@@ -66,7 +66,7 @@ def opened(folder: Path, **others: object) -> list[Cell]:
 
 
 def begun(folder: Path, robot: Robot) -> list[Cell]:
-    """Study whose two-step campaigns have been measured already."""
+    """Return the cells of a study; the campaigns of its two-step cells are measured already."""
     cells = opened(put(small_plans(robot), folder))
     for cell in (cell for cell in cells if cell.kind == "two-step"):
         cell.run.parent.mkdir(parents=True, exist_ok=True)

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 def stated_model(
     robot: Robot, seed: int = 0, *, friction: Collection[str] = LAWS["all"], warm: bool = False
 ) -> Model:
-    """Return a model as if identified, with these friction terms; none by default.
+    """Return a model as from identification, with the terms in `friction` (default: all).
 
-    With `warm` friction of all axes but the last depends on their warmth.
+    With `warm`, friction of all axes but the last depends on the axis's warmth.
     """
     rng = np.random.default_rng(seed)
     n = len(base_parameters(robot))

@@ -52,7 +52,8 @@ def strokes(
     """Return the recording of ideal drives for one axis, from 0, back and forth about `q`.
 
     `way` is half the stroke [rad], `period` the duration of a pair [s], `faster_back` a second
-    harmonic that makes the backward stroke shorter in time; `noise` is that of the torque [N m].
+    harmonic that makes the backward stroke faster than the forward stroke, and `noise` the standard
+    deviation of the torque [N m].
     """
     rng = np.random.default_rng(seed)
     t = PERIOD * np.arange(round((pairs + 0.5) * period / PERIOD))
@@ -77,7 +78,7 @@ def strokes(
 def recorded_strokes(
     t: Array, q: Array, tau: Array, axis: int, name: str = "s"
 ) -> tuple[FreeMotion, Recording]:
-    """Return strokes as numbered by an import."""
+    """Return a recording with strokes numbered as by an import."""
     stroke = np.full(len(t), IDLE, dtype=np.int16)
     found = pairs_of(q[:, axis], PERIOD)
     for number, (forth, back) in enumerate(found):

@@ -171,7 +171,7 @@ class Parser:
         return lambda values: operator.setitem(values, name, _copy(value(values)))
 
     def _index(self, kind: str) -> int | None:
-        """Return an array element after a check of its bounds."""
+        """Parse the index of an array element within bounds; return None if there is no index."""
         if self._see() != "[":
             return None
         self._take()

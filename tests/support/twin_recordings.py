@@ -2,7 +2,7 @@
 
 Torques are those of the plant's own rigid bodies, rotors and friction along synthetic motions;
 loops and drives are omitted, so a recording takes milliseconds. Friction is Coulomb's, viscous and
-degressive, wanders during a recording and has another level in each.
+degressive, wanders during a recording and has a different level in each recording.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ velocity limit, noise of a sample.
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """Rigid load at the last link: parameters in its frame by name, others zero."""
+    """Rigid load at the last link: parameters in the link's frame by name, zero if not stated."""
 
     parameters: dict[str, float]
 
     def body(self) -> Array:
-        """Parameters in the order of the plant, shape (10,)."""
+        """Return the parameters in the order of the plant, shape (10,)."""
         return np.array([self.parameters.get(name, 0.0) for name in _ORDER])
 
     def phi(self) -> Array:
-        """Parameters in the order of eq. (4), shape (10,)."""
+        """Return the parameters in the order of eq. (4), shape (10,)."""
         return np.array([self.parameters.get(name, 0.0) for name in LINK_PARAMETERS])
 
 
@@ -113,7 +113,7 @@ class TwinRecorder:
         duration: float = 20.0,
         noise: float = 1.0,
     ) -> FreeRecorded:
-        """Return recordings with torques in SI; `noise` is relative to the usual one."""
+        """Return recordings with torques in SI; `noise` is a multiple of the noise in `_SHARES`."""
         rng, found = np.random.default_rng(seed), []
         limit = self.robot.torque_limit
         for k in range(n):

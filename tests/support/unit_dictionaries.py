@@ -1,7 +1,7 @@
 """Fictitious drives in factory configuration, as regards units and ratings.
 
-Each stands for a habit: positions in parts of a degree, no encoder resolution at all, factors of 1
-as the factory sets them, a rated torque in uN m.
+Each drive represents a habit of makers: positions in parts of a degree, no encoder resolution, all
+factors 1, a rated torque in uN m.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ def words(**values: int) -> Objects:
 
 @dataclass(frozen=True)
 class Habit:
-    """Objects of a drive; drafted values, correct values, and refused values.
+    """Objects of a drive, and what draft and check must make of them.
 
-    `drafted` holds None for values to be stated, `wrong` the statement and words of the refusal,
-    `trusted` keys that hil drives check warns about.
+    `drafted` are values of the draft (None: to be stated by the user), `right` is a correct file,
+    `wrong` are pairs of a wrong statement and words of its refusal, and `trusted` are the keys that
+    `hil drives check` warns about.
     """
 
     objects: Objects
@@ -211,7 +212,7 @@ HABITS = {
 
 
 def make_sheet(objects: Objects) -> dict[Place, dict[str, object] | None]:
-    """Return the same objects as a configuration file."""
+    """Return objects as the content of a configuration file (DCF)."""
     codes = {"u16": 6, "u32": 7}
     return {
         place: value and {"DataType": codes[value[0]], "ParameterValue": value[1]}

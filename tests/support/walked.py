@@ -83,8 +83,8 @@ def environment() -> dict[str, str]:
 def lacking(shown: list[str], printed: str) -> list[str]:
     """Return the first successive lines of a page that are missing in the output of the command.
 
-    Spaces, empty lines and the length of rules do not count; `...` stands for any lines, or within
-    a line for anything.
+    Spaces, empty lines and the length of rules do not count; `...` stands for any lines, and within
+    a line for any text.
     """
     lines = [_plain(line) for line in printed.splitlines() if line.strip()]
     pieces: list[list[str]] = [[]]

@@ -29,7 +29,7 @@ def record() -> Any:
 
 
 def test_they_are_made_again_by_their_script(record: Any, tmp_path: Path) -> None:
-    """First seconds of one recording, measured with a single period of its trajectory."""
+    """The first seconds of one recording are measured anew, with one period of its trajectory."""
     plan = (EXAMPLE / "other.plan.yaml").read_text().replace("cycles: 3", "cycles: 1")
     plan = re.sub(r"file: .*", f"file: {record.ROBOT}", plan)
     (tmp_path / "plan.yaml").write_text(plan)

@@ -1,6 +1,6 @@
 """Malicious frames cause no crash, no hang, no motion without command, and no false data.
 
-The storms are those of ``benchmarks/hostile_frames.py``, with a hundredth of its frames.
+The storms are those of ``benchmarks/hostile_frames.py``, with a hundredth of the frames there.
 """
 
 from __future__ import annotations
@@ -175,7 +175,7 @@ def test_an_emergency_of_any_length_can_be_shown(data: bytes) -> None:
 
 
 class Scripted(can.BusABC):
-    """Bus that answers every frame with the same ones."""
+    """Bus that answers every frame with the same frames."""
 
     lock_step = True
 

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 COUNTS = {"gravity": 3, "inertia": 14, "coupling": 1}
 """Smallest numbers of measurements that identify the 14 base parameters."""
 CYCLES = {"gravity": 2, "inertia": 5, "coupling": 2}
-"""With 2 inertia cycles, noise alone makes the estimates of two drives differ by a count."""
+"""Cycles of each element: with 2 of inertia, noise alone makes two drives differ by a count."""
 ALIKE = (
     "event-rpdo",
     "event-tpdo",

@@ -38,7 +38,7 @@ SEEN = 0.03
 
 
 def cli(*arguments: object) -> None:
-    """Return a function that runs `hil`; its regular end is an exit with status 0."""
+    """Run `hil` with these arguments, and check that it exits with status 0."""
     with pytest.raises(SystemExit) as ended:
         main([str(argument) for argument in arguments])
     assert not ended.value.code

@@ -28,7 +28,7 @@ SYNC = 0x80
 LONGEST = 400
 """Number of SYNCs of a storm: power-on, motions, stop and shutdown."""
 ALONE = 3.0
-"""Time without any master afterwards, for the drives' own reactions [s]."""
+"""Time without any master after a storm, for the drives' own reactions [s]."""
 
 Frame = tuple[int, bytes]
 nodes = st.integers(1, NODES)

@@ -21,7 +21,7 @@ TPDO = struct.Struct("<Hih")
 
 
 class Bench:
-    """Bus in lock-step with two drives that do not answer of their own."""
+    """Bus in lock-step with two drives whose answers are set by the test alone."""
 
     def __init__(self) -> None:
         self.queue: list[can.Message] = []

@@ -25,15 +25,15 @@ class OtherDrive(FakeDrive):
     Attributes
     ----------
     reacting : float
-        How long its fault reaction still takes [s].
+        Remaining duration of the fault reaction [s].
     faults : int
-        How many resets its fault outlasts; 0 where there is none.
+        Number of resets without effect on the fault; 0 without a fault.
     closed : float
-        How long it takes no command by process data [s].
+        Remaining time in which commands by process data have no effect [s].
     unanswered : int
-        How many commands by SDO are lost.
+        Number of commands by SDO still to be lost.
     stays : bool
-        It does not leave SWITCHED ON.
+        True if the drive does not leave SWITCHED ON.
     """
 
     reacting = closed = 0.0

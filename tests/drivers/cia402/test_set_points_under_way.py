@@ -102,7 +102,7 @@ def test_a_drive_that_repeats_its_telegram_is_named_before_brake_encoder_and_win
 
 
 def noisy(bus: FakeFieldbus) -> Callable[[object], None]:
-    """Return a period of a drive that moves nothing and whose current has noise."""
+    """Return a function for a period of a drive without motion, whose current has noise."""
 
     def step(_drive: object) -> None:
         bus.currents = tuple(current + 1 for current in bus.currents)

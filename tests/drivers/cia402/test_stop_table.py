@@ -19,7 +19,7 @@ PAIRS = list(product(StopPhase, Shown))
 
 
 def following(phase: StopPhase, shown: Shown) -> set[StopPhase]:
-    """Return possible successors of one SYNC, and a bound exceeded with it."""
+    """Return the possible phases after a SYNC, with and without an exceeded bound."""
     after, _ = next_step(phase, shown)
     return {after} | (
         {overdue_phase(after, shown)} if after in AWAITED | {StopPhase.RESTING} else set()

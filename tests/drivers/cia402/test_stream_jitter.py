@@ -1,8 +1,8 @@
 """Set-points that reach the drives with jitter of the host, or with gaps.
 
 Where a kernel sends SYNC it is exactly periodic. The host sends the set-points of each cycle with a
-varying delay, which disturbs drives that act on arrival. Where the host sends SYNC, too, a host
-that stalls leaves drives without both.
+varying delay, which disturbs drives that act on arrival. If the host sends SYNC as well, a stalling
+host leaves the drives without SYNC and without set-points.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ class JitterBus(can.BusABC):
 class StallingBus(JitterBus):
     """Plant on the wall clock with a host that stalls now and then on request.
 
-    Time passes while the host waits for a frame, and in a share of its waits up to `longest` [s]
-    more.
+    Time passes while the host waits for a frame. A share of the waits is longer by up to `longest`
+    [s].
     """
 
     lock_step = False
@@ -92,7 +92,7 @@ class StallingBus(JitterBus):
         self._random, self._share, self._longest = random.Random(seed), share, longest
 
     def clock(self) -> float:
-        """The plant's time [s]."""
+        """Return the plant's time [s]."""
         return float(self.network.time)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:

@@ -21,13 +21,13 @@ RATED, VENDOR = (0x6075, 0), (0x1018, 1)
 
 
 def bench(**currents: int) -> Any:
-    """Drives with these rated currents [mA], by node."""
+    """Return drives with these rated currents [mA], by node."""
     changes = {int(node[1:]): {RATED: ("u32", value)} for node, value in currents.items()}
     return local_drives.LocalBus(3, changes)
 
 
 def drives(*ampere: float) -> Any:
-    """Drives file with these rated currents."""
+    """Return a drives file with these rated currents [A]."""
     entries = (axis(node, rated_current=value) for node, value in enumerate(ampere, start=1))
     return stated_axis.drives(*entries)
 

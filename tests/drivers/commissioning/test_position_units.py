@@ -126,7 +126,7 @@ UNITS = {0xB4: Fraction(1), 0x41: Fraction(360)}
 
 @st.composite
 def configurations(draw: st.DrawFn) -> tuple[Says, Fraction, Fraction]:
-    """Objects of a drive, with increments and counts per motor revolution calculated directly."""
+    """Draw objects of a drive; return increments and counts per motor revolution with them."""
     resolution = Fraction(draw(st.integers(2, 1 << 24)), draw(st.integers(1, 3)))
     motor, shaft = draw(st.integers(1, 200)), draw(st.integers(1, 30))
     says = encoder(resolution.numerator, resolution.denominator) | gear(motor, shaft)

@@ -22,7 +22,7 @@ TIMEOUT = 127 << 16 | 500
 
 @pytest.fixture
 def judge() -> Judge:
-    """Judge a readback of joint 1, with heartbeat period 0.1 s and time-out 0.5 s."""
+    """Judge of readbacks of joint 1, with heartbeat period 0.1 s and time-out 0.5 s."""
     drives = drives_file()
     return make_judge(drives.axes[0], drives, REQUIREMENTS)
 

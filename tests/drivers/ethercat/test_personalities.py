@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 SERVED = (*FIT, "no-watchdog", "wrong-pdos")
-"""Personalities that work over EtherCAT: its watchdog needs no object, and its mappings differ."""
+"""Personalities that work over EtherCAT, with its own watchdog and its own mappings."""
 QUICK = ("bare", "cyclic-only", "fixed-pair", "fixed-pdos", "two-entries", "wrong-pdos")
 KEPT = (0x1600, 0x1601, 0x1A00, 0x1A01, 0x1A02, 0x1C12, 0x1C13, 0x6081, 0x607D)
 

@@ -575,7 +575,7 @@ def test_values_of_a_killed_session_are_noted_where_drives_without_serial_number
 
 
 def written(settings: FoundSettings) -> set[int]:
-    """Return the indices of objects in a file that a session wrote."""
+    """Return the indices of the objects in a file with a value written by a session."""
     kept = [each for drive in settings.drives for each in drive.objects]
     return {each.index for each in kept if each.written is not None}
 
@@ -756,7 +756,7 @@ def test_what_holds_is_what_the_driver_believes_and_what_moves_are_checked_again
 def test_a_target_beyond_the_drives_own_range_is_refused_by_its_object(
     node: int, inside: float, outside: float
 ) -> None:
-    """Axis 2 has a reversed direction and another zero."""
+    """Axis 2 has a reversed direction, and a zero other than 0."""
     zero = 500 * (node - 1)
     ends = {(0x607D, 1): ("i32", zero - 60_000), (0x607D, 2): ("i32", zero + 30_000)}
     can_bus, drive_bus = entered(ends, node)

@@ -153,7 +153,7 @@ def test_limits_of_a_file_that_are_narrower_than_the_drives_are_fine() -> None:
 
 
 def reversed_current(frame: can.Message) -> None:
-    """the drive's current counts opposite to its position"""
+    """Reverse the sign of the current in a TPDO."""
     if frame.arbitration_id & 0x780 == 0x180:
         (current,) = struct.unpack_from("<h", frame.data, 6)
         struct.pack_into("<h", frame.data, 6, -current)

@@ -1,4 +1,4 @@
-"""`hil drives monitor`: displayed values from listening alone; it never sends."""
+"""`hil drives monitor`: displayed values from listening alone; the monitor never sends."""
 
 from __future__ import annotations
 

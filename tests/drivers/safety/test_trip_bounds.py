@@ -26,7 +26,7 @@ class Axes:
         self.trips.expect(0, round(here * PER_RADIAN), target, moving=moving)
 
     def stops(self, q: float, current: float = 0, syncs: int = 2) -> bool:
-        """Return True if the axis is stopped within SYNCs that show the first axis there."""
+        """Return True if the axes are stopped within `syncs` SYNCs with the first axis at `q`."""
         self.bus.positions = (round(q * PER_RADIAN), 0, 0)
         self.bus.currents = (current, 0, 0)
         for _ in range(syncs):

@@ -180,7 +180,7 @@ def armed(**changes: Any) -> Trips:
 
 
 def shown(trips: Trips, syncs: int, speed: float, late: float = 0.0) -> list[str]:
-    """Return samples of an axis that moves at `speed` [rad/s], every second one `late` [s]."""
+    """Return trips of an axis that moves at `speed` [rad/s]; half the samples are `late` [s]."""
     found = []
     for number in range(1, syncs + 1):
         true = PERIOD * number + (late if number & 2 else 0.0)

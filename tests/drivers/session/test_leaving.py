@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Server:
-    """A drive by its name."""
+    """Drive with nothing but a name and a node number."""
 
     def __init__(self, label: str) -> None:
         self.label, self.node = label, int(label.rsplit(maxsplit=1)[-1])

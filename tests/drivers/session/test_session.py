@@ -107,7 +107,7 @@ def test_what_a_session_found_stays_known_when_it_has_ended_and_nothing_else_ser
 
 
 class Overflowing(SettingsKeeper):
-    """Bus that fails at the end of the session, against the keeper's promise."""
+    """Keeper of settings that fails at the end of the session, contrary to its interface."""
 
     def close(self, *_: object) -> list[str]:
         raise OSError("no space left on device")
@@ -156,7 +156,7 @@ def test_an_interrupt_raised_while_leaving_keeps_no_axis_powered(
 
 @pytest.fixture
 def opened(can_bus: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Return the bus opened by name in the following."""
+    """Local drives' bus, which any opening of a bus by name returns."""
     monkeypatch.setattr(opening, "open_can_bus", lambda *_: can_bus)
     return can_bus
 

@@ -1,7 +1,7 @@
 """Session of fast moves of all six axes over EtherCAT, in lock-step, with an outage.
 
-Moves and promises are those over CAN (`outage_sweep.session`). Time passes in the plant also while
-no frame gets there.
+Moves and promises are those over CAN (`outage_sweep.session`). The plant's time passes even if no
+frame arrives.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Outage:
     Attributes
     ----------
     number : int
-        Of the draw.
+        Number of the outage in the draw.
     cycle : int
         Number of the first frame with process data in the outage, from 1.
     length : float
@@ -58,11 +58,11 @@ class Outage:
     kind : str
         One of `KINDS`.
     axis : int
-        Of the drive that falls, or in front of which the cable is cut, from 1.
+        Axis, from 1, whose drive falls to SAFEOP, or in front of whose drive the cable is cut.
     share : float
-        Of the frames that are lost.
+        Share of lost frames.
     interrupted : bool
-        Ctrl-C is pressed at the same moment.
+        True if Ctrl-C is pressed at the begin of the outage.
     """
 
     number: int

@@ -38,11 +38,11 @@ class Case:
     findings : str, optional
         Check that finds a recording unfit.
     flags : bool
-        Samples are flagged one by one.
+        True if samples are flagged one by one.
     noted : bool
-        Defects of a whole session's samples are noted with the session.
+        True if defects of all samples of a session are noted with the session.
     may_go_on : bool
-        The campaign may also be completed, depending on the frame affected.
+        True if the campaign may also be completed, depending on the affected frame.
     energised : bool, optional
         True if axes had power at any time; None if irrelevant.
     plan : Plan
@@ -50,20 +50,20 @@ class Case:
     condition : callable, optional
         Condition of our frame at which the faults begin, in place of a count of set-points.
     interrupted : bool
-        Ctrl-C is pressed at the same moment.
+        True if Ctrl-C is pressed at the begin of the first fault.
     outage : float
         Duration of the outage, for the bound on distance [s].
     way : float, optional
-        Longest way that an axis may go after the event [rad]; where Ctrl-C or an outage is the
-        event, it is `fault_table.stopping_way.allowed_ways` unless stated.
+        Largest permitted distance of an axis after the event [rad]; for Ctrl-C or an outage, by
+        default `fault_table.stopping_way.allowed_ways`.
     off_within : float, optional
         Largest time from the event until all axes are off [s].
     foreign : tuple of (int, bytes)
         Identifiers and data of frames sent once by another participant, in the second stroke.
     changed : callable, optional
-        Change in the axis's drive by another participant at that time, over EtherCAT.
+        Change in the axis's drive by another participant in the second stroke, over EtherCAT.
     unnoticed : float
-        Time in which the change cannot be noticed [s].
+        Time for which a drive may be unwatched after `changed` [s].
     kind : str
         Name of all cases that share a line of the table; `{}` holds the lengths of outages.
     """

@@ -58,12 +58,12 @@ class WitnessedLog:
     network : FaultyNetwork or FaultySegment
     witness : Witness
     interrupted : bool
-        Ctrl-C is pressed at the moment at which the first fault begins.
+        True if Ctrl-C is pressed at the begin of the first fault.
 
     Attributes
     ----------
     log : list of Seen
-        Frames that got through, to the drives and to us.
+        Frames received by the drives or by the driver.
     began : int or None
         Length of the log when the first fault began.
     """
@@ -101,10 +101,10 @@ class LoggedBus(can.BusABC, WitnessedLog):
     ----------
     faults : sequence of Fault
     condition : callable, optional
-        Asked for every frame that we send; the faults are put into the plan with the first one for
-        which it holds, rather than from the start.
+        Condition of sent frames: the faults enter the plan at the first frame that fulfils the
+        condition, instead of at the start.
     interrupted : bool
-        Ctrl-C is pressed at the moment at which the first fault begins.
+        True if Ctrl-C is pressed at the begin of the first fault.
     reaction : float
         See `fault_table.witness.Witness`.
     foreign : sequence of (int, bytes)
@@ -115,7 +115,7 @@ class LoggedBus(can.BusABC, WitnessedLog):
     log, began, witness
         As of `WitnessedLog`.
     truth : ndarray
-        State of the plant as it was latched for the last sample.
+        State of the plant, latched for the last sample.
     """
 
     lock_step = True

@@ -80,14 +80,14 @@ class LoggedCable(PlantWire, WitnessedLog):
     faults, interrupted, reaction
         As in `fault_table.logged_bus.LoggedBus`.
     changed, unnoticed
-        See `fault_table.case.Case`; the drive of the second axis is given to the former.
+        See `fault_table.case.Case`; `changed` is called with the drive of the second axis.
 
     Attributes
     ----------
     log, began, witness, plant
-        As there.
+        As of `fault_table.logged_bus.LoggedBus`.
     truth : ndarray
-        State of the plant as the inputs were latched that came last.
+        State of the plant, latched for the last received inputs.
     """
 
     def __init__(

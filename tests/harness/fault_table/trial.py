@@ -80,7 +80,7 @@ class AuditedBus(ServoAxes):
     Attributes
     ----------
     wrong : dict
-        By time of the sample, which axes were wrong and not flagged.
+        Axes with wrong values and no flag, by time of the sample.
     flagged : int
         Samples with a flag.
     """
@@ -120,7 +120,7 @@ class Outcome:
     findings : list of str
         Names of the checks that a recording failed.
     kept, kept_with_findings : int
-        Recordings.
+        Number of kept recordings, and of those with findings.
     wrong : int
         Samples of kept recordings without findings that are wrong and not flagged.
     flagged : int
@@ -130,9 +130,9 @@ class Outcome:
     cycles : int or None
         SYNCs from the first frame that shows the fault to the last axis's command to stop.
     energised : bool
-        Some axis was energised at all.
+        True if an axis was energised at any time.
     off : bool
-        At the end no axis is energised and none moves.
+        True if at the end no axis is energised or moving.
     off_after : float or None
         Time from the start of the fault until all axes were off [s].
     ways, speeds : ndarray, shape (n_axes,)

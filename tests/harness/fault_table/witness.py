@@ -29,24 +29,24 @@ class Witness:
     network : FaultyNetwork
         Observed network.
     reaction : float
-        How long after the event nobody can be asked to have stopped an axis [s].
+        Time after the event in which no axis can be expected to be stopped [s].
     unnoticed : float
-        For how long a drive may be unwatched, since nobody can have noticed it [s].
+        Time for which a drive may be unwatched, since nobody can notice the change sooner [s].
 
     Attributes
     ----------
     energised : bool
-        Some axis was energised at some time.
+        True if an axis was energised at any time.
     unwatched : set of int
         Axes, from 1, that were energised for longer than `unnoticed` while their drive would not
-        have reacted to the loss of our heartbeat: 1016h names none, or none was heard since it was
-        written.
+        have reacted to the loss of the master's heartbeat: 1016h names no node, or no heartbeat was
+        received since 1016h was written.
     began : float or None
-        When the event was [s].
+        Instant of the event [s].
     off_after : float or None
-        Time from there until no axis was energised and none moved [s].
+        Time from the event until no axis was energised or moving [s].
     ways : ndarray, shape (n_axes,)
-        Largest distance of each axis from where it was at the event [rad].
+        Largest distance of each axis from its position at the event [rad].
     speeds : ndarray, shape (n_axes,)
         Highest speed of each axis from the event until `reaction` is over [rad/s].
     """
@@ -97,6 +97,6 @@ class Witness:
 
     @property
     def all_off(self) -> bool:
-        """Return True if no axis is energised and none moves."""
+        """True if no axis is energised or moving."""
         state = self._state
         return not state[:, st.ENABLED].any() and bool(np.all(np.abs(state[:, st.QD]) < STILL))

@@ -50,7 +50,7 @@ class DriverFigures:
     frames: int = 0
     samples: int = 0
     forged: int = 0
-    """Shares of an axis's samples with a competing forged TPDO."""
+    """Number of samples of an axis with a competing forged TPDO, over all axes."""
     flagged: int = 0
     sessions: int = 0
     ended: dict[str, int] = field(default_factory=dict)

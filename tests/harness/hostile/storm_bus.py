@@ -29,11 +29,12 @@ class StormBus(can.BusABC):
     Attributes
     ----------
     raging : bool
-        Whether frames are mixed in.
+        True if hostile frames are mixed in.
     truth, forged, misshapen : dict, set, set
-        Of the last SYNC, by node: the drive's TPDO; forged with right length; with wrong length.
+        After the last SYNC: the drive's TPDO by node, nodes with a forged TPDO of the right length,
+        and nodes with one of a wrong length.
     suspect : bool
-        A frame in a drive's name came that may end the session.
+        True after a frame in a drive's name that may end the session.
     targets : dict of int to int
         By node, the target of the last set-point offered.
     """
@@ -50,7 +51,7 @@ class StormBus(can.BusABC):
         self.misshapen: set[int] = set()
         self.targets: dict[int, int] = {}
         self._pending: tuple[set[int], set[int]] = (set(), set())
-        """`forged` and `misshapen` since the last answered SYNC; they count for the next one."""
+        """`forged` and `misshapen` for the next SYNC: forged TPDOs since the last answered SYNC."""
         self._plant = plant
         self._random = random.Random(seed)
         self._frames = iter(Hostile(seed, session))

@@ -27,7 +27,7 @@ class Outage:
     Attributes
     ----------
     number : int
-        Of the draw.
+        Number of the outage in the draw.
     frame : int
         Number of our first frame in the outage, from 1.
     length : float
@@ -35,9 +35,9 @@ class Outage:
     direction : str
         One of `DIRECTIONS`.
     axis : int or None
-        Whose drive is off the bus, from 1; None for our adapter.
+        Axis, from 1, whose drive is off the bus; None for an outage of our adapter.
     interrupted : bool
-        Ctrl-C is pressed at the same moment.
+        True if Ctrl-C is pressed at the begin of the outage.
     """
 
     number: int

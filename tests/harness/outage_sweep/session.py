@@ -38,7 +38,7 @@ class Verdict(NamedTuple):
     Attributes
     ----------
     ended : str
-        The error that ended the session, "" if it went on to its end.
+        Error that ended the session early; empty if there was none.
     unwatched : tuple of int
         Axes that were energised with their watchdog off.
     energised : tuple of int
@@ -96,7 +96,7 @@ def moves(side: int, share: float) -> dict[int, Move]:
 def frames_sent() -> range:
     """Return numbers of the driver's frames in an undisturbed session, from the first SYNC on.
 
-    Before that it asks and configures drives that are off.
+    Before the first SYNC, the driver reads and configures drives that are off.
     """
     with LoggedBus(()) as bus:
         move_about(bus)

@@ -16,7 +16,7 @@ EXERCISE, REST = 3.0, 6.0
 
 
 def cli(*arguments):
-    """Return a function that runs `hil` and returns its exit status."""
+    """Run `hil` with these arguments; return its exit status."""
     with pytest.raises(SystemExit) as ended:
         main([str(argument) for argument in arguments])
     return ended.value.code or 0

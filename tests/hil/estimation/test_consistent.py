@@ -34,13 +34,13 @@ UPRIGHT = (0.0, -9.81, 0.0)
 
 
 def possible(name, seed=0):
-    """Robot and base parameters of real bodies, with standard errors."""
+    """Return a robot, and base parameters of bodies with positive masses, with standard errors."""
     robot = Robot.load(name if "/" in name else f"tests/robots/{name}.yaml")
     return robot, *possible_models.possible(robot, seed)
 
 
 def seen(robot, found):
-    """Return base parameters of the robot with all link parameters: of the bodies, and of p'."""
+    """Return base parameters with all link parameters: of the found bodies, and of the found p."""
     whole, own = base_parameters(robot.free_links()), base_parameters(robot)
     phi = np.concatenate([found.bodies.ravel(), [*found.added.values()]])
     return whole.matrix @ phi, whole.matrix @ own.placement @ found.p

@@ -11,7 +11,7 @@ from hil.estimation.excluded.evidence import Evidence
 
 
 def evidence(n_parts: int, rows: int, rank: int, n_own: int = 2) -> Evidence:
-    """Evidence of two channels with this number of blocks and rows, and a rank of the friction."""
+    """Return evidence of two channels: blocks, rows of each block, and rank of the friction."""
     rng = np.random.default_rng(n_parts)
     n = 2 * n_parts * rows
     parts = tuple(

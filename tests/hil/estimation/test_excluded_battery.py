@@ -32,7 +32,7 @@ TIMES = 80
 def evidence(
     rng: np.random.Generator, n_groups: int, slow: tuple[float, ...], size: float = 0.0
 ) -> tuple[Evidence, Columns]:
-    """Rows of two axes with white noise, and a common torque of each group, `slow` times as large.
+    """Return rows of two axes: white noise, and in each group a torque of `slow` times the noise.
 
     The first column of the first axis is present with this `size`.
     """

@@ -101,7 +101,7 @@ def test_without_a_load_none_is_found_and_nothing_but_chance_is_left(twin: TwinR
 
 
 def strokes(robot, p, seed: int):
-    """Evidence from strokes of a machine with base parameters p."""
+    """Return evidence from strokes of a machine with base parameters `p`."""
     rng, friction = np.random.default_rng(seed), Friction(offset=np.zeros(robot.n_joints))
     plan = design(robot, {"gravity": 6, "inertia": 16, "coupling": 6})
     fit = SimultaneousFit(robot, [

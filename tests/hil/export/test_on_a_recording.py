@@ -78,9 +78,7 @@ def _value(value: float) -> TermValue:
 
 
 def recording() -> tuple[Array, Array, Array]:
-    """Positions, velocities, accelerations of 12 s, with all speeds in both directions equally
-    often.
-    """
+    """Return positions, velocities and accelerations of 12 s; all speeds occur equally often."""
     t, turns = PERIOD * np.arange(12000), np.array([4, 5, 6, 7]) / 12
     phase = (t[:, np.newaxis] * turns + 0.1) % 1.0
     rising = phase < 0.5
@@ -91,7 +89,7 @@ def recording() -> tuple[Array, Array, Array]:
 
 
 def sliding(q: Array, qd: Array) -> NDArray[np.bool_]:
-    """Samples with fully reversed friction, at speeds within the law's range.
+    """Return the mask of samples with fully reversed friction, at speeds within the law's range.
 
     Friction of a recording has no direction before the first motion.
     """

@@ -67,7 +67,7 @@ def measured(small_plan: Plan, manutec: Robot, tmp_path: Path) -> RunFolder:
 
 
 def mapped(columns: str, **changes: object) -> dict[str, object]:
-    """Map of exported columns; `columns` has placeholders for letter, joint and unit."""
+    """Return the map of exported columns; `columns` has placeholders for letter, joint and unit."""
     joints = [
         {
             key: {"column": columns.format(letter, j, in_name), "unit": unit}

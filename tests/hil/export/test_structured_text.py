@@ -87,7 +87,7 @@ def states(model: Model, n: int = STATES) -> tuple[Array, Array, Array]:
 
 
 def motion(model: Model, n: int = 600) -> tuple[Array, Array, Array]:
-    """Samples of a motion in which every axis reverses and stops."""
+    """Return samples of a motion in which every axis reverses and stops."""
     t, period = 0.004 * np.arange(n)[:, np.newaxis], 2.0 + np.arange(model.robot.n_joints)
     t = np.minimum(t, 1.9)
     q, moving = np.sin(period * t), t < 1.9

@@ -29,12 +29,12 @@ COUNTS = {"gravity": 12, "inertia": 24, "coupling": 3}
 
 
 def found(robot: Robot, *levels: Friction, noise: float = 0.0) -> FrictionLaw:
-    """Friction law of a whole campaign with known base parameters."""
+    """Return the friction law of a whole campaign with known base parameters."""
     return campaign_friction(robot, TABLE_3_A, stacks(robot, *levels, noise=noise))
 
 
 def stacks(robot: Robot, *levels: Friction, noise: float = 0.0) -> list[list[Stacked]]:
-    """Campaign in which the friction level of each axis changes in turn."""
+    """Return a campaign in which the friction level of each axis changes in turn."""
     rng, recorded, turns = np.random.default_rng(4), [], Counter[int]()
     for measurement in design(robot, COUNTS).measurements:
         level = levels[turns[measurement.index] % len(levels)]  # so that each axis has all levels

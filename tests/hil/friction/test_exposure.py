@@ -17,12 +17,12 @@ LEVELS = 0.97, 1.0, 1.03, 1.0, 0.98, 1.02
 
 
 def degressive(v: np.ndarray) -> np.ndarray:
-    """Friction that decreases towards rest like an arc tangent [N m]."""
+    """Return friction that decreases towards rest like an arc tangent [N m]."""
     return np.asarray(np.sign(v) * (8.0 + 8.0 * 2 / np.pi * np.arctan(np.abs(v) / 0.3)) + 2.0 * v)
 
 
 def blocks(slowest: float) -> Blocks:
-    """Measurements at speeds from the slowest to nine tenths of the limit, forward and backward."""
+    """Return measurements at speeds from `slowest` to 0.9 of the limit, forward and backward."""
     one_way = np.linspace(slowest, 0.9 * LIMIT, 60)
     v = np.append(one_way, -one_way)
     u, sign = v / LIMIT, np.sign(v)

@@ -15,7 +15,7 @@ TRUTH = np.array([0.6, 0.1, 0.5, 2.0])
 
 
 def pan_tilt(gear=1.0, half=2.0, kind="revolute"):
-    """Two axes, a vertical one and a horizontal one with gravity."""
+    """Return a robot with a vertical axis, and a horizontal axis with gravity."""
     joints = [({"alpha": 0}, ["Izz"]), ({"alpha": "-pi/2"}, ["Ixx", "Iyy", "Izz", "sx"])]
     return Robot.create(
         "pan-tilt",

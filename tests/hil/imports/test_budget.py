@@ -1,4 +1,4 @@
-"""Memory budget of recordings: small files that declare or unpack to more are refused first.
+"""Memory budget of recordings: small files that would exceed the budget are refused beforehand.
 
 Harmless input: the budget is lowered, so that files of some kilobytes exceed it.
 """

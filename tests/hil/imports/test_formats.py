@@ -298,7 +298,7 @@ def test_tables_and_timetables_of_matlab_are_columns(tmp_path, version, dated):
 
 
 def structures():
-    """Scope with two inputs, cells of columns, and structures appended by a loop."""
+    """Return a scope with two inputs, cells of columns, and structures appended by a loop."""
     signals = np.zeros((1, 2), dtype=[("values", object), ("label", object)])
     for k in range(2):
         signals[0, k] = (Q[:, k : k + 1], f"input {k}")

@@ -136,7 +136,7 @@ def test_friction_at_reversals_does_not_hide_joints_in_another_order(seen, manut
 
 
 def move_portal(masses):
-    """Free motion of three prismatic axes, whose force is mostly friction."""
+    """Return a free motion of three prismatic axes, whose force is mostly friction."""
     w = 2 * np.pi * np.array([0.11, 0.13, 0.17])
     q, qd = 0.2 * np.sin(np.outer(T, w)), 0.2 * w * np.cos(np.outer(T, w))
     tau = masses * -(w**2) * q + np.array([30.0, 40.0, 50.0]) * np.tanh(qd / 0.01)

@@ -27,7 +27,7 @@ JOINT = """
 
 
 def tx40(torques=(1, 2, 3, 4, 5, 6)):
-    """Map of the six axes, with their torque columns."""
+    """Return the map of the six axes, with their torque columns."""
     joints = enumerate(torques, start=1)
     return TX40 + "".join(
         JOINT.format(joint=joint, torque=torque, sign=-1 if joint == 4 else 1, data=DATA)

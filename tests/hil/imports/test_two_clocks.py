@@ -16,7 +16,7 @@ MOVING = np.ones(6, dtype=bool)
 
 
 def recorded(robot, begin, lag_of_tau, lag_of_qd):
-    """Excerpt of 10 s of a free motion with friction, two of its columns by other clocks."""
+    """Return 10 s of a free motion with friction; torques and velocities are by other clocks."""
     t, rng = begin + np.arange(0, 10, PERIOD), np.random.default_rng(1)
 
     def motion(at):

@@ -43,7 +43,7 @@ def write_map_of(folder: Path, content: dict[str, object], name: str = "map.yaml
 
 
 def imported(folder: Path, name: str = "run", stated: list[Statement] | None = None) -> Run:
-    """Run whose first torque is a current with unknown gain."""
+    """Return a run whose first torque is a current with unknown gain."""
     write_columns(folder, GAIN)
     content = a_map()
     content["joints"][0]["torque"] = {"column": "m1", "unit": "A", "gain": "unknown"}

@@ -17,7 +17,7 @@ SAMPLES = 50
 def rows(
     rng: np.random.Generator, groups: int = 20, within: float = 0.0, noise: float = 0.1
 ) -> np.ndarray:
-    """Samples of groups with white noise, and one common error per group.
+    """Return samples of groups with white noise, and one common error per group.
 
     Columns have the same sign within a group, so a common error passes for a parameter.
     """
@@ -62,7 +62,7 @@ def test_what_repeats_within_groups_makes_a_kind_count_less(rng: np.random.Gener
 
 
 def test_the_order_of_kinds_does_not_matter(rng: np.random.Generator) -> None:
-    """Factors are ratios."""
+    """The factor of a kind is relative to the other kind, so the exchange inverts the factor."""
     one, other = kind(rng, "a", within=0.2), kind(rng, "b")
     forth, back = factors([one, other]), factors([other, one])
     assert forth[0] == pytest.approx(1.0 / back[0], rel=1e-3)

@@ -32,7 +32,7 @@ def rng() -> np.random.Generator:
 
 
 def samples(rng: np.random.Generator, n_groups: int, noise: float = 0.1) -> tuple[Array, Array]:
-    """Columns, shape (n_groups, n_channels, n, 4), and torques of two channels."""
+    """Return columns, shape (n_groups, n_channels, n, 4), and torques of two channels."""
     W = rng.normal(size=(n_groups, 2, 30, 4))
     x = np.array([TRUTH[[0, 1, 2, 3]], TRUTH[[0, 1, 4, 5]]])
     y = np.einsum("gcnk,ck->gcn", W, x) + noise * rng.normal(size=W.shape[:3]) * [[[1.0], [5.0]]]
@@ -48,7 +48,7 @@ def blocks(W: Array, y: Array, own: tuple[str, ...] = OWN) -> Blocks:
 
 
 def stacked(W: Array, y: Array, weights: Array) -> Array:
-    """Return weighted least squares over all stacked samples."""
+    """Return the weighted least-squares solution over all stacked samples."""
     rows, sides = [], []
     for channel, weight in enumerate(weights):
         X = np.zeros((*W.shape[:1], *W.shape[2:3], 6))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def drives(robot: Robot, share: float) -> list[AxisInfo]:
-    """Drives whose own limits are this share of those in the robot file."""
+    """Return drives whose own limits are this share of the limits in the robot file."""
     return [
         AxisInfo(
             f"joint {j + 1}",

@@ -30,7 +30,7 @@ class Streamed:
         self.path = path
 
     def nothing(self, *_: object) -> None:
-        """Substitute for unused methods of a bus."""
+        """Do nothing: substitute for unused methods of a bus."""
 
     __enter__ = __exit__ = move = sample = samples = halt = reset = nothing
 

@@ -77,14 +77,14 @@ def test_a_jump_of_two_milliradians_is_found_at_rest(clock: Callable[..., Record
 
 
 def test_a_jump_within_a_short_travel_is_found() -> None:
-    """Among sixty samples, the jump and its return exceed the usual one in a hundred."""
+    """Jump and return are two of sixty samples, more than the tolerated one in a hundred."""
     short = {name: array[:60] for name, array in SOUND["gravity"][1].arrays.items()}
     for size in (2e-3, 0.01, 0.1):
         assert "axis 1" in jumps(jumped(Recording(**short), 0, 30, size))
 
 
 def test_a_bend_of_whole_increments_is_not_judged_by_rounding() -> None:
-    """A gear with backlash throws its motor by three steps: the bend is five, as allowed."""
+    """Backlash throws the motor by three increments: the bend is five, the largest accepted."""
     resolution, n = 2 * np.pi / 4096 / 99, 400
     steps = np.zeros(n)
     steps[200:204] = 1, 4, 2, 1

@@ -1,4 +1,4 @@
-"""Bus slowed down to a multiple of the wall clock, which stands still but for sleep."""
+"""Bus slowed down to a multiple of the wall clock, which advances only by sleep here."""
 
 from __future__ import annotations
 

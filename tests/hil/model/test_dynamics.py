@@ -29,7 +29,7 @@ PIN_ORDER = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 
 
 def pinocchio_model(robot: Robot) -> pin.Model:
-    """Return the same frames; inertias do not matter for a regressor."""
+    """Return Pinocchio's model with the frames of `robot`; a regressor needs no inertias."""
     model = pin.Model()
     model.gravity.linear = robot.gravity
     for k in range(robot.n_joints):

@@ -34,7 +34,7 @@ EVERY = 25
 
 @st.composite
 def joints(draw: st.DrawFn) -> dict[str, object]:
-    """Joint of any range, with limits that may differ greatly."""
+    """Draw a joint of any range, with limits that may differ greatly."""
     revolute = draw(st.booleans())
     half = draw(st.sampled_from([0.35, 1.0, 2.9] if revolute else [0.1, 0.5])) * draw(
         st.floats(0.5, 1.0)
@@ -66,7 +66,7 @@ def joints(draw: st.DrawFn) -> dict[str, object]:
 
 @st.composite
 def robots(draw: st.DrawFn, most: int = 7) -> Robot:
-    """Chain of any axes under gravity of any direction."""
+    """Draw a chain of any axes under gravity of any direction."""
     turn, tilt = draw(st.floats(0.0, 6.3)), draw(st.sampled_from([0.0, 0.4, math.pi / 2]))
     gravity = (
         9.81 * math.sin(tilt) * math.cos(turn),

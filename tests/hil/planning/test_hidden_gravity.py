@@ -36,7 +36,7 @@ UPRIGHT, TILTED = (0.0, 0.0, -9.81), (0.0, 5.0, -8.0)
 
 
 def gantry(gravity: tuple[float, float, float]) -> Robot:
-    """Prismatic axes along y, x and -z of the base."""
+    """Return a robot with prismatic axes along y, x and -z of the base."""
     turns = [("-pi/2", "pi/2"), ("pi/2", "pi/2"), ("pi/2", "0")]
     return Robot.create(
         "gantry",

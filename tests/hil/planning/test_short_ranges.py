@@ -27,7 +27,7 @@ def changed(robot: Robot, **values: float) -> Robot:
 
 
 def gantry(ways: tuple[float, ...], speed: float) -> Robot:
-    """Prismatic axes along y, x and z of the base."""
+    """Return a robot with prismatic axes along y, x and z of the base."""
     turns = [("-pi/2", "0"), ("pi/2", "pi/2"), ("pi/2", "pi/2")]
     return Robot.create(
         "gantry",

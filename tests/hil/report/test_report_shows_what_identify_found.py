@@ -41,7 +41,7 @@ def campaign(path: Path, robot: Robot) -> None:
 
 
 def falsified(path: Path, robot: Robot) -> None:
-    """Campaign with the wrong sign of axis 2's torques."""
+    """Write a campaign with the wrong sign of axis 2's torques."""
     write_run(path, robot)
     for each in Run.open(path):
         tau = each.recording.tau * np.where(np.arange(robot.n_joints) == 1, -1.0, 1.0)

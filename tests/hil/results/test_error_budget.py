@@ -49,7 +49,7 @@ def loaded(robot: Robot, r: Recording) -> Recording:
 
 
 def one_sided(robot: Robot, r: Recording) -> Recording:
-    """Friction with a forward level 5 % above the backward level."""
+    """Return a recording with friction whose forward level is 5 % above the backward level."""
     level = np.abs(Friction().torque(np.full(robot.n_joints, 0.1), np.zeros(1)))
     return replace(r, tau=r.tau + 0.05 * level)
 

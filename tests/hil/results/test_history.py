@@ -43,7 +43,7 @@ def measured(model: Model, day: int, seed: int, **changes: object) -> Model:
 
 
 def machine() -> Model:
-    """Model with Coulomb and viscous friction, whose level drifts by 3 %."""
+    """Return a model with Coulomb and viscous friction, whose level drifts by 3 %."""
     return stated_model(arm(), friction=("offset", "Coulomb", "viscous"))
 
 

@@ -66,9 +66,9 @@ def load_of(robot):
 
 
 def carried_out(path, plan, robot, p, seed=7, machine=None):
-    """Return a run of `plan` by a machine with base parameters `p`, a row per measurement or one.
+    """Return a run of `plan` by a machine with base parameters `p`, common or per measurement.
 
-    Offsets differ between runs. `machine`, if given, has more parameters than `robot`.
+    Offsets differ between seeds. `machine` may have parameters that `robot` lacks.
     """
     p = np.broadcast_to(p, (len(plan.measurements), np.shape(p)[-1]))
     folder = RunFolder.create(path, plan, robot)

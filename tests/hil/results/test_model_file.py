@@ -24,7 +24,7 @@ def run(manutec, tmp_path_factory):
 
 
 def identified(path, method="improved"):
-    """Model of `hil identify`, and its file in the run's folder."""
+    """Return the model of `hil identify`, and its file in the run's folder."""
     model = identify(Run.open(path), method)
     model.save(path / NAME)
     return model

@@ -44,7 +44,7 @@ def strokes(manutec: Robot, tmp_path_factory: pytest.TempPathFactory) -> Run:
 def free_motion(
     robot: Robot, moving: int = 6, noise: float = 0.002
 ) -> tuple[FreeMotion, Recording]:
-    """Externally recorded motion of the first axes."""
+    """Return an externally recorded motion of the first axes."""
     every, still = some_trajectory(robot), (0.0,) * 15
     amplitudes = {
         name: tuple(row if k < moving else still for k, row in enumerate(getattr(every, name)))
@@ -61,7 +61,7 @@ def both_of(run: Run) -> list[tuple[RecordedMotion, Recording]]:
 
 
 def select_axis_1(run: Run, robot: Robot) -> list[tuple[RecordedMotion, Recording]]:
-    """Strokes of axis 1 and an import in which the other axes rest."""
+    """Return strokes of axis 1, and an import in which all other axes rest."""
     strokes = [each for each in both_of(run) if each[0].moved == (0,)]
     return [*strokes, free_motion(robot, moving=1)]
 

@@ -28,7 +28,7 @@ def law(**terms):
 
 
 def carriage(viscous=0.0):
-    """Horizontal prismatic axis of 2 kg with 4 N of Coulomb friction."""
+    """Return a horizontal prismatic axis of 2 kg with 4 N of Coulomb friction."""
     model = model_of(Robot.load("emps"), np.array([MASS]), np.array([0.01]), friction=False)
     return Arm(
         replace(model, friction_law=FrictionLaw(axes=(law(Coulomb=COULOMB, viscous=viscous),)))

@@ -22,7 +22,7 @@ HEARTBEAT = (0x77F, b"\5")
 
 
 def move_axis_1(*lines: str) -> FaultyNetwork:
-    """Axis 1 in the middle of a long move at 1 rad/s, with a watchdog of 0.1 s."""
+    """Return drives with axis 1 in a long move at 1 rad/s, with a watchdog of 0.1 s."""
     faulty = network(*lines)
     per_rad = 105 * 4096 / math.tau
     for index, sub, size, value in (

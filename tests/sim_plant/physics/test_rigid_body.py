@@ -81,7 +81,7 @@ def random_arm(n: int, rng: np.random.Generator, kinds: Array | None = None) -> 
 
 
 def pinocchio_model(arm: Arm) -> pin.Model:
-    """Return the same frames; links with a mass have it."""
+    """Return Pinocchio's model with the frames of `arm`, and the bodies of links with a mass."""
     model = pin.Model()
     model.gravity.linear = arm.gravity
     for k, (ca, sa, *origin) in enumerate(arm.frames):

@@ -29,7 +29,7 @@ ROBOT = arm()
 def ways(forth: tuple[float, float], back: tuple[float, float], speeds: tuple[float, float]) -> (
     tuple[FreeMotion, Recording]
 ):  # fmt: skip
-    """Two pairs of strokes of axis 2 at constant speeds, and the motions between them."""
+    """Return two pairs of strokes of axis 2 at constant speeds, and the motions in between."""
     stretches, numbers, at = [], [], forth[0]
     for number in range(4):
         (begin, end), speed = ((forth, speeds[0]), (back, speeds[1]))[number % 2]

@@ -14,7 +14,7 @@ MANY = 1e12
 
 
 def columns(seed: int, n: int = 5, decades: float = 3.0) -> np.ndarray:
-    """Columns whose magnitudes span up to twice this number of decades."""
+    """Return columns whose magnitudes span up to twice `decades`."""
     rng = np.random.default_rng(seed)
     return rng.standard_normal((50, n)) * 10.0 ** rng.uniform(-decades, decades, n)
 

@@ -26,7 +26,7 @@ ROBOT = arm()
 
 
 def steady(qd: Array, time: Array, load: Array) -> Array:
-    """Curve of `curved`, without drift and load."""
+    """Return the friction of `curved` without drift and load."""
     return curved(qd, np.full_like(time, np.inf), 0.0 * load)
 
 

@@ -171,7 +171,7 @@ def test_a_degressive_friction_gets_a_law_that_is() -> None:
 
 
 def presliding(qd: np.ndarray) -> np.ndarray:
-    """Recordings with friction that rises steeply from zero velocity."""
+    """Return friction that rises steeply from zero velocity."""
     return 12.0 * np.sign(qd) * np.tanh((qd / 0.03) ** 4)
 
 

@@ -28,7 +28,7 @@ def falling(t: np.ndarray) -> np.ndarray:
 
 
 def drifting(level: Callable[[np.ndarray], np.ndarray], duration: float = DURATION) -> FreeRecorded:
-    """One recording whose friction, except the offset, has a given level over time."""
+    """Return one recording whose friction, except the offset, has a given level over time."""
     ((motion, each),) = recorded(arm(), TRUTH, lambda qd: 0 * qd, n=1, duration=duration)
     qd = np.gradient(each.q, PERIOD, axis=0)
     size = np.column_stack([level(each.time), np.ones(len(qd))])

@@ -15,7 +15,7 @@ LAGS = np.array([0.004, 0.008])
 
 
 def lagging(seed: int, lags: np.ndarray = LAGS) -> list:
-    """Recordings with torque delays of whole samples."""
+    """Return recordings with torque delays of whole samples."""
     late = []
     for motion, each in recorded(arm(), TRUTH, seed=seed):
         columns = [np.roll(x, round(lag / PERIOD)) for x, lag in zip(each.tau.T, lags, strict=True)]

@@ -16,7 +16,7 @@ LAYOUT = Layout(("p1",), COLUMNS, axis_names(1))
 
 
 def unknowns(error: float, own: float) -> tuple[np.ndarray, np.ndarray]:
-    """One mass and its axis's friction, both off by `error` [N],
+    """Return one mass and its axis's friction, both off by `error` [N],
     the offset by `own` in addition.
     """
     x = np.zeros(1 + len(COLUMNS))

@@ -46,7 +46,7 @@ ROBOT = Robot.create(
 
 
 def driven(speeds: Array, rest: float = 0.0) -> tuple[FreeMotion, Recording]:
-    """Motion of a drive through several constant speeds, with rest before and after."""
+    """Return a drive's motion through several constant speeds, with rest before and after."""
     parts, last = [np.zeros(round(rest / PERIOD))], 0.0
     for speed in (*speeds, 0.0):
         ramp = np.linspace(last, speed, round(abs(speed - last) / RAMP / PERIOD), endpoint=False)

@@ -64,7 +64,7 @@ def test_rows_in_reverse_are_no_motion() -> None:
 
 
 def presliding_recordings() -> list:
-    """Recordings of small motions with friction that reverses over `DISTANCE`."""
+    """Return recordings of small motions with friction that reverses over `DISTANCE`."""
     data = recorded(arm(), TRUTH, lambda qd: VISCOUS * qd, noise=0.1)
     slow = []
     for motion, each in data:

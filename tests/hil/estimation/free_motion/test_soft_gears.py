@@ -27,7 +27,7 @@ its motion has up to 1 Hz.
 
 
 def soft(seed: int) -> list:
-    """Recordings of motors whose arm is connected by elastic gears."""
+    """Return recordings of motors whose arm is connected by elastic gears."""
     rng, found = np.random.default_rng(seed), []
     for k, (motion, each) in enumerate(recorded(arm(), TRUTH, seed=seed)):
         link = some_motion(each.time, seed + k)

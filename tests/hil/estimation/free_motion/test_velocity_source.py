@@ -25,7 +25,7 @@ CUT_OFF = 10.0
 
 
 def add_velocity(change: Callable[[Array, int], Array], of_position: float = 1e-3) -> FreeRecorded:
-    """Recordings of coarse positions; `change` computes recorded velocities
+    """Return recordings of coarse positions; `change` computes recorded velocities
     from time and number.
     """
     data = recorded(arm(), TRUTH, of_position=of_position, n=3)
