@@ -1,15 +1,15 @@
 """Regression test of identified values for recorded runs of every kind, to the last digits.
 
 Missing runs are recorded into a folder: campaigns, trajectories and friction on sound and flawed
-virtual plants; imports of twins, with strokes, loads and unknown gains; and public recordings, if a
-folder is named. Each result is a file written by a command: its figures and words are kept in
-``benchmarks/golden/``, one file per result. ``check`` compares them with the present output of the
-commands and lists differences, ``keep`` replaces them::
+virtual plants; imports of simulated recordings (twins), with strokes, loads and unknown gains; and
+public recordings, if a folder is named. Each result is a file written by a command: its figures and
+words are kept in ``benchmarks/golden/``, one file per result. ``check`` compares the kept figures
+with the present output of the commands and lists differences, ``keep`` replaces the kept figures::
 
     python benchmarks/golden.py [check|keep] [RESULT ...] [--runs FOLDER] [--public FOLDER]
 
 Square matrices are reduced to diagonal and norm. Figures count as equal within `SAME` times the
-largest figure of the list, which tolerates other linear algebra libraries.
+largest figure of the same list in the file, which tolerates other linear algebra libraries.
 """
 
 from __future__ import annotations

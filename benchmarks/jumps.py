@@ -79,7 +79,7 @@ class Found:
 def fault_plan(jumps: int) -> dict[str, object]:
     """Plan a jump in every second stroke, with alternating sign so that the sum stays zero."""
     per_count = abs(AxisScale.derive(DRIVES.axes[AXIS]).position)
-    sizes = np.geomspace(LEAST, MOST, jumps // 2)
+    sizes = np.geomspace(LEAST, MOST, (jumps + 1) // 2)
     return {
         "faults": [
             {
@@ -174,7 +174,9 @@ def main() -> None:
         found.add(run_beside_plant(options.interface, min(EACH, options.jumps - found.tried)))
         share = 1 - len(found.missed) / max(found.tried, 1)
         print(
-            f"{options.interface}: {share:.1%} of {found.tried} jumps found, {found.seconds:.0f} s"
+            f"{options.interface}: {share:.1%} of {found.tried} jumps found,"
+            f" {len(found.false)} false alarms, {found.seconds:.0f} s",
+            flush=True,
         )
     print(f"missed: {found.missed}; {len(found.false)} false alarms: {found.false[:5]}")
     print(f"{len(found.late)} strokes ended otherwise: {found.late[:5]}")

@@ -59,7 +59,7 @@ KEPT = {
 
 
 class Case(NamedTuple):
-    """Display of a run: its options, and the observers at the printed address."""
+    """Options of `hil run`, and a function that opens browsers at the address of its page."""
 
     options: tuple[str, ...] = ()
     follow: Callable[[str], None] | None = None

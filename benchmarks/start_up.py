@@ -2,7 +2,7 @@
 
 Processor time (user and system) is that of whole processes, interpreter included, measured in turns
 so that other load affects all alike. The help of `hil` and the completion of a command's name are
-compared with an interpreter that only imports typer and rich, and with the help of a minimal typer
+compared with an interpreter that only imports typer and rich, and with `--help` of a minimal typer
 program of two commands. The figures are medians; the help may take three times as long as the
 import of the libraries.
 

@@ -174,7 +174,7 @@ def _ask(
     axis: AxisDrive,
     strangers: Callable[[], Sequence[RemoteDictionary]],
 ) -> Iterator[Verdict]:
-    """Yield the checks without power up to the first error; later checks would only repeat it."""
+    """Yield checks of an unpowered drive until an error, which later checks would only repeat."""
     try:
         identity = check_identity(server, axis)
     except DriveRefused as error:

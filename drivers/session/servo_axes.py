@@ -120,7 +120,7 @@ def leave(
 
 
 def _switch_off_unpowered(connection: Connection, outcome: Outcome) -> None:
-    """Switch off drives without process data, which were never energised."""
+    """Send drives to their final states by SDO: they have no process data yet, and no power."""
     for server in connection.written:
         try:
             connection.power.switch_off(server)

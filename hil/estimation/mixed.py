@@ -50,8 +50,8 @@ def fit_joint(robot: Robot, recorded: Recorded, options: Options = DEFAULTS) -> 
     p = found.solver.solve()
     imported = gather_rates(robot, recorded, VARIANTS[DEFAULT], options, p)
     unknown = any(each.scaling.unknown for each in imported)
-    # two Gauss-Newton rounds for unknown gains: a round squares the error of the first gain, a few
-    # percent with the parameters of strokes
+    # two Gauss-Newton rounds for unknown gains: first gains, from the parameters of strokes, have
+    # errors of a few percent, and a round squares the error
     for _ in range(2 if unknown else 0):
         kinds = [Kind(found.solver.regression), *rate_regressions(imported)]
         fit = balance(kinds, names).whole.regression.fit("white")

@@ -114,7 +114,7 @@ def _parts(stretches: Sequence[Stretch]) -> Iterator[tuple[Integers, float]]:
 def _columns(
     samples: Samples, stretches: Sequence[Stretch]
 ) -> Iterator[tuple[Integers, int, Array, tuple[Array, Mask]]]:
-    """Yield rows, complete columns with angles unwrapped, and outliers."""
+    """Yield rows, number and values of a complete column, angles unwrapped, and its outliers."""
     turning = samples.n_joints if samples.wraps else 0
     for rows, _ in _parts(stretches):
         values = np.ascontiguousarray(samples.read(rows).T)

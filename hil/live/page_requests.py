@@ -85,7 +85,7 @@ class Site(NamedTuple):
     secret : str
         First part of every path; empty for none.
     hand : str
-        Path of the plant's socket for pushes; empty without one.
+        Path of the socket by which the simulated arm is pushed; empty without such a plant.
     report : str
         Path of the run's report; empty before its creation.
     """

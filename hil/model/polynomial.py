@@ -6,7 +6,8 @@ m4)``, and need no computer algebra system. A robot file states its frames in th
 ``pi/2``, ``l2`` or ``l1 + 0.05``; `parse` reads these without evaluating any code.
 
 A row of the regrouping is a linear combination of standard parameters with polynomial weights. The
-format is that of eq. (22): first terms without lengths, the head leading, then by increasing power
+format is that of eq. (22) of the paper: first the parameter that names the sum, then other terms
+without lengths, then by increasing power
 of the lengths, parameters of equal weight in brackets: ``Izz1 + Iyy2 + Iyy3 + l1^2 (m3 + m4)``.
 """
 

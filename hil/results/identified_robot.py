@@ -127,12 +127,12 @@ class IdentifiedRobot(ByName):
         return self.verdict is not None and self.verdict.word == "failed"
 
     def refuse_other_robot(self, robot: Robot, source: str) -> None:
-        """Refuse another robot; `source` names the conflicting file.
+        """Refuse a robot other than that of the model; `source` names the conflicting file.
 
         Raises
         ------
         Mismatch
-            Names and digests of the two different robot files.
+            The digests of both robot files differ.
         """
         if self.robot.digest != robot.digest:
             raise Mismatch(

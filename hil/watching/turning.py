@@ -105,10 +105,10 @@ class Turning:
         friction, level : ndarray, shape (n, n_joints)
             Observed friction, and its level by the law [N m or N].
         damping_doubt : float
-            Uncertainty of the damping, relative to the damping. The customary damping is
-            proportional to the square root of the stiffness, so a distance wrong by one step of the
-            row changes the damping by 41 %. With 0.3 there is no false alarm in
-            `benchmarks/pushes.py`; 0.5 hides more pushes.
+            Uncertainty of the damping, relative to the damping. The damping is proportional to the
+            square root of the stiffness, the stiffness to 1 / distance. Candidate distances are a
+            factor of 2 apart, which changes the damping by 41 %. With 0.3 there is no false alarm
+            in `benchmarks/pushes.py`; 0.5 hides more pushes.
         """
         still = self._still(step)
         rows, unknown = self._directions(step, still)

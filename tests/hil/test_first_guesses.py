@@ -264,7 +264,7 @@ def close(found: Array, wanted: Array, share: float = 1e-8) -> None:
 
 
 class TestMachine:
-    """Dynamics with friction and stated rotors."""
+    """Dynamics with friction and rotor inertias."""
 
     def test_torque_is_the_sum_of_its_terms(self, model, recorded) -> None:
         _, _, (_, q, qd, _) = recorded

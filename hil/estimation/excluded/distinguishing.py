@@ -237,7 +237,8 @@ class _Search:
         heard = size > NOTHING**2 * size.max(initial=0.0)
         unit = np.where(heard, 1.0, 0.0) / np.sqrt(np.where(heard, size, 1.0))
         self.worth, self.there = worth * np.outer(unit, unit), there * np.outer(unit, unit)
-        """Inner products of candidates and of the plan, for columns of unit length over both."""
+        """Inner products of the columns, for each candidate and for the plan. Columns are scaled to
+        unit length over plan and candidates together."""
         self.visible = np.diag(self._project(self.there + self.worth.sum(axis=0))) > SPAN
         """Columns visible in all candidates together, shape (n_columns,)."""
 

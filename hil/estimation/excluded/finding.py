@@ -371,7 +371,7 @@ class _Instead:
 
     @property
     def shows_changes(self) -> bool:
-        """True if a column would be named as a change, see `_find_change`."""
+        """True if some cause explains how later recordings deviate from the earlier ones."""
         return self._explain(self.battery.given).possible and not self.deviates
 
     @cached_property

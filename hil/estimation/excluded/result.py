@@ -220,14 +220,14 @@ class ErrorTerm(FileModel):
     cause : str
         One of `hil.estimation.excluded.causes.CAUSES`.
     axes : tuple of int
-        Axes from 1; none if the cause concerns all.
+        Axes from 1; empty if the cause concerns all axes.
     found : str
         Finding, with its figure.
     torque : float
-        Root mean square error of the torques on a free motion, over that of the torques; mean over
-        joints. For an accounted cause, the error without the correction.
+        Error of the torques on a free motion, relative to the torques, both as root mean squares;
+        mean over joints. For an accounted cause, the error without the correction.
     share : float
-        Share of the sum of squares.
+        Square of `torque` relative to the sum over all terms.
     accounted : bool
         True if the estimate accounts for the cause.
     """

@@ -1,1 +1,1 @@
-"""Checks of recordings while a repetition is possible, and of the limits on the axes."""
+"""Checks of each recording during a run, while it can be repeated, and of axis limits."""

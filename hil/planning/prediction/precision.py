@@ -166,10 +166,10 @@ def covariance(known: Information, n_base: int) -> Array:
 
 
 def torque_scale(robot: Robot) -> Array:
-    """Compute the largest torque per unit of every base parameter, as share of an axis's limit.
+    """Compute the torque per unit of every base parameter, as share of an axis's limit, (n_base,).
 
-    The result, shape (n_base,), is the root mean square over instants that cover ranges, speeds and
-    accelerations of all joints up to the limits.
+    The torque is a root mean square over instants that cover ranges, speeds and accelerations of
+    all joints up to the limits; the axis with the largest share counts.
     """
     A = regressor(robot, *whole_range(robot))
     scale: Array = (np.sqrt(np.mean(A**2, axis=0)) / robot.torque_limit[:, np.newaxis]).max(axis=0)

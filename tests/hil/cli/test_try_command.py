@@ -133,7 +133,7 @@ def test_it_measures_identifies_predicts_and_is_pushed(
         r"residual (\S+) % of the torque on a new motion, (\S+) % on those measured; ", said
     )
     assert shares
-    assert float(shares[1]) > float(shares[2])  # pushed, so that it is no test of the model
+    assert float(shares[1]) > float(shares[2])  # the arm was pushed in the new motion
     assert not any("on a new motion" in head for head in heads)
 
 

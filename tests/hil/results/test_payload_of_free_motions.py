@@ -1,4 +1,4 @@
-"""`hil payload` on imported runs: load, gains by its mass, and refusals."""
+"""`hil payload` on imported runs: load, unknown gains found by its known mass, and refusals."""
 
 from __future__ import annotations
 
