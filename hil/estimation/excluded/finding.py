@@ -371,7 +371,7 @@ class _Instead:
 
     @property
     def shows_changes(self) -> bool:
-        """True if some cause explains how later recordings deviate from the earlier ones."""
+        """True if the given causes are possible and explain the later recordings."""
         return self._explain(self.battery.given).possible and not self.deviates
 
     @cached_property
