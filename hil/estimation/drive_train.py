@@ -324,12 +324,12 @@ def _smooth_load(
 def _transmitted(robot: Robot, p: Array, s: Signals, compliance: Array | float = 0.0) -> Array:
     """Return the torque transmitted by the gears, shape (n, n_joints).
 
-    For a stroke this is the motor torque less rotor torque and friction. Friction is half the
-    difference between the directions of an axis in measured minus calculated torque, reduced near
-    reversals. For motion in one direction friction is kept: a constant does not change the rate of
-    twist. If all axes move at once, the torque is calculated, from the motion of the links as far
-    as `compliance` is known: in a measured torque the acceleration noise of all rotors would add
-    up, and position noise would be on both sides of the equation.
+    For a stroke this is the motor torque less rotor torque and friction. The mean of measured minus
+    calculated torque (by base parameters `p`) differs between the directions of an axis; half the
+    difference is friction, reduced near reversals. For motion in one direction friction is kept: a
+    constant does not change the rate of twist. If all axes move at once, the torque is calculated:
+    a measured torque contains the acceleration noise of all rotors. With known `compliance` the
+    motion of the links is used.
     """
     calculated = inverse_dynamics(robot, p, s.q, s.qd, s.qdd)
     if s.group is not None:

@@ -238,7 +238,7 @@ def _filtered(
     columns: Array | None = None,
     accelerated: int | None = None,
 ) -> _Filtered:
-    """Filter the signals and columns of an axis, with at most one accelerated joint."""
+    """Filter the signals and `columns` of an axis, while only joint `accelerated` accelerates."""
     weight, element = _static_rows(robot, s, axis, *([] if accelerated is None else [accelerated]))
 
     def filter_motion() -> Array:

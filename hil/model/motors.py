@@ -1,4 +1,4 @@
-"""Known inertia of the motors, eq. (7), to be compensated.
+"""Known inertia of the motors, eq. (7) of Grotjahn et al. (2001), to be compensated.
 
 A drive train is described by gear ratio N and rotor inertia Im alone. Each motor then turns N times
 as fast as its own joint and with no other joint, so that H is diagonal and constant, N^2 Im, and
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def motor_inertia(robot: Robot, q: ArrayLike) -> Array:
-    """Compute H(q) of eq. (7), shape (n_samples, n_joints, n_joints), or without samples axis.
+    """Compute H(q) of eq. (7), shape (n_samples, n_joints, n_joints); 2-D for a single q.
 
     Joint side: kg m^2 for revolute joints, kg for prismatic ones.
     """

@@ -438,7 +438,7 @@ class _Runs:
         return covariance + np.outer(change, change)
 
     def _gather(self, robot: Robot) -> list[Gathered | None]:
-        """Gather imported free motions without and with the load."""
+        """Return imported free motions without and with the load, None for the side without any."""
         found: list[Gathered | None] = []
         for runs in (self.bare.runs, self.loaded):
             imported, how = [run for run in runs if run.imported], self.bare.options

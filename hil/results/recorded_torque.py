@@ -131,12 +131,12 @@ class PredictedTorque:
 
     @property
     def relative(self) -> Array:
-        """Root mean square of the residual over that of the torque, shape (n_joints,)."""
+        """Residual relative to the measured torque, root mean squares by axis, shape (n_axes,)."""
         return np.asarray(_rms(self.residual) / np.maximum(_rms(self.measured), 1e-300))
 
     @property
     def overall(self) -> float:
-        """Root mean square of the residual over that of the torque, for all axes together."""
+        """Residual relative to the measured torque, root mean squares over all axes."""
         total = max(float(np.linalg.norm(self.measured)), 1e-300)
         return float(np.linalg.norm(self.residual)) / total
 

@@ -401,7 +401,7 @@ def _naive(scores: Scores) -> Reservation | None:
 
 
 def _narrow(scores: Scores) -> Reservation | None:
-    """Return a doubt about intervals too narrow for the samples, with the most likely reason."""
+    """Return a doubt and its likely reason if intervals are too narrow for the samples, or None."""
     # axes with covered motions first: for the others the uncovered motion is the reason
     s = min(scores, key=lambda each: (each.inside >= INSIDE, bool(each.uncovered), each.inside))
     if s.inside >= INSIDE:

@@ -226,7 +226,11 @@ class Arm:
     def _forces(
         self, q: Array, qd: Array, mode: Array, tau: Array, load: Array
     ) -> tuple[Array, Array, Array, Array]:
-        """Return mass matrix, torque without friction at rest, friction bounds, and bias."""
+        """Return mass matrix, accelerating torque, friction bounds, and bias.
+
+        The accelerating torque includes friction of sliding axes (`mode` 1 or -1), but not that of
+        sticking ones (`mode` 0).
+        """
         mass, bias = self.mass_and_bias(q, qd)
         n = len(q)
         side = np.where(mode[:n] < 0, -1.0, 1.0)

@@ -121,7 +121,7 @@ class Watcher:
         return tuple(begun)
 
     def course(self) -> Course:
-        """Return the torques since the last call, at most `HELD` values."""
+        """Return the averaged samples since the last call; of more than `HELD`, the last ones."""
         held, self._averaged = self._averaged[-HELD:], []
         if not held:
             n = self._robot.n_joints

@@ -215,7 +215,11 @@ class _Reader:
     def _joint(
         self, k: int, placed: Placed, body: int, here: Array, *, last: bool
     ) -> tuple[UrdfJoint, Array]:
-        """Return a joint, and the pose of the body relative to the joint."""
+        """Return joint `k` of MuJoCo, and the pose of its body relative to the joint.
+
+        `here` is the pose of the body relative to the previous joint, `last` marks the body's
+        last joint.
+        """
         model = self.model
         kind = placed.element.get("type", "free" if placed.element.tag == "freejoint" else "hinge")
         kind = {0: "free", 1: "ball"}.get(int(model.jnt_type[k]), kind)

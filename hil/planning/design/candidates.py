@@ -148,7 +148,7 @@ def keeps_clear(robot: Robot, workspace: Workspace | None, q: Array) -> bool:
 
 
 def worth(robot: Robot, found: Sequence[Share], noise: Noise) -> tuple[tuple[Indices, Array], ...]:
-    """Compute the information of shares under `noise`: indices of unknowns, and I S^-1 I."""
+    """Compute for each share of a measurement the indices of its unknowns, and I S^-1 I."""
     return tuple(
         (
             place(robot, share.axis),

@@ -1,4 +1,4 @@
-"""Connecting succeeds completely or leaves nothing, and our bus is always shut down."""
+"""Connecting either succeeds or leaves all drives unpowered; the bus is always shut down."""
 
 # ruff: noqa: PT012 - the tests examine both body and end of a with block
 

@@ -52,8 +52,8 @@ SIMPLE = ("ros2", "urdf", "mjcf")
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    """Model with bodies, of a robot with a prismatic axis, with
-    a different friction law per axis.
+    """Model of a robot with a prismatic axis, which states masses and inertias of the links. Each
+    axis has another friction law.
     """
     robot = Robot.load("tests/robots/scara.yaml")
     laws = [

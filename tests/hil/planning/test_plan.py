@@ -14,7 +14,7 @@ from hil.planning.plan import Plan, PlannedRobot, WarmUp, dump_plan, load_plan
 from hil.planning.strokes import Partner
 
 PLANS = Path(__file__).parent / "plans"
-"""Folder of a plan for each kind of measurement, in the first file format of that kind."""
+"""Folder of plans: for each kind of measurement one, in the oldest readable format."""
 
 angles = st.floats(-10, 10)
 sizes = st.floats(1e-3, 100)
