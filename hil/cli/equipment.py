@@ -19,7 +19,8 @@ STATUSES = {
     0: "done",
     1: "not completed, or a check found a fault; see the message on standard error",
     2: "wrong usage: an unknown option, or options that do not go together",
-    3: "completed, with judgement failed (identify, validate, accept), or alarms (watch)",
+    3: "completed, but failed (identify, validate, accept, export), with alarms (watch), beyond the"
+    " limit (replay), or without some models (fleet index)",
     4: "completed, with significant changes (history --fail-on-change)",
     130: "stopped by Ctrl-C, a signal or the stop key; the axes are off",
 }
