@@ -57,7 +57,7 @@ def track(
     where: RobotsBus,
     resume: Annotated[
         bool,
-        typer.Option("--resume", help="Continue with the passes that are missing."),
+        typer.Option("--resume", help="Continue a stopped comparison with its missing runs."),
     ] = False,
     delay: Annotated[
         float,

@@ -229,7 +229,7 @@ def _write_model(
 
         model = Model.load(source)
         if model.failed and not force:
-            text = f"its identification {model.verdict}; --force exports it anyway, with"
+            text = f"the model's identification {model.verdict}; --force exports it with"
             sys.stderr.write(shown(f"{source}: {text} FAILED on top of every file\n"))
             raise typer.Exit(Status.REFUSED)
         now(f"writing the model as {to}")

@@ -229,7 +229,7 @@ def plan(
         _load(help="Identified run without the load.", autocompletion=runs),
     ] = None,
     at_most: Annotated[
-        float | None, _load(min=1e-3, help="Maximum payload mass, which poses must hold \\[kg].")
+        float | None, _load(min=1e-3, help="Maximum payload mass, to be held in all poses \\[kg].")
     ] = None,
     pose: Annotated[
         list[str] | None,

@@ -263,22 +263,23 @@ def sentences(found: DiagnosisFile) -> Iterator[str]:
     """State significant absent parameters with their effect, and needless parameters."""
     below = f"p below {found.threshold:.1g}"
     if found.found:
-        yield f"Significant ({below}) is {', '.join(found.found)}: add it to the robot file."
+        names = ", ".join(found.found)
+        yield f"Significant effects ({below}), to be added to the robot file: {names}."
     else:
         yield (
-            f"None is significant ({below}): these measurements show no effect missing in the "
+            f"No effect is significant ({below}): these measurements show no effect missing in the "
             "robot file."
         )
     if found.phase is not None:
         shift = signed(f"{math.degrees(found.phase.phase().shift):.1f}")
         yield (
-            f"Phase of g{found.phase.axis} over q{found.phase.over} shifted by {shift} degrees "
-            "where that sinusoid is largest."
+            f"The effects found shift the phase of g{found.phase.axis} over q{found.phase.over} by "
+            f"{shift} degrees at the measured configuration of largest amplitude."
         )
     if names := "; ".join(f"{each.name}: {each.expression}" for each in found.needless):
-        yield f"Not needed by the data: {names}."
+        yield f"Not significant, may be left out of the robot file: {names}."
     if found.absorbed:
-        yield f"Invisible in any measurement: {', '.join(found.absorbed)}."
+        yield f"Without effect in any measurement: {', '.join(found.absorbed)}."
     if found.unmeasured:
         yield f"Not shown by these measurements: {', '.join(found.unmeasured)}."
 

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 
 MODEL_LEFT_OUT = (
-    "the model of the last hil friction: missing, of another robot, or outside of the folder around"
-    " this run; put its run beside this one, and repeat hil friction --model"
+    "the model given to hil friction is missing, of another robot, or outside of the folder around"
+    " this run; put the run of the model beside this one, and repeat hil friction --model"
 )
 """Reason for half-differences in place of the model that compensated gravity."""
 

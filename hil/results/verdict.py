@@ -168,12 +168,12 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
     When(
         lambda fit: fit.bias_test if fit.bias_test and fit.bias_test.biased else None,
         "noise of the positions shifts the parameters by up to {0.shift:.2g} standard errors",
-        "state a lower cut_off in the map, or take --method 'instrumental variables'",
+        "state a lower cut_off in the map, or use --method 'instrumental variables'",
     ),
     When(
         lambda fit: _axes(fit.driving),
         "axis {0}: negative friction identified, which adds power to the motion",
-        "check the sign of its torque, and for a missing spring, lag or inertia",
+        "check the sign of its torque, and whether the model lacks a spring, lag or inertia",
     ),
     When(
         lambda fit: _axes(fit.unusual),

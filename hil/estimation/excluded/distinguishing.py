@@ -160,8 +160,8 @@ def causes_named(robot: Robot, text: str) -> list[Key]:
             )
         if name not in PLANNED:
             raise UnknownName(
-                f"cause {name!r} must be one of: {', '.join(PLANNED)}; with an axis it is"
-                " 'joint offset of axis 4'"
+                f"cause {name!r} must be one of: {', '.join(PLANNED)}; for one axis"
+                " write 'joint offset of axis 4'"
             )
         if axis and not (axis.isdecimal() and 1 <= int(axis) <= robot.n_joints):
             raise UnknownName(f"{part.strip()}: axis must be 1 to {robot.n_joints}")

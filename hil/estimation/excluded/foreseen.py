@@ -103,7 +103,9 @@ def expected_evidence(
         stacked += [(s, axes) for axes in stack(robot, motion, s)]
         s.kept.clear()  # holds all samples; the rows are some of them
     if not stacked:
-        raise NotIdentifiable("no measurement is long enough to identify parameters")
+        raise NotIdentifiable(
+            "no measurement is long enough to identify parameters; plan longer strokes"
+        )
     return rows_of(robot, stacked, np.zeros(robot.n_joints, dtype=bool))
 
 

@@ -141,7 +141,7 @@ def refuse_inflated_tables(path: Path) -> None:
             return
     if any(mark in str(path.absolute()) for mark in "%?#"):
         raise FileError(
-            f"{path}: has one of % ? # in its path, by which SQLite may open another file; rename"
+            f"{path}: has one of % ? # in its path, by which SQLite opens other files; rename it"
         )
     most = max(path.stat().st_size, 1_000_000)
     with closing(sqlite3.connect(f"file:{path.absolute()}?mode=ro&immutable=1", uri=True)) as bag:
