@@ -139,8 +139,8 @@ def set_up_sync(server: RemoteDictionary, period: float) -> None:
             server.set(cia301.SYNC_COUNTER, 0)
         except DriveRefused as error:
             raise DriveRefused(
-                f"{error}; it expects a counter in SYNC ({cia301.SYNC_COUNTER} is {counter}), and "
-                "ours has none: set it to 0 with the maker's commissioning tool"
+                f"{error}; the drive expects a counter in SYNC ({cia301.SYNC_COUNTER} is {counter}), "
+                "not sent here: set 1019 to 0 with the maker's commissioning tool"
             ) from error
     without = REQUIREMENTS[cia301.CYCLE_PERIOD].without
     server.set_if_present(cia301.CYCLE_PERIOD, round(1e6 * period), without)

@@ -174,7 +174,7 @@ def _flaws(dictionary: Dictionary, declared: Declared, row: Requirement) -> Iter
         yield Finding(about, "cannot be read (wo)", row.without, fatal=True)
     if declared.mappable is False and row.use & (Use.SEND | Use.RECEIVE):
         problem = "cannot be mapped into a PDO"
-        yield Finding(about, problem, "it cannot be sent with SYNC", fatal=True)
+        yield Finding(about, problem, "the value cannot be sent with SYNC", fatal=True)
 
 
 def _unwritable(declared: Declared, row: Requirement, value: int | None) -> Iterator[Finding]:
@@ -367,7 +367,7 @@ def _wrong_mode(modes: tuple[Mode, ...] | None) -> Iterator[Finding]:
             "does not name profile position mode (bit 0)",
             "the driver plans the motions of a measurement and streams them (mode 8)"
             if planned
-            else "the drive cannot make the motions of a measurement, nor follow them (bit 7)",
+            else "the drive can neither plan motions nor follow set-points (bit 7)",
             fatal=not planned,
         )
 

@@ -64,7 +64,7 @@ FRICTION = (0.003, 0.6)
 """Range of friction at slow speed as a share of the rated torque."""
 POLLED = 0.05
 """Time between two readings [s]."""
-_REMEDY = "move farther, or check a loaded axis; otherwise take the unit from the drive's manual"
+_REMEDY = "raise --angle, or check a loaded axis; otherwise take the unit from the drive's manual"
 
 
 class CurrentReadings:

@@ -96,7 +96,7 @@ def refuse_unfit(axes: Sequence[DraftedAxis]) -> None:
     places = [(axis.node, axis.within.axis) for axis in axes if axis.node is not None]
     nodes = [node for node, _ in places]
     problems += [
-        f"node {node}: must be in 1...{HIGHEST_NODE}; 127 is ours"
+        f"node {node}: must be in 1...{HIGHEST_NODE}; 127 is the master"
         for node in nodes
         if not 1 <= node <= HIGHEST_NODE
     ]

@@ -183,7 +183,7 @@ def _pin(undo: ExitStack, system: Linux) -> str:
     try:
         isolated = sorted(system.isolated())
         if not isolated:
-            shared = f"{len(system.cores())} shared with all other programs"
+            shared = f"all {len(system.cores())} are shared with other programs"
             return f"core: {shared}; {_CORE}"
         undo.callback(system.pin(isolated[-1]))
     except (OSError, ValueError, AttributeError) as error:

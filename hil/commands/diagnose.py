@@ -277,9 +277,10 @@ def sentences(found: DiagnosisFile) -> Iterator[str]:
             f"{shift} degrees at the measured configuration of largest amplitude."
         )
     if names := "; ".join(f"{each.name}: {each.expression}" for each in found.needless):
-        yield f"Not significant, may be left out of the robot file: {names}."
+        yield f"Not significantly different from zero, may be left out: {names}."
     if found.absorbed:
-        yield f"Without effect in any measurement: {', '.join(found.absorbed)}."
+        names = ", ".join(found.absorbed)
+        yield f"Indistinguishable from base parameters in any measurement: {names}."
     if found.unmeasured:
         yield f"Not shown by these measurements: {', '.join(found.unmeasured)}."
 

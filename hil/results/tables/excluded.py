@@ -54,8 +54,8 @@ def untestable(axes: Sequence[int], source: str) -> str:
 def foreseen(proof: Excluded, n_joints: int, source: str) -> Table:
     """Return the detectable sizes for a plan; `source`: origin of the expected base parameters."""
     note = (
-        f"sizes found with a probability of 80 %; {KEY}; noise as for the precision; base "
-        f"parameters {source}"
+        f"sizes found with a probability of 80 %; {KEY}; noise as in the "
+        f"predicted precision; base parameters {source}"
     )
     return excluded(proof, n_joints, "What this plan will exclude", note, "this plan")
 
