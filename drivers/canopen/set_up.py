@@ -139,7 +139,7 @@ def set_up_sync(server: RemoteDictionary, period: float) -> None:
             server.set(cia301.SYNC_COUNTER, 0)
         except DriveRefused as error:
             raise DriveRefused(
-                f"{error}; the drive expects a counter in SYNC ({cia301.SYNC_COUNTER} is {counter}), "
+                f"{error}; the drive needs a counter in SYNC ({cia301.SYNC_COUNTER} is {counter}), "
                 "not sent here: set 1019 to 0 with the maker's commissioning tool"
             ) from error
     without = REQUIREMENTS[cia301.CYCLE_PERIOD].without

@@ -98,7 +98,7 @@ class Power:
             The drive does not reach the state.
         """
         if not self.wait(lambda: self._state(server) is not State.FAULT_REACTION_ACTIVE, STEP_TIME):
-            raise DriveFault(f"{server.label}: fault reaction without end; switch the drive off")
+            raise DriveFault(f"{server.label}: fault reaction does not end; switch the drive off")
         if self._state(server) is State.FAULT:
             reason = self._supervision.reason(server)
             if not reset_fault:

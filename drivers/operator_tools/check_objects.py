@@ -209,7 +209,7 @@ def check_limits(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]
     window = Bound(objects.FOLLOWING_ERROR_WINDOW, key, axis.following_error_window, measure)
     found = server.find(window.entry)
     if found is not None:
-        remedy = f"the drive allows less than the file: lower {key}, or hil run writes {key}"
+        remedy = f"the drive allows less: lower {key}, or hil run writes the file's value"
         yield _judge(server.label, window, found, remedy)
 
 
