@@ -99,7 +99,7 @@ def test_a_failed_model_is_written_by_force_alone_and_every_file_says_so_on_top(
     folder = spoilt(run, tmp_path / "failed")
     status, _, err = hil("export", folder, "--to", to, "-o", tmp_path / "out")
     assert status == 3
-    assert "its identification failed: axes 2 and 3 exchanged; exchange them; --force" in err
+    assert "identification failed: axes 2 and 3 exchanged; exchange them; --force" in err
     assert not (tmp_path / "out").exists()
     status, out, _ = hil("export", folder, "--to", to, "-o", tmp_path / "out", "--force")
     assert status == 0

@@ -254,7 +254,7 @@ DATA = {
     "a velocity that is something else": ({"v1": TAU[:, 0]}, "does not follow the position of"),
     "a torque of the wrong sign": (
         {"m1": -TAU[:, 0]},
-        "joints.0.torque.sign: axis 1: wrong sign of the torque: the model leaves"),
+        "joints.0.torque.sign: axis 1: wrong sign of the torque: this correction leaves"),
     "torques in another order": (
         {"m1": TAU[:, 1], "m2": TAU[:, 0]},
         "axes 1 and 2: torques exchanged"),
