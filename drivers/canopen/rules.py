@@ -69,13 +69,13 @@ def _accept_watch(written: int, kept: int, drives: DrivesFile) -> bool:
     return ours and least <= kept & TIME_MASK <= most
 
 
-_TIMES = f"from two of our heartbeats up to {LONGER_WATCH:g} times `heartbeat_timeout`"
+_TIMES = f"from two times `heartbeat_period` up to {LONGER_WATCH:g} times `heartbeat_timeout`"
 
 BEATS = Kept(
     "any time above 0 up to half of `heartbeat_timeout`",
     lambda _, kept, drives: 0 < kept <= 500 * drives.heartbeat_timeout,
 )
-WATCHES = Kept(f"our node, and a time {_TIMES}", _accept_watch)
+WATCHES = Kept(f"`master_node`, and a time {_TIMES}", _accept_watch)
 LIFE_TIME = Kept(f"100C times 100D, {_TIMES}", EXACT.accepts)
 """Each factor is read back exactly; the bounds apply to the product."""
 

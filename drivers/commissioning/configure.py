@@ -122,8 +122,8 @@ def _take_mode(
             raise DriveRefused(
                 f"{server.label}: positions wrap around (607B) within the limits of the drives "
                 "file and there is no cyclic synchronous position mode (6502 = "
-                f"{supported:08X}h, bit 7 is clear), needed for such an axis; have the drive "
-                "count from another zero, or switch 607B off with the maker's commissioning tool"
+                f"{supported:08X}h, bit 7 is clear), needed for such an axis; home the drive "
+                "to another zero, or switch 607B off with the maker's commissioning tool"
             )
     if not has:
         raise DriveRefused(

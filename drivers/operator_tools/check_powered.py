@@ -124,7 +124,7 @@ def _ratio(counts: NDArray[np.float64]) -> float | None:
 
 def _judge_by_ratio(place: str, drive: AxisDrive, ratio: float) -> Verdict:
     expected, stated = _expected(drive), drive.current.basis
-    found = f"{ratio:.3g} counts per count of 6077"
+    found = f"{ratio:.3g} counts of the current object per count of 6077"
     bound = f"{stated.value}: {expected[stated]:.3g}"
     apart = _apart(ratio, expected[stated])
     others = [b for b, value in expected.items() if _apart(value, expected[stated]) > ALIKE]

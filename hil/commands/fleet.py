@@ -360,9 +360,9 @@ def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Deviations], rate:
             )
             for name, fleet in fleets.items()
         ),
-        f"Compared are two differences: a machine's mean over the newest {NEWEST} runs less its "
-        f"mean over the first {FIRST} runs, less the same change of the other machines; and the "
-        f"newest mean less the level of the other machines. An unchanged "
+        f"Two tests per machine: its change from the first {FIRST} to the newest {NEWEST} runs "
+        f"against the change of the other machines, and its newest level against the level of "
+        f"the other machines. An unchanged "
         f"machine has at most {rate:g} false alarms in ten years.",
     )  # fmt: skip
 

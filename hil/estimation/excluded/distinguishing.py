@@ -75,7 +75,7 @@ FEW = 20
 ALL_AXES = Column("torques of all axes", -1)
 RIDGE, TINY = 1e-9, 1e-12
 """Ridge on unit diagonals, which treats singular products as rounding errors, and minimum share."""
-NEVER = "base parameters, friction or other columns explain it in any measurement"
+NEVER = "base parameters, friction or other causes explain its effect in any measurement"
 BY_TIME = ("drift of torque constant", "slip")
 """Causes that depend on the time of a measurement, not on its configuration."""
 PLANNED = tuple(
