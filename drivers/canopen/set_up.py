@@ -184,7 +184,7 @@ def find_emergency(server: RemoteDictionary) -> int | None:
         return 0x80 + server.node
     if present & (OFF | EXTENDED):
         server.note(
-            f"{cia301.EMERGENCY_COB_ID} is {present:08X}h: no emergency messages: warnings are "
+            f"{cia301.EMERGENCY_COB_ID} is {present:08X}h: no emergency messages, so warnings are "
             "not seen, and the cause of a fault is read from the drive"
         )
         return None

@@ -157,7 +157,7 @@ STOPPING_OPTIONS = (1, 2, 3, 5, 6, 7)
 STAYS_ENERGISED = 5
 """Smallest quick stop option that ends in QUICK STOP ACTIVE."""
 STATE_WHAT_STOPS = (
-    "state allow_no_heartbeat with the reason in the drives file if something else stops it"
+    "state allow_no_heartbeat with the reason in the drives file if something else stops the axis"
 )
 FAULT_REACTION, QUICK_STOP_REACTION = 1, 3
 

@@ -381,7 +381,7 @@ def _no_range(dictionary: Dictionary) -> Iterator[Finding]:
     low, high = (fixed_at(end) for end in ends)
     if low is not None and high is not None and low >= high:
         so = REQUIREMENTS[objects.SOFTWARE_LIMIT_MIN].without
-        yield Finding("607D", f"is fixed at {low} and {high}, off", so, fatal=True)
+        yield Finding("607D", f"is fixed at {low} and {high}, which means off", so, fatal=True)
 
 
 def _no_current(
@@ -393,7 +393,7 @@ def _no_current(
     for candidate in candidates:
         yield Finding(candidate.place, candidate.why, "not usable as torque", fatal=False)
     if dictionary.live:
-        so = "look for a maker's object in its data sheet: `hil drives new --eds` does"
+        so = "`hil drives new --eds` looks for an object of the maker in the data sheet"
         yield Finding(about, "was not found on the bus", so, fatal=False)
     else:
         so = "torques cannot be measured"

@@ -149,7 +149,7 @@ _CONNECTION = {0: GOES_ON, 1: "goes into a fault", 2: COASTS, 3: "makes a quick 
 
 _FALLS = "the axis coasts, and a hanging axis falls until its brake has closed"
 _CONSEQUENCES = {COASTS: _FALLS, GOES_ON: "the axis keeps moving"}
-_SET = "set it with the maker's tool"
+_SET = "set this option with the maker's tool"
 _WRITTEN = "hil run overwrites this option, but other masters use this value"
 
 
@@ -224,7 +224,7 @@ def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
         return Verdict(Grade.WARNING, server.label, check, found, stated, kept)
     if low is None or high is None:
         return Verdict(
-            Grade.REFUSED, server.label, check, "missing", stated, "use a drive that has them"
+            Grade.REFUSED, server.label, check, "missing", stated, "use a drive with limits"
         )
     if low >= high:
         return Verdict(Grade.OK, server.label, check, "off in the drive", f"{stated} is written")

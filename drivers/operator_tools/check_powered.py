@@ -157,7 +157,7 @@ def _judge_by_magnitude(seen: Moved) -> Verdict:
     rest = abs(float(np.nanmean(held))) / rated if np.isfinite(held).any() else 0.0
     moved = abs(friction) / rated if abs(friction) > 4 * error else math.nan
     shown = "too little friction" if math.isnan(moved) else f"friction {moved:.1%}"
-    found = f"{rest:.1%} of the rated torque held, {shown}"
+    found = f"{rest:.1%} of the rated torque at rest, {shown}"
     counts = _expected(drive)
     factors = {basis: counts[drive.current.basis] / value for basis, value in counts.items()}
     (low, high), possible = FRICTION, []
@@ -165,7 +165,7 @@ def _judge_by_magnitude(seen: Moved) -> Verdict:
         plausible = math.isnan(moved) or low <= moved * factor <= high
         if rest * factor <= HELD_MAX and plausible:
             possible.append(basis)
-    bound = f"held at most {HELD_MAX:.0%}, friction {FRICTION[0]:.1%} to {FRICTION[1]:.0%}"
+    bound = f"at rest at most {HELD_MAX:.0%}, friction {FRICTION[0]:.1%} to {FRICTION[1]:.0%}"
     if drive.current.basis not in possible:
         names = " or ".join(basis.value for basis in possible)
         remedy = f"plausible as {names}" if names else "check rated_torque and current"

@@ -316,8 +316,11 @@ def _remarks(found: FoundNode) -> Iterator[tuple[str, bool]]:
     if found.review is not None:
         yield from ((str(finding), finding.fatal) for finding in found.review.findings)
         return
-    text = "no SDO response: a node in state stopped, or another master's heartbeat; if it is a"
-    yield f"{text} drive, set it to pre-operational", False
+    yield (
+        "no SDO response: a node in state stopped, or another master's heartbeat; if the node is "
+        "a drive, set it to pre-operational",
+        False,
+    )
 
 
 def _spans(nodes: Sequence[int]) -> str:

@@ -257,8 +257,8 @@ def _write_recordings(
 
         if source.is_file():
             raise FileError(
-                f"{source}: is a file, and {to} holds the recordings of a run; name the folder of"
-                " the run"
+                f"{source}: is a file, but format {to} holds the recordings of a run; name the"
+                " folder of the run"
             )
         run = Run.open(source).exclude(without or ())
         return exported_recordings(run, to, output, urdf, lambda name: now(f"writing {name}"))

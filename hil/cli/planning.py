@@ -167,7 +167,7 @@ def plan(
         _strokes(
             metavar="CAUSE[,CAUSE...]",
             help="Causes of error to be distinguished by the plan at their usual size, such as "
-            "'load,zero of axis 4'; at most doubles the duration.",
+            "'load,joint offset of axis 4'; at most doubles the duration.",
         ),
     ] = None,
     noise_from: Annotated[

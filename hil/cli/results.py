@@ -294,4 +294,4 @@ def _show_unusable_model(run: Run) -> None:
     except FileError as error:
         why = str(error)
     if why is not None:
-        say(f"not used, the report shows a new estimate: {why}", style="yellow")
+        say(f"model not used, the report shows a new estimate: {why}", style="yellow")

@@ -244,7 +244,7 @@ def candidates(found: DiagnosisFile) -> Table:
         ("parameter", *figures("value", "std. error", "t", "p", "t, combined")),
         (_candidate(each, found) for each in found.candidates[:SHOWN]),
         "t: value over standard error; p: probability of such a t by chance. Last column: t with "
-        "the effects found added to the model, small for an effect that only resembled them.",
+        "the effects found added to the model; small for one that only resembles a found effect.",
     )
 
 

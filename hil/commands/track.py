@@ -213,7 +213,8 @@ def judge(found: Tracking) -> Verdict:
         "good" if better and not _worse(found) else "doubtful",
         "improved" if better else "not improved",
         f"median over the axes: errors {found.gain('neither', 'velocity'):.3g} times smaller "
-        f"with velocity, a further {found.gain('velocity', 'both'):.3g} times with torque",
+        f"with velocity feed-forward, a further {found.gain('velocity', 'both'):.3g} times with "
+        "torque feed-forward",
     )
 
 

@@ -301,6 +301,6 @@ LOCAL_FITS: dict[str, Callable[[Robot, Any, Signals], LocalFit]] = {
 ELSEWHERE = {
     "friction": "",
     "trajectory": "the published method uses only strokes; use --method improved",
-    "free": "the published method uses only strokes; the improved one free motions too",
+    "free": "the published method uses only strokes; the improved method uses free motions too",
 }
 """Remark by kind of measurement without base parameters in step 1."""

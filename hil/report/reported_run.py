@@ -178,8 +178,8 @@ def _neighbour(run: Run, path: Path) -> Path:
     folder = run.path.resolve().parent
     if not path.resolve().is_relative_to(folder):
         raise FileError(
-            f"{run.path}: names a run outside of {folder}: {path}; if you trust the folder, put"
-            " that run beside it, and repeat the command that named it"
+            f"{run.path}: names a run outside of {folder}: {path}; if you trust that run, move"
+            " it beside this run, and repeat the command that named it"
         )
     return path
 

@@ -293,7 +293,7 @@ def known_friction(model: IdentifiedRobot, *, of_all: bool = False) -> FrictionL
     law = model.friction_law
     if not law.known:
         raise NotEnoughData(
-            f"the model of {model.robot.name} has no law of friction: take parts={PARTS[:2]},"
+            f"the model of {model.robot.name} has no law of friction: use parts={PARTS[:2]},"
             f" measure each axis {FOR_A_LAW} times or more (hil plan --refine RUN), or identify the"
             " run anew with: hil identify"
         )

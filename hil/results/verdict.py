@@ -150,10 +150,10 @@ def _doubted(model: Model) -> Iterator[Reservation]:
 def _judge_edges(model: Model) -> Iterator[Reservation]:
     """Yield estimates at the edge of the search range; the true value may be beyond the edge."""
     for each in model.edges:
-        beyond = "" if abs(each.value) <= abs(each.bound) else " beyond"
+        where = "at" if abs(each.value) <= abs(each.bound) else "beyond"
         yield doubtful(
-            f"axis {each.axis}: {each.what} {significant(each.value, 3)} {each.unit}, at the edge"
-            f" of the search{beyond}, {significant(each.bound, 3)} {each.unit}",
+            f"axis {each.axis}: {each.what} {significant(each.value, 3)} {each.unit}, {where} the"
+            f" limit of the search range, {significant(each.bound, 3)} {each.unit}",
             "check for effects missing in the model: torque and position sampled at different "
             "instants, a low-pass of the torque, a wrong unit or column, flexible links",
         )

@@ -176,7 +176,9 @@ def stated_noise(
     source = _source([value is not None for value in torques + wanders])
     rounded = _increments(robot) if increments is None else np.abs(np.asarray(increments, float))
     if rounded is None:
-        return Noise(torque, wander, f"{source}; increments of the encoders not stated: left out")
+        return Noise(
+            torque, wander, f"{source}; encoder resolution not stated: its noise is left out"
+        )
     return Noise(torque, wander, source, rounded / np.sqrt(12.0), _inertia(robot))
 
 

@@ -33,8 +33,8 @@ BELIEVED = (
     "compliant axes."
 )
 AS_PUBLISHED = (
-    "Step 1 is that of the published method: friction by direction, compliance and moving other axes "
-    "become part of the element, and all points of an axis have a common deviation from the model."
+    "Step 1 is that of the published method: friction by direction, compliance and moving other "
+    "axes become part of the element, and all points of an axis deviate alike from the model."
 )
 
 

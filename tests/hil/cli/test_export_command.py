@@ -190,7 +190,7 @@ def test_recordings_need_no_model(hil: Hil, manutec: Robot, tmp_path: Path) -> N
 def test_a_model_s_file_has_no_recordings(hil: Hil, run: Path, tmp_path: Path) -> None:
     status, _, err = hil("export", run / NAME, "--to", "mcap", "-o", tmp_path / "out")
     assert status == 1
-    assert "model.yaml: is a file, and mcap holds the recordings of a run; name the folder" in err
+    assert "model.yaml: is a file, but format mcap holds the recordings of a run; name" in err
     assert not (tmp_path / "out").exists()
 
 

@@ -287,7 +287,7 @@ def test_a_locked_joint_of_a_noisy_encoder_stands_still(tmp_path):
     the_map = write_map(tmp_path, a_map(velocity=True))
     import_recordings([the_map], tmp_path / "run", stated.append)
     (suspicion,) = stated[0].suspicions
-    assert suspicion.message.endswith("are column and unit right?")
+    assert suspicion.message.endswith("check column and unit")
     assert "only gravity parameters of joint 2" in suspicion.message
     assert not suspicion.certain
 

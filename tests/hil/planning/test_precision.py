@@ -165,7 +165,7 @@ def test_behind_gears_increments_hardly_count(manutec, plan):
 
 
 def test_increments_that_nobody_states_are_said_to_be_left_out(manutec):
-    assert "increments of the encoders not stated: left out" in stated_noise(manutec).source
+    assert "encoder resolution not stated: its noise is left out" in stated_noise(manutec).source
     assert "left out" not in stated_noise(manutec, increments=[1e-5] * 6).source
 
 

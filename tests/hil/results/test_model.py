@@ -91,7 +91,7 @@ class TestTorques:
         self, model, motion
     ):
         bare = replace(model, friction_law=FrictionLaw.absent(6))
-        with pytest.raises(NotEnoughData, match=r"no law of friction: take parts=.* hil identify"):
+        with pytest.raises(NotEnoughData, match=r"no law of friction: use parts=.* hil identify"):
             bare.predict(*motion)
         rest = PARTS[:2]
         assert np.array_equal(bare.predict(*motion, parts=rest), model.predict(*motion, parts=rest))
