@@ -67,7 +67,7 @@ RobotOption = Annotated[
     str | None,
     typer.Option(
         "--robot",
-        help="Robot file, if the path in the plan is not valid.",
+        help="Robot file in place of the path stated in the plan.",
         autocompletion=robots,
     ),
 ]

@@ -51,7 +51,9 @@ def track(
     model_path: ModelPath,
     output: Annotated[
         Path,
-        output_option(folder_to_write, "Folder to write the three runs and their result into."),
+        output_option(
+            folder_to_write, "Folder for a run per kind of feed-forward, and the result."
+        ),
     ],
     *,
     where: RobotsBus,

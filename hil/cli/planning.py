@@ -189,7 +189,7 @@ def plan(
         list[int] | None,
         _friction(
             metavar="NUMBER",
-            help="Number of an axis from 1; a sweep takes several, and all by default.",
+            help="Number of an axis from 1; a sweep accepts several, by default all axes.",
         ),
     ] = None,
     period: Annotated[

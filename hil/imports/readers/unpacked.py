@@ -157,7 +157,7 @@ def refuse_inflated_tables(path: Path) -> None:
             if len(held) > _COLUMNS:
                 raise FileError(
                     f"{path}: table {table!r} has {len(held)} columns, at most {_COLUMNS} allowed;"
-                    " record anew"
+                    " record the bag anew"
                 )
             for column, hidden in held:
                 if hidden:
@@ -169,7 +169,7 @@ def refuse_inflated_tables(path: Path) -> None:
                 refuse_beyond(path, total, "its values")
         if computed:
             raise FileError(
-                f"{path}: {computed[0]!r} is computed, not stored as in a bag; record anew"
+                f"{path}: {computed[0]!r} is computed, not stored as in a bag; record the bag anew"
             )
         (n, different) = bag.execute("SELECT count(*), count(DISTINCT id) FROM topics").fetchone()
         if n != different:

@@ -189,8 +189,8 @@ def _describe_coarse(axes: Indices, lost: Array) -> str:
     listed = ", ".join(str(axis + 1) for axis in axes)
     shares = ", ".join(f"{100 * lost[axis]:.2g}" for axis in axes)
     return (
-        f"; axis {listed}: encoder increments make more noise than torques, and inertias about "
-        f"{shares} % too small, a bias that standard deviations do not include"
+        f"; axis {listed}: encoder resolution causes more noise than the torque signal and makes "
+        f"inertias about {shares} % too small; standard deviations do not include this bias"
     )
 
 

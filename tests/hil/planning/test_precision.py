@@ -133,7 +133,7 @@ def test_coarse_encoders_on_direct_drives_make_a_plan_imprecise(manutec, plan):
     assert min(ratio) > 1.5
     assert max(ratio) > 8
     source = predict(robot, plan.measurements, PERIOD, few).source
-    assert "axis 1, 2, 3, 4, 5, 6: encoder increments make more noise than torques" in source
+    assert "axis 1, 2, 3, 4, 5, 6: encoder resolution causes more noise than the torque" in source
 
 
 def test_what_coarse_encoders_hide_of_an_inertia_is_foreseen(manutec):
