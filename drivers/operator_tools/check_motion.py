@@ -324,7 +324,7 @@ def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
     if abs(measured - right) < CLOSE * apart:
         return Verdict(Grade.OK, place, DIRECTION, f"confirmed, {found}", bound)
     if abs(measured - wrong) < CLOSE * apart:
-        remedy = f"set sign: {-drive.sign} in the drives file, and zero anew"
+        remedy = f"set sign: {-drive.sign} in the drives file, and determine zero anew"
         return Verdict(Grade.REFUSED, place, DIRECTION, f"contradicts, {found}", bound, remedy)
     remedy = "fits neither sign: check gear_ratio, zero, the unit of the current, and the payload"
     return undecided(place, DIRECTION, found, remedy, bound)

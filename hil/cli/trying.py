@@ -100,7 +100,7 @@ def try_(
         typer.Option(
             min=5,
             max=3600,
-            help="Time for pushing the arm \\[s]; by default until 90 s have passed.",
+            help="Time for pushing the arm \\[s]; by default up to 90 s after the start.",
         ),
     ] = None,
 ) -> None:

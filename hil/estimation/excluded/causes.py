@@ -185,7 +185,7 @@ CAUSES = {
     ),
     "friction of the load": Cause(
         "friction grows with the transmitted torque by", "%", "%", 0.0,
-        "no action: it is fitted; methods without this term find other parameters", accounted=True,
+        "no action: this term is fitted; methods without this term find other parameters", accounted=True,
         least=0.0,
     ),
     # one cycle of a current controller
@@ -211,7 +211,7 @@ CAUSES = {
     ),
     "friction that differs by direction": Cause(
         "", "", "", 0.0,
-        "no action: it is fitted; only the published method's result is biased by it",
+        "no action: the difference is fitted; only the published method's result is biased",
         accounted=True,
     ),
     "torque ripple of further orders": Cause(
