@@ -136,8 +136,8 @@ def _take_mode(
     if not wait(lambda: server.get(objects.MODE_DISPLAY) == mode, MODE_TIME):
         raise DriveRefused(
             f"{server.label}: does not take {name}: 6061 shows"
-            f" {server.get(objects.MODE_DISPLAY)}, {MODE_TIME:g} s after {mode.value} was written to"
-            " 6060; release it from the maker's tool or from another master"
+            f" {server.get(objects.MODE_DISPLAY)}, {MODE_TIME:g} s after {mode.value} was written"
+            " to 6060; release it from the maker's tool or from another master"
         )
     return mode
 

@@ -185,7 +185,7 @@ CAUSES = {
     ),
     "friction of the load": Cause(
         "friction grows with the transmitted torque by", "%", "%", 0.0,
-        "no action: this term is fitted; methods without this term find other parameters", accounted=True,
+        "no action: this term is fitted; methods without it find other parameters", accounted=True,
         least=0.0,
     ),
     # one cycle of a current controller
