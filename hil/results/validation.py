@@ -467,7 +467,7 @@ RULES: tuple[Rule[Scores], ...] = (
         _worst(lambda s: abs(s.gain - 1.0) - SURE * s.gain_error, TOLERANCE),
         "axis {0.axis}: gains inconsistent, measured torques are {0.gain:.2f} times those "
         f"predicted, at most {TOLERANCE:.0%} deviation allowed",
-        "compare torque constant or gain, and the motor's temperature, with the identification",
+        "compare torque constant, gain and motor temperature with those of the identification",
     ),
     _narrow,
     When(
