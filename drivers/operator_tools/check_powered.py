@@ -327,5 +327,5 @@ def _ask_direction(
         "o": f"set sign: {-drive.sign} in the drives file",
         "w": "correct gear_ratio or increments_per_revolution",
     }
-    shown = {"y": "as seen", "o": "the other way", "w": "another amount"}[key]
+    shown = {"y": "correct", "o": "opposite direction", "w": "wrong amount"}[key]
     return grade_check(key == "y", Grade.REFUSED, label, check, shown, moved, remedies.get(key, ""))

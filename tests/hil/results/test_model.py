@@ -101,7 +101,7 @@ class TestTorques:
         blind = replace(model, friction_law=FrictionLaw(axes=axes))
         assert blind.axes_without_friction == (6,)
         assert model.axes_without_friction == ()
-        with pytest.warns(FrictionUnknown, match="no law of friction of axis 6, .* --with") as seen:
+        with pytest.warns(FrictionUnknown, match="no law of friction of axis 6 .* --with") as seen:
             found = blind.predict(*motion)
         assert seen[0].filename == __file__
         assert np.array_equal(found[..., :5], model.predict(*motion)[..., :5])
