@@ -26,7 +26,10 @@ def library(module: str, name: str) -> ctypes.CDLL:
         built = Path(module).with_name(f"{name}{suffix}")
         if built.exists():
             return ctypes.CDLL(str(built))
-    raise ModuleNotFoundError(f"{name} is not compiled: no C compiler was there at installation")
+    raise ModuleNotFoundError(
+        f"{name} is not compiled: no C compiler was found at installation; "
+        "install a compiler, then this package again"
+    )
 
 
 def pointer(array: NDArray[Any]) -> ctypes.c_void_p:

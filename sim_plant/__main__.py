@@ -43,7 +43,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     no_args_is_help=True,
-    help="Virtual machines behind true CANopen drives.",
+    help="Virtual machines with simulated drives that speak CANopen or EtherCAT.",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
@@ -83,7 +83,7 @@ def main(
         if interface == ETHERCAT:
             if options or hand:
                 raise ValueError(  # noqa: TRY301
-                    f"{'--bus-option' if options else '--hand'}: interface ethercat takes none"
+                    f"{'--bus-option' if options else '--hand'}: not for interface ethercat; omit"
                 )
             _serve_ethercat(channel, plant, machine, passing, fault_plan, cycle)
             return

@@ -268,8 +268,8 @@ class PlantFile(FileModel):
         for node, own in by_node.items():
             if len(set(own)) < len(own):
                 raise ValueError(
-                    f"nodes {[axis.drive.node for axis in axes]} must differ, or the values of "
-                    f"axis in node {node}: {own}"
+                    f"nodes {[axis.drive.node for axis in axes]} must differ; if node {node} has "
+                    f"several axes, number them: axis is {own}"
                 )
             if sorted(own) != list(range(1, len(own) + 1)):
                 raise ValueError(f"node {node}: axis is {own}; number them from 1 without a gap")

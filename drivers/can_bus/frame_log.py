@@ -200,7 +200,7 @@ class FrameLog(can.BusABC):
         ends = time.monotonic() + PATIENCE
         while self._waiting and self._thread.is_alive():
             if time.monotonic() > ends:
-                raise FileError(f"{self._path}: no frame was written to disk for {PATIENCE:g} s")
+                raise FileError(f"{self._path}: no frame saved for {PATIENCE:g} s; check the disk")
             time.sleep(0.001)
 
     def _write(self) -> None:

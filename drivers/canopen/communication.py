@@ -146,9 +146,9 @@ def find_collisions(drives: Sequence[CanopenCommunication], master: int) -> list
         Our node number.
     """
     taken = {
-        NMT: "by us, for NMT commands",
-        SYNC: "by us, for SYNC",
-        0x700 + master: "by us, for our heartbeat",
+        NMT: "by this program, for NMT commands",
+        SYNC: "by this program, for SYNC",
+        0x700 + master: "by this program, for its heartbeat",
     }
     found, nodes = [], set[int]()
     for drive in drives:
@@ -157,8 +157,8 @@ def find_collisions(drives: Sequence[CanopenCommunication], master: int) -> list
                 found.append(
                     DriveRefused(
                         f"{drive.label}: identifier {identifier:03X}h is used for {use} and, "
-                        f"{taken[identifier]}; give one of them another with the maker's "
-                        "commissioning tool"
+                        f"{taken[identifier]}; give one of the two another identifier with the "
+                        "maker's commissioning tool"
                     )
                 )
             taken.setdefault(identifier, f"by {drive.label}, for {use}")

@@ -69,13 +69,13 @@ def _accept_watch(written: int, kept: int, drives: DrivesFile) -> bool:
     return ours and least <= kept & TIME_MASK <= most
 
 
-_TIMES = f"from two of our heartbeats up to {LONGER_WATCH:g} times `heartbeat_timeout`"
+_TIMES = f"from two times `heartbeat_period` up to {LONGER_WATCH:g} times `heartbeat_timeout`"
 
 BEATS = Kept(
     "any time above 0 up to half of `heartbeat_timeout`",
     lambda _, kept, drives: 0 < kept <= 500 * drives.heartbeat_timeout,
 )
-WATCHES = Kept(f"our node, and a time {_TIMES}", _accept_watch)
+WATCHES = Kept(f"`master_node`, and a time {_TIMES}", _accept_watch)
 LIFE_TIME = Kept(f"100C times 100D, {_TIMES}", EXACT.accepts)
 """Each factor is read back exactly; the bounds apply to the product."""
 
@@ -94,15 +94,15 @@ REQUIREMENTS = add_rows((
     # SYNC, emergencies, faults
     silent(
         cia301.SYNC_COB_ID, Use.SET, "SYNC under 80h is assumed",
-        value=SYNC, serves=(SYNC | 1 << 31,), fixed="it produces SYNC, or does not listen to ours",
+        value=SYNC, serves=(SYNC | 1 << 31,), fixed="the drive produces SYNC, or ignores 80h",
     ),
     silent(
-        cia301.SYNC_COUNTER, Use.SET, "it expects no counter in SYNC",
-        value=0, fixed="it does not act on our SYNC, which has no counter",
+        cia301.SYNC_COUNTER, Use.SET, "the drive expects no counter in SYNC",
+        value=0, fixed="the drive ignores SYNC without a counter",
     ),
     noted(
         cia301.CYCLE_PERIOD, Use.SET, "the SYNC period is unknown to the drive",
-        kept=ROUNDED, fixed="it must equal the SYNC period",
+        kept=ROUNDED, fixed="the value must equal the SYNC period",
     ),
     noted(
         cia301.SET_POINT_TRANSMISSION, Use.SET, ON_ARRIVAL,
@@ -167,7 +167,7 @@ def _remarks(dictionary: Dictionary) -> Iterator[Finding]:
     """Yield a finding for a drive that expects a counter in SYNC; a live drive only."""
     declared = dictionary.entry(cia301.SYNC_COUNTER)
     if declared is not None and declared.writable is None and declared.value:
-        so = "it expects a counter in SYNC, and ours has none: start-up sets it to 0"
+        so = "the drive expects a counter in SYNC, not sent here: start-up sets this to 0"
         yield Finding(str(cia301.SYNC_COUNTER), f"is {declared.value}", so, fatal=False)
 
 

@@ -139,8 +139,8 @@ def set_up_sync(server: RemoteDictionary, period: float) -> None:
             server.set(cia301.SYNC_COUNTER, 0)
         except DriveRefused as error:
             raise DriveRefused(
-                f"{error}; it expects a counter in SYNC ({cia301.SYNC_COUNTER} is {counter}), and "
-                "ours has none: set it to 0 with the maker's commissioning tool"
+                f"{error}; the drive needs a counter in SYNC ({cia301.SYNC_COUNTER} is {counter}), "
+                "not sent here: set 1019 to 0 with the maker's commissioning tool"
             ) from error
     without = REQUIREMENTS[cia301.CYCLE_PERIOD].without
     server.set_if_present(cia301.CYCLE_PERIOD, round(1e6 * period), without)
@@ -184,7 +184,7 @@ def find_emergency(server: RemoteDictionary) -> int | None:
         return 0x80 + server.node
     if present & (OFF | EXTENDED):
         server.note(
-            f"{cia301.EMERGENCY_COB_ID} is {present:08X}h: no emergency messages: warnings are "
+            f"{cia301.EMERGENCY_COB_ID} is {present:08X}h: no emergency messages, so warnings are "
             "not seen, and the cause of a fault is read from the drive"
         )
         return None

@@ -318,7 +318,7 @@ class CyclicPosition:
             self._cycle()
         raise DriveRefused(
             f"{slow[0].label}: does not take mode {mode.value}: 6061 shows"
-            f" {slow[0].get(objects.MODE_DISPLAY)} {MODE_TIME:g} s after it was written to 6060;"
+            f" {slow[0].get(objects.MODE_DISPLAY)}, {MODE_TIME:g} s after it was written to 6060;"
             " release it from the maker's tool or from another master"
         )
 

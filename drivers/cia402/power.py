@@ -98,7 +98,7 @@ class Power:
             The drive does not reach the state.
         """
         if not self.wait(lambda: self._state(server) is not State.FAULT_REACTION_ACTIVE, STEP_TIME):
-            raise DriveFault(f"{server.label}: does not end its fault reaction; switch it off")
+            raise DriveFault(f"{server.label}: fault reaction does not end; switch the drive off")
         if self._state(server) is State.FAULT:
             reason = self._supervision.reason(server)
             if not reset_fault:
@@ -164,7 +164,7 @@ class Power:
             if locked is not None:
                 raise DriveRefused(
                     f"{server.label}: {locked}, so that {goal.value} cannot be reached; close "
-                    "guards and emergency stops, and release it"
+                    "guards, and release emergency stops and safe torque off"
                 )
             raise DriveRefused(
                 f"{server.label}: stays in {name_state(state)}, {goal.value} was commanded; check"

@@ -227,7 +227,7 @@ class ProfilePosition:
             seen += "usually varies, the drive's program hangs: switch the drive off and on; "
         remote = [bool(word & Status.REMOTE) for word in self._process_data.words]
         if phase is Phase.OFFERED and any(remote) and not remote[axis]:
-            seen = "takes no commands by the bus (statusword bit 9, remote, is clear): "
+            seen = "accepts no commands over the bus (statusword bit 9, remote, is clear): "
             seen += "release it from local control or the maker's tool; "
         return MoveFailed(
             f"{place}: {seen}set-point {target:g} at q = {q:g}: {phase.value}, for too long; "

@@ -143,7 +143,7 @@ def check_path(path: Array, axes: Sequence[Axis], here: Sequence[float], period:
             raise LimitExceeded(
                 f"{joint_of(axis)}: the path begins at {first:.5g} {unit}, the axis is at "
                 f"{here[number]:.5g} {unit}; they may differ by {window:g} {unit} "
-                "(position_window): move there first"
+                "(position_window): move to the path's beginning first"
             )
         for what, values, low, high, per in (
             ("set-point", path[:, number], limits.q_min, limits.q_max, ""),

@@ -282,7 +282,7 @@ class Shutdown:
                     sagged.append(
                         f"{each.axis.label}: sagged by {way:.2g} {unit} after its voltage was "
                         f"off, at most {bound:g} {unit} (position_window) allowed; check its "
-                        "brake, and state how long it takes to close as brake_delay in the "
+                        "brake, and state the closing time of the brake as brake_delay in the "
                         "drives file"
                     )
         return sagged

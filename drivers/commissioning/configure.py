@@ -122,8 +122,8 @@ def _take_mode(
             raise DriveRefused(
                 f"{server.label}: positions wrap around (607B) within the limits of the drives "
                 "file and there is no cyclic synchronous position mode (6502 = "
-                f"{supported:08X}h, bit 7 is clear), needed for such an axis; have the drive "
-                "count from another zero, or switch 607B off with the maker's commissioning tool"
+                f"{supported:08X}h, bit 7 is clear), needed for such an axis; home the drive "
+                "to another zero, or switch 607B off with the maker's commissioning tool"
             )
     if not has:
         raise DriveRefused(
@@ -136,8 +136,8 @@ def _take_mode(
     if not wait(lambda: server.get(objects.MODE_DISPLAY) == mode, MODE_TIME):
         raise DriveRefused(
             f"{server.label}: does not take {name}: 6061 shows"
-            f" {server.get(objects.MODE_DISPLAY)} {MODE_TIME:g} s after {mode.value} was written to"
-            " 6060; release it from the maker's tool or from another master"
+            f" {server.get(objects.MODE_DISPLAY)}, {MODE_TIME:g} s after {mode.value} was written"
+            " to 6060; release it from the maker's tool or from another master"
         )
     return mode
 

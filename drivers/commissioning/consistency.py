@@ -180,7 +180,7 @@ def _compare_rate(
     turning = unit(said).of in {Per.TURN, Per.RADIAN} and gear != 1
     if turning and min(abs(found - wanted), abs(found * gear - wanted)) <= slack:
         either = f"{entry} says {said} and the gear (6091) is {gear}"
-        remedy = f"{key}: {text} is not verified (of motor or gear output); check by a known move"
+        remedy = f"{key}: {text} is not verified, whether of motor or gear; check by a known move"
         return unsettled(check, either, key, text, remedy)
     return compare_values(
         abs(found - wanted) <= slack,

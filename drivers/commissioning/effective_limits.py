@@ -86,8 +86,8 @@ def wrap_of(ends: tuple[int, int] | None, axis: AxisDrive, label: str) -> Wrap |
         raise DriveRefused(
             f"{label}: positions wrap around in [{low}, {high}] (607B); limits [{first}, {last}] "
             f"of the drives file, with a margin of {room:.3g} {axis.unit} on both sides, take "
-            f"{needed} of {size} positions, so the place of the axis is ambiguous; have the "
-            "drive count from another zero (homing), narrow the limits, or widen 607B with the "
+            f"{needed} of {size} positions, so the place of the axis is ambiguous; home "
+            "the drive to another zero, narrow the limits, or widen 607B with the "
             "maker's commissioning tool"
         )
     return Wrap(low, size, (first + last) // 2 - size // 2)
@@ -302,6 +302,6 @@ def _unlimited(find: Callable[[Entry], int | None], wrap: Wrap, label: str) -> d
         raise DriveRefused(
             f"{label}: software limits (607D) [{low}, {high}] cut positions that wrap around in"
             f" [{first}, {last}] (607B) within the limits of the drives file; switch them off"
-            " with the maker's commissioning tool, or have the drive count from another zero"
+            " with the maker's commissioning tool, or home the drive to another zero"
         )
     return dict(zip(_RANGE, (low, high), strict=True))

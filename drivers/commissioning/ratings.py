@@ -71,8 +71,8 @@ def compare_ratings(read: Callable[[Entry], int | None], axis: AxisDrive) -> Ite
             f"{expected_torque(axis):.4g} N m by rated_current times torque_constant",
             _KEY,
             f"{axis.rated_torque:g} N m",
-            "an impossible factor: check all three in the motor's data sheet, and state "
-            "rated_torque_unit: uN m if 6076 is in that unit",
+            "an impossible factor: check rated_torque, rated_current and torque_constant in the "
+            "motor's data sheet, and state rated_torque_unit: uN m if 6076 is in that unit",
         )
 
 

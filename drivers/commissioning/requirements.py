@@ -157,7 +157,7 @@ STOPPING_OPTIONS = (1, 2, 3, 5, 6, 7)
 STAYS_ENERGISED = 5
 """Smallest quick stop option that ends in QUICK STOP ACTIVE."""
 STATE_WHAT_STOPS = (
-    "state allow_no_heartbeat with the reason in the drives file if something else stops it"
+    "state allow_no_heartbeat with the reason in the drives file if something else stops the axis"
 )
 FAULT_REACTION, QUICK_STOP_REACTION = 1, 3
 
@@ -181,7 +181,7 @@ _limit = partial(
     use=Use.SET,
     without="only the driver enforces this limit, not the drive",
     own_holds=True,
-    fixed="it must be tighter than the limit of the drives file",
+    fixed="the value must be tighter than the limit of the drives file",
 )
 
 _ANY = range(-(1 << 31), 1 << 32)
@@ -191,21 +191,21 @@ _NO_RANGE = "the drive itself would not enforce the axis's range"
 _OWN_RANGE = "where the drive does not enforce the axis's range, the driver does"
 _UNWATCHED = "the drive's own supervision of the following error is used; check its setting"
 _OWN_WINDOW = "target reached depends on the drive's own window"
-_COASTS = "it may let the axis coast"
+_COASTS = "the axis may coast"
 _COUNTS = "increments_per_revolution is not verified"
 _OTHERS = "computed from the other scaling objects"
 _VELOCITY, _RATE = "velocity_unit is not verified", "acceleration_unit is not verified"
 _TURNS = "positions are assumed not to wrap around"
 
 _NEEDED = (
-    refused(o.DEVICE_TYPE, Use.READ, "it does not say that it is a CiA 402 drive"),
+    refused(o.DEVICE_TYPE, Use.READ, "the drive does not state that it follows CiA 402"),
     silent(o.VENDOR, Use.READ, _STATED),
     silent(o.PRODUCT, Use.READ, _STATED),
     silent(o.REVISION, Use.READ, _STATED),
     silent(o.SERIAL, Use.READ, _STATED),
     # state, mode and motion
-    refused(o.STATUSWORD, Use.READ | Use.SEND, "its state cannot be followed"),
-    refused(o.CONTROLWORD, Use.WRITE | Use.RECEIVE, "it cannot be commanded"),
+    refused(o.STATUSWORD, Use.READ | Use.SEND, "the drive's state cannot be followed"),
+    refused(o.CONTROLWORD, Use.WRITE | Use.RECEIVE, "the drive cannot be commanded"),
     refused(o.MODE, Use.WRITE | Use.VARY, "profile position mode cannot be chosen"),
     refused(o.MODE_DISPLAY, Use.READ, "the mode cannot be verified"),
     noted(o.SUPPORTED_MODES, Use.READ, "modes are verified only when commanded"),
@@ -226,7 +226,7 @@ _NEEDED = (
     ),
     noted(
         o.PROFILE_TYPE, Use.SET, "trapezoidal profiles are assumed",
-        value=0, fixed="its profiles are not trapezoidal",
+        value=0, fixed="profiles are not trapezoidal",
     ),
     # limits kept by the drive
     refused(
@@ -255,7 +255,7 @@ _NEEDED = (
     ),
     noted(
         o.FOLLOWING_ERROR_WINDOW, Use.SET, _UNWATCHED, kept=LESS, quantity=Quantity.DISTANCE,
-        fixed="it must equal the window of the drives file",
+        fixed="the value must equal the window of the drives file",
     ),
     noted(o.FOLLOWING_ERROR_TIME, Use.SET, _UNWATCHED, serves=_ANY),
     noted(o.POSITION_WINDOW, Use.SET, _OWN_WINDOW, serves=_ANY),

@@ -174,7 +174,7 @@ def _flaws(dictionary: Dictionary, declared: Declared, row: Requirement) -> Iter
         yield Finding(about, "cannot be read (wo)", row.without, fatal=True)
     if declared.mappable is False and row.use & (Use.SEND | Use.RECEIVE):
         problem = "cannot be mapped into a PDO"
-        yield Finding(about, problem, "it cannot be sent with SYNC", fatal=True)
+        yield Finding(about, problem, "the value cannot be sent with SYNC", fatal=True)
 
 
 def _unwritable(declared: Declared, row: Requirement, value: int | None) -> Iterator[Finding]:
@@ -367,7 +367,7 @@ def _wrong_mode(modes: tuple[Mode, ...] | None) -> Iterator[Finding]:
             "does not name profile position mode (bit 0)",
             "the driver plans the motions of a measurement and streams them (mode 8)"
             if planned
-            else "the drive cannot make the motions of a measurement, nor follow them (bit 7)",
+            else "the drive can neither plan motions nor follow set-points (bit 7)",
             fatal=not planned,
         )
 
@@ -381,7 +381,7 @@ def _no_range(dictionary: Dictionary) -> Iterator[Finding]:
     low, high = (fixed_at(end) for end in ends)
     if low is not None and high is not None and low >= high:
         so = REQUIREMENTS[objects.SOFTWARE_LIMIT_MIN].without
-        yield Finding("607D", f"is fixed at {low} and {high}, off", so, fatal=True)
+        yield Finding("607D", f"is fixed at {low} and {high}, which means off", so, fatal=True)
 
 
 def _no_current(
@@ -393,7 +393,7 @@ def _no_current(
     for candidate in candidates:
         yield Finding(candidate.place, candidate.why, "not usable as torque", fatal=False)
     if dictionary.live:
-        so = "look for a maker's object in its data sheet: `hil drives new --eds` does"
+        so = "`hil drives new --eds` looks for an object of the maker in the data sheet"
         yield Finding(about, "was not found on the bus", so, fatal=False)
     else:
         so = "torques cannot be measured"

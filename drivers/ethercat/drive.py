@@ -222,8 +222,8 @@ class EthercatDrive:
         unwatched = self.why_unwatched([self.station.read(*each) for each in GUARDS])
         if unwatched:
             raise DriveRefused(
-                f"{unwatched}; another master changed it, or this controller has none: end that"
-                " first, or use another drive or firmware"
+                f"{unwatched}; if another master changed the watchdog, stop that master; otherwise"
+                " use another drive or firmware"
             )
 
     def why_unwatched(self, found: Sequence[bytes]) -> str:

@@ -121,6 +121,6 @@ def _words(station: Station, word: int, count: int) -> bytes:
                 raise NoAnswer(f"EEPROM busy for {_TIME:g} s", "its supply")
             station.line.pause()
         if status & _FAILED:
-            raise NoAnswer(f"EEPROM cannot be read, status {status:04X}h", "its EEPROM")
+            raise NoAnswer(f"EEPROM status {status:04X}h", "the EEPROM with the maker's tool")
         data += station.read(reg.EEPROM_DATA, 4)
     return data[: 2 * count]

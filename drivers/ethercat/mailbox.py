@@ -165,7 +165,7 @@ _SHORTEST = 7
 """Smallest length of a segment's data, padded if necessary [bytes]."""
 LONGEST = 4096
 """Largest length of a value [bytes]; the longest values read are names."""
-IN_MAILBOX = "its mailbox"
+IN_MAILBOX = "its firmware and the size of its mailbox"
 _WORDS = {
     0x05030000: "toggle bit not alternated",
     0x05040000: "time-out",

@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from drivers.remote_dictionary import RemoteDictionary
 
 _ANY = range(1 << 32)
-_MASTER = "it takes its cycle from the frames"
+_MASTER = "the drive takes its cycle from the frames"
 
 REQUIREMENTS = add_rows((
     refused(
-        mapping_count(ASSIGNED_OUT), Use.SET, "it cannot be commanded by process data",
+        mapping_count(ASSIGNED_OUT), Use.SET, "the drive cannot be commanded by process data",
         serves=_ANY, served="its assignment must include controlword and target",
     ),
     refused(
-        mapping_count(ASSIGNED_IN), Use.SET, "it sends no process data",
+        mapping_count(ASSIGNED_IN), Use.SET, "the drive sends no process data",
         serves=_ANY, served="its assignment must include statusword, position and current",
     ),
     *(

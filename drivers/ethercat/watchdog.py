@@ -78,7 +78,7 @@ class OutputsSent:
         if self._data.foreign:
             self.trouble = NodeSilent(
                 "another master sends on this interface: drives would follow both, and watchdogs "
-                "would not detect the loss of this one; stop the other master"
+                "would not detect the loss of this program; stop the other master"
             )
         elif self._data.unusual:
             self._judge_absence()

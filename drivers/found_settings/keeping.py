@@ -140,7 +140,7 @@ class SettingsKeeper:
         if earlier is not None and (differs := difference(earlier.identity, identity)):
             raise DriveRefused(
                 f"{server.label}: {self.path} holds settings of another drive, not yet restored: "
-                f"{differs}; connect that drive and put it back with hil drives restore "
+                f"{differs}; connect that drive and restore its settings: hil drives restore "
                 f"{self.path}, or remove the file if the drive is gone"
             )
         axes, pdos = axis.within
@@ -241,7 +241,7 @@ class SettingsKeeper:
             if server not in written and server.place not in self._earlier:
                 self._note_restored(server)
         self.save()
-        remedy = f": put it back with hil drives restore {self.path}" if self.path else ""
+        remedy = f": restore with hil drives restore {self.path}" if self.path else ""
         left = [server.label for server in servers if not self.drive(server).restored]
         return [
             *(f"{each} was written without having been announced" for each in self.unannounced),

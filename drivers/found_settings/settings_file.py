@@ -195,8 +195,8 @@ class FoundDrive(FileModel):
         if self.identity.serial:
             return ""
         return (
-            "has no serial number (1018:04), so its values cannot"
-            " be kept from another drive of its type; make sure that no drives were swapped"
+            "has no serial number (1018:04), so a swapped drive of the same type is"
+            " not recognised; make sure that no drives were swapped"
         )
 
     @property

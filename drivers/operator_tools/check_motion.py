@@ -145,7 +145,7 @@ def judge_rest(
         "current quantisation",
         f"{quantum:.3g} {force}, {quantum / limit:.2%} of the limit",
         f"at most {QUANTUM_MAX:.1%}",
-        "use a finer object where the drive has one",
+        "use an object of finer resolution, if the drive has one",
     )
     noise = float(np.nanstd(np.diff(tau))) / math.sqrt(2)  # without slow drift
     yield grade_check(
@@ -155,7 +155,7 @@ def judge_rest(
         "current noise",
         f"{noise:.3g} {force} rms, {noise / limit:.2%} of the limit",
         f"at most {NOISE_MAX:.0%}",
-        "set a filter of the current's display, check shield and grounding",
+        "set a filter for the current's actual value, check shield and grounding",
     )
 
 
@@ -210,7 +210,7 @@ def _judge_refresh(seen: Moved, what: str, step: float, name: str) -> Verdict:
         stretches.append(getattr(stroke, name)[moving & np.isfinite(stroke.tau)])
     every, check = refresh_period(stretches, step), f"refresh of the {what}"
     if math.isnan(every):
-        return undecided(seen.place, check, "too few changes", "move farther")
+        return undecided(seen.place, check, "too few changes", "raise --angle")
     time = every * float(np.median(np.diff(seen.strokes[0].time)))
     return grade_check(
         every < 1.0 + RENEWED,
@@ -235,7 +235,7 @@ def _judge_velocity(seen: Moved) -> Verdict:
         "velocity scale",
         f"{abs(worst):.4g} {unit}/s",
         f"commanded: {wanted:.4g} {unit}/s",
-        "correct velocity_unit; if the distance was too short, move farther",
+        "correct velocity_unit; if the distance was too short, raise --angle",
     )
 
 
@@ -244,7 +244,7 @@ def _judge_sign(seen: Moved) -> Verdict:
     found = f"friction {friction:+.3g} ± {error:.2g} {seen.drive.effort_unit}"
     bound = "along the motion: positive"
     if not abs(friction) > SIGNIFICANT * error:
-        remedy = "too little to decide: move farther, or make sure that this is the motor's current"
+        remedy = "too little to decide: raise --angle, or check that this is the motor's current"
         return Verdict(Grade.WARNING, seen.place, "sign of the current", found, bound, remedy)
     return grade_check(
         friction > 0,
@@ -306,11 +306,11 @@ def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
     """
     place, drive, strokes = seen.place, seen.drive, seen.strokes
     if gravity is None:
-        remedy = "watch a jog, or give a run's model"
+        remedy = "watch a jog, or give a run with --model"
         return undecided(place, DIRECTION, "no model of the robot", remedy)
     measured, error = seen.gravity
     if not math.isfinite(error):
-        return undecided(place, DIRECTION, "too few samples at constant speed", "move farther")
+        return undecided(place, DIRECTION, "too few samples at constant speed", "raise --angle")
     passed = np.linspace(strokes[0].q[0], strokes[0].move.target, 11)
     right = float(np.mean([_torque(gravity, seen, q) for q in passed]))
     wrong = -float(np.mean([_torque(gravity, seen, -q) for q in passed]))
@@ -324,9 +324,9 @@ def judge_direction(seen: Moved, gravity: Gravity | None) -> Verdict:
     if abs(measured - right) < CLOSE * apart:
         return Verdict(Grade.OK, place, DIRECTION, f"confirmed, {found}", bound)
     if abs(measured - wrong) < CLOSE * apart:
-        remedy = f"set sign: {-drive.sign} in the drives file, and zero anew"
+        remedy = f"set sign: {-drive.sign} in the drives file, and determine zero anew"
         return Verdict(Grade.REFUSED, place, DIRECTION, f"contradicts, {found}", bound, remedy)
-    remedy = "fits neither sign: compare gear_ratio, zero, the unit of the current, and the payload"
+    remedy = "fits neither sign: check gear_ratio, zero, the unit of the current, and the payload"
     return undecided(place, DIRECTION, found, remedy, bound)
 
 

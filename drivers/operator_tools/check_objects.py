@@ -62,7 +62,7 @@ def check_scaling(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict
         "polarity (607E)",
         "not reversed" if not present else f"{present:02X}h",
         "",
-        "the drive reverses position or velocity: include that in sign, see encoder and current",
+        "the drive reverses position or velocity: sign must include this; verify it by a jog",
     )
     entry = axis.current.entry
     value = server.measure(entry)
@@ -82,9 +82,9 @@ def _judge_constant(place: str, axis: AxisDrive, *, rated: bool) -> Verdict:
     confused = (
         min(abs(ratio * root - 1) for root in (math.sqrt(2), math.sqrt(0.5))) < CONSISTENT / 3
     )
-    remedy = "look all three up in the motor's data sheet"
+    remedy = "look up rated_torque, rated_current, torque_constant in the motor's data sheet"
     if confused:
-        remedy = f"a factor of 1.41: rms and peak are confused in one of them{_amplitudes(axis)}"
+        remedy = f"a factor of 1.41: rms and peak are confused in one value{_amplitudes(axis)}"
     elif rated and axis.torque_constant is not None:
         remedy = (
             "the drive states the same rated_current and rated_torque, so correct "
@@ -134,7 +134,7 @@ def _judge_gear(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]:
             check,
             f"{float(gear):g}",
             f"file: {stated:g}",
-            "an electronic gear of the drive, or correct gear_ratio: check by eye, in a move",
+            "correct gear_ratio, unless 6091 is an electronic gear of the drive: watch a jog",
         )
 
 
@@ -149,7 +149,7 @@ _CONNECTION = {0: GOES_ON, 1: "goes into a fault", 2: COASTS, 3: "makes a quick 
 
 _FALLS = "the axis coasts, and a hanging axis falls until its brake has closed"
 _CONSEQUENCES = {COASTS: _FALLS, GOES_ON: "the axis keeps moving"}
-_SET = "set it with the maker's tool"
+_SET = "set this option with the maker's tool"
 _WRITTEN = "hil run overwrites this option, but other masters use this value"
 
 
@@ -160,12 +160,12 @@ def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdi
         (objects.DISABLE_OPTION, "switching off", _SHUT_DOWN, "when it is switched off", _SET),
         (objects.SHUTDOWN_OPTION, "shutting down", _SHUT_DOWN, "when it is shut down", _SET),
         (objects.QUICK_STOP_OPTION, "quick stop", _QUICK_STOP, "at a quick stop", _WRITTEN),
-        (objects.ABORT_CONNECTION_OPTION, "lost bus", _CONNECTION, "without a bus", _WRITTEN),
+        (objects.ABORT_CONNECTION_OPTION, "lost bus", _CONNECTION, "on loss of the bus", _WRITTEN),
     ):
         present = server.find(entry)
         if present is not None:
             # a warning if the axis would coast or continue
-            meaning = meanings.get(present, "the maker's own, see its manual")
+            meaning = meanings.get(present, "specific to the maker, see the drive's manual")
             consequence = _CONSEQUENCES.get(meaning)
             grade = Grade.OK if consequence is None else Grade.WARNING
             advice = "" if consequence is None else f"{when} {consequence}: {remedy}"
@@ -187,7 +187,7 @@ def check_reactions(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdi
         )
     active = safe_torque_off(server)
     if active:
-        remedy = "release it before you agree to motion: while active, nothing powers on"
+        remedy = "release safe torque off before you agree to motion: no drive powers on until then"
         yield Verdict(Grade.WARNING, server.label, "interlock", active, remedy=remedy)
     elif server.find(objects.DIGITAL_INPUTS) is not None:
         yield Verdict(Grade.OK, server.label, "interlock (60FD)", "none")
@@ -209,7 +209,7 @@ def check_limits(server: RemoteDictionary, axis: AxisDrive) -> Iterator[Verdict]
     window = Bound(objects.FOLLOWING_ERROR_WINDOW, key, axis.following_error_window, measure)
     found = server.find(window.entry)
     if found is not None:
-        remedy = f"the drive allows less than the file: lower {key}, or hil run writes that"
+        remedy = f"the drive allows less: lower {key}, or hil run writes the file's value"
         yield _judge(server.label, window, found, remedy)
 
 
@@ -224,7 +224,7 @@ def _range(server: RemoteDictionary, axis: AxisDrive) -> Verdict:
         return Verdict(Grade.WARNING, server.label, check, found, stated, kept)
     if low is None or high is None:
         return Verdict(
-            Grade.REFUSED, server.label, check, "missing", stated, "use a drive that has them"
+            Grade.REFUSED, server.label, check, "missing", stated, "use a drive with limits"
         )
     if low >= high:
         return Verdict(Grade.OK, server.label, check, "off in the drive", f"{stated} is written")

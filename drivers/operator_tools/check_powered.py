@@ -64,7 +64,7 @@ FRICTION = (0.003, 0.6)
 """Range of friction at slow speed as a share of the rated torque."""
 POLLED = 0.05
 """Time between two readings [s]."""
-_REMEDY = "move farther, or check a loaded axis; otherwise take the unit from the drive's manual"
+_REMEDY = "raise --angle, or check a loaded axis; otherwise take the unit from the drive's manual"
 
 
 class CurrentReadings:
@@ -124,7 +124,7 @@ def _ratio(counts: NDArray[np.float64]) -> float | None:
 
 def _judge_by_ratio(place: str, drive: AxisDrive, ratio: float) -> Verdict:
     expected, stated = _expected(drive), drive.current.basis
-    found = f"{ratio:.3g} counts per count of 6077"
+    found = f"{ratio:.3g} counts of the current object per count of 6077"
     bound = f"{stated.value}: {expected[stated]:.3g}"
     apart = _apart(ratio, expected[stated])
     others = [b for b, value in expected.items() if _apart(value, expected[stated]) > ALIKE]
@@ -157,7 +157,7 @@ def _judge_by_magnitude(seen: Moved) -> Verdict:
     rest = abs(float(np.nanmean(held))) / rated if np.isfinite(held).any() else 0.0
     moved = abs(friction) / rated if abs(friction) > 4 * error else math.nan
     shown = "too little friction" if math.isnan(moved) else f"friction {moved:.1%}"
-    found = f"{rest:.1%} of the rated torque held, {shown}"
+    found = f"{rest:.1%} of the rated torque at rest, {shown}"
     counts = _expected(drive)
     factors = {basis: counts[drive.current.basis] / value for basis, value in counts.items()}
     (low, high), possible = FRICTION, []
@@ -165,7 +165,7 @@ def _judge_by_magnitude(seen: Moved) -> Verdict:
         plausible = math.isnan(moved) or low <= moved * factor <= high
         if rest * factor <= HELD_MAX and plausible:
             possible.append(basis)
-    bound = f"held at most {HELD_MAX:.0%}, friction {FRICTION[0]:.1%} to {FRICTION[1]:.0%}"
+    bound = f"at rest at most {HELD_MAX:.0%}, friction {FRICTION[0]:.1%} to {FRICTION[1]:.0%}"
     if drive.current.basis not in possible:
         names = " or ".join(basis.value for basis in possible)
         remedy = f"plausible as {names}" if names else "check rated_torque and current"
@@ -327,5 +327,5 @@ def _ask_direction(
         "o": f"set sign: {-drive.sign} in the drives file",
         "w": "correct gear_ratio or increments_per_revolution",
     }
-    shown = {"y": "as seen", "o": "the other way", "w": "another amount"}[key]
+    shown = {"y": "correct", "o": "opposite direction", "w": "wrong amount"}[key]
     return grade_check(key == "y", Grade.REFUSED, label, check, shown, moved, remedies.get(key, ""))

@@ -96,7 +96,7 @@ def refuse_unfit(axes: Sequence[DraftedAxis]) -> None:
     places = [(axis.node, axis.within.axis) for axis in axes if axis.node is not None]
     nodes = [node for node, _ in places]
     problems += [
-        f"node {node}: must be in 1...{HIGHEST_NODE}; 127 is ours"
+        f"node {node}: must be in 1...{HIGHEST_NODE}; 127 is the master"
         for node in nodes
         if not 1 <= node <= HIGHEST_NODE
     ]
@@ -116,11 +116,11 @@ def _shared(axes: Sequence[DraftedAxis], bitrate: int | None) -> Iterator[str]:
     common = set.intersection(*(set(axis.dictionary.bitrates) for axis in axes))
     choice = f", one of {', '.join(map(str, sorted(common)))}" if common else ""
     yield _line("bitrate", bitrate, "bit/s", f"bit rate of the bus [bit/s]{choice}")
-    yield "sync_period: 0.004 # s, a choice: the plan's sample_period"
-    yield "master_node: 127 # our own number on the bus, a choice"
-    yield "heartbeat_period: 0.1 # s, a choice"
-    yield "heartbeat_timeout: 0.5 # s, a choice: time until the drives stop after a crash"
-    yield "quick_stop_option: 2 # 605A, a choice: quick stop ramp, then off"
+    yield "sync_period: 0.004 # s, adjustable: sample_period of the plan"
+    yield "master_node: 127 # node number of this program, adjustable"
+    yield "heartbeat_period: 0.1 # s, adjustable"
+    yield "heartbeat_timeout: 0.5 # s, adjustable: time until the drives stop after a crash"
+    yield "quick_stop_option: 2 # 605A, adjustable: quick stop ramp, then off"
 
 
 def _axis(number: int, axis: DraftedAxis, rules: BusRules) -> Iterator[str]:
@@ -137,7 +137,7 @@ def _axis(number: int, axis: DraftedAxis, rules: BusRules) -> Iterator[str]:
         *_identity(dictionary),
         _line("joint", None, "", "revolute or prismatic"),
         _drafted("gear_ratio", limits["gear_ratio"]),
-        _line("sign", None, "", "1 where the motor turns with the joint's q, -1 where against it"),
+        _line("sign", None, "", "1 if motor angle and joint position rise together, -1 if not"),
         _line("zero", None, "", "position of the drive (6064) at q = 0 [counts]"),
         _drafted("increments_per_revolution", increments(dictionary)),
         _drafted("velocity_unit", velocity_unit(dictionary)),

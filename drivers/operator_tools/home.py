@@ -185,7 +185,7 @@ def _refuse(server: RemoteDictionary, axis: AxisDrive, homing: Homing) -> None:
         if value > fastest:
             raise LimitExceeded(
                 f"{axis.name}: homing.{key} {format_coordinate(axis, value)}/s must be at most "
-                f"{format_coordinate(axis, fastest)}/s, {SLOW:.0%} of its limit"
+                f"{format_coordinate(axis, fastest)}/s, {SLOW:.0%} of its limit; lower it"
             )
 
 

@@ -61,6 +61,6 @@ def measure_offsets(
             found.append(
                 f"{axis.label}: {when} its current reads {torque:.3g} {unit}, at most "
                 f"{bound:.3g} {unit} allowed; all torques of this axis include this offset: have "
-                "it adjusted, and measure the axis again if the offset is new"
+                "the offset adjusted, and measure the axis again if the offset is new"
             )
     return found

@@ -172,7 +172,7 @@ class Session:
         """Send set-points to axes and return at once (see `drivers.drive_bus.DriveBus`)."""
         self.stopping.refuse()
         if self._planned and self._cyclic_position.streaming:
-            raise MoveFailed("a move can only begin where no path is streamed; wait until reached")
+            raise MoveFailed("no move can begin while a path is streamed; wait for its end")
         for axis, move in moves.items():
             check_move(move, self.axes[axis])
         try:
@@ -205,7 +205,7 @@ class Session:
         """Start a path of set-points (see `drivers.drive_bus.StreamingBus`)."""
         self.stopping.refuse()
         if self._moving:
-            raise MoveFailed("a path can only begin where all axes rest; wait until reached")
+            raise MoveFailed("no path can begin while an axis moves; wait until all axes rest")
         here = self._samples.sample(self._process_data.now(), self._process_data, reached=True).q
         points = np.asarray(path, dtype=float)
         check_path(points, self.axes, here, self._period)

@@ -67,7 +67,7 @@ RobotOption = Annotated[
     str | None,
     typer.Option(
         "--robot",
-        help="Robot file, if the path in the plan is not valid.",
+        help="Robot file in place of the path stated in the plan.",
         autocompletion=robots,
     ),
 ]
@@ -122,14 +122,15 @@ Interface = Annotated[
 RobotsChannel = Annotated[
     str | None,
     typer.Option(
-        help="Channel of the interface, such as can0; for sim_plant a plant, by default the "
-        "robot's."
+        help="Channel of the interface, such as can0; for sim_plant a virtual plant, by "
+        "default that of the robot."
     ),
 ]
 DrivesChannel = Annotated[
     str | None,
     typer.Option(
-        help="Channel of the interface, such as can0; by default the plant with these drives."
+        help="Channel of the interface, such as can0; by default the virtual plant with "
+        "these drives."
     ),
 ]
 BusOptions = Annotated[
@@ -158,7 +159,7 @@ class RobotsBus:
     bus_option: BusOptions = None
     pacing: Annotated[
         Pacing,
-        typer.Option(help="Clock of SYNC: this computer's, or the plant's (lock-step)."),
+        typer.Option(help="Clock of SYNC: this computer, or the virtual plant (lock-step)."),
     ] = "auto"
 
 

@@ -51,13 +51,15 @@ def track(
     model_path: ModelPath,
     output: Annotated[
         Path,
-        output_option(folder_to_write, "Folder to write the three runs and their result into."),
+        output_option(
+            folder_to_write, "Folder for a run per kind of feed-forward, and the result."
+        ),
     ],
     *,
     where: RobotsBus,
     resume: Annotated[
         bool,
-        typer.Option("--resume", help="Continue with the passes that are missing."),
+        typer.Option("--resume", help="Continue a stopped comparison with its missing runs."),
     ] = False,
     delay: Annotated[
         float,

@@ -208,7 +208,7 @@ def _gravity(run: Path, drives: DrivesFile) -> Callable[[Array], Array]:
     if model.robot.n_joints != len(drives.axes):
         raise typer.BadParameter(
             f"--model: {run} has {model.robot.n_joints} joints and {len(drives.axes)} axes are"
-            " checked; check all axes of its robot together"
+            " checked; check all axes of the robot together, without --axis"
         )
     return model.gravity
 
@@ -271,9 +271,9 @@ def _show_verdict(verdict: Verdict, console: Console) -> None:
 def show_wake_ups(found: WakeUps, in_time: float, console: Console) -> None:
     """Print quantiles of the lateness, the last for the share `in_time`, and a histogram."""
     shares = {share: _ms(found.quantile(share)) for share in (0.5, 0.99, in_time)}
-    quantiles = ", ".join(f"{100 * share:.4g} % {late}" for share, late in shares.items())
+    quantiles = ", ".join(f"{100 * share:.4g} % within {late}" for share, late in shares.items())
     show_sentence(
-        f"late for {len(found.late)} deadlines at {1 / found.period:.4g} Hz: {quantiles},"
+        f"delay of {len(found.late)} wake-ups at {1 / found.period:.4g} Hz: {quantiles},"
         f" longest {_ms(found.longest)}",
         console,
     )

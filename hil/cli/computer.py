@@ -132,7 +132,7 @@ def _kernel(r: Readings) -> Judged:
     return Judged(
         "kernel",
         "WARN",
-        "no CAN sockets; the virtual plant works without",
+        "no CAN sockets; the virtual plant needs none",
         "sudo modprobe can_raw, or use an adapter with a python-can interface",
     )
 
@@ -181,7 +181,9 @@ def _clock(r: Readings) -> Judged:
 def _disk(r: Readings) -> Judged:
     if not r.writable:
         return Judged("disk", "FAIL", f"{r.folder} cannot be written to", "run in another folder")
-    return _amount("disk", r.disk, (DISK_LEAST, DISK_AMPLE), f"free up space where {r.folder} is")
+    return _amount(
+        "disk", r.disk, (DISK_LEAST, DISK_AMPLE), f"free up space on the disk of {r.folder}"
+    )
 
 
 def _memory(r: Readings) -> Judged:

@@ -51,7 +51,7 @@ def show_changes(drives: DrivesFile, bus: Fieldbus, keeper: SettingsKeeper) -> N
 def show_changed(label: str, changes: Sequence[tuple[Entry, int | None, int]], column: str) -> None:
     """Print the objects of a drive: present value, where readable, and new value."""
     if not changes:
-        say(f"{label}: nothing differs")
+        say(f"{label}: all settings have the required values")
         return
     name, values = Column("name", folds=True), figures("value on the drive", column)
     heads: tuple[str | Column, ...] = ("object", name, *values)

@@ -68,7 +68,7 @@ def scan(
     _show_nodes(list(found.nodes.values()))
     if found.syncs:
         say(
-            f"{found.syncs} SYNCs of another master were heard: stop it before measuring",
+            f"{found.syncs} SYNCs of another master received: stop that master before measuring",
             style="yellow",
         )
 
@@ -87,12 +87,15 @@ def new(
     nodes: Nodes = None,
     interface: Annotated[
         str | None,
-        typer.Option(help="Interface of python-can, or ethercat, to read from the drives instead."),
+        typer.Option(
+            help="Interface of python-can, or ethercat, to read the drives instead of files."
+        ),
     ] = None,
     channel: Channel = None,
     bus_option: BusOptions = None,
     bitrate: Annotated[
-        int | None, BitRate(help=f"Bit rate of the bus \\[bit/s]; {BITRATE} where drives are read.")
+        int | None,
+        BitRate(help=f"Bit rate of the bus \\[bit/s]; {BITRATE} by default with --interface."),
     ] = None,
 ) -> None:
     """Write a first drives file from data sheets or from the drives, and list what to fill in."""
@@ -118,7 +121,11 @@ def new(
     choices: dict[str, list[str]] = {}
     for number, axis in enumerate(axes, start=1):
         chosen = axis.review.current
-        why = f"from {chosen.place}: {chosen.why}" if chosen else "must be stated: not found"
+        why = (
+            f"from {chosen.place}: {chosen.why}"
+            if chosen
+            else "object not found: state it in the file"
+        )
         choices.setdefault(why, []).append(str(number))
     for why, numbers in choices.items():
         say(f"joint {', '.join(numbers)}: current {why}")
@@ -202,7 +209,9 @@ def _read_bus(where: DrivesBus, bitrate: int, nodes: tuple[int, ...]) -> list[Dr
         )
     ]
     if not axes:
-        raise DriveRefused("no CiA 402 drive on the bus; `hil drives scan` shows what there is")
+        raise DriveRefused(
+            "no CiA 402 drive on the bus; `hil drives scan` lists all nodes that respond"
+        )
     return axes
 
 
@@ -232,7 +241,7 @@ def _numbers(text: str | None) -> tuple[int, ...]:
         found = re.fullmatch(r"(\d{1,3})(?:-(\d{1,3}))?", part)
         first, last = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
         if not 1 <= first <= last <= HIGHEST_NODE:
-            raise typer.BadParameter(f"--nodes {part} must be numbers of 1 to 127, such as 1-6,9")
+            raise typer.BadParameter(f"--nodes {part} must be numbers from 1 to 127, such as 1-6,9")
         numbers += range(first, last + 1)
     return tuple(numbers)
 
@@ -297,18 +306,21 @@ def _state(dictionary: Dictionary | None) -> str:
 def _remarks(found: FoundNode) -> Iterator[tuple[str, bool]]:
     """Yield remarks about a node, True if fatal for measuring."""
     if found.answers > 1:
-        text = f"{found.answers} devices answer by this number: give each its own, one at a time"
+        text = f"{found.answers} devices have this node number: give each a number of its own"
         yield text, True
     if _state(found.dictionary) == State.OPERATION_ENABLED.value.lower():
         yield (
-            "is powered and may move: another master controls it; release it before measuring",
+            "is powered and may move: another master controls it; stop that master first",
             False,
         )
     if found.review is not None:
         yield from ((str(finding), finding.fatal) for finding in found.review.findings)
         return
-    text = "no SDO response: a stopped node, or a master's heartbeat; bring a drive to"
-    yield f"{text} pre-operational", False
+    yield (
+        "no SDO response: a node in state stopped, or another master's heartbeat; if the node is "
+        "a drive, set it to pre-operational",
+        False,
+    )
 
 
 def _spans(nodes: Sequence[int]) -> str:

@@ -229,7 +229,7 @@ def _write_model(
 
         model = Model.load(source)
         if model.failed and not force:
-            text = f"its identification {model.verdict}; --force exports it anyway, with"
+            text = f"the model's identification {model.verdict}; --force exports it with"
             sys.stderr.write(shown(f"{source}: {text} FAILED on top of every file\n"))
             raise typer.Exit(Status.REFUSED)
         now(f"writing the model as {to}")
@@ -257,8 +257,8 @@ def _write_recordings(
 
         if source.is_file():
             raise FileError(
-                f"{source}: is a file, and {to} holds the recordings of a run; name the folder of"
-                " the run"
+                f"{source}: is a file, but format {to} holds the recordings of a run; name the"
+                " folder of the run"
             )
         run = Run.open(source).exclude(without or ())
         return exported_recordings(run, to, output, urdf, lambda name: now(f"writing {name}"))

@@ -172,7 +172,9 @@ def accept(
     ] = None,
     factor: Annotated[
         float,
-        typer.Option(min=1.0, max=1000.0, help="Factor on the width of the intervals of a draft."),
+        typer.Option(
+            min=1.0, max=1000.0, help="Width of drafted limits, in widths of 95 % intervals."
+        ),
     ] = 3.0,
     serial: Annotated[str, typer.Option(help="Serial number of the robot.")] = "",
     operator: Annotated[str, typer.Option(help="Name of the person who accepts the robot.")] = "",
@@ -238,7 +240,7 @@ def history(
         typer.Option(
             min=0.0,
             max=99.0,
-            help="Minimum change of friction attributed to temperature \\[%].",
+            help="Minimum allowance for changes of friction by temperature \\[%].",
         ),
     ] = 0.0,
     page: Annotated[Path | None, page_option("Page with plots to write")] = None,

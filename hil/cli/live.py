@@ -133,7 +133,9 @@ def listeners(
         if port is not None:
             found.append((what, module, address or LOOPBACK, str(port), *more))
         elif address is not None:
-            raise typer.BadParameter(f"needs {option}", param_hint=f"{option}-address")
+            raise typer.BadParameter(
+                f"needs {option}; add {option}", param_hint=f"{option}-address"
+            )
     if not found:
         return []
     from hil.live.listener import Listener

@@ -58,7 +58,7 @@ def monitor(
     drives = bus_access.select_axes(drives_file)
     with (
         bus_access.open_bus(drives_file, drives, where) as bus,
-        interruptible(lambda: "stopped watching"),
+        interruptible(lambda: "monitoring ended"),
         Keys() as keys,
     ):
         picture = bus.picture(drives, inputs=inputs)

@@ -138,7 +138,9 @@ def measure(
     from hil.runs.run import Run
 
     if mass is not None and at_most is not None and mass > at_most:
-        raise typer.BadParameter(f"{mass:g} kg must be at most --at-most", param_hint="--mass")
+        raise typer.BadParameter(
+            f"{mass:g} kg must be at most the {at_most:g} kg of --at-most", param_hint="--mass"
+        )
     bare_run = Run.open(model if model.is_dir() else model.parent)
     _refuse_output(bare_run, output, resume=resume)
     held_axes = poses(bare_run.robot, pose or [])
@@ -153,7 +155,7 @@ def measure(
             held = load_capacity(known, slow)
         _show_stage("slow", slow, bare_run)
         say(
-            f"all axes hold a load of {held:.3g} kg in these poses, with its centre up to "
+            f"all axes hold a load of {held:.3g} kg in these poses, with its centre of mass up to "
             f"{REACH:g} m from the last frame"
         )
     _carry_out(slow, bare_run, output / SLOW, how, resume=resume)

@@ -114,14 +114,15 @@ def render(result: DryRun, robot: Robot) -> None:
     if result.lags:
         lag = max(result.lags, key=lambda each: each.most / each.window)
         say(
-            f"axis {lag.axis + 1} lags behind its set-points by up to {lag.most:.2g} in "
-            f"{lag.trajectory}, {lag.most / lag.window:.0%} of the following error window (6065)",
+            f"axis {lag.axis + 1} lags behind its set-points by up to {lag.most:.2g} "
+            f"{robot.position_unit(lag.axis)} in {lag.trajectory}, "
+            f"{lag.most / lag.window:.0%} of the following error window (6065)",
         )
     for axis, planned in result.without_law.items():
         say(
             f"axis {axis + 1}: {count(planned, 'measurement')} planned, a friction law needs "
             f"{FOR_A_LAW}; predicted torques will lack friction of this axis; "
-            "add measurements of it",
+            "add measurements of this axis",
             "yellow",
         )
     if result.groups:
@@ -226,8 +227,8 @@ def _print_precision(
     )
     if imprecise := _join_titles(np.array(found.names)[found.imprecise].tolist(), robot):
         say(
-            f"imprecise: {imprecise}; a standard deviation is more than {IMPRECISE:.1%} of a "
-            "torque limit. Give more minutes, or refine with hil plan --refine",
+            f"imprecise: {imprecise}; one standard deviation changes a torque by more than "
+            f"{IMPRECISE:.1%} of its limit; give more --minutes, or refine with hil plan --refine",
             "yellow",
         )
 

@@ -189,7 +189,7 @@ def plan(
         list[int] | None,
         _friction(
             metavar="NUMBER",
-            help="Number of an axis from 1; a sweep takes several, and all by default.",
+            help="Number of an axis from 1; a sweep accepts several, by default all axes.",
         ),
     ] = None,
     period: Annotated[
@@ -229,7 +229,7 @@ def plan(
         _load(help="Identified run without the load.", autocompletion=runs),
     ] = None,
     at_most: Annotated[
-        float | None, _load(min=1e-3, help="Maximum payload mass, which poses must hold \\[kg].")
+        float | None, _load(min=1e-3, help="Maximum payload mass, to be held in all poses \\[kg].")
     ] = None,
     pose: Annotated[
         list[str] | None,

@@ -165,7 +165,7 @@ _SCHEDULING = (
     f" {PRIORITY} and log in anew, or grant CAP_SYS_NICE"
 )
 _MEMORY = "set memlock to unlimited in /etc/security/limits.conf and log in anew"
-_CORE = "set one aside with isolcpus=N among the kernel's parameters"
+_CORE = "reserve a core with the kernel parameter isolcpus=N"
 _IDLE = "let this user write /dev/cpu_dma_latency, or limit idle states in the firmware"
 
 
@@ -184,7 +184,7 @@ def _pin(undo: ExitStack, system: Linux) -> str:
     try:
         isolated = sorted(system.isolated())
         if not isolated:
-            shared = f"{len(system.cores())} shared with everything else"
+            shared = f"all {len(system.cores())} are shared with other programs"
             return f"core: {shared}; {_CORE}"
         undo.callback(system.pin(isolated[-1]))
     except (OSError, ValueError, AttributeError) as error:

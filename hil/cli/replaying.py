@@ -36,8 +36,8 @@ def replay(
     friction: Annotated[
         Literal["law", "plain", "exported"] | None,
         typer.Option(
-            help="Friction: the model's law, its offset, Coulomb and viscous terms alone, or as"
-            " exported (always with mujoco)."
+            help="Friction: the model's law (law), only its offset, Coulomb and viscous terms"
+            " (plain), or as exported (exported; always with mujoco)."
         ),
     ] = None,
     max_error: Annotated[

@@ -125,5 +125,5 @@ def _conclusion(settings: FoundSettings) -> str:
         return "the settings of all drives are restored"
     return (
         "the settings of all drives are restored, except for refused objects: "
-        f"{', '.join(refused)}; set it with the maker's commissioning tool"
+        f"{', '.join(refused)}; set these objects with the maker's tool"
     )

@@ -155,7 +155,9 @@ def options_of(prior: str | None, urdf: Path | None, run: Run) -> Options:
     except ValueError:
         relative = 0.0
     if kind != "cad" or not 0.0 < relative <= 1.0:
-        raise typer.BadParameter(f"--prior {prior}: must be cad=SHARE, of above 0 to 1: cad=0.3")
+        raise typer.BadParameter(
+            f"--prior {prior}: must be cad=SHARE, above 0 and at most 1: cad=0.3"
+        )
     given = given_urdf(urdf, run.robot)
     bodies = bodies_of(given, run.robot)
     if bodies is None:
@@ -292,4 +294,4 @@ def _show_unusable_model(run: Run) -> None:
     except FileError as error:
         why = str(error)
     if why is not None:
-        say(f"not used, the report shows a new estimate: {why}", style="yellow")
+        say(f"model not used, the report shows a new estimate: {why}", style="yellow")

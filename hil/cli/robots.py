@@ -83,7 +83,7 @@ def new(
     write_file(output, text.encode())
     say(found)
     if rounded > 0:
-        say(f"angles within {rounded:.2g} rad of a multiple of pi/2 were rounded to it")
+        say(f"angles within {rounded:.2g} rad of a multiple of pi/2 were rounded to that multiple")
     marks = text.count(f": {UNSTATED} ")
     say(f"{output}: {marks} lines marked {UNSTATED} must be filled in by you")
 

@@ -100,7 +100,7 @@ def try_(
         typer.Option(
             min=5,
             max=3600,
-            help="Time for pushing the arm \\[s]; by default until 90 s have passed.",
+            help="Time for pushing the arm \\[s]; by default up to 90 s after the start.",
         ),
     ] = None,
 ) -> None:
@@ -285,7 +285,7 @@ def _confirm(model: Model, event: Recorded) -> str:
     if stated is None or found is None:
         return ""
     shares = [f"{100 * each.overall:.2g} %" for each in (found, stated)]
-    return f"residual {shares[0]} of the torque on a new motion, {shares[1]} on those measured; "
+    return f"residual {shares[0]} of the torque on a new motion, {shares[1]} on the earlier ones; "
 
 
 def _claim_folder(output: Path | None) -> Path:

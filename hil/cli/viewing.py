@@ -68,8 +68,8 @@ def view(
     """Write a 3-D page of a plan, a run or a robot; one HTML file."""
     path = Path(what)
     if path.is_dir():
-        _refuse(robot_file, "--robot", "a run, which has its own")
-        _refuse(workspace, "--workspace", "a run, which has its own")
+        _refuse(robot_file, "--robot", "a run, which has its own robot file")
+        _refuse(workspace, "--workspace", "a run, which has its own workspace")
         read, page = partial(_read_run, path, model_path, urdf, meshes), path / RUN_PAGE
     elif _is_plan(path):
         read = partial(_read_plan, path, robot_file, workspace, model_path, urdf, meshes)

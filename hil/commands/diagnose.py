@@ -244,7 +244,7 @@ def candidates(found: DiagnosisFile) -> Table:
         ("parameter", *figures("value", "std. error", "t", "p", "t, combined")),
         (_candidate(each, found) for each in found.candidates[:SHOWN]),
         "t: value over standard error; p: probability of such a t by chance. Last column: t with "
-        "the effects found added to the model, small for an effect that only resembled them.",
+        "the effects found added to the model; small for one that only resembles a found effect.",
     )
 
 
@@ -263,22 +263,24 @@ def sentences(found: DiagnosisFile) -> Iterator[str]:
     """State significant absent parameters with their effect, and needless parameters."""
     below = f"p below {found.threshold:.1g}"
     if found.found:
-        yield f"Significant ({below}) is {', '.join(found.found)}: add it to the robot file."
+        names = ", ".join(found.found)
+        yield f"Significant effects ({below}), to be added to the robot file: {names}."
     else:
         yield (
-            f"None is significant ({below}): these measurements show no effect missing in the "
+            f"No effect is significant ({below}): these measurements show no effect missing in the "
             "robot file."
         )
     if found.phase is not None:
         shift = signed(f"{math.degrees(found.phase.phase().shift):.1f}")
         yield (
-            f"Phase of g{found.phase.axis} over q{found.phase.over} shifted by {shift} degrees "
-            "where that sinusoid is largest."
+            f"The effects found shift the phase of g{found.phase.axis} over q{found.phase.over} by "
+            f"{shift} degrees at the measured configuration of largest amplitude."
         )
     if names := "; ".join(f"{each.name}: {each.expression}" for each in found.needless):
-        yield f"Not needed by the data: {names}."
+        yield f"Not significantly different from zero, may be left out: {names}."
     if found.absorbed:
-        yield f"Invisible in any measurement: {', '.join(found.absorbed)}."
+        names = ", ".join(found.absorbed)
+        yield f"Indistinguishable from base parameters in any measurement: {names}."
     if found.unmeasured:
         yield f"Not shown by these measurements: {', '.join(found.unmeasured)}."
 

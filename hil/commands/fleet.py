@@ -239,7 +239,7 @@ def _readable(part: Path) -> Iterator[None]:
             if wrong := [each for each in FIELDS if found.get(each) != FIELDS[each]]:
                 raise FileError(
                     f"{file}: is not an index of hil fleet: column {wrong[0]} must hold"
-                    f" {FIELDS[wrong[0]]}, not {found.get(wrong[0], 'be missing')}; index anew"
+                    f" {FIELDS[wrong[0]]}, not {found.get(wrong[0], 'be missing')}; write it anew"
                 )
             rows += about.metadata.num_rows
             refuse_beyond(part, ROW * rows, f"{rows} rows", MOST)
@@ -283,7 +283,7 @@ def _fleet(part: Path) -> Fleet:
         raise FileError(
             f"{part}: row of machine {whole_line(str(machine))[:40]}, time {time}, quantity"
             f" {whole_line(str(quantity))[:40]}: must have values of {', '.join(FILLED_IN)}, a"
-            " known kind, and a time from 1970 to 9999; index anew"
+            " known kind, and a time from 1970 to 9999; write the index anew with hil fleet index"
         )
     runs = _select(
         part, "DISTINCT machine, time, run FROM rows ORDER BY machine, time, run"
@@ -360,9 +360,10 @@ def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Deviations], rate:
             )
             for name, fleet in fleets.items()
         ),
-        f"The mean of a machine's newest {NEWEST} runs is compared with the mean of its "
-        f"first {FIRST}, less the change of the other machines, and with the level of the other "
-        f"machines. An unchanged machine has at most {rate:g} false alarms in ten years.",
+        f"Two tests per machine: its change from the first {FIRST} to the newest {NEWEST} runs "
+        f"against the change of the other machines, and its newest level against the level of "
+        f"the other machines. An unchanged "
+        f"machine has at most {rate:g} false alarms in ten years.",
     )  # fmt: skip
 
 

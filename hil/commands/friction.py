@@ -265,7 +265,10 @@ def refuse_asymmetric(run: Run, robot: Robot) -> list[str]:
     found = load_friction(run)
     source = f"{run.path}/{NAME}"
     if found.robot_digest != robot.digest:
-        raise Mismatch(f"{source}: is a result of {found.robot}, not of this {robot.name}")
+        raise Mismatch(
+            f"{source}: belongs to another robot file ({found.robot}) than that of {robot.name}; "
+            "name a run of this robot"
+        )
     tested = {record.axis: record.symmetry for record in found.axes if record.symmetry}
     failed = [(axis, test) for axis, test in tested.items() if not test.passed]
     if failed:

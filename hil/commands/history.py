@@ -388,7 +388,8 @@ def runs_table(found: History) -> Table:
         f"Each run is compared with {found.reference} and with the previous run. A run of "
         f"an unchanged machine is marked with a probability of at most {SIGNIFICANT:.0%}. "
         f"Friction: common change of all axes since {found.reference}, attributed to the "
-        "machine's temperature.",
+        "machine's temperature. Named first: the first marked quantity, or the torque constant "
+        "that explains all marked changes.",
         found.notes,
     )
 

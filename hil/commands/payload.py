@@ -48,7 +48,7 @@ def changes(load: LoadFile) -> Table:
     """
     units = list(dict.fromkeys(unit(each.unit) for each in load.changes))
     return table(
-        "Change by the load: the paper's Table 3 of this robot",
+        "Change of the base parameters by the load, like the paper's Table 3",
         (
             *NAMED,
             *figures("without", "with load", "change", "std. error", "expected", "z"),

@@ -195,12 +195,13 @@ def notes(found: Tracking, wrong: float = 0.25) -> tuple[str, ...]:
     if abs(found.shown_delay - found.delay) > wrong:
         lines.append(
             f"the recordings show a delay of {found.shown_delay:.2f} SYNC periods instead of"
-            f" {found.delay:g}: repeat with --delay {found.shown_delay:.2f}"
+            f" the stated {found.delay:g}: repeat with --delay {found.shown_delay:.2f}"
         )
     if worse := _worse(found):
         lines.append(
-            f"axis {', '.join(map(str, worse))}: velocity makes the errors larger: the drive has a "
-            "velocity feed-forward of its own; set that to zero with the maker's tool"
+            f"axis {', '.join(map(str, worse))}: velocity feed-forward makes the errors larger: "
+            "the drive may add a velocity feed-forward of its own; set this to zero with the "
+            "maker's tool"
         )
     return tuple(lines)
 
@@ -212,7 +213,8 @@ def judge(found: Tracking) -> Verdict:
         "good" if better and not _worse(found) else "doubtful",
         "improved" if better else "not improved",
         f"median over the axes: errors {found.gain('neither', 'velocity'):.3g} times smaller "
-        f"with velocity, a further {found.gain('velocity', 'both'):.3g} times with torque",
+        f"with velocity feed-forward, a further {found.gain('velocity', 'both'):.3g} times with "
+        "torque feed-forward",
     )
 
 

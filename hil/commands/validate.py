@@ -116,8 +116,8 @@ def scores(found: Validation, notes: tuple[str, ...] = ()) -> Table:
     if fitted:
         heads += ["friction fitted, %", "inside, %"]
         explained = (
-            " The last two columns repeat ratio and share inside with friction fitted to this "
-            "recording, as for the gain."
+            " The last two columns: ratio and share inside with friction fitted to this recording; "
+            "the gain is computed with this friction too."
         )
     return table(
         "Predicted torques of this recording",

@@ -102,7 +102,7 @@ def default_method(motions: Sequence[RecordedMotion]) -> tuple[str, str]:
         if alone and not unknown:
             reason += (
                 f"; for {alone} recordings with strokes of a single axis, --method "
-                f"'{BACK_AND_FORTH}' finds friction without a law"
+                f"'{BACK_AND_FORTH}' estimates friction without a friction law"
             )
         return DEFAULT, reason
     if free:

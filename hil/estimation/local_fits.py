@@ -116,7 +116,10 @@ def _gravity(robot: Robot, m: Gravity, s: Signals) -> LocalFit:
             means[stroke % 2].append(sides[window].mean(axis=0))
     pairs = min(len(means[0]), len(means[1]))
     if not pairs:
-        raise NotEnoughData("no window of constant velocity in both directions; repeat it")
+        raise NotEnoughData(
+            "no window of constant velocity in both directions; plan a longer "
+            "stroke, and repeat the measurement"
+        )
     forward, backward = np.array(means[0][:pairs]), np.array(means[1][:pairs])
     half_sums, half_differences = (forward + backward) / 2, (forward - backward) / 2
     mean = half_sums.mean(axis=0)
@@ -297,7 +300,7 @@ LOCAL_FITS: dict[str, Callable[[Robot, Any, Signals], LocalFit]] = {
 """Fit by kind of measurement, for kinds with an element of g(q) or M(q)."""
 ELSEWHERE = {
     "friction": "",
-    "trajectory": "the published method uses only strokes; the improved one trajectories too",
-    "free": "the published method uses only strokes; the improved one free motions too",
+    "trajectory": "the published method uses only strokes; use --method improved",
+    "free": "the published method uses only strokes; the improved method uses free motions too",
 }
 """Remark by kind of measurement without base parameters in step 1."""

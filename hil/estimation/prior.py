@@ -67,8 +67,8 @@ class FromPrior(FileModel):
 
     def __str__(self) -> str:
         return (
-            f"(prior): left open by the recordings, from {self.source}, masses and moments known"
-            f" within {self.relative:.0%} (1 sigma)"
+            f"(prior): not identified by the recordings, taken from {self.source}, masses and"
+            f" moments known within {self.relative:.0%} (1 sigma)"
         )
 
 
@@ -117,7 +117,9 @@ class Prior:
             raise InvalidValue(f"prior: {self.relative:g} must be a share above 0, at most 1")
         for link, body in enumerate(self.bodies, start=1):
             if np.linalg.eigvalsh(pseudo_inertia(body))[0] <= 0.0:
-                raise InvalidValue(f"prior: link {link} must have mass and extension")
+                raise InvalidValue(
+                    f"prior: link {link} must have a positive mass and an extension along all axes"
+                )
 
     def stated(self, names: Sequence[str], share: Array) -> FromPrior:
         """Describe the prior's contribution to named parameters, by the share f."""

@@ -413,7 +413,7 @@ class _Mjcf:
             f' {IMPEDANCE} 0.001 0.5 2" at a timestep of {STEP} s'
         )
         if robot.coupled:
-            yield "motors turn with two joints; their shared inertia is left out"
+            yield "coupled motors: the inertia that joints share is left out"
         yield from friction_remarks(model)
 
     def files(self) -> dict[str, str]:

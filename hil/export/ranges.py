@@ -58,8 +58,8 @@ def write_ranges(model: Model, origin: tuple[str, ...], given: Given | None = No
     if unbounded:
         remarks += (
             f"{unbounded} of {SAMPLES} samples have no physically consistent links with "
-            f"{1 / HEAVIER:.2g} to {HEAVIER:g} times the model's masses: usual masses of such "
-            "links are used",
+            f"{1 / HEAVIER:.2g} to {HEAVIER:g} times the model's masses: masses of typical "
+            "links are used instead",
         )
     content = {
         "origin": [*origin, *remarks],

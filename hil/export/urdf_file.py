@@ -353,7 +353,7 @@ def urdf_remarks(model: Model, robot: SimulatedRobot) -> Iterator[str]:
             f"[kg m2 or kg]: {each}"
         )
     if robot.coupled:
-        yield f"motors turn with two joints; their inertia: {robot.rotors.tolist()}"
+        yield f"motors turn with two joints; inertia matrix of the motors: {robot.rotors.tolist()}"
     size = float(np.linalg.norm(robot.gravity))
     if abs(size - 9.81) >= 1e-9:
         yield (

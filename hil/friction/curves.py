@@ -275,6 +275,6 @@ def _words(a: Array, covariance: Array, bounds: tuple[float, float] | None) -> t
             found.append(
                 f"a{k + 1}: standard error {100 * error[k] / max(abs(a[k]), 1e-300):.0f} % of "
                 f"its value, correlation {correlated[k, partner]:.2f} with a{partner + 1}: only "
-                "known together"
+                "their combination is known"
             )
     return tuple(found)

@@ -38,8 +38,8 @@ _OF_MAPS = {
     "name the column of its torque": "pass its torque",
     "name another column, or record it": "pass another column",
     "write kind: free": "omit alone=",
-    "are unit, per_unit and position_side right?": "are they in SI, on the joint side?",
-    "are unit, gain and torque_side right?": "are they in SI, on the joint side?",
+    "check unit, per_unit and position_side": "check that they are in SI, on the joint side",
+    "check unit, gain and torque_side": "check that they are in SI, on the joint side",
 }
 """Words in messages about maps, and their replacements for arrays."""
 

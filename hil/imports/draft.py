@@ -277,11 +277,11 @@ def _not_placed(
             found.setdefault(meaning_of(column.name, rises=column.rises)[0], []).append(
                 column.name or str(column.number)
             )
-    if_one = "name a measured signal of a joint above, as column"
+    if_one = "if measured, name it above as column"
     named = any(column.name for column in columns)
     unknown = "meaning of the name unknown" if named else "no names in the file"
     reasons = {
-        "": f"{unknown}; {if_one} of its position, velocity or torque",
+        "": f"{unknown}; {if_one} of a joint's position, velocity or torque",
         OTHER: f"set point or time, by the name; {if_one}",
         "position": "position by the name, without a torque of equal number or a joint of the "
         f"robot; {if_one}",

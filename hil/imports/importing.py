@@ -137,8 +137,8 @@ def _import_parallel(
             failed[job.number] = _named(job, result)
         elif isinstance(result, BrokenExecutor):
             failed[job.number] = FileError(
-                f"{job.the_map.path}: a process ended before its maps were imported; is there"
-                " enough memory? Give fewer --workers"
+                f"{job.the_map.path}: a process ended before its maps were imported; memory"
+                " may be exhausted: give fewer --workers"
             )
         elif isinstance(result, Exception):
             raise result

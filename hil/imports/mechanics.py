@@ -174,8 +174,8 @@ def _misread(
     if left <= (LEAVES if contradicted else 1.0 / 9.0):
         place = ("joints", axes[0], *PLACES.get(cause, ())) if axes else (MAP_KEYS[cause],)
         message = (
-            f"{located([axis + 1 for axis in axes], words)}: the model leaves only "
-            f"{100 * left:.2g} % of the mean square residual with this corrected; "
+            f"{located([axis + 1 for axis in axes], words)}: this correction leaves only "
+            f"{100 * left:.2g} % of the model's mean square residual; "
             f"{CAUSES[cause].remedy}"
         )
         return [Suspicion("shape", place, message)]

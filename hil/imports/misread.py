@@ -256,8 +256,8 @@ def small(
             ("joints", widest, key),
             f"{'moves by' if key == 'position' else 'has up to'} {most[widest]:.3g} {unit}, "
             f"{100 * shares[widest]:.2g} % of its {'range' if key == 'position' else 'limit'}, "
-            "the largest share of all joints; are unit, "
-            f"{'per_unit' if key == 'position' else 'gain'} and {key}_side right?",
+            "the largest share of all joints; check unit, "
+            f"{'per_unit' if key == 'position' else 'gain'} and {key}_side",
             certain=False,
         )
 

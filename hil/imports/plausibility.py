@@ -102,8 +102,8 @@ def _still(evidence: Evidence, robot: Robot, alone: int | None) -> Iterator[Susp
                 "still",
                 (*at, "position"),
                 f"moves by only {way:.2g} {unit}, within noise or the effect of other joints: "
-                f"only gravity parameters of joint {joint + 1} can be identified; are column and "
-                "unit right?",
+                f"only gravity parameters of joint {joint + 1} can be identified; check column "
+                "and unit",
                 certain=alone is not None,
             )
         # other joints may move by 2 % of the moving joint's distance, because servos yield

@@ -128,7 +128,7 @@ def read_samples(
                     last, n = q[-1:], n + len(time)
                 progress(path, n - begins[-1])
             if n == begins[-1]:
-                raise FileError(f"{path}: has no rows; name a file with some")
+                raise FileError(f"{path}: has no rows; name a file with rows")
     time = np.concatenate(times)
     values = np.memmap(scratch, np.float64, "r+", shape=(n, 3 * robot.n_joints))
     notes |= dict.fromkeys(_restore_signs(values, conversion.efforts, unsigned))

@@ -59,12 +59,12 @@ def _checks(robot: Robot, excerpts: Sequence[Excerpt], evidence: Evidence) -> It
         np.abs(evidence.tau).max(axis=0) / robot.torque_limit,
     )
     ways = np.ptp(evidence.q, axis=0) / (robot.q_max - robot.q_min)
-    yield f"check range: motion over {_each(100 * ways)} % of the ranges"
+    yield f"check range: motion covers {_each(100 * ways)} % of the ranges"
     if np.isfinite(limited).any():
         yield f"check range: up to {_each(100 * limited)} % of the limits of speed or torque"
     noise = np.max([each.extent.noise for each in excerpts], axis=0)
     over = np.ptp(evidence.q, axis=0) / noise.clip(1e-300)
-    yield f"check still: motion over position noise {_each(over)}"
+    yield f"check still: ratio of motion to position noise {_each(over)}"
     shown = compared(evidence)
     if not shown.any():
         yield "check velocity: no recorded velocity above the noise of velocity and position"
@@ -85,9 +85,9 @@ def _checks(robot: Robot, excerpts: Sequence[Excerpt], evidence: Evidence) -> It
         )
     power = np.sqrt(np.mean(evidence.qdd**2, axis=0))
     poor = [str(joint + 1) for joint in np.flatnonzero(coarse(evidence) & evidence.moves)]
-    hidden = f"; hidden for joint {', '.join(poor)}" if poor else ""
+    hidden = f"; accelerations hidden by noise for joint {', '.join(poor)}" if poor else ""
     share = evidence.noise_qdd / power.clip(1e-300)
-    yield f"check velocity: noise over accelerations {_each(share)}{hidden}"
+    yield f"check velocity: ratio of noise to accelerations {_each(share)}{hidden}"
 
 
 def _each(values: Sequence[float]) -> str:

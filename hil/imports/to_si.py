@@ -167,7 +167,9 @@ def _refuse_unfit(the_map: MapFile, robot: Robot) -> None:
     if content.position_side == "motor" and any(moving) and not all(moving):
         at = ("joints", moving.index(False))
         problems.append(
-            the_map.wrong(at, "has no velocity: on the motor side all joints need one, or none")
+            the_map.wrong(
+                at, "has no velocity: on the motor side state velocity for all joints, or none"
+            )
         )
     if problems:
         raise FileError("\n".join(map(str, problems)))

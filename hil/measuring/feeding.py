@@ -118,7 +118,9 @@ class BusInFront:
         """
         # checked once: the protocol check reads all attributes of a bus
         if not isinstance(self._bus, StreamingBus):
-            raise DriveRefused("these drives accept no cyclic set-points")
+            raise DriveRefused(
+                "these drives accept no cyclic set-points; use drives with mode 8 (6502, bit 7)"
+            )
         self._bus.stream(path, velocity, torque, holding)
         self._streaming = self._bus
 

@@ -240,11 +240,15 @@ def _cross_check(
     if rank != len(matrix):
         raise RegroupingFailed(
             f"{robot.name}: {len(matrix)} base parameters, but the numeric rank is {rank};"
-            " are two axes of the robot file almost, but not quite, parallel or square?"
+            " correct axes of the robot file that are almost, but not exactly, parallel or"
+            " perpendicular"
         )
     error = np.abs(stated - observed @ placement @ matrix).max(initial=0.0)
     if error > ROUNDED_OFF * np.abs(stated).max(initial=0.0):
-        raise RegroupingFailed(f"{robot.name}: regrouped parameters miss the torque by {error:g}")
+        raise RegroupingFailed(
+            f"{robot.name}: torques by base parameters deviate by {error:g}; correct axes"
+            " that are almost, but not exactly, parallel or perpendicular"
+        )
 
 
 def _sparsity(robot: Robot) -> Array:

@@ -258,7 +258,7 @@ _TABLE = (
     ElementKind(
         Gravity,
         "Axis {axis} goes back and forth at constant speed",
-        "Half the sum of the torques there and back is gravity, half their difference friction.",
+        "Half the sum of forward and backward torque is gravity, half the difference friction.",
         GRAVITY, "g", 56, "g", "torque", "N m", pair=False, colour="#1f5fa8", marker="o",
         elements="gravity torques",
         figure="the paper's Fig. 5",
@@ -279,7 +279,7 @@ _TABLE = (
     ElementKind(
         Coupling,
         "Axis {axis} creeps while axis {partner} accelerates back and forth",
-        "Torque on the creeping axis per acceleration of the other is their coupling inertia.",
+        "Torque on the creeping axis per acceleration of the partner is the coupling inertia.",
         OFF_DIAGONAL, "c", 16, "M", "inertia", "kg m²", pair=True, colour="#3f8f5f",
         marker="^",
         elements="coupling inertias",
@@ -290,7 +290,7 @@ _TABLE = (
     Kind(
         Friction,
         "Axis {axis} goes back and forth at one speed",
-        "Half the difference of the torques there and back is friction at this speed.",
+        "Half the difference of forward and backward torque is friction at this speed.",
     ),
     Kind(
         Trajectory,

@@ -98,7 +98,8 @@ class Plan(FileModel):
             first = seen.setdefault(measurement.id, number)
             if first != number:
                 raise ValueError(
-                    f"numbers {first} and {number} share the id {measurement.id}; give each its own"
+                    f"measurements {first} and {number} have the same id {measurement.id}; "
+                    "give each its own"
                 )
         return measurements
 

@@ -76,8 +76,8 @@ class Trajectory(FileModel):
             lengths = {len(row) for row in (*self.sine, *self.cosine)}
             if len(rows) != len(self.q) or len(lengths) != 1 or 0 in lengths:
                 raise ValueError(
-                    f"{key} must have one row for each of the {len(self.q)} joints that q names,"
-                    " and all rows of sine and cosine as many harmonics, at least one"
+                    f"{key} must have one row for each of the {len(self.q)} joints of q, and all"
+                    " rows of sine and cosine the same number of harmonics, at least one"
                 )
         return self
 

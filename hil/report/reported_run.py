@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 
 MODEL_LEFT_OUT = (
-    "the model of the last hil friction: missing, of another robot, or outside of the folder around"
-    " this run; put its run beside this one, and repeat hil friction --model"
+    "the model given to hil friction is missing, of another robot, or outside of the folder around"
+    " this run; put the run of the model beside this one, and repeat hil friction --model"
 )
 """Reason for half-differences in place of the model that compensated gravity."""
 
@@ -178,8 +178,8 @@ def _neighbour(run: Run, path: Path) -> Path:
     folder = run.path.resolve().parent
     if not path.resolve().is_relative_to(folder):
         raise FileError(
-            f"{run.path}: names a run outside of {folder}: {path}; if you trust the folder, put"
-            " that run beside it, and repeat the command that named it"
+            f"{run.path}: names a run outside of {folder}: {path}; if you trust that run, move"
+            " it beside this run, and repeat the command that named it"
         )
     return path
 

@@ -119,8 +119,9 @@ def budget_table(terms: Sequence[ErrorTerm]) -> Table:
             )
             for term in terms
         ),
-        "Error of the torques on a free motion, and share of the sum of the squares; the rest is "
-        "noise. Causes accounted for: error without their compensation.",
+        "Torque: error of the torques on a free motion by this cause. Share: part of the sum of "
+        "the squared errors; the remainder is noise. For a cause accounted for: error without "
+        "compensation.",
     )
 
 
@@ -181,7 +182,7 @@ def _causes(campaign: CampaignResult) -> Iterator[Reservation]:
     """Yield causes of error, the largest first; causes taken into account are notes."""
     for term in campaign.budget:
         share = f"{100 * term.share:.0f} % of the error"
-        what = f"{term.cause}: {term.found}; {'ignored, ' if term.accounted else ''}{share}"
+        what = f"{term.cause}: {term.found}; {'if ignored, ' if term.accounted else ''}{share}"
         subject = _axes(term.axes) if term.axes else "all axes"
         yield (good if term.accounted else doubtful)(what, term.remedy, subject)
 
@@ -250,9 +251,9 @@ def _groups(campaign: CampaignResult) -> Iterator[Reservation]:
         needed, condition = FEWEST * len(members), estimate.condition[row.group]
         if rows < needed:
             what = f"{rows} {kind} measurements for {len(members)} parameters"
-            yield doubtful(what, f"at least {needed} {kind} measurements", names)
+            yield doubtful(what, f"plan at least {needed} {kind} measurements", names)
         if condition > POOR:
-            remedy = f"{kind} measurements that vary more joints"
+            remedy = f"plan {kind} measurements that vary more joints"
             yield doubtful(f"condition number {condition:.3g}", remedy, names)
 
 
@@ -279,14 +280,14 @@ def _best_measurement(robot: Robot, plan: Plan, k: int) -> str:
     ][-1]
     candidates = [m for m in plan.measurements if m.kind == kind]
     if not candidates:
-        return f"{kind} measurements; the plan has none (hil plan chooses them)"
+        return f"add {kind} measurements; the plan has none (hil plan chooses them)"
     W = group_observations(plan, robot, group, sought[group])
     G = inverse(W.T @ W)
     at = sought[group].index(k)
     gains = (W @ G[:, at]) ** 2 / (1.0 + np.einsum("ij,jk,ik->i", W, G, W)) / G[at, at]
     best = candidates[int(np.argmax(gains))]
     return (
-        f"more {kind} measurements of {best.axes_in_words}, such as {best.id}"
+        f"add {kind} measurements of {best.axes_in_words}, such as {best.id}"
         f" (each lowers the variance by {100 * gains.max():.0f} %)"
     )
 
@@ -299,7 +300,8 @@ def _correlations(campaign: CampaignResult) -> Iterator[Reservation]:
         yield doubtful(
             f"correlation {signed(f'{found[i, j]:.2f}')}: the sum or difference is more certain "
             "than each parameter",
-            "configurations in which they act differently (hil robot shows where they occur)",
+            "add configurations in which these two have different effects (hil robot shows where "
+            "each occurs)",
             f"{titles[i]}, {titles[j]}",
         )
 

@@ -260,7 +260,7 @@ class Rescaled(NamedTuple):
             f"{self.run}: torque constant or drive of axis {self.axis} exchanged or rescaled: all"
             f" torques of the axis changed by {signed(rounded(100 * self.share, half))} ±"
             f" {rounded(half, half)} % since {self.against}, which explains all"
-            f" {self.explained} changes that are marked since then"
+            f" {self.explained} marked changes"
         )
 
 

@@ -206,13 +206,15 @@ def statements(robot: Robot, found: ConsistentRobot) -> Iterator[str]:
     if found.binding and found.contradicted:
         yield (
             "the data contradict physical consistency: look for effects missing in the model "
-            "(hil diagnose) and for wrong torque constants and rotor inertias, or export nothing"
+            "(hil diagnose) and for wrong torque constants and rotor inertias before an export"
         )
 
 
 def _distance(robot: Robot, found: ConsistentRobot) -> Iterator[str]:
     titles, order = base_parameters(robot).titles, np.argsort(-np.abs(found.change))[:3]
-    binding = [f"{each.name} (without it {each.distance_without:.4g})" for each in found.binding]
+    binding = [
+        f"{each.name} (distance without it {each.distance_without:.4g})" for each in found.binding
+    ]
     moved = [f"{titles[k]} by {found.change[k]:+.3g}" for k in order if abs(found.change[k]) > 0.1]
     costs = [
         f"axis {axis + 1} {each.change:.2g} {robot.torque_unit(axis)} (standard error"

@@ -138,7 +138,7 @@ class IdentifiedRobot(ByName):
             raise Mismatch(
                 f"{source}: the model was identified with another robot file ({self.robot.name}"
                 f" {self.robot.digest[:12]}) than that of {robot.name} {robot.digest[:12]}; give"
-                " the model of this robot with --model, or take its robot file"
+                " the model of this robot with --model, or use the robot file of the model"
             )
 
     @property
@@ -294,7 +294,7 @@ def known_friction(model: IdentifiedRobot, *, of_all: bool = False) -> FrictionL
     law = model.friction_law
     if not law.known:
         raise NotEnoughData(
-            f"the model of {model.robot.name} has no law of friction: take parts={PARTS[:2]},"
+            f"the model of {model.robot.name} has no law of friction: use parts={PARTS[:2]},"
             f" measure each axis {FOR_A_LAW} times or more (hil plan --refine RUN), or identify the"
             " run anew with: hil identify"
         )
@@ -327,8 +327,7 @@ def lacking(model: IdentifiedRobot) -> str:
     if not axes:
         return ""
     return (
-        f"no law of friction of axis {', '.join(map(str, axes))}, which fewer than {FOR_A_LAW}"
-        " measurements moved, or an earlier version identified: measure it more often"
-        " (hil plan --refine RUN) and identify both runs"
-        " together (hil identify RUN --with MORE)"
+        f"no law of friction of axis {', '.join(map(str, axes))} (fewer than {FOR_A_LAW}"
+        " measurements of the axis, or a model of an earlier version): measure the axis more often"
+        " (hil plan --refine RUN) and identify both runs together (hil identify RUN --with MORE)"
     )

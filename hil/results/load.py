@@ -355,18 +355,19 @@ def _refuse_contradiction(
     m, error = found.mass.value, found.mass.standard_error
     if not error or abs(m - mass) <= SURE * error:
         return
-    explained = f"{mass / m:.3g} times those of all axes"
+    explained = f"{mass / m:.3g} times as large on all axes"
     if runs.alike:
         by_mass = fit(mass, gains=True)
         factors = by_mass.gains / found.gains
         moved = np.flatnonzero(np.abs(np.log(factors)) > notable * by_mass.gain_errors)
         explained = (
-            ", ".join(f"{factors[k]:.3g} times that of axis {k + 1}" for k in moved) or explained
+            ", ".join(f"{factors[k]:.3g} times as large on axis {k + 1}" for k in moved)
+            or explained
         )
     raise Mismatch(
-        f"a mass of {mass:g} kg contradicts {m:.4g} ± {error:.2g} kg by these runs; gains of"
-        f" {explained} would explain it: correct the mass, or use it to find the gains, from two"
-        " whole runs of one kind: hil payload WITHOUT LOADED --mass --gains"
+        f"a mass of {mass:g} kg contradicts {m:.4g} ± {error:.2g} kg by these runs; torque"
+        f" gains {explained} would explain the difference: correct the mass, or use it to find"
+        " the gains, from two whole runs of one kind: hil payload WITHOUT LOADED --mass --gains"
     )
 
 

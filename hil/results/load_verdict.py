@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 SHOWN = float((special.ndtri(1.0 - LOOSE / 2.0) + special.ndtri(0.8)) / special.ndtri(0.975))
 """Change detected with a probability of 80 %, in half-widths of the 95 % interval."""
-WHOLE_RUNS = "take two whole runs"
+WHOLE_RUNS = "measure whole runs without and with the load, for hil payload WITHOUT LOADED"
 """Remedy if no pose helps."""
 
 

@@ -159,7 +159,7 @@ def regression(
     if loaded and prior is not None:
         raise Mismatch("prior: applies to links of the robot, not to a load; omit prior")
     if not loaded and (mass is not None or gains):
-        raise NotEnoughData("0 runs with a load, needed for mass or gains: loaded=[run]")
+        raise NotEnoughData("0 runs with a load, needed for mass or gains; give loaded=[run]")
     if loaded:
         return LoadProblem(BareRun(*runs, options=options), tuple(loaded), mass, gains)
     problem = RegressionProblem(runs, options, method)

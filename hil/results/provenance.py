@@ -96,7 +96,7 @@ class RunStamp(FileModel):
             ("recordings", self.recordings, now.recordings),
         ):
             if then != is_now:
-                return f"the {name} of {folder.path} changed since"
+                return f"the {name} of {folder.path} changed after the result was written"
         return ""
 
     def change_beside(self, holder: Run) -> str:
@@ -150,7 +150,7 @@ def same_parameters(then: Sequence[float], now: Array, same: float = 1e-6) -> st
     """
     if len(then) == len(now) and np.allclose(then, now, rtol=same, atol=same):
         return ""
-    return "the parameters of the same recordings are estimated differently now"
+    return "the present estimate from the same recordings has other parameters"
 
 
 @contextmanager

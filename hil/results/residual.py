@@ -114,7 +114,11 @@ class BandResidual(FileModel):
     def __str__(self) -> str:
         shown = self.relative_smoothed
         worst = int(np.nanargmax(shown)) if np.isfinite(shown).any() else -1
-        away = f", axis {worst + 1} in motion {_percent(shown[worst])}" if worst >= 0 else ""
+        away = (
+            f", worst axis {worst + 1} with {_percent(shown[worst])} in motion"
+            if worst >= 0
+            else ""
+        )
         return (
             f"residual up to {self.band:g} Hz {_percent(self.overall)} of the torque (unfiltered"
             f" {_percent(self.overall_unfiltered)}){away}"

@@ -234,7 +234,7 @@ def scored(
         for axis, own in sorted(parts.items())
         if sum(len(each.measured) for each in own) * OUTSIDE >= 1.0
     )
-    spoilt = [failed(f"its identification {model.verdict}")] if model.failed else []
+    spoilt = [failed(f"the model's identification {model.verdict}")] if model.failed else []
     last = *unexplained(residual, model.robot.torque_limit, accuracy), *reservations(OF_DATA, model)
     return judged(scores, model.robot.n_joints, spoilt, last, residual)
 
@@ -333,8 +333,8 @@ def _uncovered(
     if past is not None and not law.exposure.covers(past, axis):
         most = TWICE * _rms(law.exposure.level_along(past, axis, time))
         said.append(
-            "more motion, or longer rest, than in these recordings: friction may differ by "
-            f"{most:.0%}, an assumption"
+            "more motion, or longer rest, than in the recordings of the model: friction may differ "
+            f"by {most:.0%}, an assumption"
         )
     # mean over both directions, in which gravity and asymmetric friction cancel
     level, _ = level_at(law, float(np.clip(speed.mean(), low, high)))
@@ -420,7 +420,7 @@ def _narrow(scores: Scores) -> Reservation | None:
     elif s.own_friction and s.relative > WORSE * s.rigid_error:
         why = (
             f"rigid bodies are confirmed, the model's friction is not: error {s.relative:.0%} of "
-            f"the torque, and {held}; temperature, load or speeds differ from the identification"
+            f"the torque, and {held}; the temperature, load or speeds may have changed"
         )
         remedy = "identify friction anew before torques are fed forward"
     elif s.asymmetry**2 > HALF:
@@ -428,11 +428,13 @@ def _narrow(scores: Scores) -> Reservation | None:
             f"friction asymmetric, {s.asymmetry:.0%} of the residual changes its sign with the "
             f"direction, and {held}; friction differs from the identification"
         )
+        remedy = "identify friction anew"
     elif s.worse > WORSE:
         why = (
             f"the residual is {s.worse:.1f} times that of the identification, and {held}; the model"
-            " does not generalise to this motion's range of speeds and positions"
+            " does not hold for the speeds and positions of this motion"
         )
+        remedy = "identify the model from motions like this one"
     else:
         why = (
             f"{held}, at least {INSIDE:.0%} needed; error of the prediction {s.relative:.0%} "
@@ -459,8 +461,8 @@ RULES: tuple[Rule[Scores], ...] = (
     When(
         _worst(lambda s: abs(s.gain - 1.0) - SURE * s.gain_error, TOLERANCE),
         "axis {0.axis}: gains inconsistent, measured torques are {0.gain:.2f} times those "
-        f"predicted, at most {TOLERANCE:.0%} deviation allowed; torque constant or gain differ "
-        "from those identified",
+        f"predicted, at most {TOLERANCE:.0%} deviation allowed",
+        "compare torque constant, gain and motor temperature with those of the identification",
     ),
     _narrow,
     When(
@@ -494,5 +496,5 @@ def score_own_recordings(model: Model, run: Run) -> Validation | None:
     return Validation(
         word="failed",
         reason=f"{which} those used for identification: no test on held-out data",
-        remedy="judge it by another recording",
+        remedy="judge the model by another recording",
     )

@@ -150,10 +150,10 @@ def _doubted(model: Model) -> Iterator[Reservation]:
 def _judge_edges(model: Model) -> Iterator[Reservation]:
     """Yield estimates at the edge of the search range; the true value may be beyond the edge."""
     for each in model.edges:
-        beyond = "" if abs(each.value) <= abs(each.bound) else " beyond"
+        where = "at" if abs(each.value) <= abs(each.bound) else "beyond"
         yield doubtful(
-            f"axis {each.axis}: {each.what} {significant(each.value, 3)} {each.unit}, at the edge"
-            f" of the search{beyond}, {significant(each.bound, 3)} {each.unit}",
+            f"axis {each.axis}: {each.what} {significant(each.value, 3)} {each.unit}, {where} the"
+            f" limit of the search range, {significant(each.bound, 3)} {each.unit}",
             "check for effects missing in the model: torque and position sampled at different "
             "instants, a low-pass of the torque, a wrong unit or column, flexible links",
         )
@@ -168,12 +168,12 @@ OF_FREE_MOTIONS: tuple[Rule[FreeMotionFit], ...] = (
     When(
         lambda fit: fit.bias_test if fit.bias_test and fit.bias_test.biased else None,
         "noise of the positions shifts the parameters by up to {0.shift:.2g} standard errors",
-        "state a lower cut_off in the map, or take --method 'instrumental variables'",
+        "state a lower cut_off in the map, or use --method 'instrumental variables'",
     ),
     When(
         lambda fit: _axes(fit.driving),
         "axis {0}: negative friction identified, which adds power to the motion",
-        "check the sign of its torque, and for a missing spring, lag or inertia",
+        "check the sign of its torque, and whether the model lacks a spring, lag or inertia",
     ),
     When(
         lambda fit: _axes(fit.unusual),

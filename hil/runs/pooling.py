@@ -68,7 +68,7 @@ def refuse_mixed(folders: Sequence[Run]) -> None:
             raise Mismatch(
                 f"{folder.path}: was measured with another robot file than {first.path}"
                 f" ({folder.robot.name} {folder.robot.digest[:12]}, {first.robot.name}"
-                f" {first.robot.digest[:12]}); only runs of one robot can be taken together"
+                f" {first.robot.digest[:12]}); only runs of one robot can be identified together"
             )
         if folder.path.resolve() in [other.path.resolve() for other in folders[:number]]:
             raise Mismatch(f"{folder.path}: is named twice; name each run once")

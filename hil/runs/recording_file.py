@@ -188,8 +188,8 @@ def _decode(path: Path, arrays: dict[str, np.ndarray], attributes: dict[str, obj
     }
     if meta["format"] not in (*_EARLIER, FORMAT):
         raise FileError(
-            f"{path}: format {meta['format']} must be {min(_EARLIER)} to {FORMAT}; use another"
-            " version"
+            f"{path}: format {meta['format']} must be {min(_EARLIER)} to {FORMAT}; use the"
+            " version that wrote it"
         )
     if attributes["checksum"] != _checksum(arrays, meta):
         raise FileError(

@@ -231,7 +231,9 @@ class Run:
         wanted = set(ids) | {m.id for m in self.motions if kind is not None and m.kind == kind}
         if kind is not None and not wanted:
             kinds = sorted({m.kind for m in self.motions})
-            raise UnknownName(f"{self.path}: no measurement of kind {kind}; {', '.join(kinds)} are")
+            raise UnknownName(
+                f"{self.path}: no measurement of kind {kind}; kinds: {', '.join(kinds)}"
+            )
         known = {m.id for m in self.motions}
         return self.exclude([*sorted(wanted - known), *(i for i in known if i not in wanted)])
 

@@ -152,8 +152,12 @@ class Replay:
             return None
         past = np.flatnonzero(self.largest > wide).tolist()
         if self.lost or past:
-            axes = ", ".join(f"{axis + 1} ({self._shown(axis, self.largest)})" for axis in past)
-            reason = f"largest error of axis {axes} exceeds its limit" if past else self.lost
+            axes = "; ".join(
+                f"axis {axis + 1} {self._shown(axis, self.largest)}, at most"
+                f" {self._shown(axis, np.array(wide))} allowed"
+                for axis in past
+            )
+            reason = f"largest position error: {axes}" if past else self.lost
             return Verdict("failed", "failed", reason)
         return Verdict("good", "good", "all position errors are within their limits")
 
@@ -271,7 +275,8 @@ def replay(
         found += _replayed(arm, model, each, controller, restart)
     if not found:
         raise NotEnoughData(
-            f"{run.path}: no recording has {2 * INITIAL} samples in a row, which a simulation needs"
+            f"{run.path}: no recording has {2 * INITIAL} samples without a gap, "
+            "which a simulation needs; record longer"
         )
     drives = "recorded torques" if controller is None else "positions held by a PD controller"
     often = "" if restart is None else f", restarted every {restart:g} s"

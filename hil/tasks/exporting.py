@@ -92,7 +92,7 @@ def export(
         source = what.path if isinstance(what, Run) else Path(what)
     model = what if isinstance(what, Model) else Model.load(source)
     if model.failed and not force:
-        raise InvalidValue(f"its identification {model.verdict}; force=True exports it anyway")
+        raise InvalidValue(f"the model's identification {model.verdict}; force=True exports it")
     bounds = BodyBounds(masses=masses) if masses else None
     patch = None if patch is None else Path(patch)
     return write_exported(exported_model(model, to, source, urdf, bounds, patch)[1], output)
@@ -147,8 +147,8 @@ def _refuse_patch(model: Model, to: str, urdf: Path | None, patch: Path) -> None
         )
     if model.failed:
         raise InvalidValue(
-            f"its identification {model.verdict}, which a patched file cannot state: export "
-            "without --patch"
+            f"the model's identification {model.verdict}, which a patched file cannot state: "
+            "export without --patch"
         )
 
 

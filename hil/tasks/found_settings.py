@@ -97,7 +97,7 @@ def _reported(keeper: SettingsKeeper) -> Iterator[SettingsKeeper]:
     finally:
         if keeper.unrestored and keeper.path is not None:
             sys.stderr.write(
-                "not all drives have their earlier settings again; these are kept in "
+                "not all drives have their earlier settings again; the file of these settings is "
                 f"{keeper.path}: with the drives off, restore them with hil drives restore "
                 f"{keeper.path}\n"
             )

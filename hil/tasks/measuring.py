@@ -131,7 +131,7 @@ def describe_problems(result: DryRun, text: str, source: str, most: int = 10) ->
         for problem in result.problems[:most]
     ]
     more = len(result.problems) - most
-    return "\n".join([*lines, f"... and {more} more of that kind"] if more > 0 else lines)
+    return "\n".join([*lines, f"... and {more} more problems of the plan"] if more > 0 else lines)
 
 
 def measure(

@@ -256,7 +256,10 @@ def _friction(
     beyond = [number for number in axis if not 1 <= number <= robot.n_joints]
     _refuse(
         (beyond, f"--axis {', '.join(map(str, beyond))} must be in 1 ... {robot.n_joints}"),
-        (experiment != "sweep" and len(axis) != 1, f"{experiment} takes one axis: --axis"),
+        (
+            experiment != "sweep" and len(axis) != 1,
+            f"{experiment} takes one axis; give it with --axis",
+        ),
     )
     now("choosing speeds")
     if experiment == "sweep":
@@ -332,7 +335,7 @@ def _load(
     plan = slow_plan(known, minutes, at_most, pose)
     held = (
         f"all axes hold a load of {load_capacity(known, plan):.3g} kg in these poses, with its "
-        f"centre up to {REACH:g} m from the last frame"
+        f"centre of mass up to {REACH:g} m from the last frame"
     )
     return Designed(plan, model.robot, (held,))
 

@@ -149,7 +149,7 @@ def _contradictions(
         yield (
             ("limits", key),
             f"{sign * stated:g} {unit} of axis {axis.name} is {relation} than"
-            f" {sign * known:g} {unit} in the robot file of {robot.name}; make both alike",
+            f" {sign * known:g} {unit} in the robot file of {robot.name}; state one value in both",
         )
 
 
@@ -220,7 +220,7 @@ def expected_of(robot: Robot, run: Path | None, drives_file: Path | None = None)
     """
     if run is None:
         noise = stated_noise(robot, *_resolutions(robot, drives_file))
-        return Expected(noise, sized_bodies(robot), "of rods with masses at the drives' limit")
+        return Expected(noise, sized_bodies(robot), "of rods as heavy as the drives can hold")
     folders, levels = experience_of([run])
     if folders[0].robot.digest != robot.digest:
         raise FileError(

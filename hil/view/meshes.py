@@ -98,7 +98,9 @@ def _index(word: str, count: int, path: Path) -> int:
         number = 0
     index = number - 1 if number > 0 else count + number
     if number == 0 or not 0 <= index < count:
-        raise FileError(f"{path}: a face names vertex {word!r}, and there are {count}; export anew")
+        raise FileError(
+            f"{path}: a face names vertex {word!r}, and there are {count}; export it anew"
+        )
     return index
 
 

@@ -156,7 +156,7 @@ def plan_scene(
         predicted=torque,
         distances=near,
         notes=(
-            "As computed by the dry run, from all joints at 0: the robot's position is not known.",
+            "Motion of the dry run, from all joints at 0: the robot's position is unknown.",
             *_describe_distance(near, plan.workspace),
             *_describe_capsules(robot),
             *(() if torque else (WITHOUT_MODEL,)),
@@ -205,7 +205,7 @@ def run_scene(
         distances=near,
         notes=(
             "As measured. Pauses are left out; travel between recordings was not recorded "
-            "and is drawn straight.",
+            "and is drawn as a straight line.",
             *_describe_distance(near, workspace),
             *_describe_capsules(run.robot),
         ),

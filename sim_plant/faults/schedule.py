@@ -81,7 +81,7 @@ class FaultSchedule(Generic[NetworkT]):
         kind = self._kinds.get(fault.what)
         if kind is None:
             raise FileError(
-                f"fault plan: {fault.what} does not exist on this bus; it knows"
+                f"fault plan: {fault.what} does not exist on this bus; faults are"
                 f" {', '.join(sorted(self._kinds))}"
             )
         self._waiting.append((Watch(fault), kind(fault, self._network, self.machine)))

@@ -77,8 +77,8 @@ def _modes(arm: Arm, const: Array, flaws: Array, reach: Array) -> Iterator[tuple
         M[own, own] += mass_matrix(arm, q)
         if np.linalg.eigvalsh(M)[0] <= 0:
             raise ValueError(
-                "M(q) of the links without motors, decisive on soft gears, is not positive "
-                f"definite at q = {np.round(q, 2).tolist()}; state physically consistent link "
+                "soft gears need a positive definite M(q) of the links without motors; it is not "
+                f"at q = {np.round(q, 2).tolist()}; state physically consistent link "
                 "parameters, or omit stiffness"
             )
         yield M, K, D

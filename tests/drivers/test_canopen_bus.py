@@ -262,7 +262,7 @@ def test_a_drive_that_does_not_show_the_mode_is_refused() -> None:
     can_bus, drive_bus = build()
     can_bus.drives[3].ignores_mode = True
     with can_bus:
-        with pytest.raises(DriveRefused, match=r"joint 3 .* 6061 shows 0 3 s after"):
+        with pytest.raises(DriveRefused, match=r"joint 3 .* 6061 shows 0, 3 s after"):
             drive_bus.__enter__()
         assert never_energised(can_bus)
 

@@ -302,8 +302,8 @@ def test_a_tpdo_that_ignores_being_switched_off_is_noted_too() -> None:
         (0x203, "its RPDO 1"),
         (0x303, "its RPDO 2"),
         (0x083, "its emergencies (1014)"),
-        (0x080, "by us, for SYNC"),
-        (0x77F, "by us, for our heartbeat"),
+        (0x080, "by this program, for SYNC"),
+        (0x77F, "by this program, for its heartbeat"),
         (0x583, "the answers of its SDO server"),
     ],
 )

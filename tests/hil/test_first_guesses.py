@@ -165,7 +165,7 @@ class TestIdentify:
     def test_doubts_name_arguments_too(self, recorded) -> None:
         robot, _, (t, q, _, tau) = recorded
         (session,) = hil.Run.import_arrays(robot, t, q, 1e-3 * tau).journal.sessions
-        assert "in SI, on the joint side?; if this is correct, pass" in session.warnings[0]
+        assert "in SI, on the joint side; if this is correct, pass" in session.warnings[0]
         assert not OF_MAPS.search("\n".join(session.warnings))
         assert not OF_MAPS.search("\n".join(session.notes[1:]))
 

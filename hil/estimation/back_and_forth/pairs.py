@@ -165,7 +165,7 @@ def _reason(q: Array, qd: Array, forth: Mask, back: Mask, bins: Indices, unit: s
         there, again = (f"{x.min():.3g} to {x.max():.3g} {unit}" for x in (q[forth], q[back]))
         return (
             f"forward {there}, backward {again}: {len(common)} bins of position in common, at "
-            f"least {FEWEST} needed; move both strokes over one range"
+            f"least {FEWEST} needed; move both strokes over the same range"
         )
     both = np.isin(bins, common)
     speeds = [float(np.mean(np.abs(qd[each & both]))) for each in (forth, back)]
@@ -173,6 +173,6 @@ def _reason(q: Array, qd: Array, forth: Mask, back: Mask, bins: Indices, unit: s
         return (
             f"forward at {speeds[0]:.3g} {unit}/s, backward at {speeds[1]:.3g} {unit}/s, a ratio "
             f"above {UNLIKE:g}: friction at such different speeds does not cancel; move in both "
-            "directions at one speed, or write kind: free"
+            "directions at the same speed, or write kind: free"
         )
     return ""

@@ -92,7 +92,8 @@ class BodyBounds:
         for link in (*self.masses, *self.centres):
             if not 1 <= link <= robot.n_joints:
                 raise InvalidValue(
-                    f"bounds of link {link}: {robot.name} has links 1 to {robot.n_joints}"
+                    f"bounds of link {link}: {robot.name} has links 1 to {robot.n_joints}; "
+                    "correct the number"
                 )
 
     def mass(self, link: int) -> tuple[float, float]:

@@ -94,7 +94,8 @@ def nearest_robot(
     if thickness.min() < 0.25 * bounds.thickness:
         raise NotRealisable(
             f"the links found are {1e3 * thickness.min():.2g} mm thick instead of "
-            f"{1e3 * bounds.thickness:.2g} mm: the estimate is too far from physical consistency"
+            f"{1e3 * bounds.thickness:.2g} mm: the estimate is too far from physical consistency; "
+            "look for effects missing in the robot file (hil diagnose), or record more motion"
         )
     # distance d below which the estimate itself meets all conditions
     outside = distance > 1e-4**2

@@ -166,13 +166,13 @@ CAUSES = {
     # usual tilt: mounting plates levelled by a spirit level, 1 mm/m, on a floor
     "gravity": Cause(
         "gravity direction error", "degrees", "degrees", 0.1,
-        "correct gravity in the robot file: how is the base mounted?",
+        "correct gravity in the robot file according to the mounting of the base",
     ),
     "spring": Cause(
         "torque grows with position by", "{torque}/{position}", "{torque}/{position}", 0.0,
-        "add it to springs in the robot file, or remove the cause (a cable, a hose, a balancer); "
-        "or state couplings, where its motor turns with another joint as well (a parallelogram "
-        "drive)",
+        "add a spring to the robot file, or remove the cause (a cable, a hose, a balancer); if the "
+        "motor turns with another joint too (a parallelogram drive), state couplings in the robot "
+        "file",
     ),
     "torque ripple": Cause(
         "torque ripple with an amplitude of", "{torque}", "{torque}", 0.0,
@@ -185,7 +185,7 @@ CAUSES = {
     ),
     "friction of the load": Cause(
         "friction grows with the transmitted torque by", "%", "%", 0.0,
-        "no action: it is fitted; methods without this term find other parameters", accounted=True,
+        "no action: this term is fitted; methods without it find other parameters", accounted=True,
         least=0.0,
     ),
     # usual delay: one cycle of a current controller
@@ -199,8 +199,8 @@ CAUSES = {
     ),
     # usual backlash: one arc minute, as data sheets of precision gears state
     "backlash": Cause(
-        "gear backlash, half of the width", "degrees", "mm", 1 / 120,
-        "no action: link and motor positions differ by at most this",
+        "half-width of the gear backlash", "degrees", "mm", 1 / 120,
+        "no action: link and motor positions differ by at most the half-width",
         least=0.0,
     ),
     # from here on, parts of the estimate's own error (see `effects`)
@@ -211,32 +211,32 @@ CAUSES = {
     ),
     "friction that differs by direction": Cause(
         "", "", "", 0.0,
-        "no action: it is fitted; only the published method's result is biased by it",
+        "no action: the difference is fitted; only the published method's result is biased",
         accounted=True,
     ),
     "torque ripple of further orders": Cause(
-        "", "", "", 0.0, "strokes at higher speeds, whose ripple averages out",
+        "", "", "", 0.0, "measure strokes at higher speeds, at which ripple averages out",
     ),
     "coarse encoders": Cause(
-        "", "", "", 0.0, "encoders of higher resolution, or longer measurements",
+        "", "", "", 0.0, "use encoders of higher resolution, or measure longer",
     ),
     "slow SYNC": Cause(
         "", "", "", 0.0,
-        "a shorter SYNC period, in both drives file and plan, or longer measurements",
+        "state a shorter SYNC period in both drives file and plan, or measure longer",
     ),
     "weak excitation": Cause(
         "", "", "", 0.0,
-        "measurements that move more joints through more of their ranges (hil plan, with --kind"
+        "measure motions of more joints through more of their ranges (hil plan, with --kind"
         " trajectory too)",
     ),
     "measurements that disagree": Cause(
         "", "", "", 0.0,
-        "a check of the differences between these measurements: contact, warming up, torque "
+        "look for differences between the measurements of an axis: contact, warming up, torque "
         "ripple",
     ),
     "unknown": Cause(
         "", "", "", 0.0,
-        "look for differences between these measurements: a contact, a changed load, an altered "
+        "look for differences between the measurements: a contact, a changed load, an altered "
         "machine",
     ),
 }  # fmt: skip

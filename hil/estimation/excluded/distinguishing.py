@@ -76,7 +76,7 @@ FEW = 20
 ALL_AXES = Column("torques of all axes", -1)
 RIDGE, TINY = 1e-9, 1e-12
 """Ridge on unit diagonals, which treats singular products as rounding errors, and minimum share."""
-NEVER = "base parameters, friction or other columns explain it in any measurement"
+NEVER = "base parameters, friction or other causes explain its effect in any measurement"
 BY_TIME = ("drift of torque constant", "slip")
 """Causes that depend on the time of a measurement, not on its configuration."""
 PLANNED = tuple(
@@ -161,8 +161,8 @@ def causes_named(robot: Robot, text: str) -> list[Key]:
             )
         if name not in PLANNED:
             raise UnknownName(
-                f"cause {name!r} must be one of: {', '.join(PLANNED)}; with an axis it is"
-                " 'joint offset of axis 4'"
+                f"cause {name!r} must be one of: {', '.join(PLANNED)}; for one axis"
+                " write 'joint offset of axis 4'"
             )
         if axis and not (axis.isdecimal() and 1 <= int(axis) <= robot.n_joints):
             raise UnknownName(f"{part.strip()}: axis must be 1 to {robot.n_joints}")

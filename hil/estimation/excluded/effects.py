@@ -89,11 +89,11 @@ def effects(
     ripple = unmodelled_ripple(robot, fit)
     if ripple.largest:
         each = ", ".join(
-            f"{order} with {a:.2g} {robot.torque_unit(axis)}"
+            f"order {order} with {a:.2g} {robot.torque_unit(axis)}"
             for axis, (order, a) in ripple.largest.items()
         )
         part = _part(fit, ripple.share, covariance)
-        detail = f"largest are {each}"
+        detail = f"largest amplitudes: {each}"
         yield Effect("torque ripple of further orders", tuple(ripple.largest), detail,
                      ripple.change, part)  # fmt: skip
     share = np.clip(_encoder_noise(robot, joint) * fit.weight, 0.0, 1.0)
@@ -127,7 +127,7 @@ def _fitted(
     tests = judge_local_values(local, ORDINARY).items()
     if failed := {axis: test.asymmetry for axis, test in tests if not test.passed}:
         each = ", ".join(f"{100 * asymmetry:.2g}" for asymmetry in failed.values())
-        detail = f"{each} % of it, or offsets of the current"
+        detail = f"{each} % of friction, or offsets of the current sensors"
         yield "friction that differs by direction", failed, detail, fit.solve_without_asymmetry()
 
 

@@ -104,7 +104,9 @@ def expected_evidence(
         stacked += [(s, axes) for axes in stack(robot, motion, s)]
         s.kept.clear()  # frees the cache of all samples, since the rows use few of them
     if not stacked:
-        raise NotIdentifiable("no measurement is long enough to identify parameters")
+        raise NotIdentifiable(
+            "no measurement is long enough to identify parameters; plan longer strokes"
+        )
     return rows_of(robot, stacked, np.zeros(robot.n_joints, dtype=bool))
 
 

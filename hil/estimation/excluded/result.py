@@ -82,7 +82,7 @@ class Found(FileModel):
     @property
     def remedy(self) -> str:
         """Remedy of the cause, without remedies of `others`."""
-        which = "determine which one before any change: " if self.others else ""
+        which = "determine which of these causes applies before any change: " if self.others else ""
         return which + CAUSES[self.cause].remedy
 
     def __str__(self) -> str:

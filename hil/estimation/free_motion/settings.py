@@ -238,12 +238,12 @@ def _source(figures: Array, period: float) -> VelocitySource:
         return VelocitySource(recorded=False, reason="the axis does not move")
     different, lag, noise = np.median(moving, axis=0)
     if different > SAME and not abs(lag) > LAG * period:
-        reason = f"the recorded velocity differs by {100 * different:.2g} %"
+        reason = f"the recorded velocity differs from the derivative by {100 * different:.2g} %"
     elif abs(lag) > LAG * period:
         late = "late" if lag > 0 else "early"
         reason = f"the recorded velocity is {1e3 * abs(lag):.3g} ms {late}"
     elif not noise < 1:
-        reason = f"the recorded velocity has {noise:.2g} times the noise"
+        reason = f"the recorded velocity has {noise:.2g} times the noise of the derivative"
     else:
         return VelocitySource(
             recorded=True, reason=f"{noise:.2g} times the noise of the derivative"

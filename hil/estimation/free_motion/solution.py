@@ -257,7 +257,7 @@ def _explain_slide(base: BaseParameters, lost: Sequence[int], axis: int, column:
         f"the rotor inertia of axis {axis + 1} ({base.names[column]}) cannot be distinguished "
         f"from the moved mass (in {_listed(base, others)}): on a prismatic axis gravity is a "
         "constant force, like the offset of friction. State the rotor_inertia of joint "
-        f"{axis + 1} in the robot file (the robot.yaml of the run folder is one), as in drive: "
+        f"{axis + 1} in the robot file (such as robot.yaml in the run folder), as in drive: "
         "{gear_ratio: 1, rotor_inertia: 0, torque_constant: unknown}. With 0 the mass includes "
-        "the rotor inertia and the offset the weight; torques are the same"
+        "the rotor inertia, and the offset includes the weight; torques stay the same"
     )

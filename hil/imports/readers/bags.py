@@ -123,7 +123,7 @@ class Bag:
             with file.open("rb") as packed, plain.open("wb") as out:
                 for piece in pieces(packed, file.stat().st_size, unpackers()["zstd"]):
                     if (size := size + len(piece)) > most:
-                        refuse_beyond(self._path, size, "what is compressed in it")
+                        refuse_beyond(self._path, size, "its unpacked content")
                     out.write(piece)
             yield plain
 

@@ -264,7 +264,7 @@ class _Contents:
         elif "MATLAB_object_decode" in item.attrs:
             self._add_object(name, kind)
         elif self._is_known(item):
-            self.left_out[name] = "a second name of values that have one"
+            self.left_out[name] = "a second name of the same values"
         elif isinstance(item, h5py.Group):
             for field, value in _items(item):
                 if isinstance(value, h5py.Dataset) and value.dtype == h5py.ref_dtype:

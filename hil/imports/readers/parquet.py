@@ -123,7 +123,7 @@ class ParquetTable:
             if (size := VALUE * self._file.most_values(place.column)) > allowed(self.path):
                 left_out[place.name] = f"lists of {size // VALUE} numbers in a group of rows"
             elif not 0 < n <= most:
-                left_out[place.name] = f"lists of {n} numbers, of 1 to {most} that are read"
+                left_out[place.name] = f"lists of {n} numbers; only lists of 1 to {most} are read"
             elif n == 1 and _is_number(kind.value_type):
                 yield place
             else:

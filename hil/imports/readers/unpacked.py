@@ -142,7 +142,7 @@ def refuse_inflated_tables(path: Path) -> None:
             return
     if any(mark in str(path.absolute()) for mark in "%?#"):
         raise FileError(
-            f"{path}: has one of % ? # in its path, by which SQLite may open another file; rename"
+            f"{path}: has one of % ? # in its path, by which SQLite opens other files; rename it"
         )
     most = max(path.stat().st_size, 1_000_000)
     with closing(sqlite3.connect(f"file:{path.absolute()}?mode=ro&immutable=1", uri=True)) as bag:
@@ -158,7 +158,7 @@ def refuse_inflated_tables(path: Path) -> None:
             if len(held) > _COLUMNS:
                 raise FileError(
                     f"{path}: table {table!r} has {len(held)} columns, at most {_COLUMNS} allowed;"
-                    " record anew"
+                    " record the bag anew"
                 )
             for column, hidden in held:
                 if hidden:
@@ -170,7 +170,7 @@ def refuse_inflated_tables(path: Path) -> None:
                 refuse_beyond(path, total, "its values")
         if computed:
             raise FileError(
-                f"{path}: {computed[0]!r} is computed, not stored as in a bag; record anew"
+                f"{path}: {computed[0]!r} is computed, not stored as in a bag; record the bag anew"
             )
         (n, different) = bag.execute("SELECT count(*), count(DISTINCT id) FROM topics").fetchone()
         if n != different:

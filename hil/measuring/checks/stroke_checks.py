@@ -31,8 +31,8 @@ SIGNIFICANT = 4.0
 """Minimum of negative friction in standard errors for a wrong sign."""
 UNITS = "check the drive's velocity and acceleration units and limits"
 PACING = (
-    "correct if computed with the nominal SYNC period, so late SYNCs are the cause: use --pacing "
-    "lock-step for a plant timed by SYNC; on a real bus stop other programs, or use --realtime"
+    "the velocity is correct with the nominal SYNC period, so late SYNCs are the cause: use "
+    "--pacing lock-step for a virtual plant; on a real bus stop other programs, or use --realtime"
 )
 LAG = 0.02
 """Time for averaging the highest velocity [s]."""

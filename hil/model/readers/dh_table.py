@@ -240,7 +240,9 @@ def convert_table(text: str, source: str) -> str:
     found[head] = f"{{{stated}joints: ["
     for k, cells in rows:
         if len(cells) != len(keys):
-            raise FileError(f"{source}:{k + 1}: {len(cells)} cells must be {len(keys)}, as above")
+            raise FileError(
+                f"{source}:{k + 1}: {len(cells)} cells must be {len(keys)}, as in the head"
+            )
         found[k] = _row(keys, cells, delimiter)
     return "\n".join([*found, "]}"])
 
@@ -270,7 +272,9 @@ def _header(names: list[str], at: str) -> tuple[list[str], dict[str, str]]:
             raise FileError(f"{at}: {key} is stated twice; remove one of the columns")
         keys.append(key)
         if unit and units.setdefault(_UNITS[key], unit) != unit:
-            raise FileError(f"{at}: {unit} of {key} must be {units[_UNITS[key]]}, as before")
+            raise FileError(
+                f"{at}: {unit} of {key} must be {units[_UNITS[key]]}, as in another column"
+            )
     missing = [key for key in KEYS[:4] if key not in keys]
     if missing:
         raise FileError(f"{at}: has no column {missing[0]}; the first row is {','.join(KEYS)}")

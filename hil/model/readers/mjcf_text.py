@@ -112,7 +112,9 @@ class MjcfText:
         """Refuse an included file outside the folder of the MJCF."""
         folder = self.path.parent.resolve()
         if not found.resolve().is_relative_to(folder):
-            raise element.wrong(f"{found} is outside of {folder}, the folder of the MJCF; copy it")
+            raise element.wrong(
+                f"{found} is outside of {folder}, the folder of the MJCF; copy it there"
+            )
 
     @property
     def compiler(self) -> dict[str, str]:

@@ -226,7 +226,7 @@ def _count_fitting(
     if needed > budget:
         raise ValueError(
             f"{budget / 60:.3g} minutes for measurements must be at least {needed / 60:.3g}, for "
-            f"{least} measurements and the travel between; give more time"
+            f"{least} measurements and the travel between; give more --minutes"
         )
     fits, exceeds = least, len(chosen) + 1
     while exceeds - fits > 1:

@@ -235,7 +235,7 @@ class _Bench:
         if not clear.any():
             raise ValueError(
                 f"axis {axis + 1} cannot pass its range clear of the workspace's boxes; narrow"
-                f" joint {axis + 1}'s range there, or make boxes or margin smaller"
+                f" joint {axis + 1}'s range in the workspace, or make boxes or margin smaller"
             )
         self._places[axis] = tuple(q[int(clear.argmax())].tolist())
         return self._places[axis]

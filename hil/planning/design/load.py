@@ -224,7 +224,11 @@ def slow_plan(
     options = [each for each in _options(bare, poses) if _is_slow(each.measurement)]
     fitting = _within_torque(bare, options, loads)
     if not fitting:
-        load = "" if heaviest is None else f"a load of {heaviest:g} kg, its centre up to {REACH:g}"
+        load = (
+            ""
+            if heaviest is None
+            else f"a load of {heaviest:g} kg, its centre of mass up to {REACH:g}"
+        )
         raise InvalidValue(
             f"{load and load + ' m from the last frame, overloads an axis: '}every slow stroke "
             f"needs more than {HOLD:.0%} of a torque limit; mount a lighter load, or correct "

@@ -63,7 +63,7 @@ def guarded_tour(robot: Robot, workspace: Workspace, measurements: Sequence[M]) 
     for stray in sorted(set(range(len(measurements))) - set(tour)):
         if not ways.insert(tour, stray):
             raise ValueError(
-                f"{measurements[stray].id}: no collision-free travel to it and onwards; make "
+                f"{measurements[stray].id}: no collision-free travel to or from it; make "
                 "boxes or margin smaller, or narrow the joint ranges of the workspace to one "
                 "side of the obstacle"
             )

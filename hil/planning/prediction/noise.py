@@ -176,7 +176,9 @@ def stated_noise(
     source = _source([value is not None for value in torques + wanders])
     rounded = _increments(robot) if increments is None else np.abs(np.asarray(increments, float))
     if rounded is None:
-        return Noise(torque, wander, f"{source}; increments of the encoders not stated: left out")
+        return Noise(
+            torque, wander, f"{source}; encoder resolution not stated: its noise is left out"
+        )
     return Noise(torque, wander, source, rounded / np.sqrt(12.0), _inertia(robot))
 
 
@@ -187,8 +189,8 @@ def _describe_coarse(axes: Indices, lost: Array) -> str:
     listed = ", ".join(str(axis + 1) for axis in axes)
     shares = ", ".join(f"{100 * lost[axis]:.2g}" for axis in axes)
     return (
-        f"; axis {listed}: encoder increments make more noise than torques, and inertias about "
-        f"{shares} % too small, a bias that standard deviations do not include"
+        f"; axis {listed}: encoder resolution causes more noise than the torque signal and makes "
+        f"inertias about {shares} % too small; standard deviations do not include this bias"
     )
 
 

@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
 
 BELIEVED = (
-    "The effects found by the improved method besides the element are subtracted: lag, "
+    "Effects estimated by the improved method are subtracted from each element: lag, "
     "compliance, friction of the load and by direction, ripple, and acceleration of other "
     "compliant axes."
 )
 AS_PUBLISHED = (
-    "Step 1 is the published one: friction by direction, compliance and moving other axes become "
-    "part of the element, and all points of an axis have a common deviation from the model."
+    "Step 1 is that of the published method: friction by direction, compliance and moving other "
+    "axes become part of the element, and all points of an axis deviate alike from the model."
 )
 
 

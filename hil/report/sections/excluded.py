@@ -75,5 +75,5 @@ def _dot(limit: Limit, row: int, n_joints: int) -> Item:
     if limit.size is None:
         return Points([torque], [at], "ring", INK, "invisible", size=2.4)
     colour = ordered_colours(n_joints)[limit.axis - 1] if limit.axis else INK
-    label = f"axis {limit.axis}" if limit.axis else "no axis in particular"
+    label = f"axis {limit.axis}" if limit.axis else "all axes"
     return Points([torque], [at], "o", colour, label, size=3.0)

@@ -108,6 +108,6 @@ def _friction_plots(result: FrictionResult) -> Iterator[Plot]:
         yield Plot(
             "in-operation",
             partial(plots.operation_curves, result),
-            "Friction characteristics after several times of operation.",
-            "Friction characteristics after several times of continuous operation (Fig. 2b).",
+            "Friction characteristics after several durations of operation.",
+            "Friction characteristics after several durations of continuous operation (Fig. 2b).",
         )

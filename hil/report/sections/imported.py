@@ -44,8 +44,8 @@ def _plots(run: ReportedRun) -> Iterator[Plot]:
             "half-sums",
             partial(draw_half_sums, run.estimate.half_sums, run.robot),
             "Torque of the rigid bodies over the position of each axis, measured and modelled.",
-            "Half-sum of forward and backward torque over the position, less effects that differ "
-            "by direction: gravity and, during acceleration, inertia. Means over the pairs with "
+            "Gravity and, during acceleration, inertia: half-sum of forward and backward torque "
+            "over the position, less effects that differ by direction. Means over the pairs with "
             "standard errors, for the recordings of the longest strokes, one colour each; lines: "
             "model.",
         )

@@ -55,9 +55,9 @@ def current(
         kept = read(run.source)
         stale = kept.stale(run.source, run.model.values) if kept else ""
     except FileError as error:
-        return None, f"{name} cannot be used: {error}. Make it anew with: {command}"
+        return None, f"{name} cannot be used: {error}. Write it anew with: {command}"
     if stale:
-        return None, f"{name} is stale and not shown: {stale}. Make it anew with: {command}"
+        return None, f"{name} is stale and not shown: {stale}. Write it anew with: {command}"
     return kept, ""
 
 

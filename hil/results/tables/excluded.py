@@ -53,7 +53,10 @@ def untestable(axes: Sequence[int], source: str) -> str:
 
 def foreseen(proof: Excluded, n_joints: int, source: str) -> Table:
     """Return the detectable sizes for a plan; `source`: origin of the expected base parameters."""
-    note = f"sizes found with a probability of 80 %; {KEY}; noise as above, parameters {source}"
+    note = (
+        f"sizes found with a probability of 80 %; {KEY}; noise as in the "
+        f"predicted precision; base parameters {source}"
+    )
     return excluded(proof, n_joints, "What this plan will exclude", note, "this plan")
 
 
@@ -111,8 +114,8 @@ def sentences(proof: Excluded) -> Iterator[str]:
         where = f" of axis {worst.axis}" if worst.axis else ""
         names = ", ".join(dict.fromkeys(each.cause for each in hidden))
         yield (
-            f"invisible at its usual size: {names}; largest effect: {worst.cause}{where}, "
-            f"{significant(100 * worst.worth, 2)} % of its torque"
+            f"invisible at their usual sizes: {names}; largest effect: {worst.cause}{where}, "
+            f"{significant(100 * worst.worth, 2)} % of the axis's torque"
         )
 
 
@@ -127,8 +130,8 @@ def distinguished(found: Distinguished, source: str) -> Table:
         for before, after in zip(found.before, found.after, strict=True)
     )  # fmt: skip
     note = (
-        "smallest sizes found, and smallest sizes distinguished from the cause most alike "
-        f"(apart), with a probability of 80 %; {NEVER}: at no size; parameters {source}"
+        "found: smallest size detected; apart: smallest size distinguished from the cause most "
+        f"alike, each with a probability of 80 %; {NEVER}: at no size; base parameters {source}"
     )
     return table(
         "Causes that this plan will distinguish",

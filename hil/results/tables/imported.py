@@ -113,8 +113,7 @@ def statements(fit: FreeMotionFit) -> Iterator[str]:
         else "no dead zone"
     )
     yield (
-        f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), for torques {fit.band:.3g} Hz; "
-        f"{zone}"
+        f"cut-off {fit.cut_off:.3g} Hz ({fit.cut_off_reason}), of torques {fit.band:.3g} Hz; {zone}"
     )
     yield _velocities(fit)
     for axis, each in enumerate(fit.lag, start=1):
@@ -171,7 +170,7 @@ def _bias(fit: FreeMotionFit) -> str:
     if fit.bias_test.biased:
         return (
             f"noise of the positions biases least squares ({tested}): state a lower cut_off in "
-            "the map, or take --method 'instrumental variables'"
+            "the map, or use --method 'instrumental variables'"
         )
     return f"noise of the positions does not bias least squares ({tested})"
 
@@ -243,5 +242,5 @@ def statements_of_strokes(fit: BackAndForthFit) -> Iterator[str]:
         )
     if fit.combinations:
         sums = "; ".join(f"{each.name} for {each.stands_for}" for each in fit.combinations)
-        yield f"identified as sums with these: {sums}"
+        yield f"identified only as sums: {sums}"
     yield from fit.remarks

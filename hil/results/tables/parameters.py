@@ -181,7 +181,7 @@ def band_residual(found: BandResidual | None, robot: Robot, what: str) -> Table:
         "Root mean squares of the torque and of measured less predicted torque, positions and "
         "torques low-passed alike (Butterworth, order 4, zero phase). In motion: without rest, "
         "and with the prediction low-passed too, so that friction has no jump at a reversal; "
-        "models are judged by this figure. Unfiltered: of the torque as recorded.",
+        "models are judged by this column. Unfiltered: of the torque as recorded.",
     )
 
 

@@ -80,7 +80,7 @@ def test_a_move_under_way_is_turned_round_and_halted(bus: CanopenDriveBus) -> No
         bus.sample()
     bus.halt()
     bus.sample()
-    with pytest.raises(MoveFailed, match="wait until reached"):
+    with pytest.raises(MoveFailed, match="wait for its end"):
         bus.move({4: Move(begin[4], 1.0, 5.0)})
     rest = sample_until_reached(bus)[-1]
     assert 0.2 < rest[4] - begin[4] < 0.6

@@ -91,7 +91,7 @@ def test_the_end_of_a_fault_reaction_is_awaited_before_the_fault_is_reset(bench:
 
 def test_a_fault_reaction_without_end_is_refused(bench: Bench) -> None:
     bench.second.reacting = 3.2
-    with pytest.raises(DriveFault, match="axis 2: does not end its fault reaction"):
+    with pytest.raises(DriveFault, match="axis 2: fault reaction does not end"):
         bench.power.make_safe(bench.second, reset_fault=True)
 
 

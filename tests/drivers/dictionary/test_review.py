@@ -82,7 +82,7 @@ def test_every_missing_object_is_stated_with_its_consequence(row: Requirement) -
         ),
         (
             {(0x607D, sub): {"AccessType": "ro", "DefaultValue": 0} for sub in (1, 2)},
-            "607D is fixed at 0 and 0, off",
+            "607D is fixed at 0 and 0, which means off",
         ),
         ({(0x1019, 0): {"AccessType": "const", "DefaultValue": 240}}, "is fixed at 240"),
     ],

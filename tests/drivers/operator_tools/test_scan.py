@@ -93,7 +93,7 @@ def test_a_missing_current_is_no_refusal_of_a_live_drive() -> None:
     assert review is not None
     assert review.serves
     assert review.current is None
-    assert any("look for a maker's object" in str(finding) for finding in review.findings)
+    assert any("looks for an object of the maker" in str(finding) for finding in review.findings)
 
 
 class Several(can.BusABC):

@@ -66,7 +66,7 @@ def test_a_first_robot_file_comes_from_a_urdf(hil: Hil, tmp_path: Path) -> None:
     status, out, _ = hil("robot", "new", "--urdf", urdf, "-o", robot)
     assert status == 0
     assert "2 joints from base to head: pan, tilt" in out
-    assert "angles within 3.7e-06 rad of a multiple of pi/2 were rounded to it" in out
+    assert "angles within 3.7e-06 rad of a multiple of pi/2 were rounded to that multiple" in out
     assert "10 lines marked !state must be filled in by you" in out
     assert "name: tilt\n    frame: {alpha: pi/2}\n" in robot.read_text()
     status, _, err = hil("robot", robot)

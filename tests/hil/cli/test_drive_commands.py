@@ -48,7 +48,7 @@ def test_an_identified_run_of_the_robot_shows_which_way_its_joints_turn(
     assert re.search(r"ok +direction of the joint +confirmed, gravity", out)
     status, _, err = hil("drives", "check", "manutec-r15", "--axis", 2, *model, "--yes")
     assert status == 2
-    assert "of its robot together" in " ".join(re.sub("│", " ", err).split())
+    assert "of the robot together" in " ".join(re.sub("│", " ", err).split())
 
 
 def test_a_sound_axis_passes_and_every_line_has_its_grade(hil: Hil) -> None:

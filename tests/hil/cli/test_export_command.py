@@ -99,7 +99,7 @@ def test_a_failed_model_is_written_by_force_alone_and_every_file_says_so_on_top(
     folder = spoilt(run, tmp_path / "failed")
     status, _, err = hil("export", folder, "--to", to, "-o", tmp_path / "out")
     assert status == 3
-    assert "its identification failed: axes 2 and 3 exchanged; exchange them; --force" in err
+    assert "identification failed: axes 2 and 3 exchanged; exchange them; --force" in err
     assert not (tmp_path / "out").exists()
     status, out, _ = hil("export", folder, "--to", to, "-o", tmp_path / "out", "--force")
     assert status == 0
@@ -190,7 +190,7 @@ def test_recordings_need_no_model(hil: Hil, manutec: Robot, tmp_path: Path) -> N
 def test_a_model_s_file_has_no_recordings(hil: Hil, run: Path, tmp_path: Path) -> None:
     status, _, err = hil("export", run / NAME, "--to", "mcap", "-o", tmp_path / "out")
     assert status == 1
-    assert "model.yaml: is a file, and mcap holds the recordings of a run; name the folder" in err
+    assert "model.yaml: is a file, but format mcap holds the recordings of a run; name" in err
     assert not (tmp_path / "out").exists()
 
 

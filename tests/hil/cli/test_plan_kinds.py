@@ -32,7 +32,7 @@ ROBOT = "manutec-r15"
             "trajectories are only checked against joint limits",
         ),
         ("--kind load --model RUN", "the robot is that of the run without the load"),
-        ("--kind friction --experiment stops", "stops takes one axis: --axis"),
+        ("--kind friction --experiment stops", "stops takes one axis; give it with --axis"),
         ("--kind strokes --at-most 4", "it is for load"),
         ("--with-trajectories", "for only trajectories use kind trajectory"),
     ],

@@ -104,8 +104,8 @@ def test_a_shared_core_is_never_occupied() -> None:
         core = name_measures(measures)["core"]
     assert not any(done.startswith("pin") for done in machine.log)
     assert core == (
-        "core: 2 shared with everything else; set one aside with isolcpus=N among the kernel's"
-        " parameters"
+        "core: all 2 are shared with other programs; reserve a core with the kernel parameter"
+        " isolcpus=N"
     )
 
 

@@ -27,6 +27,6 @@ def test_the_command_writes_a_page_and_its_status_says_whether_a_limit_was_passe
     carriage(6.0).save(tmp_path / "model.yaml")
     status, out, _ = hil(*command, "20mm")
     assert status == 3
-    assert "exceeds its limit" in out
+    assert "mm, at most 20.0 mm allowed" in " ".join(out.split())
     assert hil(*command, "2")[0] == 1
     assert hil(*command, "20mm", "--kp", "5")[0] == 2

@@ -44,8 +44,8 @@ def test_a_scan_of_an_empty_bus_says_what_to_check(hil: Hil) -> None:
     ("arguments", "message"),
     [
         (("drives", "scan", "--interface", "socketcan"), "needs a channel too"),
-        (("drives", "scan", "--nodes", "0-3"), "must be numbers of 1 to 127"),
-        (("drives", "scan", "--nodes", "six"), "must be numbers of 1 to 127"),
+        (("drives", "scan", "--nodes", "0-3"), "must be numbers from 1 to 127"),
+        (("drives", "scan", "--nodes", "six"), "must be numbers from 1 to 127"),
         (("drives", "new", "-o", "x.yaml"), "give data sheets with --eds, or a bus"),
     ],
 )

@@ -158,7 +158,8 @@ def test_quantiles_and_a_histogram_are_shown() -> None:
     commissioning.show_wake_ups(WakeUps(0.004, late), 0.85, console)
     lines = console.file.getvalue().splitlines()
     assert lines[0] == (
-        "late for 1000 deadlines at 250 Hz: 50 % 0.12 ms, 99 % 0.7 ms, 85 % 0.3 ms, longest 4.1 ms"
+        "delay of 1000 wake-ups at 250 Hz: 50 % within 0.12 ms, 99 % within 0.7 ms, 85 % within "
+        "0.3 ms, longest 4.1 ms"
     )
     rows = [line.split() for line in lines if "under" in line]
     assert rows[2] == ["under", "0.2", "ms", "800", "#" * 40]

@@ -130,7 +130,7 @@ def test_it_measures_identifies_predicts_and_is_pushed(
     assert (motions.ids, len(motions.missing)) == (("motion-1",), 1)
     said = trying._confirm(model, next(iter(motions)))
     shares = re.fullmatch(
-        r"residual (\S+) % of the torque on a new motion, (\S+) % on those measured; ", said
+        r"residual (\S+) % of the torque on a new motion, (\S+) % on the earlier ones; ", said
     )
     assert shares
     assert float(shares[1]) > float(shares[2])  # the arm was pushed in the new motion

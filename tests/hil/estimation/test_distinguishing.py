@@ -95,7 +95,7 @@ def test_an_axis_that_hardly_moves_is_stated_in_place_of_an_impossible_size(manu
         ("lode", "must be one of: load, joint offset"),
         ("joint offset of axis 7", "axis must be 1 to 6"),
         ("joint offset of axis two", "axis must be 1 to 6"),
-        ("zero:4", "with an axis it is 'joint offset of axis 4'"),
+        ("zero:4", "for one axis write 'joint offset of axis 4'"),
         ("load,", "must be one of"),
         ("slip", "depends on the time of a measurement"),
         ("drift of torque constant of axis 2", "depends on the time of a measurement"),

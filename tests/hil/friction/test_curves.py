@@ -73,7 +73,7 @@ def test_parameters_known_only_together_are_stated():
     v = both(np.linspace(2.0, 3.0, 8))
     tau = torque("cube-root", TRUTH["cube-root"], v) + 0.3 * rng.standard_normal(len(v))
     words = fit_model("cube-root", v, tau, LIMIT).unidentifiable
-    assert any("only known together" in word for word in words)
+    assert any("only their combination is known" in word for word in words)
 
 
 def test_two_speeds_do_not_determine_three_parameters():

@@ -184,7 +184,9 @@ def test_radians_taken_for_degrees_in_all_joints_are_remarked(tmp_path):
     write_csv(tmp_path / "data.csv", COLUMNS)
     content = changed(0, "position", unit="deg")
     content["joints"][1]["position"]["unit"] = "deg"
-    assert "of its range, the largest share of all joints; are unit" in imported(tmp_path, content)
+    assert "of its range, the largest share of all joints; check unit" in imported(
+        tmp_path, content
+    )
 
 
 def test_names_cannot_command_the_terminal():

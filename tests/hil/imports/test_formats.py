@@ -270,7 +270,7 @@ def test_lists_of_parquet_that_end_early_or_are_missing_lack_numbers(tmp_path):
         [[n, n, 0], [1, 2, 1], [3, n, 2], [n, n, 3], [4, 5, 4], [n, n, 5]],
     )
     found = open_table(tmp_path / "a.parquet", Format())
-    assert found.left_out == {"image": "lists of 1000 numbers, of 1 to 300 that are read"}
+    assert found.left_out == {"image": "lists of 1000 numbers; only lists of 1 to 300 are read"}
 
 
 @pytest.mark.parametrize("version", ["v7", "v7.3"])

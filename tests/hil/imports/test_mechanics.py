@@ -40,7 +40,9 @@ def said(seen, robot, **changes):
         )
     )
     assert all(each.certain for each in found)
-    return [(each.location, each.message.partition(": the model leaves")[0]) for each in found]
+    return [
+        (each.location, each.message.partition(": this correction leaves")[0]) for each in found
+    ]
 
 
 def test_the_right_map_raises_no_suspicion(seen, manutec):

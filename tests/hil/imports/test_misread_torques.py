@@ -57,7 +57,7 @@ def test_one_column_of_two_joints_is_named():
 def test_torques_of_motors_taken_for_those_of_joints_are_remarked():
     excerpts = [Excerpt(T, Q, sines(1) / 50, np.full_like(Q, np.nan), 3000)]
     every = suspicions(excerpts, Evidence.join(excerpts), PAIR, None, ())
-    said = [each for each in every if "are unit, gain and torque_side right?" in each.message]
+    said = [each for each in every if "check unit, gain and torque_side" in each.message]
     assert said
     assert not any(each.certain for each in said)
 

@@ -285,7 +285,7 @@ def test_groups_and_cells_of_a_mat_file_are_read_once(tmp_path: Path) -> None:
         cell.attrs["MATLAB_class"] = np.bytes_("cell")
     table = open_table(tmp_path / "a.mat", Format())
     assert table.names == ("g" + ".a" * 40 + ".q",)
-    assert table.left_out["g.b"] == "a second name of values that have one"
+    assert table.left_out["g.b"] == "a second name of the same values"
     assert "c{1}" in table.left_out
 
 

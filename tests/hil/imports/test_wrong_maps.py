@@ -254,7 +254,7 @@ DATA = {
     "a velocity that is something else": ({"v1": TAU[:, 0]}, "does not follow the position of"),
     "a torque of the wrong sign": (
         {"m1": -TAU[:, 0]},
-        "joints.0.torque.sign: axis 1: wrong sign of the torque: the model leaves"),
+        "joints.0.torque.sign: axis 1: wrong sign of the torque: this correction leaves"),
     "torques in another order": (
         {"m1": TAU[:, 1], "m2": TAU[:, 0]},
         "axes 1 and 2: torques exchanged"),
@@ -287,7 +287,7 @@ def test_a_locked_joint_of_a_noisy_encoder_stands_still(tmp_path):
     the_map = write_map(tmp_path, a_map(velocity=True))
     import_recordings([the_map], tmp_path / "run", stated.append)
     (suspicion,) = stated[0].suspicions
-    assert suspicion.message.endswith("are column and unit right?")
+    assert suspicion.message.endswith("check column and unit")
     assert "only gravity parameters of joint 2" in suspicion.message
     assert not suspicion.certain
 

@@ -119,7 +119,7 @@ def test_many_problems_are_counted_rather_than_listed(small_plan: Plan, manutec:
     q = (0.0, -1.8, 0.2, 0.0, 0.5, 0.0)
     found = problems(gravity_plan(small_plan, 2, *[q] * 15), manutec)
     assert len(found) == 11
-    assert found[-1] == "... and 5 more of that kind"
+    assert found[-1] == "... and 5 more problems of the plan"
 
 
 def test_the_stretch_proposed_is_long_enough(small_plan: Plan, manutec: Robot) -> None:

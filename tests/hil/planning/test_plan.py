@@ -110,7 +110,7 @@ def test_layout_and_comments_do_not_change_the_digest(small_plan: Plan) -> None:
         ("  stroke: 0.4\n", "", "plan.yaml:9: measurements.0.stroke: missing"),
         ("axis: 2", "axis: 9", "axis 9 must be one of the 6 joints that q names"),
         ("kind: gravity", "kind: levity", "'gravity', 'inertia', 'coupling'"),
-        ("id: i1", "id: g1", "numbers 0 and 1 share the id g1"),
+        ("id: i1", "id: g1", "measurements 0 and 1 have the same id g1"),
         ("id: g1", "id: ../g1", "plan.yaml:9: measurements.0.id: '../g1'"),
         ("    axis: 2", "    axis: 1", "partner.axis 1 must differ from axis 1"),
         ("travel: 0.3", "travel: 60", "plan.yaml:6: travel: 60: must be less than"),

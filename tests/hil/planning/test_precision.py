@@ -133,7 +133,7 @@ def test_coarse_encoders_on_direct_drives_make_a_plan_imprecise(manutec, plan):
     assert min(ratio) > 1.5
     assert max(ratio) > 8
     source = predict(robot, plan.measurements, PERIOD, few).source
-    assert "axis 1, 2, 3, 4, 5, 6: encoder increments make more noise than torques" in source
+    assert "axis 1, 2, 3, 4, 5, 6: encoder resolution causes more noise than the torque" in source
 
 
 def test_what_coarse_encoders_hide_of_an_inertia_is_foreseen(manutec):
@@ -165,7 +165,7 @@ def test_behind_gears_increments_hardly_count(manutec, plan):
 
 
 def test_increments_that_nobody_states_are_said_to_be_left_out(manutec):
-    assert "increments of the encoders not stated: left out" in stated_noise(manutec).source
+    assert "encoder resolution not stated: its noise is left out" in stated_noise(manutec).source
     assert "left out" not in stated_noise(manutec, increments=[1e-5] * 6).source
 
 

@@ -117,7 +117,7 @@ def test_a_plan_with_a_trajectory_reads_back(robot: Robot, designed: Trajectory)
 
 
 def test_rows_of_different_lengths_are_refused() -> None:
-    with pytest.raises(ValidationError, match="as many harmonics"):
+    with pytest.raises(ValidationError, match="the same number of harmonics"):
         Trajectory(id="t", q=(0.0, 0.0), period=1, sine=((1.0,), ()), cosine=((1.0,), (1.0,)))
 
 

@@ -299,10 +299,12 @@ class TestAdvice:
         encoders = term("coarse encoders", 3, accounted=False)
         items = self.advised(folder, found["improved"], budget=(gears, encoders))
         assert list(items)[:2] == ["axis 1, axis 3", "axis 3"]
-        assert items["axis 1, axis 3"].reason == "soft gears: a figure; ignored, 50 % of the error"
+        assert (
+            items["axis 1, axis 3"].reason == "soft gears: a figure; if ignored, 50 % of the error"
+        )
         assert items["axis 1, axis 3"].word == "good"
         assert items["axis 3"].reason == "coarse encoders: a figure; 50 % of the error"
-        assert items["axis 3"].remedy.startswith("encoders of higher resolution")
+        assert items["axis 3"].remedy.startswith("use encoders of higher resolution")
         assert items["axis 3"].word == "doubtful"
 
     def test_a_measurement_that_scatters_stands_out(self, folder, found):

@@ -106,7 +106,7 @@ class TestLoad:
 
     def test_the_report_has_table_3_of_the_robot(self, page):
         text = text_of(page)
-        table = text[text.index("Table 3 of this robot") : text.index("The load, in the last")]
+        table = text[text.index("like the paper's Table 3") : text.index("The load, in the last")]
         heads = ["without", "with load", "change", "std. error", "expected"]
         assert f" {' '.join(heads)} z " in table
         assert re.search(r"p13 gravity of axis 5( −?\d+\.\d+){6} -sz6", table)
@@ -153,7 +153,7 @@ class TestLoad:
         load, note = self.noted(copies, kept)
         assert load is None
         assert "load.yaml is stale and not shown: the recordings of" in note
-        assert "Make it anew with: hil payload" in note
+        assert "Write it anew with: hil payload" in note
 
     def test_without_the_other_run_it_is_still_shown(self, kept, copies):
         shutil.rmtree(copies / "bare")
@@ -203,7 +203,7 @@ class TestDiagnosis:
         assert names == {"gravity.svg", "inertia.svg", "phase.svg"}
         text = text_of(page_of(copies / "offset"))
         _, _, section = text.split("Parameters absent from the robot file", 2)  # after the contents
-        assert f"is {kept.found[0]}: add it to the robot file" in section
+        assert f"to be added to the robot file: {kept.found[0]}" in section
         assert "ranked by evidence" in section
 
     def test_one_of_another_estimate_is_stale(self, copies, diagnosis):
@@ -211,7 +211,7 @@ class TestDiagnosis:
         path = copies / "offset" / NAME
         path.write_text(path.read_text().replace(repr(kept.p[0]), repr(kept.p[0] + 0.01)))
         text = text_of(page_of(copies / "offset"))
-        assert "diagnosis.yaml is stale and not shown: the parameters of the same" in text
+        assert "diagnosis.yaml is stale and not shown: the present estimate" in text
 
     def test_a_run_that_was_not_diagnosed_has_no_such_section(self, bare_page):
         assert "Parameters absent from" not in bare_page

@@ -91,7 +91,7 @@ class TestTorques:
         self, model, motion
     ):
         bare = replace(model, friction_law=FrictionLaw.absent(6))
-        with pytest.raises(NotEnoughData, match=r"no law of friction: take parts=.* hil identify"):
+        with pytest.raises(NotEnoughData, match=r"no law of friction: use parts=.* hil identify"):
             bare.predict(*motion)
         rest = PARTS[:2]
         assert np.array_equal(bare.predict(*motion, parts=rest), model.predict(*motion, parts=rest))
@@ -101,7 +101,7 @@ class TestTorques:
         blind = replace(model, friction_law=FrictionLaw(axes=axes))
         assert blind.axes_without_friction == (6,)
         assert model.axes_without_friction == ()
-        with pytest.warns(FrictionUnknown, match="no law of friction of axis 6, .* --with") as seen:
+        with pytest.warns(FrictionUnknown, match="no law of friction of axis 6 .* --with") as seen:
             found = blind.predict(*motion)
         assert seen[0].filename == __file__
         assert np.array_equal(found[..., :5], model.predict(*motion)[..., :5])

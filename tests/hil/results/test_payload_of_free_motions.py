@@ -123,7 +123,7 @@ def test_a_mass_that_contradicts_the_runs_is_refused_with_the_gains_that_would_e
         found_in(runs, "", 1.5 * MASS)
     message = str(refused.value)
     assert re.search(r"a mass of 4\.2075 kg contradicts 2\.\d+ ± 0\.0\d+ kg by these runs", message)
-    assert re.search(r"gains of .*1\.\d+ times that of axis 2", message)
+    assert re.search(r"gains .*1\.\d+ times as large on axis 2", message)
     assert "--gains" in message
 
 

@@ -98,7 +98,7 @@ def test_an_estimate_at_the_edge_of_its_search_is_named_with_value_and_bound(
     model = replace(arm_model(), edges=(edge,))
     assert (
         "doubtful",
-        "axis 2: lag of the torque 12.0 ms, at the edge of the search, 12.0 ms",
+        "axis 2: lag of the torque 12.0 ms, at the limit of the search range, 12.0 ms",
     ) in words(model)
     model.save(tmp_path / "model.yaml")
     assert Model.load(tmp_path / "model.yaml").edges == (edge,)

@@ -114,7 +114,7 @@ def test_a_drive_that_feeds_forward_by_itself_besides_is_named(tracked: Path) ->
     axes = list(kept.axes)
     axes[1] = axes[1].model_copy(update={"rms": {"neither": 0.1, "velocity": 0.2, "both": 0.2}})
     doubled = kept.model_copy(update={"axes": tuple(axes)})
-    assert "axis 2: velocity makes the errors larger" in " ".join(notes(doubled))
+    assert "axis 2: velocity feed-forward makes the errors larger" in " ".join(notes(doubled))
     assert not any("larger" in note for note in notes(kept))
     assert [judge(each).kind for each in (kept, doubled)] == ["good", "doubtful"]
 

@@ -111,7 +111,7 @@ def test_an_identification_that_failed_is_refused_however_well_it_predicts(
     failed = replace(model, verdict=Judgement(word="failed", reason="axes 2 and 3 exchanged"))
     found = scored(failed, predicted_torques(failed, pooled([other])))
     assert found.word == "failed"
-    assert found.reason == "its identification failed: axes 2 and 3 exchanged"
+    assert found.reason == "the model's identification failed: axes 2 and 3 exchanged"
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def shaky(every: list[PredictedTorque]) -> list[PredictedTorque]:
     [
         (clipped, "largest torque; the drive was at its limit"),
         (asymmetric, "changes its sign with the direction|the model's friction is not"),
-        (shaky, "does not generalise|intervals are too narrow"),
+        (shaky, "does not hold for the speeds|intervals are too narrow"),
     ],
 )
 def test_what_is_wrong_with_a_recording_is_named(

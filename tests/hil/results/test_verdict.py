@@ -74,8 +74,8 @@ def test_of_two_causes_that_cannot_be_told_apart_none_is_to_be_corrected_at_once
     )
     assert str(verdict(replace(model, excluded=proof(load)))).startswith(
         "doubtful: axis 6: a load on the last link; or axis 5: joint offset error 18.9 ± 0.2 "
-        "degrees: indistinguishable in these data; determine which one before any change: take "
-        "the load off"
+        "degrees: indistinguishable in these data; determine which of these causes applies before "
+        "any change: take the load off"
     )
 
 

@@ -66,7 +66,7 @@ def test_a_report_shows_no_run_outside_of_the_folder_around_its_own(
         vars(report).pop("shown_torques", None)
         vars(report)["kept_model"] = SimpleNamespace(validations=[SimpleNamespace(run=named)])
         assert report.shown_torques == "its own"
-        with pytest.raises(FileError, match=r"names a run outside of .*; if you trust the folder"):
+        with pytest.raises(FileError, match=r"names a run outside of .*; if you trust that run"):
             _neighbour(run, run.path / named)
     assert _neighbour(run, run.path / "../other") == run.path / "../other"
 

@@ -107,7 +107,7 @@ def test_a_format_to_come_is_refused(
     with monkeypatch.context() as later:
         later.setattr("hil.runs.recording_file.FORMAT", 4)
         write_measured(tmp_path / "f.h5", Measured(motion, recording), manutec)
-    with pytest.raises(FileError, match=r"format 4 must be 1 to 3; use another version"):
+    with pytest.raises(FileError, match=r"format 4 must be 1 to 3; use the version that wrote it"):
         read_measured(tmp_path / "f.h5")
 
 

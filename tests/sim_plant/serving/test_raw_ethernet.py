@@ -105,4 +105,4 @@ def test_an_interface_that_there_is_not_is_named_with_those_that_there_are() -> 
     reason = "nowhere0: No such device; interfaces are lo" if os.geteuid() == 0 else "CAP_NET_RAW"
     assert reason in done.output
     done = CliRunner().invoke(app, [*command, "--bus-option", "a=1"])
-    assert "interface ethercat takes none" in done.output
+    assert "not for interface ethercat" in done.output

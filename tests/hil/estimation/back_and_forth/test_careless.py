@@ -74,14 +74,14 @@ def test_speeds_that_differ_too_much() -> None:
     message = refused(ways((0.0, 1.0), (1.0, 0.0), (0.5, 1.0)))
     assert "s: pair 1: forward at 0.501 rad/s, backward at 1 rad/s, a ratio above 1.5" in message
     assert "(and 1 more pair)" in message
-    assert "move in both directions at one speed, or write kind: free" in message
+    assert "move in both directions at the same speed, or write kind: free" in message
 
 
 def test_strokes_over_different_ways() -> None:
     message = refused(ways((0.0, 1.0), (2.2, 1.2), (0.5, 0.5)))
     assert "forward 0.0882 to 0.998 rad, backward 1.2 to 2.2 rad" in message
     assert "1 bins of position in common, at least 4 needed" in message
-    assert "move both strokes over one range" in message
+    assert "move both strokes over the same range" in message
 
 
 def test_strokes_that_are_over_before_the_low_pass_is() -> None:

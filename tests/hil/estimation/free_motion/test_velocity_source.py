@@ -61,7 +61,7 @@ def test_one_with_more_noise_is_not() -> None:
     for taken, reason in sources(data):
         assert not taken
         assert reason.startswith("the recorded velocity has ")
-        assert reason.endswith(" times the noise")
+        assert reason.endswith(" times the noise of the derivative")
 
 
 @pytest.mark.parametrize(("periods", "taken"), [(0.3, True), (-0.3, True), (3, False), (-3, False)])
@@ -76,7 +76,9 @@ def test_one_that_lags_by_more_than_half_a_period_is_not_taken(periods: float, t
 
 def test_one_that_contradicts_the_positions_is_not_taken() -> None:
     data = add_velocity(lambda time, seed: 1.5 * late(0.0)(time, seed))
-    assert sources(data) == [(False, "the recorded velocity differs by 50 %")] * 2
+    assert (
+        sources(data) == [(False, "the recorded velocity differs from the derivative by 50 %")] * 2
+    )
 
 
 def test_joints_are_judged_one_by_one() -> None:
