@@ -227,7 +227,10 @@ def show_distinguish(
 ) -> None:
     """Print the frequencies of causes confused by a plan, and by a distinguishing plan."""
     seeds = range(seed + 300, seed + 300 + n)
-    for name, more in (("as it is", ()), ("to distinguish", ("--distinguish", "load,joint offset"))):
+    for name, more in (
+        ("as it is", ()),
+        ("to distinguish", ("--distinguish", "load,joint offset")),
+    ):
         own = folder / name.replace(" ", "-")
         if not (own / "plan.yaml").exists():
             own.mkdir()
