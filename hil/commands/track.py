@@ -22,7 +22,7 @@ from hil.results.model import Model
 from hil.runs.atomic_file import write_file
 from hil.runs.run import Run
 from hil.runs.set_points import path_time
-from hil.show.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, chart
+from hil.show.charts.chart import GREEN, MUTED, PURPLE, Chart, Line, Panel, chart
 from hil.show.outcome import Outcome, Verdict
 from hil.show.rounding import significant
 from hil.show.section import Plot
@@ -42,8 +42,8 @@ PASSES = ("neither", "velocity", "both")
 """Feed-forward of the passes, in the order of the table."""
 PASS_LINES = {
     "neither": ("neither", MUTED),
-    "velocity": ("velocity", MODEL),
-    "both": ("velocity and torque", MEASURED),
+    "velocity": ("velocity", PURPLE),
+    "both": ("velocity and torque", GREEN),
 }
 """Label and colour of each pass of a tracking."""
 

@@ -111,6 +111,7 @@ def test_a_report_shows_what_its_model_was_worth_elsewhere(
     assert hil("report", first)[0] == 0
     page = (first / "report.html").read_text()
     assert "Judged by other recordings" in page
+    assert "on other recordings (../other): torque predicted within" in page.split("<main>")[0]
     assert "Held out: ../other," in page
     other.rename(other.parent / "elsewhere")
     assert hil("report", first)[0] == 0
