@@ -95,6 +95,7 @@ def _torque(each: PredictedTorque, robot: Robot) -> Panel:
         width=357.0,
         height=112.0,
         recording=each.measurement,
+        axis=each.axis,
     )
 
 

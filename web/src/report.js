@@ -2,7 +2,7 @@
 // common to the robot and all curves. Without this script, the page shows the same content without
 // these functions.
 import { curvesOf } from './curves_of.js';
-import { make } from './elements.js';
+import { make, shown } from './elements.js';
 import { inflate } from './packed.js';
 import { Player } from './player.js';
 import { Recorded } from './recorded.js';
@@ -87,10 +87,12 @@ class Saved {
   play() {
     this.panels = [...document.querySelectorAll('svg[data-r]')].map((svg) => {
       const [left, right, low, high] = svg.dataset.x.split(' ').map(Number);
-      const line = document.createElementNS('http://www.w3.org/2000/svg', 'path');
-      line.setAttribute('class', 'cursor');
-      svg.append(line);
-      return { svg, line, segment: this.segment(svg.dataset.r, true), left, right, low, high };
+      const segment = this.segment(svg.dataset.r, true);
+      const line = draw('path', { class: 'cursor' });
+      const end = { x: right, 'text-anchor': 'end', class: 'read' };
+      const [values, instant] = [{ ...end, y: 14 }, { ...end, y: svg.viewBox.baseVal.height - 5 }].map((each) => draw('text', each));
+      svg.append(line, values, instant);
+      return { svg, line, values, instant, segment, left, right, low, high, read: segment && this._reader(svg.dataset.axis, segment) };
     }).filter(({ segment }) => segment);
     for (const panel of this.panels) for (const name of ['pointermove', 'pointerdown']) panel.svg.addEventListener(name, (event) => this._point(panel, event));
     this.place = document.querySelector('.robot');
@@ -139,14 +141,30 @@ class Saved {
     if (x >= left && x <= right) this.player.seek(segment.begin + low + ((x - left) / (right - left)) * (high - low));
   }
 
+  /** Function that returns the torques of an axis at an instant, as text in the colours of their curves. */
+  _reader(axis, { begin, end }) {
+    const [measured, predicted, band] = ['torque', 'predicted', 'band'].map((name) => this.recorded[name]?.[axis]);
+    if (!measured) return () => [];
+    const most = Math.max(...measured.instants(begin, end, 100).map((t) => Math.abs(measured.at(t)[0])).filter(Number.isFinite));
+    return (t) => [[measured, 'measured'], [predicted, 'model', band]].map(([track, name, half]) => {
+      const [value, reach] = [track?.at(t)[0], half?.at(t)[0]];
+      if (!Number.isFinite(value)) return '';
+      const text = draw('tspan', { class: name });
+      text.textContent = `\u2002${shown(value, most)}${Number.isFinite(reach) ? ` ± ${shown(reach, most)}` : ''}`;
+      return text;
+    });
+  }
+
   _show() {
     const { time } = this.player;
     const now = this.data.segments[this.recorded.segment(time)];
     for (const each of this.curves) each.cursor(Math.min(Math.max(time, each.span[0]), each.span[1]));
-    for (const { svg, line, segment, left, right, low, high } of this.panels) {
+    for (const { svg, line, values, instant, segment, left, right, low, high, read } of this.panels) {
       const x = left + ((time - segment.begin - low) / (high - low)) * (right - left);
       const within = segment === now && x >= left && x <= right;
       line.setAttribute('d', within ? `M${x.toFixed(1)} ${TOP}V${svg.viewBox.baseVal.height - BOTTOM}` : '');
+      values.replaceChildren(...(within ? read(time) : []));
+      instant.textContent = within ? `${(time - segment.begin).toFixed(2)} s` : '';
     }
     if (!this.view) return;
     this.view.show(this.recorded.q(time));
@@ -214,6 +232,12 @@ class Saved {
     this.tip.style.left = `${scrollX + Math.max(4, Math.min(box.right + 6, right))}px`;
     this.tip.style.top = `${scrollY + box.top - this.tip.offsetHeight - 2}px`;
   }
+}
+
+function draw(tag, attributes) {
+  const element = document.createElementNS('http://www.w3.org/2000/svg', tag);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  return element;
 }
 
 function nearest(points, event) {
