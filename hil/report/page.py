@@ -21,7 +21,7 @@ from hil.show.charts.arm import arm
 from hil.show.html import environment
 from hil.show.outcome import Verdict
 from hil.show.page import write_html
-from hil.show.rounding import duration, when
+from hil.show.rounding import duration, significant, when
 from hil.view.page import view_script
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def _top(run: ReportedRun) -> dict[str, object]:
     took += f" in {sessions} sessions" if sessions > 1 else ""
     return {
         "title": f"{run.robot.name}: {'identified dynamics' if run.is_identified else 'friction'}",
-        "verdicts": tuple(_verdicts(run)) if run.is_identified else (),
+        "verdicts": tuple(_verdicts(run) if run.is_identified else _laws(run)),
         "facts": (
             *zip(begun, (began, bus), strict=True),
             ("Measurements", counts(run.campaign)),
@@ -133,6 +133,18 @@ def _verdicts(run: ReportedRun) -> Iterator[Verdict]:
         yield first._replace(text=f"on other recordings ({last.run}): {first.text}")
     elif run.model.band_residual is not None:
         yield Verdict("note", "note", f"on these recordings: {run.model.band_residual}")
+
+
+def _laws(run: ReportedRun) -> Iterator[Verdict]:
+    """Yield the chosen law of each axis of a run about friction alone, with its error."""
+    for each in run.friction.axes if run.friction else ():
+        error = each.models[each.chosen].held_out_error
+        tested = (
+            f", {significant(error, 3)} {run.robot.torque_unit(each.axis)} rms at held-out speeds"
+            if error is not None
+            else ""
+        )
+        yield Verdict("note", f"axis {each.axis + 1}", f"{each.chosen}{tested}")
 
 
 def _text(templates: Environment, section: Section) -> str:
