@@ -40,6 +40,7 @@ def replay(run: Run, found: Replay, limits: Mapping[bool, float]) -> Outcome:
         verdicts=(found.verdict(limits),),
         plots=(plot,),
         title=f"{run.robot.name}: replay",
+        facts={"Recordings": run.path.name, "Simulation": found.how},
         simulated=run.journal.simulated,
     )
 

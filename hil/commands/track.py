@@ -10,12 +10,13 @@ comparison: a difference means a wrong stated delay.
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from checked_files.yaml_file import FileModel
-from hil.commands.torques import played
+from hil.commands.torques import model_and_run, played
 from hil.errors import NotEnoughData
 from hil.planning.trajectory import Trajectory
 from hil.results.model import Model
@@ -30,7 +31,6 @@ from hil.show.table import Part, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
     from hil.arrays import Array
     from hil.runs.recording import Recording
@@ -249,13 +249,15 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
         "feed-forward; below, the smaller errors enlarged.",
     )
     run, words = runs[PASSES[0]], "Velocity and torque were fed forward. "
+    known = Model.load(model)
     return Outcome(
         (errors(found),),
         verdicts=(judge(found),),
         plots=(plot,),
         title=f"{run.robot.name}: following errors",
+        facts=model_and_run(Path(model), known, folder),
         simulated=any(each.journal.simulated for each in runs.values()),
-        played=lambda: played(Model.load(model), [runs[PASSES[-1]]], words),
+        played=lambda: played(known, [runs[PASSES[-1]]], words),
     )
 
 

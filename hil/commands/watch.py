@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.commands.torques import played
+from hil.commands.torques import model_and_run, played
 from hil.results.model import Model
 from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded
@@ -19,7 +20,6 @@ from hil.show.table import Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
     from hil.results.watch import Alarm, Sight, Watched
     from hil.runs.run import Run
@@ -59,6 +59,7 @@ def watch(folder: Path, run: Run | None, found: Watched, trace: Trace) -> Outcom
         verdicts=(found.verdict,),
         plots=(plot,),
         title=f"{model.robot.name}: watch",
+        facts=model_and_run(Path(found.model), model, folder),
         simulated=run is not None and run.journal.simulated,
         played=Played
         if run is None

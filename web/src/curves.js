@@ -235,7 +235,9 @@ export class Curve {
     pen.fillStyle = colour('--muted');
     instants.forEach((t, i) => {
       const unit = i === instants.length - 1 ? ' s' : '';
-      pen.fillText(`${t.toFixed(places).replace('-', '−')}${unit}`, this._x(from + t), this.height - 4);
+      const text = `${t.toFixed(places).replace('-', '−')}${unit}`;
+      // the last label stays within the canvas
+      pen.fillText(text, Math.min(this._x(from + t), this.width - pen.measureText(text).width / 2), this.height - 4);
     });
   }
 
