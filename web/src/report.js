@@ -105,7 +105,8 @@ class Saved {
     if (this.place) this._robot();
     this.player.addEventListener('time', () => this._show());
     const [first] = this.panels;
-    this.player.seek(first ? first.segment.begin + Math.max(first.low, 0) : 0);
+    this.start = first ? first.segment.begin + Math.max(first.low, 0) : 0;
+    this.player.seek(this.start);
   }
 
   _robot() {
@@ -171,8 +172,9 @@ class Saved {
       const x = left + ((time - segment.begin - low) / (high - low)) * (right - left);
       const within = segment === now && x >= left && x <= right;
       line.setAttribute('d', within ? `M${x.toFixed(1)} ${TOP}V${svg.viewBox.baseVal.height - BOTTOM}` : '');
-      values.replaceChildren(...(within ? read(time) : []));
-      instant.textContent = within ? `${(time - segment.begin).toFixed(2)} s` : '';
+      const chosen = within && time !== this.start;
+      values.replaceChildren(...(chosen ? read(time) : []));
+      instant.textContent = chosen ? `${(time - segment.begin).toFixed(2)} s` : '';
     }
     if (!this.view) return;
     this.view.show(this.recorded.q(time));

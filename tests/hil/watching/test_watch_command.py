@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -144,6 +145,7 @@ def test_what_was_found_is_stated_kept_and_drawn(pushed: tuple[Path, Result]) ->
     assert "<svg viewBox" in page
     assert ">SIMULATED<" in page
     assert "<strong>doubtful</strong> 2 alarms in" in page
+    assert re.search(r"2 alarms in \d:\d\d: axis 2 at [\d.]+ s, axis 4 at [\d.]+ s", page)
     assert 'data-r="t"' in page  # the recording with the alarms is played
     found = load_yaml(folder / NAME, Watched)
     assert found.learned == pytest.approx(LEARNED, abs=0.01)
