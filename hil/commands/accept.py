@@ -149,9 +149,10 @@ def accept(run: Run | Path | str, limits: Limits | Path | str) -> Acceptance:
     limits = limits if isinstance(limits, Limits) else load_yaml(Path(limits), Limits)
     _refuse_foreign(run, model, limits)
     checks = tuple(_checks(run, model, limits))
-    lost = sum(check.word == "failed" for check in checks)
-    many = "are outside their" if lost > 1 else "is outside its"
-    found = [failed(f"{lost} of {len(checks)} checks {many} limits")] if lost else []
+    lost = [check.subject for check in checks if check.word == "failed"]
+    many = "are outside their limits" if len(lost) > 1 else "is outside its limits"
+    which = ", ".join(lost[:3]) + (f" and {len(lost) - 3} more" if lost[3:] else "")
+    found = [failed(f"{len(lost)} of {len(checks)} checks {many}: {which}")] if lost else []
     within = f"all {len(checks)} checks are within their limits"
     return Acceptance.judge(found, lambda: good(within), checks=checks)
 
@@ -266,7 +267,7 @@ def _rank(value: float | str) -> float:
 
 def _rounded(value: float | str | None, least: float | str | None, most: float | None) -> str:
     """Write a value with one decimal place more than the limits need."""
-    if not isinstance(value, float) or not value or isinstance(least, str) or most is None:
+    if not isinstance(value, float) or value.is_integer() or isinstance(least, str) or most is None:
         return _text(value)
     return f"{value:.{_decimals(most - (least or 0.0)) + 1}f}"
 
@@ -343,6 +344,6 @@ def checked(found: Acceptance) -> Table:
                 *(signed(_text(each)) for each in (check.least, check.most)),
                 unit(check.unit),
             )
-            for check in found.checks
+            for check in sorted(found.checks, key=lambda each: each.word == "good")
         ),
     )

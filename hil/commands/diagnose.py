@@ -380,7 +380,7 @@ def _angle_panels(own: Sequence[LocalValue], robot: Robot, kind: ElementKind) ->
                     Points(shown, left - mean, error=error, ids=[value.id for value in own],
                            label="measured − modelled, ± 2 standard errors", size=2.5),
                 ),
-                title=f"${element}$ less mean {signed(f'{mean:.2g}')} {unit}",
+                title=f"${element}$ less mean {signed(f'{mean:.2g}')}",
                 x_label=f"$q_{{{joint + 1}}}$ [{'deg' if turns else 'mm'}]",
                 y_label=f"Δ${element}$ [{unit}]",
                 y_range=(-most, most),

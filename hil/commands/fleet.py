@@ -347,7 +347,7 @@ def _fleets_table(fleets: dict[str, Fleet], tested: dict[str, Deviations], rate:
     return table(
         "Fleets",
         (
-            Column("robot", folds=True),
+            Column("digest of the robot", folds=True),
             *figures("machines", "runs", "compared", "deviating"),
             "first run",
             "newest run",

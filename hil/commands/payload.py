@@ -152,6 +152,10 @@ def outcome(bare: Run, loaded: Sequence[Run], found: Load, kept: LoadFile) -> Ou
         sentences=tuple(others),
         verdicts=(Verdict(word, word, first),),
         title=f"{robot.name}: load",
+        facts={
+            "Without load": bare.path.name,
+            "With load": ", ".join(run.path.name for run in loaded),
+        },
         simulated=any(run.journal.simulated for run in (bare, *loaded)),
         played=partial(_predicted, bare, loaded, found),
     )

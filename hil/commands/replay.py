@@ -28,7 +28,6 @@ def replay(run: Run, found: Replay, limits: Mapping[bool, float]) -> Outcome:
     limits : mapping of bool to float
         Largest accepted error of revolute (True) and prismatic (False) joints [rad], [m].
     """
-    verdict = found.verdict(limits)
     plot = Plot(
         "positions",
         partial(positions, found),
@@ -38,9 +37,10 @@ def replay(run: Run, found: Replay, limits: Mapping[bool, float]) -> Outcome:
     )
     return Outcome(
         (found.table(),),
-        verdicts=() if verdict is None else (verdict,),
+        verdicts=(found.verdict(limits),),
         plots=(plot,),
         title=f"{run.robot.name}: replay",
+        facts={"Recordings": run.path.name, "Simulation": found.how},
         simulated=run.journal.simulated,
     )
 
@@ -54,10 +54,10 @@ def _panel(found: Replay, axis: int, most: int = 700) -> Panel:
     shown = max(found.recordings, key=lambda each: np.nanmax(np.abs(each.error[:, axis])))
     every = slice(None, None, max(1, len(shown.time) // most))
     time = shown.time[every]
+    unit, factor = found.unit(axis)
     recorded, simulated, error = (
-        x[every, axis] for x in (shown.recorded, shown.simulated, shown.error)
+        factor * x[every, axis] for x in (shown.recorded, shown.simulated, shown.error)
     )
-    unit = found.robot.position_unit(axis)
     return Panel(
         (
             Line(time, recorded, MEASURED, "recorded"),
@@ -67,8 +67,8 @@ def _panel(found: Replay, axis: int, most: int = 700) -> Panel:
         x_label="time [s]",
         y_label=f"position [{unit}]",
         below=Panel(
-            (Rule(0.0), Line(time, 1e3 * error, MODEL, width=0.9)),
-            y_label=f"Δ [m{unit}]",
+            (Rule(0.0), Line(time, error, MODEL, width=0.9)),
+            y_label=f"Δ [{unit}]",
             height=42.0,
         ),
         width=357.0,

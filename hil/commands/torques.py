@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ from hil.show.charts.arm import arm
 from hil.show.charts.chart import MEASURED, MODEL, Band, Chart, Line, Panel, Rule, chart
 from hil.show.deflated import deflate
 from hil.show.outcome import Played
+from hil.show.rounding import when
 from hil.show.section import Plot
 from hil.view.along_motion import concatenate_recordings, join_predictions
 from hil.view.page import view_script
@@ -20,6 +22,7 @@ from hil.view.stretches import most_demanding, stretches
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     from hil.arrays import Array
     from hil.model.robot import Robot
@@ -65,6 +68,15 @@ def played(model: Model, runs: Sequence[Run], words: str = "") -> Played:
     return Played((plot,), packed_recordings(robot, shown), view_script(), picture)
 
 
+def model_and_run(path: Path, model: Model, folder: Path) -> dict[str, str]:
+    """Return the facts of a page on a model and recordings: folder, model file, identification."""
+    return {
+        "Recordings": folder.name,
+        "Model": os.path.relpath(path, folder),
+        "Identified": when(model.provenance.identified),
+    }
+
+
 def torque_chart(shown: Sequence[PredictedTorque], robot: Robot) -> Chart:
     """Draw measured and predicted torque with interval for each axis, residuals below."""
     return chart(_torque(each, robot) for each in shown)
@@ -95,6 +107,7 @@ def _torque(each: PredictedTorque, robot: Robot) -> Panel:
         width=357.0,
         height=112.0,
         recording=each.measurement,
+        axis=each.axis,
     )
 
 

@@ -10,19 +10,20 @@ comparison: a difference means a wrong stated delay.
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from checked_files.yaml_file import FileModel
-from hil.commands.torques import played
+from hil.commands.torques import model_and_run, played
 from hil.errors import NotEnoughData
 from hil.planning.trajectory import Trajectory
 from hil.results.model import Model
 from hil.runs.atomic_file import write_file
 from hil.runs.run import Run
 from hil.runs.set_points import path_time
-from hil.show.charts.chart import MEASURED, MODEL, MUTED, Chart, Line, Panel, chart
+from hil.show.charts.chart import GREEN, MUTED, PURPLE, Chart, Line, Panel, chart
 from hil.show.outcome import Outcome, Verdict
 from hil.show.rounding import significant
 from hil.show.section import Plot
@@ -30,7 +31,6 @@ from hil.show.table import Part, Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
     from hil.arrays import Array
     from hil.runs.recording import Recording
@@ -42,8 +42,8 @@ PASSES = ("neither", "velocity", "both")
 """Feed-forward of the passes, in the order of the table."""
 PASS_LINES = {
     "neither": ("neither", MUTED),
-    "velocity": ("velocity", MODEL),
-    "both": ("velocity and torque", MEASURED),
+    "velocity": ("velocity", PURPLE),
+    "both": ("velocity and torque", GREEN),
 }
 """Label and colour of each pass of a tracking."""
 
@@ -251,13 +251,15 @@ def track(folder: Path, model: str, delay: float) -> Outcome:
         "feed-forward; below, the smaller errors enlarged.",
     )
     run, words = runs[PASSES[0]], "Velocity and torque were fed forward. "
+    known = Model.load(model)
     return Outcome(
         (errors(found),),
         verdicts=(judge(found),),
         plots=(plot,),
         title=f"{run.robot.name}: following errors",
+        facts=model_and_run(Path(model), known, folder),
         simulated=any(each.journal.simulated for each in runs.values()),
-        played=lambda: played(Model.load(model), [runs[PASSES[-1]]], words),
+        played=lambda: played(known, [runs[PASSES[-1]]], words),
     )
 
 

@@ -11,7 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from checked_files.yaml_file import FileModel
-from hil.commands.torques import played
+from hil.commands.torques import model_and_run, played
 from hil.results.judgement import KeptJudgement
 from hil.results.model import Model
 from hil.results.provenance import RunStamp
@@ -70,6 +70,7 @@ def validate(model: Model, model_path: Path, run: Run, accuracy: float) -> Outco
     tables = scores(found, remarks(model, run)), left
     return Outcome(
         tables, verdicts=found.verdicts, title=title, simulated=simulated,
+        facts=model_and_run(model_path, model, run.path),
         played=partial(played, model, [run]),
     )  # fmt: skip
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.commands.torques import played
+from hil.commands.torques import model_and_run, played
 from hil.results.model import Model
-from hil.results.watch import hardly_watched
 from hil.runs.atomic_file import write_file
 from hil.runs.pooling import recorded
 from hil.show.charts.chart import MEASURED, MODEL, Band, Chart, Line, Panel, Rule, chart
@@ -20,7 +20,6 @@ from hil.show.table import Table, figures, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
     from hil.results.watch import Alarm, Sight, Watched
     from hil.runs.run import Run
@@ -47,19 +46,20 @@ def watch(folder: Path, run: Run | None, found: Watched, trace: Trace) -> Outcom
     where = (
         "around its first alarm, or at the end without one"
         if found.alarms
-        else "at the end of the watch: no alarm"
+        else "at the end of the watch, without an alarm"
     )
     plot = Plot(
         "watch",
         partial(alarm_chart, trace, units),
         f"Measured and predicted torque of every axis {where}.",
-        f"Torques of each axis {where}: means over the window of the threshold.",
+        f"Torques of each axis {where}; means over the window of the threshold.",
     )
     return Outcome(
         (watched(found), alarms(found)),
         verdicts=(found.verdict,),
         plots=(plot,),
         title=f"{model.robot.name}: watch",
+        facts=model_and_run(Path(found.model), model, folder),
         simulated=run is not None and run.journal.simulated,
         played=Played
         if run is None
@@ -97,7 +97,7 @@ def watched(found: Watched) -> Table:
         "torques above friction are detected. Blind: share of time, around reversals and at "
         "rest, in which a tenth of the torque limit is not detected within 20 ms; dim: the "
         "same for a twentieth of the limit within 0.1 s.",
-        (f"thresholds learned from {clock(found.learned)} of motion", *hardly_watched(found)),
+        (f"thresholds learned from {clock(found.learned)} of motion",),
     )
 
 

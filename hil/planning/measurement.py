@@ -269,7 +269,7 @@ _TABLE = (
         Inertia,
         "Axis {axis} accelerates back and forth",
         "Torque per acceleration is the moment of inertia about the axis.",
-        DIAGONAL, "i", 80, "M", "inertia", "kg m²", pair=False, colour="#d9730d",
+        DIAGONAL, "i", 80, "M", "inertia", "kg m²", pair=False, colour="#8a5fb0",
         marker="s",
         elements="moments of inertia",
         figure="Fig. 6",

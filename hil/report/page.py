@@ -19,12 +19,13 @@ from hil.runs.atomic_file import file_errors, write_file
 from hil.runs.run import opened
 from hil.show.charts.arm import arm
 from hil.show.html import environment
+from hil.show.outcome import Verdict
 from hil.show.page import write_html
-from hil.show.rounding import duration, when
+from hil.show.rounding import duration, significant, when
 from hil.view.page import view_script
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from jinja2 import Environment
 
@@ -112,13 +113,38 @@ def _top(run: ReportedRun) -> dict[str, object]:
     took += f" in {sessions} sessions" if sessions > 1 else ""
     return {
         "title": f"{run.robot.name}: {'identified dynamics' if run.is_identified else 'friction'}",
-        "outcome": run.model.verdict if run.is_identified else None,
+        "verdicts": tuple(_verdicts(run) if run.is_identified else _laws(run)),
         "facts": (
             *zip(begun, (began, bus), strict=True),
             ("Measurements", counts(run.campaign)),
             ("Recorded" if source.imported else "Robot time", took),
         ),
     }
+
+
+def _verdicts(run: ReportedRun) -> Iterator[Verdict]:
+    """Yield the judgement of the model, and its error on other recordings or on its own."""
+    if run.model.verdict is not None:
+        yield run.model.verdict.verdicts[0]
+    validations = run.kept_model.validations if run.kept_model else ()
+    if validations:
+        last = validations[-1]
+        first = last.verdicts[0]
+        yield first._replace(text=f"on other recordings ({last.run}): {first.text}")
+    elif run.model.band_residual is not None:
+        yield Verdict("note", "note", f"on these recordings: {run.model.band_residual}")
+
+
+def _laws(run: ReportedRun) -> Iterator[Verdict]:
+    """Yield the chosen law of each axis of a run about friction alone, with its error."""
+    for each in run.friction.axes if run.friction else ():
+        error = each.models[each.chosen].held_out_error
+        tested = (
+            f", {significant(error, 3)} {run.robot.torque_unit(each.axis)} rms at held-out speeds"
+            if error is not None
+            else ""
+        )
+        yield Verdict("note", f"axis {each.axis + 1}", f"{each.chosen}{tested}")
 
 
 def _text(templates: Environment, section: Section) -> str:

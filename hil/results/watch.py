@@ -136,7 +136,10 @@ class Watched(FileModel):
         word = "doubtful" if self.alarms or hardly_watched(self) else "good"
         # a rate per hour says nothing about a shorter time
         often = f", {self.rate:.3g} per hour" if self.watched >= 3600 else ""
-        return Verdict(word, word, f"{count} in {clock(self.watched)}{often}")
+        first = ", ".join(f"axis {each.axis} at {each.time:.1f} s" for each in self.alarms[:3])
+        more = ", ..." if self.alarms[3:] else ""
+        found = f"{count} in {clock(self.watched)}{often}{': ' * bool(first)}{first}{more}"
+        return Verdict(word, word, "; ".join((found, *hardly_watched(self))))
 
 
 def hardly_watched(found: Watched, mostly: float = 0.5) -> tuple[str, ...]:

@@ -92,7 +92,7 @@ class Segment:
 RECORDED_ELSEWHERE = str(FreeMotion.model_fields["kind"].default)
 BETWEEN = {"travel": "#6b7885", "warm-up": "#94722f"}
 """Motion between measurements, with colours."""
-_FURTHER = ("#8b4fb0", "#0f7c8a", "#a3354f")
+_FURTHER = ("#7a7a1e", "#0f7c8a", "#a3354f")
 """Colours of kinds without a colour of their own."""
 
 

@@ -6,6 +6,7 @@ const LEFT = 58;
 const BOTTOM = 18;
 const RIGHT = 16;
 const TOP = 8;
+const DRAG = 8; // least drag that selects a span of time [pixels]
 
 /** Round values for the labels of a scale. */
 export function ticks(low, high, most) {
@@ -40,7 +41,7 @@ function parts(values) {
 
 export class Curve {
   /** `lines(joint)` gives {name, value(t), instants(begin, end, n), dashed, colour, band(t)}. */
-  constructor(host, { title, lines, seek, bounds = () => [], least = () => 0, height = HEIGHT }) {
+  constructor(host, { title, lines, seek, zoom, bounds = () => [], least = () => 0, height = HEIGHT }) {
     Object.assign(this, { height, lines, title, bounds, least });
     this.figure = document.createElement('figure');
     this.figure.className = 'curve';
@@ -57,9 +58,34 @@ export class Curve {
     this.values.setAttribute('aria-hidden', 'true'); // the canvas has a label of its own
     this.figure.append(this.caption, this.canvas, this.mark, this.values);
     host.append(this.figure);
-    this.canvas.addEventListener('pointerdown', (event) => this.span && seek(this._instant(event)));
-    this.canvas.addEventListener('pointermove', (event) => this.span && this._read(this._instant(event)));
+    const on = (name, action) => this.canvas.addEventListener(name, (event) => this.span && action(this._instant(event), event));
+    on('pointerdown', seek);
+    on('pointermove', (t) => this._read(t));
     this.canvas.addEventListener('pointerleave', () => this.values.replaceChildren());
+    if (zoom) this._select(on, zoom);
+  }
+
+  /** Zoom to the span of time passed by a drag; a double click shows the whole again. */
+  _select(on, zoom) {
+    const shade = document.createElement('div');
+    shade.className = 'selection';
+    this.figure.append(shade);
+    let from = null;
+    const wide = (t) => from !== null && Math.abs(this._x(t) - this._x(from)) > DRAG;
+    const end = () => { from = null; shade.style.width = 0; };
+    on('pointerdown', (t, { pointerId }) => { from = t; this.canvas.setPointerCapture(pointerId); });
+    on('pointermove', (t) => {
+      if (!wide(t)) return;
+      const [left, right] = [from, t].map((each) => this._x(each)).sort((a, b) => a - b);
+      Object.assign(shade.style, { left: `${left}px`, width: `${right - left}px`, top: `${this.canvas.offsetTop + TOP}px`, height: this.mark.style.height });
+    });
+    on('pointerup', (t) => {
+      const span = wide(t) && [from, t].sort((a, b) => a - b);
+      end();
+      if (span) zoom(span);
+    });
+    on('pointercancel', end);
+    on('dblclick', () => zoom());
   }
 
   /** Instant under the pointer. */
@@ -84,7 +110,7 @@ export class Curve {
    * Redraw for a joint and a span of time counted from `origin`, with a rule at each of `marks`.
    */
   draw(joint, begin, end, { origin = begin, marks = [] } = {}) {
-    Object.assign(this, { span: [begin, end], origin, marks });
+    Object.assign(this, { joint, span: [begin, end], origin, marks });
     this.caption.replaceChildren(...this._caption(joint));
     this.drawn = this.lines(joint).map((line) => {
       const t = line.instants(begin, end, 300);
@@ -104,7 +130,7 @@ export class Curve {
 
   /** Mark an instant. */
   cursor(t) {
-    this.mark.hidden = false;
+    this.mark.hidden = t < this.span[0] || t > this.span[1];
     this.mark.style.left = `${this._x(t)}px`;
     this.mark.style.top = `${this.canvas.offsetTop + TOP}px`;
   }
@@ -209,7 +235,9 @@ export class Curve {
     pen.fillStyle = colour('--muted');
     instants.forEach((t, i) => {
       const unit = i === instants.length - 1 ? ' s' : '';
-      pen.fillText(`${t.toFixed(places).replace('-', '−')}${unit}`, this._x(from + t), this.height - 4);
+      const text = `${t.toFixed(places).replace('-', '−')}${unit}`;
+      // the last label stays within the canvas
+      pen.fillText(text, Math.min(this._x(from + t), this.width - pen.measureText(text).width / 2), this.height - 4);
     });
   }
 

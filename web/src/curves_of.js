@@ -4,8 +4,8 @@ import { Curve } from './curves.js';
 
 const LEAST = 0.02; // minimum span of a torque scale as a share of the torque limit, so that noise does not fill the scale
 
-/** Draw curves into a host; a click on one calls seek(t). */
-export function curvesOf(host, { robot: { joints }, workspace, prediction }, recorded, seek) {
+/** Draw curves into a host; a click on one calls seek(t), a drag zoom([begin, end]), a double click zoom(). */
+export function curvesOf(host, { robot: { joints }, workspace, prediction }, recorded, seek, zoom) {
   const line = (track, name, colour, rest = {}) => ({
     name, colour, value: (t) => track.at(t)[0], instants: (...span) => track.instants(...span), ...rest,
   });
@@ -15,7 +15,7 @@ export function curvesOf(host, { robot: { joints }, workspace, prediction }, rec
     ...(of ? [line(of[j], 'measured', '--measured')] : []),
     ...(planned ? [line(planned[j], setPoint, '--planned', { dashed: Boolean(measured), value: (t) => planned[j].at(t)[rate] })] : []),
   ];
-  const add = (title, lines, rest) => new Curve(host, { title, lines, seek, ...rest });
+  const add = (title, lines, rest) => new Curve(host, { title, lines, seek, zoom, ...rest });
   const within = (j) => (band ? { band: (t) => band[j].at(t)[0] } : {});
   const found = [];
   if (torque || predicted) {

@@ -96,7 +96,7 @@ export class LiveCurves {
       for (const each of curves) {
         each.draw(j, begin, end, { origin: passing ? recorded.duration : begin, marks });
         if (this.back) each.cursor(t);
-        each.mark.hidden = !this.back || t < begin || t > end;
+        else each.mark.hidden = true;
       }
     });
   }

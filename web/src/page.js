@@ -56,7 +56,10 @@ class Played {
       torque: Boolean(recorded.torque ?? recorded.predicted),
       error: Boolean(recorded.measured && recorded.planned),
     });
-    this.curves = curvesOf(at('curves'), data, recorded, (t) => player.seek(t));
+    this.curves = curvesOf(at('curves'), data, recorded, (t) => player.seek(t), (span) => {
+      this.span = span;
+      this._draw();
+    });
     this._controls();
     player.addEventListener('time', () => this.follow());
     player.addEventListener('state', () => this._showState());
@@ -89,6 +92,7 @@ class Played {
 
   _enter(number) {
     this.segment = number;
+    this.span = undefined;
     const { words, problem, axes } = this.current;
     at('now').textContent = words;
     at('problem').textContent = problem ?? '';
@@ -115,7 +119,7 @@ class Played {
   _draw() {
     if (this.segment < 0) return;
     const { begin, end } = this.current;
-    for (const curve of this.curves) curve.draw(this.joint, begin, end);
+    for (const curve of this.curves) curve.draw(this.joint, ...this.span ?? [begin, end], { origin: begin });
     for (const curve of this.curves) curve.cursor(this.player.time);
   }
 

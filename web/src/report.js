@@ -2,7 +2,7 @@
 // common to the robot and all curves. Without this script, the page shows the same content without
 // these functions.
 import { curvesOf } from './curves_of.js';
-import { make } from './elements.js';
+import { make, shown } from './elements.js';
 import { inflate } from './packed.js';
 import { Player } from './player.js';
 import { Recorded } from './recorded.js';
@@ -10,7 +10,7 @@ import { RobotView } from './robot_view.js';
 
 const NEAR = 12; // maximum distance from the pointer to the selected point [pixels]
 const [TOP, BOTTOM] = [24, 38]; // margin of a panel outside its axes [pixels]
-const NOTE = 'Blue: as recorded, after the low-pass where there is a prediction. Orange: as the model predicts it, with its interval of 95 %.';
+const NOTE = 'Blue: as recorded, after the low-pass where there is a prediction. Orange: as the model predicts it, with its interval of 95 %. A drag across a curve zooms all curves; a double click shows the whole.';
 
 export async function report() {
   const data = await inflate(document.getElementById('carried').textContent);
@@ -45,18 +45,21 @@ class Saved {
   }
 
   /** Open the curves of a recording, with the robot above them. */
-  open(id) {
-    const segment = this.segment(id);
+  open(segment, t = segment.begin) {
     const { begin, end, words, axes } = segment;
     const body = make('div', { class: 'curves' });
     this._dialog(words, ...(this.host ? [this.host] : []), body, make('p', { class: 'small', text: NOTE }));
+    const zoom = (span = [begin, end]) => {
+      for (const each of this.curves) each.draw(each.joint, ...span, { origin: begin });
+      this._show();
+    };
     this.curves = axes.flatMap((joint) => {
-      const own = curvesOf(body, this.data, this.recorded, (t) => this.player.seek(t));
+      const own = curvesOf(body, this.data, this.recorded, (at) => this.player.seek(at), zoom);
       for (const each of own) each.draw(joint, begin, end);
       return own;
     });
     this.view?.highlight(axes);
-    this.player.seek(begin);
+    this.player.seek(t);
   }
 
   _dialog(title, ...content) {
@@ -79,7 +82,7 @@ class Saved {
 
   _parameter({ title, by }) {
     const items = by.map(([id, share]) => make('li', { style: `--share: ${share}%` },
-      make('button', { type: 'button', text: id, onclick: () => this.open(id) }), ` ${share} %`));
+      make('button', { type: 'button', text: id, onclick: () => this.open(this.segment(id)) }), ` ${share} %`));
     this._dialog(title, make('p', { text: 'Recordings that carry it, with their shares in its certainty:' }), make('ol', { class: 'carriers' }, ...items));
   }
 
@@ -87,17 +90,23 @@ class Saved {
   play() {
     this.panels = [...document.querySelectorAll('svg[data-r]')].map((svg) => {
       const [left, right, low, high] = svg.dataset.x.split(' ').map(Number);
-      const line = document.createElementNS('http://www.w3.org/2000/svg', 'path');
-      line.setAttribute('class', 'cursor');
-      svg.append(line);
-      return { svg, line, segment: this.segment(svg.dataset.r, true), left, right, low, high };
+      const segment = this.segment(svg.dataset.r, true);
+      const line = draw('path', { class: 'cursor' });
+      const end = { x: right, 'text-anchor': 'end', class: 'read' };
+      const [values, instant] = [{ ...end, y: 14 }, { ...end, y: svg.viewBox.baseVal.height - 5 }].map((each) => draw('text', each));
+      svg.append(line, values, instant);
+      return { svg, line, values, instant, segment, left, right, low, high, read: segment && this._reader(svg.dataset.axis, segment) };
     }).filter(({ segment }) => segment);
-    for (const panel of this.panels) for (const name of ['pointermove', 'pointerdown']) panel.svg.addEventListener(name, (event) => this._point(panel, event));
+    for (const panel of this.panels) {
+      panel.svg.addEventListener('pointermove', (event) => this._point(panel, event));
+      panel.svg.addEventListener('click', (event) => this._point(panel, event) && this.open(panel.segment, this.player.time));
+    }
     this.place = document.querySelector('.robot');
     if (this.place) this._robot();
     this.player.addEventListener('time', () => this._show());
     const [first] = this.panels;
-    this.player.seek(first ? first.segment.begin + Math.max(first.low, 0) : 0);
+    this.start = first ? first.segment.begin + Math.max(first.low, 0) : 0;
+    this.player.seek(this.start);
   }
 
   _robot() {
@@ -136,17 +145,36 @@ class Saved {
   _point({ svg, segment, left, right, low, high }, { clientX }) {
     const box = svg.getBoundingClientRect();
     const x = ((clientX - box.left) / box.width) * svg.viewBox.baseVal.width;
-    if (x >= left && x <= right) this.player.seek(segment.begin + low + ((x - left) / (right - left)) * (high - low));
+    const within = x >= left && x <= right;
+    if (within) this.player.seek(segment.begin + low + ((x - left) / (right - left)) * (high - low));
+    return within;
+  }
+
+  /** Function that returns the torques of an axis at an instant, as text in the colours of their curves. */
+  _reader(axis, { begin, end }) {
+    const [measured, predicted, band] = ['torque', 'predicted', 'band'].map((name) => this.recorded[name]?.[axis]);
+    if (!measured) return () => [];
+    const most = Math.max(...measured.instants(begin, end, 100).map((t) => Math.abs(measured.at(t)[0])).filter(Number.isFinite));
+    return (t) => [[measured, 'measured'], [predicted, 'model', band]].map(([track, name, half]) => {
+      const [value, reach] = [track?.at(t)[0], half?.at(t)[0]];
+      if (!Number.isFinite(value)) return '';
+      const text = draw('tspan', { class: name });
+      text.textContent = `\u2002${shown(value, most)}${Number.isFinite(reach) ? ` ± ${shown(reach, most)}` : ''}`;
+      return text;
+    });
   }
 
   _show() {
     const { time } = this.player;
     const now = this.data.segments[this.recorded.segment(time)];
-    for (const each of this.curves) each.cursor(Math.min(Math.max(time, each.span[0]), each.span[1]));
-    for (const { svg, line, segment, left, right, low, high } of this.panels) {
+    for (const each of this.curves) each.cursor(time);
+    for (const { svg, line, values, instant, segment, left, right, low, high, read } of this.panels) {
       const x = left + ((time - segment.begin - low) / (high - low)) * (right - left);
       const within = segment === now && x >= left && x <= right;
       line.setAttribute('d', within ? `M${x.toFixed(1)} ${TOP}V${svg.viewBox.baseVal.height - BOTTOM}` : '');
+      const chosen = within && time !== this.start;
+      values.replaceChildren(...(chosen ? read(time) : []));
+      instant.textContent = chosen ? `${(time - segment.begin).toFixed(2)} s` : '';
     }
     if (!this.view) return;
     this.view.show(this.recorded.q(time));
@@ -180,7 +208,7 @@ class Saved {
     on('pointerleave', () => this._mark());
     on('click', (event) => {
       const point = nearest(points, event);
-      if (point) this.open(point.dataset.m);
+      if (point) this.open(this.segment(point.dataset.m));
     });
     on('focusin', ({ target }) => target.dataset.m && this._mark(target));
     on('focusout', () => this._mark());
@@ -191,7 +219,7 @@ class Saved {
     const at = points.indexOf(event.target);
     const way = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
     if (at < 0) return;
-    if (event.key === 'Enter' || event.key === ' ') this.open(event.target.dataset.m);
+    if (event.key === 'Enter' || event.key === ' ') this.open(this.segment(event.target.dataset.m));
     else if (way) {
       const next = points[(at + way + points.length) % points.length];
       event.target.setAttribute('tabindex', '-1');
@@ -214,6 +242,12 @@ class Saved {
     this.tip.style.left = `${scrollX + Math.max(4, Math.min(box.right + 6, right))}px`;
     this.tip.style.top = `${scrollY + box.top - this.tip.offsetHeight - 2}px`;
   }
+}
+
+function draw(tag, attributes) {
+  const element = document.createElementNS('http://www.w3.org/2000/svg', tag);
+  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+  return element;
 }
 
 function nearest(points, event) {

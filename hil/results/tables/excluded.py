@@ -34,11 +34,12 @@ def excluded(
     """Return the smallest detectable sizes of causes, axis by axis."""
     resting = sorted({each.axis for each in proof.limits if not each.testable})
     untested = [f"{UNTESTED}: {untestable(resting, source)}"] if resting else []
-    axes = (f"axis {axis}" for axis in range(1, n_joints + 1))
+    axes = _columns(proof, n_joints)
+    heads = (f"axis {axis}" if axis else "arm" for axis in axes)
     return table(
         title,
-        ("cause larger than", "unit", *figures(*axes, "effect, %")),
-        _rows(proof, n_joints),
+        ("cause larger than", "unit", *figures(*heads, "effect, %")),
+        _rows(proof, axes),
         "Sizes found with a probability of 80 %, at a probability of 5 % for a false alarm in "
         f"{proof.tests} tests together; effect: largest torque of a cause of this size.",
         (note, *untested),
@@ -73,18 +74,22 @@ def change_by_cause(
     return excluded(proof, n_joints, title), *(said or [nothing])
 
 
-def _rows(proof: Excluded, n_joints: int) -> Iterator[Row]:
+def _columns(proof: Excluded, n_joints: int) -> range:
+    """Return the axes of the columns; 0, for the arm, only if a cause concerns no axis."""
+    return range(0 if any(not each.axis for each in proof.limits) else 1, n_joints + 1)
+
+
+def _rows(proof: Excluded, axes: Sequence[int]) -> Iterator[Row]:
     for cause, part in dict.fromkeys((each.cause, each.part) for each in proof.limits):
         own = [each for each in proof.limits if (each.cause, each.part) == (cause, part)]
         name, units = f"{cause} {part}".strip(), dict.fromkeys(each.unit for each in own)
-        axes = range(1, n_joints + 1) if own[0].axis else (0,)
         # a limit is the size that would have been found, which is irrelevant for a found cause
         cells = [
             FOUND
             if (cause, axis) in proof.places
             else _cell([each for each in own if each.axis == axis])
             for axis in axes
-        ] + [""] * (n_joints - len(axes))
+        ]
         shown = [
             each.torque * each.size
             for each in own

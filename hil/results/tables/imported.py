@@ -99,7 +99,7 @@ def left_by_fit(model: IdentifiedRobot) -> Table:
     together = significant(float(np.sqrt(np.nansum(model.residual**2))), 3)
     return table(
         f"Residual torque of the fit, {samples}",
-        ("axis", *figures("rms, N m or N", "% of the torque")),
+        ("axis", *figures(f"rms, {model.robot.torque_units}", "% of the torque")),
         (*rows, ("all", together, significant(100 * fit.overall_residual, 3))),
         "Root mean square of the low-passed residual, and ratio to that of the torque.",
     )
@@ -175,11 +175,12 @@ def _bias(fit: FreeMotionFit) -> str:
     return f"noise of the positions does not bias least squares ({tested})"
 
 
-def curves(fit: BackAndForthFit) -> Table:
+def curves(fit: BackAndForthFit, robot: Robot) -> Table:
     """Return the friction curves of the axes."""
+    heads = f"speed, {robot.position_units}/s", f"friction, {robot.torque_units}"
     return table(
         "Friction over the speed",
-        ("axis", *figures("speed, rad/s or m/s", "friction, N m or N", "± 95 %", "pairs")),
+        ("axis", *figures(*heads, "± 95 %", "pairs")),
         (Part(tuple(_point(curve, point) for point in curve.points)) for curve in fit.curves),
         "Half the difference of forward and backward torque at the same position, less that of "
         "the rigid bodies. Mean over the pairs of strokes, with its interval from the scatter "

@@ -37,7 +37,7 @@ def summary(model: IdentifiedRobot) -> Outcome:
         tables = parameters(model), friction(fit, model.robot), left_by_fit(model), left
         return Outcome(_filled(tables), (*statements(fit), *remarks))
     if isinstance(fit, BackAndForthFit):
-        own = curves(fit), plain(fit, model.robot)
+        own = curves(fit, model.robot), plain(fit, model.robot)
         found = parameters(model), *own, left_by_fit(model), left
         return Outcome(_filled(found), (*statements_of_strokes(fit), *remarks))
     if lack := lacking(model):

@@ -134,6 +134,8 @@ class Panel:
         True to write the labels of `rows` above them, inside the axes.
     recording : str
         Id of the recording with its time on the horizontal axis [s], if any.
+    axis : int, optional
+        Axis, from 0, with its torque in that recording on the vertical axis.
     """
 
     items: Sequence[Item]
@@ -152,6 +154,7 @@ class Panel:
     left: float = 66.0
     above: bool = False
     recording: str = ""
+    axis: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

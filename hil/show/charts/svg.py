@@ -265,7 +265,8 @@ def _clock(panel: Panel) -> str:
         return ""
     low, high = _reach(panel)
     ends = f"{number(_left_margin(panel))} {number(panel.width - RIGHT)} {low:.4g} {high:.4g}"
-    return f' data-r="{escape(panel.recording)}" data-x="{ends}"'
+    axis = "" if panel.axis is None else f' data-axis="{panel.axis}"'
+    return f' data-r="{escape(panel.recording)}" data-x="{ends}"{axis}'
 
 
 def _svg(width: float, height: float, content: str, attributes: str = "") -> Markup:

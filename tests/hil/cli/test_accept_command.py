@@ -66,10 +66,14 @@ def test_a_value_outside_its_limits_fails_with_exit_status_3(
     change(limits, quantities=[p5])
     status, out, _ = hil("accept", run, "--limits", limits, "-o", tmp_path / "out")
     assert (status, "failed: 1 of " in out) == (3, True)
+    assert "is outside its limits: gravity of axis 2 (p5)" in out
     suite = ET.parse(tmp_path / "out" / "acceptance.xml").getroot()  # noqa: S314 - written by us
     (failure,) = suite.iter("failure")
     assert "must be at least 50 and at most 51" in str(failure.get("message"))
-    assert "<strong>failed</strong> 1 of " in (tmp_path / "out" / "acceptance.html").read_text()
+    page = (tmp_path / "out" / "acceptance.html").read_text()
+    assert "<strong>failed</strong> 1 of " in page
+    first = page.split("<tbody>", 2)[1].split("</tr>")[0]
+    assert "gravity of axis 2 (p5)" in first
 
 
 @pytest.mark.parametrize(

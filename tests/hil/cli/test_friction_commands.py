@@ -109,6 +109,7 @@ def test_the_recommended_model_can_be_evaluated(folder, robot):
 def test_a_report_of_friction_alone_has_its_figures_and_no_links(folder, tmp_path):
     assert cli("report", folder, "--figures", tmp_path / "figures") == 0
     page = (folder / "report.html").read_text()
+    assert " rms at held-out speeds" in page.split("<main>")[0]
     assert "held out" in page
     assert re.findall(r'<figure id="plot-([^"]+)"', page) == ["models"]
     assert not re.search(r'(src|href)="(http|//)', page)

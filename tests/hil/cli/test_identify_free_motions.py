@@ -32,6 +32,8 @@ def test_the_method_is_chosen_by_what_was_recorded_and_stated(hil: Hil, folder: 
     status, shown, _ = hil("identify", folder)
     assert status == 0
     assert "free motion method: all recordings are imported" in shown
+    assert "rms, N m " in shown
+    assert "N m or N" not in shown
     assert "Friction" in shown
     assert "Residual torque of the fit, all samples" in shown
     assert (folder / "model.yaml").exists()

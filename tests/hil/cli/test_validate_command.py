@@ -108,9 +108,13 @@ def test_a_report_shows_what_its_model_was_worth_elsewhere(
     empty_plots(monkeypatch)
     first, other = folders
     hil("validate", other, "--model", first)
+    above = (other / "validation.html").read_text().split("<main>")[0]
+    assert "<dt>Recordings</dt><dd>other</dd>" in above
+    assert "<dt>Model</dt><dd>../first/model.yaml</dd>" in above
     assert hil("report", first)[0] == 0
     page = (first / "report.html").read_text()
     assert "Judged by other recordings" in page
+    assert "on other recordings (../other): torque predicted within" in page.split("<main>")[0]
     assert "Held out: ../other," in page
     other.rename(other.parent / "elsewhere")
     assert hil("report", first)[0] == 0

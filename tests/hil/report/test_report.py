@@ -188,6 +188,7 @@ class TestPage:
         assert "SIMULATED" in text
         assert "39 (12 gravity, 24 inertia, 3 coupling)" in text
         assert "drive no. 6" in text
+        assert "on these recordings: residual up to 8 Hz" in text
         assert folder.plan.digest in text
         assert folder.robot.digest in text
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 from browser import colour_scheme, opened_browser, require_browser, resize
 from selenium.webdriver.common.action_chains import ActionChains
@@ -190,6 +192,52 @@ def test_one_instant_moves_the_robot_and_the_cursor_of_its_recording(
     assert before != after
     cursor = browser.find_element(By.CSS_SELECTOR, f"{panel} .cursor")
     assert (cursor.get_attribute("d") or "").startswith("M")
+
+
+def test_the_torques_at_an_instant_are_read_in_the_panels_of_its_recording(
+    browser: Chrome, page: Path
+) -> None:
+    show(browser, page)
+    WebDriverWait(browser, 60).until(
+        lambda _: browser.execute_script("return Boolean(window.report)")
+    )
+    panel = "#plot-torque svg[data-r]"
+    name = browser.find_element(By.CSS_SELECTOR, panel).get_attribute("data-r")
+    read = """return arguments[2].map((t) => {
+        report.seek(arguments[0], t);
+        return [...document.querySelectorAll(`${arguments[1]} .read`)].map((e) => e.textContent);
+    })"""
+    instants = [0.1 * k for k in range(10, 40)]
+    found = browser.execute_script(read, name, panel, instants)
+    assert [each[1] for each in found] == [f"{t:.2f} s" for t in instants]
+    # at rest there is no prediction
+    both = [pair for pair in (re.findall(r"[−\d.]+", each[0]) for each in found) if len(pair) == 3]
+    torques = np.array([[float(each.replace("−", "-")) for each in pair] for pair in both])
+    assert len(torques) > 10
+    assert np.corrcoef(torques[:, 0], torques[:, 1])[0, 1] > 0.98
+
+
+def test_a_click_on_torques_opens_their_recording_and_a_drag_zooms_all_its_curves(
+    browser: Chrome, page: Path
+) -> None:
+    show(browser, page)
+    panel = browser.find_element(By.CSS_SELECTOR, "#plot-torque svg[data-axis]")
+    WebDriverWait(browser, 60).until(lambda _: panel.find_elements(By.CLASS_NAME, "cursor"))
+    browser.execute_script("arguments[0].scrollIntoView({ block: 'center' })", panel)
+    ActionChains(browser).click(panel).perform()
+    dialog = opened(browser)
+    name = panel.get_attribute("data-r")
+    assert dialog.find_element(By.TAG_NAME, "h2").text.startswith(f"{name}: ")
+    spans = "return report.curves.map(({ span }) => span)"
+    whole = browser.execute_script(spans)
+    canvas = dialog.find_element(By.CSS_SELECTOR, ".curve canvas")
+    drag = ActionChains(browser).move_to_element(canvas).click_and_hold().move_by_offset(80, 2)
+    drag.release().perform()
+    begins, ends = np.array(browser.execute_script(spans)).T
+    assert (np.ptp(begins), np.ptp(ends)) == (0, 0)
+    assert whole[0][0] < begins[0] < ends[0] < whole[0][1]
+    ActionChains(browser).double_click(canvas).perform()
+    assert browser.execute_script(spans) == whole
 
 
 def test_the_arrow_keys_go_from_point_to_point_and_enter_opens(browser: Chrome, page: Path) -> None:

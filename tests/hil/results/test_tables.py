@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import pytest
 from rich.console import Console
@@ -12,9 +13,13 @@ from rich.console import Console
 from hil.estimation.excluded.result import Excluded, Found, Limit
 from hil.results.tables.excluded import FOUND, UNTESTED, excluded
 from hil.show.html import html
-from hil.show.outcome import Outcome
+from hil.show.outcome import Outcome, Verdict
+from hil.show.page import write_outcome
 from hil.show.table import Column, Marked, Part, Table, figures
 from hil.show.terminal import show
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 TABLE = Table(
     title="Parameters",
@@ -135,6 +140,26 @@ def test_no_limit_is_stated_beside_a_cause_that_was_found() -> None:
     (row,) = excluded(proof, 2).parts[0].rows
     assert row[2:4] == ("(2.9)", FOUND)
     assert [each.axis for each in proof.invisible] == [1]
+
+
+def test_a_cause_of_the_arm_has_a_column_of_its_own() -> None:
+    gravity, offset = (
+        Limit(cause=cause, axis=axis, part="", unit="degrees", size=size, torque=0.01)
+        for cause, axis, size in (("gravity", 0, 0.048), ("joint offset", 1, 0.041))
+    )
+    found = excluded(Excluded(found=(), limits=(gravity, offset), tests=2), 2)
+    assert [each.head for each in found.columns[2:5]] == ["arm", "axis 1", "axis 2"]
+    assert [row[2:5] for row in found.rows] == [("0.048", "", ""), ("", "0.041", "")]
+    alone = excluded(Excluded(found=(), limits=(offset,), tests=1), 2)
+    assert "arm" not in [each.head for each in alone.columns]
+
+
+def test_a_page_shows_three_verdicts_and_folds_the_others(tmp_path: Path) -> None:
+    said = tuple(Verdict("doubtful", "changed", f"quantity {k}") for k in range(5))
+    page = write_outcome(tmp_path / "page.html", Outcome(verdicts=said)).read_text()
+    above, below = page.split("<summary>2 more</summary>")
+    assert ["quantity 2" in each for each in (above, below)] == [True, False]
+    assert "quantity 3" in below
 
 
 def test_a_size_with_more_torque_than_the_recorded_one_is_no_limit() -> None:

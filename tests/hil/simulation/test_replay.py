@@ -49,10 +49,18 @@ def test_a_motion_that_leaves_the_recording_ends_and_fails_every_limit(run: Run)
     pushed = run.mapped(lambda each: replace(each.recording, tau=each.recording.tau + 40.0))
     found = replay(pushed, carriage())
     assert "the simulation diverged from the recording" in found.lost
-    verdict = found.verdict({False: 1e9})
-    assert verdict is not None
-    assert verdict[0] == "failed"
+    assert [found.verdict(each)[:2] for each in ({False: 1e9}, {})] == [
+        ("failed", "failed"),
+        ("doubtful", "diverged"),
+    ]
     assert np.isfinite(found.rms).all()
+
+
+def test_without_a_limit_the_largest_error_is_stated(run: Run) -> None:
+    found = replay(run, carriage(6.0))
+    kind, _, text = found.verdict({})
+    assert (kind, text.startswith("largest error ")) == ("note", True)
+    assert text.endswith(f"axis 1, over a range of {1e3 * found.covered[0]:.3g} mm")
 
 
 def test_limits_have_units_of_revolute_or_of_prismatic_joints() -> None:
