@@ -149,7 +149,7 @@ def test_a_torque_constant_that_changed_is_named(model: Model, other: Run) -> No
     found = scored(wrong, predicted_torques(wrong, pooled([other])))
     assert found.word == "doubtful"
     assert "1.2" in found.reason
-    assert "torque constant" in found.reason
+    assert "torque constant" in found.remedy
 
 
 def clipped(every: list[PredictedTorque]) -> list[PredictedTorque]:
