@@ -100,6 +100,13 @@ class Saved {
     for (const panel of this.panels) {
       panel.svg.addEventListener('pointermove', (event) => this._point(panel, event));
       panel.svg.addEventListener('click', (event) => this._point(panel, event) && this.open(panel.segment, this.player.time));
+      const title = panel.svg.querySelector('.title');
+      button(title, title.textContent);
+      title.addEventListener('keydown', (event) => {
+        if (event.key !== 'Enter') return;
+        this.open(panel.segment);
+        event.preventDefault();
+      });
     }
     this.place = document.querySelector('.robot');
     if (this.place) this._robot();
@@ -194,11 +201,7 @@ class Saved {
 
   /** One stop of the Tab key for each panel; the arrows go from point to point. */
   _panel(panel, points) {
-    panel.closest('[role="img"]')?.setAttribute('role', 'group');
-    for (const point of points) {
-      const attributes = { role: 'button', 'aria-label': `${point.dataset.m}, open its recording`, tabindex: point === points[0] ? 0 : -1 };
-      for (const [name, value] of Object.entries(attributes)) point.setAttribute(name, value);
-    }
+    for (const point of points) button(point, point.dataset.m, point === points[0] ? 0 : -1);
     const on = (name, action) => panel.addEventListener(name, action);
     on('pointermove', (event) => {
       const point = nearest(points, event);
@@ -245,9 +248,18 @@ class Saved {
 }
 
 function draw(tag, attributes) {
-  const element = document.createElementNS('http://www.w3.org/2000/svg', tag);
+  return assign(document.createElementNS('http://www.w3.org/2000/svg', tag), attributes);
+}
+
+function assign(element, attributes) {
   for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
   return element;
+}
+
+/** Make an element of a chart a button that opens a recording. */
+function button(element, name, tabindex = 0) {
+  element.closest('[role="img"]')?.setAttribute('role', 'group');
+  assign(element, { role: 'button', 'aria-label': `${name}, open its recording`, tabindex });
 }
 
 function nearest(points, event) {

@@ -238,6 +238,11 @@ def test_a_click_on_torques_opens_their_recording_and_a_drag_zooms_all_its_curve
     assert whole[0][0] < begins[0] < ends[0] < whole[0][1]
     ActionChains(browser).double_click(canvas).perform()
     assert browser.execute_script(spans) == whole
+    dialog.find_element(By.TAG_NAME, "button").click()
+    title = panel.find_element(By.CLASS_NAME, "title")
+    browser.execute_script("arguments[0].focus()", title)
+    browser.switch_to.active_element.send_keys(Keys.ENTER)
+    assert dialog.is_displayed()
 
 
 def test_the_arrow_keys_go_from_point_to_point_and_enter_opens(browser: Chrome, page: Path) -> None:

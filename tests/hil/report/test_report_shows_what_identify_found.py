@@ -100,8 +100,9 @@ def test_a_report_shows_what_identify_found(
     empty_plots(monkeypatch)
     text = page.report(Run.open(tmp_path / "run")).read_text()
 
-    (shown,) = re.findall(r'(?s)<p class="outcome \w+"><strong>(.*?)</p>', text)
-    assert unescape(shown.replace("</strong>", ":")) == str(model.verdict)
+    shown = re.findall(r'(?s)<p class="outcome \w+"><strong>(.*?)</p>', text)
+    assert unescape(shown[0].replace("</strong>", ":")) == str(model.verdict)
+    assert unescape(shown[1]) == f"note</strong> on these recordings: {model.band_residual}"
     (packed,) = re.findall(r'parameters\.json" href="data:[^,]+;base64,([^"]+)"', text)
     found = json.loads(base64.b64decode(packed))
     assert found["method"] == model.method
