@@ -197,9 +197,9 @@ def effective_limits(
         values |= _unlimited(find, wrap, label)
     if ends is not None:
         values |= dict(zip(ENDS, ends, strict=True))
-        wraps = f"positions wrap around in [{ends[0]}, {ends[1]}] (607B)"
+        wraps = f"positions wrap around at {ends[0]} and {ends[1]} increments (607B)"
         notes.append(
-            f"{wraps}, outside the limits of the drives file"
+            f"{wraps}, beyond all positions that the drives file allows: no action"
             if wrap is None
             else f"{wraps}, within the limits of the drives file, unambiguous; the driver plans "
             "all motion, and only the driver enforces the range"

@@ -171,7 +171,7 @@ def export(
     patch: Annotated[
         Path | None,
         typer.Option(
-            help="Your URDF or MJCF, to be rewritten with the model's values, otherwise unchanged.",
+            help="Your URDF or MJCF; the output has a copy with the model's values.",
             autocompletion=files,
         ),
     ] = None,

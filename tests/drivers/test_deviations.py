@@ -456,7 +456,7 @@ def noted(objects: Objects) -> list[str]:
         ),
         (
             {(0x607B, 1): ("i32", -180_000), (0x607B, 2): ("i32", 179_999)},
-            "positions wrap around in [-180000, 179999] (607B), outside the limits",
+            "positions wrap around at -180000 and 179999 increments (607B), beyond all",
         ),
     ],
 )

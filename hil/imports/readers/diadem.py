@@ -55,8 +55,8 @@ def is_diadem(head: str) -> bool:
 def open_values(path: Path, _: Format) -> NoReturn:
     """Refuse a value file, whose channels are named only in its header (`FileError`)."""
     raise FileError(
-        f"{path}: holds the values of a trace (KUKA, DIAdem) without their names; name its header,"
-        f" {path.with_suffix('.dat').name}, with this file beside it"
+        f"{path}: holds the values of a trace (KUKA, DIAdem) without their names; import its "
+        f"header, {path.with_suffix('.dat').name}, instead, and keep both in one folder"
     )
 
 

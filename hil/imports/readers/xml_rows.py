@@ -78,7 +78,10 @@ def open_xml(path: Path, _: Format) -> ArrayTable:
     columns = {found.names.get(n, n): np.array(values) for n, values in found.columns.items()}
     if not columns:
         where = f"; invalid XML in line {error}" if error else ""
-        raise FileError(f"{path}: has no repeated elements with numbers{where}")
+        raise FileError(
+            f"{path}: has no repeated elements with numbers{where}; an element for each sample is "
+            "needed: export the recording as CSV"
+        )
     table = table_of(path, columns, dict.fromkeys(found.words, "text"))
     table.notes = found.notes
     return table

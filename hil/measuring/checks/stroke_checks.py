@@ -193,8 +193,8 @@ def _partner(
     if len(strokes) < 2:
         yield Finding(
             "partner",
-            f"{_name(stroke)}: {len(strokes)} strokes of the partner, must be at least 2;"
-            " creep over a longer stroke",
+            f"{_name(stroke)}: {len(strokes)} strokes of the partner axis meanwhile, must be at "
+            "least 2; plan a longer stroke of the creeping axis",
             len(strokes),
             2,
         )

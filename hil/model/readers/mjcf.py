@@ -142,7 +142,7 @@ class _Reader:
                 notes.append(
                     str(
                         self.text.bodies[body][0].wrong(
-                            "gravcomp: not allowed, since torques must hold gravity"
+                            "gravcomp: ignored; the torques of the recordings must include gravity"
                         )
                     )
                 )

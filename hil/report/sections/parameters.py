@@ -31,8 +31,8 @@ def parameters(run: ReportedRun) -> Section | None:
         "intervals",
         partial(intervals, run.model, run.found.check, run.found.effect),
         "Intervals of 95 % of all base parameters, as shares of the torque of a free motion.",
-        "95 % intervals of the base parameters as torques on a free motion, in % of the torque "
-        "of the most affected axis.",
+        "95 % intervals of the base parameters, as torque errors on an exciting trajectory, in % "
+        "of the torque of the axis with the largest error.",
     )
     return Section(
         "Base parameters",

@@ -103,5 +103,7 @@ def test_what_cannot_be_read_is_said_with_the_remedy(tmp_path, changes, said):
 
 def test_values_alone_are_refused_by_name(tmp_path):
     drive(tmp_path, 1)
-    with pytest.raises(FileError, match=r"without their names; name its header, run_Nex.*#1\.dat"):
+    with pytest.raises(
+        FileError, match=r"without their names; import its header, run_Nex.*#1\.dat"
+    ):
         open_table(tmp_path / "run_NextGenDrive#1.r64", Format())
