@@ -62,7 +62,7 @@ def test_columns_of_no_joint_are_left_out_with_the_reason(tmp_path):
     columns = dict(zip(names, table().values(), strict=True))
     write_csv(tmp_path / "a.csv", columns | {"q_ref1": columns["q1"], "qd7": columns["a1"]})
     text = draft_map(tmp_path / "a.csv", "a.csv")
-    for line in ("a1, a2, b1, b2: meaning of the name unknown; name a", "q_ref1: set point or",
+    for line in ("a1, a2, b1, b2: meaning of the name unknown; if measured", "q_ref1: set point or",
                  "qd7: velocity by the name, without a position of equal number"):  # fmt: skip
         assert f"#   {line}" in text
 

@@ -168,5 +168,5 @@ def test_advice_for_a_hidden_mass_is_more_acceleration(
     judged = CampaignResult(uncertain, effect, budget, robot, plan, [])
     advised = {item.subject: item.remedy for item in advice(judged)}
     (hidden,) = (remedy for subject, remedy in advised.items() if "(p3)" in subject)
-    assert "more inertia measurements of axis 3" in hidden
+    assert "add inertia measurements of axis 3" in hidden
     assert not any("gravity measurements" in remedy for remedy in advised.values())

@@ -265,7 +265,7 @@ class TestAdvice:
         covariance[10, 10] = 0.1**2
         item = self.advised(folder, replace(best, covariance=covariance))[TITLE_OF_P11]
         assert "% of the torque of joint" in item.reason
-        assert re.search(r"more inertia measurements of axis [45], such as i\d\d", item.remedy)
+        assert re.search(r"add inertia measurements of axis [45], such as i\d\d", item.remedy)
         assert item.word == "doubtful"
 
     @pytest.mark.parametrize(("share", "word"), [(0.005, None), (0.05, "good"), (0.15, "doubtful")])
