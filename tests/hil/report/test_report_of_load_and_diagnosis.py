@@ -106,7 +106,7 @@ class TestLoad:
 
     def test_the_report_has_table_3_of_the_robot(self, page):
         text = text_of(page)
-        table = text[text.index("like the paper's Table 3") : text.index("The load, in the last")]
+        table = text[text.index("s Table 3") : text.index("The load, in the last")]
         heads = ["without", "with load", "change", "std. error", "expected"]
         assert f" {' '.join(heads)} z " in table
         assert re.search(r"p13 gravity of axis 5( −?\d+\.\d+){6} -sz6", table)
