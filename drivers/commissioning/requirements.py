@@ -186,7 +186,7 @@ _limit = partial(
 
 _ANY = range(-(1 << 31), 1 << 32)
 _SPEED, _ACCELERATION = Quantity.SPEED, Quantity.ACCELERATION
-_STATED = "the drive is refused if the drives file states this value"
+_STATED = "drive refused if stated in the drives file"
 _NO_RANGE = "the drive itself would not enforce the axis's range"
 _OWN_RANGE = "where the drive does not enforce the axis's range, the driver does"
 _UNWATCHED = "the drive's own supervision of the following error is used; check its setting"
