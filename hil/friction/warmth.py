@@ -222,9 +222,10 @@ class Exposure(FileModel):
         scatter = math.sqrt(square / max(len(deviations) - n_terms, 1))
         # warmth can at most make friction vanish
         slope = min(max(COLD_TO_WARM, seen), 1.0)
+        # X' X relative to the prior's information; without scatter all directions are explored
         information, directions = np.linalg.eigh(X.T @ X)
-        prior = X.shape[1] * (scatter / slope) ** 2
-        reduction = information.clip(0.0) / (information.clip(0.0) + max(prior, 1e-12))
+        known = information.clip(0.0) * slope**2
+        reduction = known / np.maximum(known + X.shape[1] * scatter**2, np.finfo(float).tiny)
         explored = (np.sqrt(reduction) * directions).T[reduction > LEAST_REDUCTION]
         return cls(
             states=tuple(states.mean(axis=0).tolist()),

@@ -261,10 +261,13 @@ def judged(
     if not found:
         found = (good(_praise(scores, residual)),)
     notes = [] if residual is None else [good(str(residual))]
-    unlike = [f"axis {each.axis}: {each.uncovered}" for each in scores if each.uncovered]
+    unlike: dict[str, list[int]] = defaultdict(list)
+    for each in scores:
+        if each.uncovered:
+            unlike[each.uncovered].append(each.axis)
     if unlike:
-        text = "not covered by the model's recordings: "
-        notes.append(good(text + ". ".join(unlike)))
+        said = (f"axis {', '.join(map(str, axes))}: {why}" for why, axes in unlike.items())
+        notes.append(good(f"not covered by the model's recordings: {'. '.join(said)}"))
     return Validation.judge((*found, *notes), lambda: found[0], axes=scores, residual=residual)
 
 
@@ -332,10 +335,7 @@ def _uncovered(
         return "; ".join(said)
     if past is not None and not law.exposure.covers(past, axis):
         most = TWICE * _rms(law.exposure.level_along(past, axis, time))
-        said.append(
-            "more motion, or longer rest, than in the recordings of the model: friction may differ "
-            f"by {most:.0%}, an assumption"
-        )
+        said.append(f"warmer or colder: friction may differ by {most:.0%} (assumed)")
     # mean over both directions, in which gravity and asymmetric friction cancel
     level, _ = level_at(law, float(np.clip(speed.mean(), low, high)))
     off = float(np.mean(left * np.sign(qd))) / level if level > 0 else 0.0

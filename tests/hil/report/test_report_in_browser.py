@@ -178,37 +178,40 @@ def test_a_click_on_a_parameter_shows_the_recordings_that_carry_it(
     )
 
 
-def test_one_instant_moves_the_robot_and_the_cursor_of_its_recording(
-    browser: Chrome, page: Path
-) -> None:
+PANEL = "#plot-torque svg[data-r]"
+"""Selector of the panels of torque."""
+
+
+def show_panel(browser: Chrome, page: Path) -> str | None:
+    """Show the page, and return the recording of its first panel of torque."""
     show(browser, page)
     WebDriverWait(browser, 60).until(
         lambda _: browser.execute_script("return Boolean(window.report)")
     )
-    panel = "#plot-torque svg[data-r]"
-    name = browser.find_element(By.CSS_SELECTOR, panel).get_attribute("data-r")
+    return browser.find_element(By.CSS_SELECTOR, PANEL).get_attribute("data-r")
+
+
+def test_one_instant_moves_the_robot_and_the_cursor_of_its_recording(
+    browser: Chrome, page: Path
+) -> None:
+    name = show_panel(browser, page)
     pose = "report.seek(arguments[0], arguments[1]); return Array.from(report.view.q)"
     before, after = (browser.execute_script(pose, name, t) for t in (0.0, 1.0))
     assert before != after
-    cursor = browser.find_element(By.CSS_SELECTOR, f"{panel} .cursor")
+    cursor = browser.find_element(By.CSS_SELECTOR, f"{PANEL} .cursor")
     assert (cursor.get_attribute("d") or "").startswith("M")
 
 
 def test_the_torques_at_an_instant_are_read_in_the_panels_of_its_recording(
     browser: Chrome, page: Path
 ) -> None:
-    show(browser, page)
-    WebDriverWait(browser, 60).until(
-        lambda _: browser.execute_script("return Boolean(window.report)")
-    )
-    panel = "#plot-torque svg[data-r]"
-    name = browser.find_element(By.CSS_SELECTOR, panel).get_attribute("data-r")
+    name = show_panel(browser, page)
     read = """return arguments[2].map((t) => {
         report.seek(arguments[0], t);
         return [...document.querySelectorAll(`${arguments[1]} .read`)].map((e) => e.textContent);
     })"""
     instants = [0.1 * k for k in range(10, 40)]
-    found = browser.execute_script(read, name, panel, instants)
+    found = browser.execute_script(read, name, PANEL, instants)
     assert [each[1] for each in found] == [f"{t:.2f} s" for t in instants]
     # at rest there is no prediction
     both = [pair for pair in (re.findall(r"[−\d.]+", each[0]) for each in found) if len(pair) == 3]
