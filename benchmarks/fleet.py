@@ -10,6 +10,11 @@ the axis deviates from the machine's past; a false alarm is a run of an unchange
 deviation, if the previous run had none::
 
     python benchmarks/fleet.py --machines 10 100 1000 --seed 41
+
+`--models N` writes the model files of the first N runs instead (100 kB each), and measures the time
+and memory of `hil fleet index` for them, on this machine's cores::
+
+    python benchmarks/fleet.py --models 28000 --seed 41
 """
 
 from __future__ import annotations
@@ -28,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from figures import Figure, keep
+from pyarrow import parquet
 
 import hil
 from hil.commands.fleet import FIELDS, ask, model_rows, read_fleets, write_part
@@ -144,47 +150,84 @@ def main() -> None:
     """Simulate, print and keep."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("::")[0])
     parser.add_argument("--machines", type=int, nargs="+", default=[10, 100, 1000])
+    parser.add_argument("--models", type=int)
     parser.add_argument("--seed", type=int, default=41)
     given = parser.parse_args()
-    kept = {}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         model = campaign(folder)
-        digest, n_joints = model.provenance.robot_digest, model.robot.n_joints
-        for number in given.machines:
-            index, n_rows, writing = folder / f"{number}.parquet", 0, 0.0
-            worn = [(f"worn-{1 + k % n_joints}-{k}", 1 + k % n_joints) for k in range(WORN)]
-            unchanged = [(f"unchanged-{k}", 0) for k in range(number)]
-            for k, (machine, axis) in enumerate([*unchanged, *worn]):
-                drawn = Machine(model, [given.seed, number, k], axis)
-                rows = rows_of(machine, drawn)
-                begun = time.perf_counter()
-                columns = dict(zip(FIELDS, zip(*rows, strict=True), strict=True))
-                write_part(index, digest, machine, columns)
-                writing, n_rows = writing + time.perf_counter() - begun, n_rows + len(rows)
+        if given.models:
+            index_models(model, folder, given.models, given.seed)
+        else:
+            judge_machines(model, folder, given.machines, given.seed)
+
+
+def index_models(model: hil.Model, folder: Path, number: int, seed: int) -> None:
+    """Write the models of runs, and keep time and memory of their index."""
+    for k in range(0, number, MONTHS):
+        machine = Machine(model, [seed, number, k // MONTHS])
+        for month in range(min(MONTHS, number - k)):
+            run = folder / "plant" / f"machine-{k // MONTHS}" / f"run-{month}"
+            run.mkdir(parents=True)
+            machine.run(month).save(run / "model.yaml")
+    command = [sys.executable, "-m", "hil", "fleet", "index", "plant", "-o", "index"]
+    begun = time.perf_counter()
+    subprocess.run(command, cwd=folder, check=True)
+    taken = time.perf_counter() - begun
+    rows = sum(
+        parquet.read_metadata(each).num_rows for each in (folder / "index").glob("*/*.parquet")
+    )
+    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e6
+    print(f"{number} models, {rows} rows: {taken:.1f} s, {memory:.2f} GB in one process")
+    kept = {
+        "models": Figure.count(number),
+        "rows": Figure.count(rows),
+        "index": Figure(taken, "s"),
+        "memory": Figure(memory, "GB"),
+    }
+    command_kept = f"python benchmarks/fleet.py --models {number} --seed {seed}"
+    depends = ("hil/commands/fleet.py", "hil/results/model_file.py", "checked_files/yaml_lines.py")
+    keep("fleet-index", kept, depends=depends, command=command_kept, seeds=(seed,))
+
+
+def judge_machines(model: hil.Model, folder: Path, machines: list[int], seed: int) -> None:
+    """Simulate machines, and keep false alarms, wear found and times of queries."""
+    kept: dict[str, Figure] = {}
+    digest, n_joints = model.provenance.robot_digest, model.robot.n_joints
+    for number in machines:
+        index, n_rows, writing = folder / f"{number}.parquet", 0, 0.0
+        worn = [(f"worn-{1 + k % n_joints}-{k}", 1 + k % n_joints) for k in range(WORN)]
+        unchanged = [(f"unchanged-{k}", 0) for k in range(number)]
+        for k, (machine, axis) in enumerate([*unchanged, *worn]):
+            drawn = Machine(model, [seed, number, k], axis)
+            rows = rows_of(machine, drawn)
             begun = time.perf_counter()
-            ask(fleets := read_fleets(index), RATE)
-            asking = time.perf_counter() - begun
-            (fleet,) = fleets.values()
-            false, found = judged(fleet)
-            early = [each for each in found.values() if each < GROWTH / 2]
-            late = Counter(n.split("-")[1] for n, each in found.items() if each >= GROWTH / 2)
-            print(
-                f"{number} machines, {n_rows} rows written in {writing:.0f} s, asked in"
-                f" {asking:.1f} s: {false:.2f} false alarms per machine and decade; wear found"
-                f" before half on {len(early)} of {WORN}, median growth"
-                f" {100 * np.median(list(found.values())):.1f} %; later by axis: {dict(late)}"
-            )
-            kept |= {
-                f"{number}-false": Figure(false, ""),
-                f"{number}-early": Figure.count(len(early)),
-                f"{number}-query": Figure(asking, "s"),
-            }
+            columns = dict(zip(FIELDS, zip(*rows, strict=True), strict=True))
+            write_part(index, digest, machine, columns)
+            writing, n_rows = writing + time.perf_counter() - begun, n_rows + len(rows)
+        begun = time.perf_counter()
+        ask(fleets := read_fleets(index), RATE)
+        asking = time.perf_counter() - begun
+        (fleet,) = fleets.values()
+        false, found = judged(fleet)
+        early = [each for each in found.values() if each < GROWTH / 2]
+        late = Counter(n.split("-")[1] for n, each in found.items() if each >= GROWTH / 2)
+        print(
+            f"{number} machines, {n_rows} rows written in {writing:.0f} s, asked in"
+            f" {asking:.1f} s: {false:.2f} false alarms per machine and decade; wear found"
+            f" before half on {len(early)} of {WORN}, median growth"
+            f" {100 * np.median(list(found.values())):.1f} %; later by axis: {dict(late)}"
+        )
+        kept |= {
+            f"{number}-false": Figure(false, ""),
+            f"{number}-early": Figure.count(len(early)),
+            f"{number}-query": Figure(asking, "s"),
+        }
     print(f"at most {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3:.0f} MB of memory")
-    numbers = " ".join(map(str, given.machines))
-    command = f"python benchmarks/fleet.py --machines {numbers} --seed {given.seed}"
+    numbers = " ".join(map(str, machines))
+    command = f"python benchmarks/fleet.py --machines {numbers} --seed {seed}"
     depends = ("hil/results/deviations.py", "hil/results/changes.py", "hil/commands/fleet.py")
-    keep("fleet", kept, depends=depends, command=command, seeds=(given.seed,))
+    keep("fleet", kept, depends=depends, command=command, seeds=(seed,))
 
 
 if __name__ == "__main__":

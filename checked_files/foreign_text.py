@@ -8,6 +8,10 @@ direction mark changes the displayed order of a line. A text of 100 kB hides the
 from __future__ import annotations
 
 import unicodedata
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Container
 
 LONGEST = 200
 """Maximum length of a displayed foreign text: two lines of a terminal of 100 columns."""
@@ -54,6 +58,19 @@ def whole_line(text: str) -> str:
     such a text then keep their lines.
     """
     return text if text.isprintable() else one_line(text, LINE)
+
+
+def whole_lines(value: object, verbatim: Container[object]) -> object:
+    """Return the content of a file with texts on one line, except for `verbatim` keys."""
+    if isinstance(value, dict):
+        return {
+            whole_lines(key, ()): each if key in verbatim else whole_lines(each, verbatim)
+            for key, each in value.items()
+        }
+    if isinstance(value, list):
+        return [whole_lines(each, verbatim) for each in value]
+    # a delimiter may be a tab
+    return whole_line(value) if isinstance(value, str) and value != "\t" else value
 
 
 def shown(message: str) -> str:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import re
 import stat
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
@@ -23,13 +24,14 @@ from yaml.constructor import SafeConstructor
 from yaml.resolver import Resolver
 
 from checked_files.errors import HilError
-from checked_files.foreign_text import whole_line
+from checked_files.foreign_text import whole_line, whole_lines
 from checked_files.known_keys import known_keys
 from checked_files.near import did_you_mean
 from checked_files.yaml_events import Dumper, Events
+from checked_files.yaml_lines import read_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Iterable, Iterator
+    from collections.abc import Iterable, Iterator
 
 
 class FileError(HilError):
@@ -160,27 +162,18 @@ def refuse_endless(path: Path) -> None:
 
 def parse_yaml(text: str, model: type[M], source: str) -> M:
     """Parse YAML text into `model`; messages name `source`."""
+    verbatim = getattr(model, "verbatim", ())
+    if (content := read_lines(text, verbatim, DEPTH_MAX, VALUES_MAX)) is not None:
+        with suppress(ValidationError):  # described below, with lines
+            return model.model_validate(content)
     root, data = _parse(text, source)
     if not isinstance(data, dict):
         found = {type(None): "nothing", str: "text"}.get(type(data), type(data).__name__)
         raise FileError(f"{source}:1: must hold keys and values, not {found}")
     try:
-        return model.model_validate(_join_lines(data, getattr(model, "verbatim", ())))
+        return model.model_validate(whole_lines(data, verbatim))
     except ValidationError as error:
         raise FileError("\n".join(_described(_wrong(error, model), root, source))) from error
-
-
-def _join_lines(value: object, verbatim: Container[object]) -> object:
-    """Return the content of a file with texts on one line, except for `verbatim` keys."""
-    if isinstance(value, dict):
-        return {
-            _join_lines(key, ()): each if key in verbatim else _join_lines(each, verbatim)
-            for key, each in value.items()
-        }
-    if isinstance(value, list):
-        return [_join_lines(each, verbatim) for each in value]
-    # a delimiter may be a tab
-    return whole_line(value) if isinstance(value, str) and value != "\t" else value
 
 
 def _parse(text: str, source: str) -> tuple[yaml.Node | None, object]:

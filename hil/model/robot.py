@@ -11,7 +11,7 @@ import hashlib
 import json
 import re
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -331,9 +331,19 @@ def parse_robot(text: str, source: str) -> Robot:
     FileError
         See `Robot.load`.
     """
-    robot = Robot(parse_yaml(text, RobotFile, source), source, text)
+    try:
+        file = _parsed(text)
+    except FileError:
+        file = parse_yaml(text, RobotFile, source)
+    robot = Robot(file, source, text)
     refuse(source, text, wrong_names(robot))
     return robot
+
+
+@lru_cache(maxsize=8)
+def _parsed(text: str) -> RobotFile:
+    """Parse a robot file once for all models that hold it, as those of a fleet do."""
+    return parse_yaml(text, RobotFile, "")
 
 
 def available_robots() -> list[str]:

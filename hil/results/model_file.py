@@ -14,11 +14,10 @@ from math import isclose
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
-import yaml
 from pydantic import AliasChoices, Field, model_validator
 
-from checked_files.yaml_events import Dumper
 from checked_files.yaml_file import FileError, FileModel, line_of, parse_yaml, read_text
+from checked_files.yaml_lines import write_lines
 from hil.estimation.back_and_forth.result import BackAndForthFit
 from hil.estimation.consistent.result import ConsistentRobot
 from hil.estimation.excluded.result import ErrorTerm, Excluded
@@ -93,7 +92,7 @@ class LocalRecord(FileModel):
     def local(self) -> LocalValue:
         """Return the measurement."""
         error = np.nan if self.standard_error is None else self.standard_error
-        own = self.model_dump() | {"q": np.array(self.q), "standard_error": error}
+        own = dict(self) | {"q": np.array(self.q), "standard_error": error}
         return LocalValue(**own | {"axis": self.axis - 1, "partner": self.partner - 1})
 
 
@@ -242,10 +241,7 @@ class ModelFile(FileModel):
         """Return the content as YAML, with the robot file as a separate block."""
         absent = {name for name, value in self if value is None}
         absent |= {name for name in ("validations", "local") if not getattr(self, name)}
-        content = self.model_dump(mode="json", exclude=absent)
-        if "local" in content:
-            content["local"] = [_OneLine(each) for each in content["local"]]
-        return yaml.dump(content, Dumper=_Dumper, sort_keys=False, width=200)
+        return write_lines(self.model_dump(mode="json", exclude=absent))
 
 
 @lru_cache(maxsize=1)
@@ -291,28 +287,6 @@ def read_model_file(path: Path, same: float = 1e-6) -> ModelFile:
 def file_of(path: Path) -> Path:
     """Return the path of a model's file, given the file or its folder."""
     return path if path.suffix and not path.is_dir() else path / NAME
-
-
-class _OneLine(dict[str, Any]):
-    """Record written in a single line."""
-
-
-class _Dumper(Dumper):
-    """YAML dumper with block style for multi-line texts, and single-line records."""
-
-
-def _written(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    style = "|" if "\n" in text else None
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
-
-
-_Dumper.add_representer(str, _written)
-_Dumper.add_representer(
-    _OneLine,
-    lambda dumper, record: dumper.represent_mapping(
-        "tag:yaml.org,2002:map", record, flow_style=True
-    ),
-)
 
 
 def _common(of: IdentifiedRobot | ModelFile) -> dict[str, Any]:

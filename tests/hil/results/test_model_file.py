@@ -110,11 +110,10 @@ def test_causes_of_former_versions_have_their_present_names(copy, found):
     text = (copy / NAME).read_text()
     stated = [each.cause for each in found.excluded.limits]
     assert {"joint offset", "backlash"} <= set(stated)
-    (copy / NAME).write_text(
-        text.replace(": joint offset", ": zero").replace(": backlash", ": play")
-    )
+    former = text.replace('"joint offset"', "zero").replace('"backlash"', "play")
+    (copy / NAME).write_text(former)
     assert [each.cause for each in Model.load(copy).excluded.limits] == stated
-    (copy / NAME).write_text(text.replace(": joint offset", ": joint"))
+    (copy / NAME).write_text(text.replace('"joint offset"', "joint"))
     with pytest.raises(FileError, match=r"unknown cause 'joint'; identify the run again"):
         Model.load(copy)
 

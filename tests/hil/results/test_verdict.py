@@ -232,9 +232,9 @@ def test_a_model_that_was_edited_or_cut_off_is_refused(model: Model, tmp_path: P
     path = tmp_path / NAME
     model.save(path)
     whole = path.read_text(encoding="utf-8")
-    value = f"value: {float(model.values[0])}"
+    value = f'"value": {float(model.values[0])}'
     assert value in whole
-    path.write_text(whole.replace(value, "value: 12.0", 1), encoding="utf-8")
+    path.write_text(whole.replace(value, '"value": 12.0', 1), encoding="utf-8")
     with pytest.raises(
         FileError, match=r"model.yaml:\d+: p1: .* \(edited file\?\); .*hil identify"
     ):
