@@ -171,12 +171,17 @@ def _read_block(lines: list[str], at: int, indent: str) -> tuple[str, int]:
 
 def _read_json(line: str) -> Any:
     value = from_json(line, allow_inf_nan=False)
-    if "{" in line and line.count('": ') != _number_of_keys(value):  # a key is stated twice
-        raise _OtherForm
+    if "{" in line:
+        stated = line.count('": ')
+        flat = isinstance(value, dict) and stated == len(value)
+        if not flat and stated != _number_of_keys(value):  # a key is stated twice
+            raise _OtherForm
     return value
 
 
 def _number_of_keys(value: Any) -> int:
     if isinstance(value, dict):
-        return len(value) + sum(map(_number_of_keys, value.values()))
-    return sum(map(_number_of_keys, value)) if isinstance(value, list) else 0
+        return len(value) + sum(_number_of_keys(each) for each in value.values() if each)
+    # a list of numbers has no keys
+    records = isinstance(value, list) and isinstance(value[0], dict | list)
+    return sum(map(_number_of_keys, filter(None, value))) if records else 0

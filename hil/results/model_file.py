@@ -92,7 +92,7 @@ class LocalRecord(FileModel):
     def local(self) -> LocalValue:
         """Return the measurement."""
         error = np.nan if self.standard_error is None else self.standard_error
-        own = dict(self) | {"q": np.array(self.q), "standard_error": error}
+        own = self.__dict__ | {"q": np.array(self.q), "standard_error": error}
         return LocalValue(**own | {"axis": self.axis - 1, "partner": self.partner - 1})
 
 
